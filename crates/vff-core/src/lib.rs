@@ -1,0 +1,4 @@
+//! Torque-level obstacle avoidance for redundant arms.
+#![forbid(unsafe_code)]
+
+pub mod math;
