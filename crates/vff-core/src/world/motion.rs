@@ -1,0 +1,224 @@
+//! How an obstacle moves, with its exact velocity and acceleration.
+
+use crate::math::Vector;
+use serde::Deserialize;
+
+/// The prescribed motion of an obstacle: a translation; its angle stays.
+///
+/// The values are taken as they are; `scenario` judges them (finite, `times` strictly
+/// increasing and as many as `points`).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Motion {
+    /// Stays at its initial position.
+    Static {},
+    /// Constant velocity from the initial position at t = 0.
+    Linear {
+        /// Velocity [m/s].
+        velocity: [f64; 2],
+    },
+    /// Initial position + `amplitude` · sin(`angular_frequency` · t + `phase`).
+    Sinusoid {
+        /// Amplitude along each axis [m].
+        amplitude: [f64; 2],
+        /// Angular frequency [rad/s].
+        angular_frequency: f64,
+        /// Phase at t = 0 [rad].
+        #[serde(default)]
+        phase: f64,
+    },
+    /// From point to point at constant speed. The points *are* the positions, the initial
+    /// position of the obstacle is not used. Waits at the first point before `times[0]` and
+    /// at the last one after the last time.
+    Waypoints {
+        /// Instants [s], strictly increasing.
+        times: Vec<f64>,
+        /// Position at each instant [m].
+        points: Vec<[f64; 2]>,
+    },
+}
+
+/// Where an obstacle is and how it moves at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionState {
+    /// Position [m].
+    pub position: Vector<2>,
+    /// Velocity [m/s]; from the right where it jumps.
+    pub velocity: Vector<2>,
+    /// Acceleration [m/s²]; zero where the velocity jumps.
+    pub acceleration: Vector<2>,
+}
+
+impl MotionState {
+    /// At rest at `position` [m].
+    fn at_rest(position: Vector<2>) -> Self {
+        Self {
+            position,
+            velocity: Vector::zeros(),
+            acceleration: Vector::zeros(),
+        }
+    }
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self::Static {}
+    }
+}
+
+impl Motion {
+    /// Whether the obstacle stays where it is for ever.
+    pub fn is_static(&self) -> bool {
+        matches!(self, Self::Static {})
+    }
+
+    /// The state at time `t` [s] of an obstacle whose initial position is `position0` [m].
+    pub fn at(&self, t: f64, position0: Vector<2>) -> MotionState {
+        match self {
+            Self::Static {} => MotionState::at_rest(position0),
+            Self::Linear { velocity } => {
+                let velocity = Vector::from(*velocity);
+                MotionState {
+                    position: position0 + velocity * t,
+                    velocity,
+                    acceleration: Vector::zeros(),
+                }
+            }
+            Self::Sinusoid {
+                amplitude,
+                angular_frequency: omega,
+                phase,
+            } => {
+                let amplitude = Vector::from(*amplitude);
+                let (sin, cos) = (omega * t + phase).sin_cos();
+                MotionState {
+                    position: position0 + amplitude * sin,
+                    velocity: amplitude * (omega * cos),
+                    acceleration: amplitude * (-omega * omega * sin),
+                }
+            }
+            Self::Waypoints { times, points } => along(times, points, t, position0),
+        }
+    }
+}
+
+/// The state at time `t` on the polyline through `points`; at rest at `fallback` without points.
+fn along(times: &[f64], points: &[[f64; 2]], t: f64, fallback: Vector<2>) -> MotionState {
+    let n = times.len().min(points.len());
+    let (times, points) = (&times[..n], &points[..n]);
+    let passed = times.partition_point(|&time| time <= t);
+    let Some(next) = points.get(passed) else {
+        return MotionState::at_rest(points.last().map_or(fallback, |&last| Vector::from(last)));
+    };
+    let next = Vector::from(*next);
+    if passed == 0 {
+        return MotionState::at_rest(next);
+    }
+    let (start, duration) = (times[passed - 1], times[passed] - times[passed - 1]);
+    let previous = Vector::from(points[passed - 1]);
+    let velocity = (next - previous) / duration;
+    MotionState {
+        position: previous + velocity * (t - start),
+        velocity,
+        acceleration: Vector::zeros(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn check_derivatives(motion: &Motion, t: f64, position0: Vector<2>) {
+        let h = 1e-4;
+        let (before, now, after) = (
+            motion.at(t - h, position0),
+            motion.at(t, position0),
+            motion.at(t + h, position0),
+        );
+        let velocity = (after.position - before.position) / (2.0 * h);
+        let acceleration = (after.velocity - before.velocity) / (2.0 * h);
+        assert!((now.velocity - velocity).norm() < 1e-5, "{now:?}");
+        assert!((now.acceleration - acceleration).norm() < 1e-5, "{now:?}");
+    }
+
+    fn two() -> impl Strategy<Value = [f64; 2]> {
+        [-3.0..3.0, -3.0..3.0]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn derivatives_are_exact(
+            amplitude in two(), velocity in two(), position0 in two(),
+            angular_frequency in -3.0..3.0, phase in -3.0..3.0, t in -10.0..10.0,
+        ) {
+            let position0 = Vector::from(position0);
+            check_derivatives(&Motion::default(), t, position0);
+            check_derivatives(&Motion::Linear { velocity }, t, position0);
+            let sinusoid = Motion::Sinusoid { amplitude, angular_frequency, phase };
+            check_derivatives(&sinusoid, t, position0);
+        }
+
+        #[test]
+        fn waypoints_keep_their_speed_between_the_points(
+            points in prop::collection::vec(two(), 4), fraction in 0.01..0.99, leg in 0usize..3,
+        ) {
+            let times = vec![-1.0, 0.5, 1.0, 4.0];
+            let t = times[leg] + fraction * (times[leg + 1] - times[leg]);
+            let expected: Vector<2> = Vector::from(points[leg]) * (1.0 - fraction)
+                + Vector::from(points[leg + 1]) * fraction;
+            let motion = Motion::Waypoints { times, points };
+            let found = motion.at(t, Vector::zeros()).position;
+            prop_assert!((found - expected).norm() < 1e-14);
+            check_derivatives(&motion, t, Vector::zeros());
+        }
+    }
+
+    #[test]
+    fn the_paper_obstacle() {
+        // Scenario 1: y(t) = 2 − 0.5 sin 0.5t.
+        let motion = Motion::Sinusoid {
+            amplitude: [0.0, -0.5],
+            angular_frequency: 0.5,
+            phase: 0.0,
+        };
+        let state = motion.at(std::f64::consts::PI, Vector::<2>::new(1.5, 2.0));
+        assert!((state.position - Vector::<2>::new(1.5, 1.5)).norm() < 1e-15);
+        assert!(state.velocity.norm() < 1e-15);
+        assert!((state.acceleration - Vector::<2>::new(0.0, 0.125)).norm() < 1e-15);
+    }
+
+    #[test]
+    fn waypoints_wait_at_both_ends_and_are_right_continuous() {
+        let motion = Motion::Waypoints {
+            times: vec![1.0, 2.0, 4.0],
+            points: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 4.0]],
+        };
+        let at = |t| motion.at(t, Vector::<2>::new(9.0, 9.0));
+        assert_eq!(at(0.0), MotionState::at_rest(Vector::<2>::new(0.0, 0.0)));
+        assert_eq!(at(1.0).velocity, Vector::<2>::new(1.0, 0.0));
+        assert_eq!(at(2.0).velocity, Vector::<2>::new(0.0, 2.0));
+        assert_eq!(at(3.0).position, Vector::<2>::new(1.0, 2.0));
+        assert_eq!(at(4.0), MotionState::at_rest(Vector::<2>::new(1.0, 4.0)));
+        assert_eq!(at(9.0), at(4.0));
+    }
+
+    #[test]
+    fn unusable_waypoints_do_not_panic() {
+        let position0 = Vector::<2>::new(9.0, 9.0);
+        for (times, points) in [
+            (vec![], vec![]),
+            (vec![0.0, 1.0], vec![]),
+            (vec![], vec![[1.0, 1.0]]),
+            (vec![0.0], vec![[1.0, 1.0], [2.0, 2.0]]),
+            (vec![f64::NAN, 1.0], vec![[1.0, 1.0], [2.0, 2.0]]),
+        ] {
+            let motion = Motion::Waypoints { times, points };
+            for t in [-1.0, 0.0, 0.5, 2.0, f64::NAN] {
+                motion.at(t, position0);
+            }
+        }
+    }
+}
