@@ -2,4 +2,5 @@
 #![forbid(unsafe_code)]
 
 pub mod math;
+pub mod trajectory;
 pub mod world;
