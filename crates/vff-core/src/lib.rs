@@ -1,6 +1,18 @@
-//! Torque-level obstacle avoidance for redundant arms.
+//! Torque-level obstacle avoidance for redundant robot arms.
+//!
+//! Virtual force fields push every link away from moving obstacles; the push acts through a
+//! dynamically consistent null-space projection, so the end effector feels nothing of it.
+//!
+//! Arrows run one way: `scenario → simulation → control → {field, robot, world} → math`.
 #![forbid(unsafe_code)]
 
+pub mod control;
+pub mod field;
 pub mod math;
+pub mod robot;
+pub mod scenario;
+pub mod simulation;
+#[cfg(test)]
+mod testing;
 pub mod trajectory;
 pub mod world;

@@ -1,4 +1,8 @@
-//! The few geometric types that every layer shares.
+//! The few types that every layer shares.
+
+mod broadcast;
+
+pub use broadcast::Broadcast;
 
 use nalgebra::SVector;
 

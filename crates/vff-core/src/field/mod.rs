@@ -1,0 +1,193 @@
+//! Distance → force: the virtual force fields.
+//!
+//! A field maps the signed surface distance d between a link and an obstacle to a repulsion F(d)
+//! along the contact normal. It is the negative slope of a potential U(d) and vanishes at the
+//! influence distance. The forces of all link–obstacle pairs add up.
+
+use serde::Deserialize;
+
+/// The shape of a field. η is the gain, d_s the influence distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FieldKind {
+    /// Khatib's potential U = ½ η (1/d − 1/d_s)², the paper's with its missing square; η [N·m³].
+    /// C¹ in the force except for its slope at d_s.
+    Khatib,
+    /// U = ⅓ η (1/d − 1/d_s)³, whose force also starts with slope zero at d_s; η [N·m⁴].
+    Cubic,
+    /// F = η (1 − d/d_s)², never more than η [N].
+    Bounded,
+}
+
+/// A virtual force field.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Field {
+    /// The shape of the field.
+    pub kind: FieldKind,
+    /// Gain η, in the unit of the kind; 0 switches the field off.
+    pub gain: f64,
+    /// Influence distance d_s [m], > 0: beyond it there is no force.
+    pub influence: f64,
+    /// Distance [m] below which the force grows linearly, keeping its slope, instead of like 1/d³;
+    /// in (0, influence). Default: a tenth of the influence distance. Not for `bounded`.
+    #[serde(default)]
+    pub floor: Option<f64>,
+    /// Damping ratio ζ ≥ 0 of the approach against the obstacle (THEORY §4), 0 by default.
+    #[serde(default)]
+    pub approach_damping: f64,
+}
+
+/// A field at one distance.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Response {
+    /// Potential U [J].
+    pub potential: f64,
+    /// Repulsion F = −dU/dd [N], ≥ 0.
+    pub force: f64,
+    /// Stiffness −dF/dd [N/m], ≥ 0.
+    pub stiffness: f64,
+}
+
+impl Field {
+    /// A field that is off.
+    pub const OFF: Self = Self {
+        kind: FieldKind::Khatib,
+        gain: 0.0,
+        influence: 1.0,
+        floor: None,
+        approach_damping: 0.0,
+    };
+
+    /// The distance below which the force is continued linearly [m].
+    pub fn floor(&self) -> f64 {
+        self.floor.unwrap_or(0.1 * self.influence)
+    }
+
+    /// The field at the signed surface distance `d` [m]; finite for every finite `d`.
+    #[inline]
+    pub fn at(&self, d: f64) -> Response {
+        if d >= self.influence {
+            return Response::default();
+        }
+        match self.kind {
+            FieldKind::Khatib => self.continued(d, |d| {
+                let u = 1.0 / d - 1.0 / self.influence;
+                Response {
+                    potential: 0.5 * u * u,
+                    force: u / (d * d),
+                    stiffness: (3.0 / d - 2.0 / self.influence) / (d * d * d),
+                }
+            }),
+            FieldKind::Cubic => self.continued(d, |d| {
+                let u = 1.0 / d - 1.0 / self.influence;
+                Response {
+                    potential: u * u * u / 3.0,
+                    force: u * u / (d * d),
+                    stiffness: 2.0 * u * (1.0 / d + u) / (d * d * d),
+                }
+            }),
+            FieldKind::Bounded => self.bounded(d),
+        }
+    }
+
+    /// How strongly approach is damped at distance `d`: rises smoothly from 0 at the influence
+    /// distance to 1 at the floor.
+    #[inline]
+    pub fn approach_window(&self, d: f64) -> f64 {
+        let s = ((self.influence - d) / (self.influence - self.floor())).clamp(0.0, 1.0);
+        s * s * (3.0 - 2.0 * s)
+    }
+
+    /// `unit`, the field of gain 1, down to the floor; below it, the C¹ continuation with constant
+    /// stiffness, defined for penetration too.
+    #[inline]
+    fn continued(&self, d: f64, unit: impl Fn(f64) -> Response) -> Response {
+        let floor = self.floor();
+        let at = unit(d.max(floor));
+        let depth = (floor - d).max(0.0);
+        Response {
+            potential: self.gain * (at.potential + depth * (at.force + 0.5 * depth * at.stiffness)),
+            force: self.gain * (at.force + depth * at.stiffness),
+            stiffness: self.gain * at.stiffness,
+        }
+    }
+
+    /// Constant at its bound once the surfaces touch.
+    fn bounded(&self, d: f64) -> Response {
+        let s = 1.0 - d.max(0.0) / self.influence;
+        let third = self.gain * self.influence / 3.0;
+        Response {
+            potential: third * s * s * s + self.gain * (-d).max(0.0),
+            force: self.gain * s * s,
+            stiffness: if d > 0.0 { 2.0 * self.gain * s / self.influence } else { 0.0 },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn field(kind: FieldKind) -> Field {
+        Field { kind, gain: 2.5, influence: 0.8, floor: None, approach_damping: 0.0 }
+    }
+
+    const KINDS: [FieldKind; 3] = [FieldKind::Khatib, FieldKind::Cubic, FieldKind::Bounded];
+
+    /// F = −dU/dd and k = −dF/dd by central differences, penetration included.
+    #[test]
+    fn force_and_stiffness_are_derivatives() {
+        for kind in KINDS {
+            let field = field(kind);
+            for k in 0..200 {
+                let d = -0.2 + 0.005 * f64::from(k) + 1e-3;
+                let h = 1e-6;
+                let (low, mid, high) = (field.at(d - h), field.at(d), field.at(d + h));
+                let force = (low.potential - high.potential) / (2.0 * h);
+                let stiffness = (low.force - high.force) / (2.0 * h);
+                assert!((force - mid.force).abs() <= 1e-5 * (1.0 + mid.force), "{kind:?} {d}");
+                assert!(
+                    (stiffness - mid.stiffness).abs() <= 1e-4 * (1.0 + mid.stiffness),
+                    "{kind:?} {d}: {stiffness} {}",
+                    mid.stiffness
+                );
+            }
+        }
+    }
+
+    /// Zero at and beyond d_s; d³F/η → 1 as d → 0 for Khatib's (THEORY §5, fact 9).
+    #[test]
+    fn limits_of_the_distance() {
+        for kind in KINDS {
+            assert_eq!(field(kind).at(0.8), Response::default());
+            assert_eq!(field(kind).at(5.0), Response::default());
+            assert!(field(kind).at(0.8 - 1e-9).force < 1e-7);
+        }
+        let near = Field { floor: Some(1e-9), ..field(FieldKind::Khatib) };
+        let d = 1e-6;
+        assert!((d * d * d * near.at(d).force / near.gain - 1.0).abs() < 1e-5);
+    }
+
+    /// The bounded field never exceeds its gain, the others grow without a jump at the floor.
+    #[test]
+    fn bounded_is_bounded_and_floor_is_smooth() {
+        for k in -100..80 {
+            assert!(field(FieldKind::Bounded).at(0.01 * f64::from(k)).force <= 2.5);
+        }
+        for kind in [FieldKind::Khatib, FieldKind::Cubic] {
+            let (below, above) = (field(kind).at(0.08 - 1e-12), field(kind).at(0.08 + 1e-12));
+            assert!((below.force / above.force - 1.0).abs() < 1e-9);
+            assert!((below.stiffness / above.stiffness - 1.0).abs() < 1e-9);
+        }
+    }
+
+    /// The paper prints U without the square; then F would not be −dU/dd (THEORY §1).
+    #[test]
+    fn the_printed_potential_does_not_give_the_printed_force() {
+        let f = field(FieldKind::Khatib);
+        let printed = |d: f64| 0.5 * f.gain * (1.0 / d - 1.0 / f.influence);
+        let slope = -(printed(0.4 + 1e-6) - printed(0.4 - 1e-6)) / 2e-6;
+        assert!((slope - f.at(0.4).force).abs() > 0.1);
+    }
+}

@@ -1,0 +1,100 @@
+//! What the arm is: kinematics and dynamics as operators.
+//!
+//! The control law never sees a matrix of the robot. It sees the operators of [`Robot`], each of
+//! which costs O(n) and allocates nothing, so that another kind of arm can move in behind the same
+//! trait. [`planar`] implements them for `n` revolute links in the plane; [`dense`] holds the same
+//! quantities as matrices, from textbook formulas that share no code with the recursions.
+
+pub mod dense;
+pub mod planar;
+
+use crate::math::{Capsule, Vector};
+use nalgebra::{SMatrix, SVector};
+
+pub use dense::Matrices;
+pub use planar::{PlanarArm, PlanarState};
+
+/// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).
+///
+/// Joint vectors are slices of length [`dof`](Robot::dof); a slice of another length is a
+/// programming error and panics. `M` is the dimension of the task: the first `M` components of the
+/// end effector's twist, positions before orientation.
+pub trait Robot<const D: usize> {
+    /// Force and moment acting on one link.
+    type Wrench: Copy + Default;
+
+    /// The number of joints n.
+    fn dof(&self) -> usize;
+    /// Moves to the state (q [rad], q̇ [rad/s]) and refreshes everything the operators need.
+    fn update(&mut self, q: &[f64], dq: &[f64]);
+    /// The configuration q [rad].
+    fn configuration(&self) -> &[f64];
+    /// The joint velocity q̇ [rad/s].
+    fn velocity(&self) -> &[f64];
+    /// Advances a configuration along the joint velocity `v` for the time `dt`.
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
+    /// The mass of all links [kg]: the scale of Λ.
+    fn total_mass(&self) -> f64;
+
+    /// `out = M v`.
+    fn mass_mul(&self, v: &[f64], out: &mut [f64]);
+    /// `out = M⁻¹ b`.
+    fn mass_solve(&self, b: &[f64], out: &mut [f64]);
+    /// `out = C v`, C the Christoffel matrix at (q, q̇).
+    fn coriolis_mul(&self, v: &[f64], out: &mut [f64]);
+    /// `out = Cᵀ u`.
+    fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]);
+    /// `out = g(q)`, the torque that holds the arm against gravity [N·m].
+    fn gravity_torque(&self, out: &mut [f64]);
+    /// `out = M q̈ + C q̇ + g` at the robot's velocity [N·m].
+    fn inverse_dynamics(&self, ddq: &[f64], scratch: &mut [f64], out: &mut [f64]) {
+        self.mass_mul(ddq, out);
+        self.coriolis_mul(self.velocity(), scratch);
+        out.iter_mut().zip(scratch.iter()).for_each(|(out, c)| *out += c);
+        self.gravity_torque(scratch);
+        out.iter_mut().zip(scratch.iter()).for_each(|(out, g)| *out += g);
+    }
+    /// `out = M⁻¹(τ − C q̇ − g)` at the robot's velocity [rad/s²].
+    fn forward_dynamics(&self, tau: &[f64], scratch: &mut [f64], out: &mut [f64]) {
+        self.coriolis_mul(self.velocity(), scratch);
+        self.gravity_torque(out);
+        for ((rest, g), tau) in scratch.iter_mut().zip(out.iter()).zip(tau) {
+            *rest = tau - *rest - g;
+        }
+        self.mass_solve(scratch, out);
+    }
+    /// The potential energy of gravity [J]; its gradient is g.
+    fn potential_energy(&self) -> f64;
+
+    /// The pose of the end effector: position [m], then orientation [rad].
+    fn pose<const M: usize>(&self) -> SVector<f64, M>;
+    /// `J v`.
+    fn jacobian_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M>;
+    /// `out = Jᵀ f`.
+    fn jacobian_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]);
+    /// `J̇ v`.
+    fn jacobian_dot_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M>;
+    /// `out = J̇ᵀ f`.
+    fn jacobian_dot_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]);
+    /// The response of the arm to unit task forces: fills `y = M⁻¹Jᵀ` (row i belongs to joint i)
+    /// and returns `Λ⁻¹ = J M⁻¹ Jᵀ` (THEORY §3: one factorisation, `M` half solves).
+    fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M>;
+
+    /// The shape of link `i` in the world.
+    fn link(&self, i: usize) -> Capsule<D>;
+    /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` [m/s].
+    fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
+    /// `out = J_cᵀ f` for a force at `point` of link `i`.
+    fn point_jacobian_tr_mul(&self, i: usize, point: &Vector<D>, f: &Vector<D>, out: &mut [f64]);
+    /// `J̇_c q̇`, the acceleration of a point of link `i` while q̈ = 0 [m/s²].
+    fn point_bias_acceleration(&self, i: usize, point: &Vector<D>) -> Vector<D>;
+    /// `nᵀ J_c M⁻¹ J_cᵀ n`, the acceleration along `n` per unit force along `n` [1/kg].
+    fn point_mobility(&self, i: usize, point: &Vector<D>, n: &Vector<D>) -> f64;
+    /// Adds a force acting at `point` of link `i` to the wrench of that link.
+    fn add_force(&self, wrenches: &mut [Self::Wrench], i: usize, point: &Vector<D>, f: &Vector<D>);
+    /// `out = Σ J_iᵀ F_i`, all links' wrenches in one backward sweep [N·m].
+    fn wrenches_tr_mul(&self, wrenches: &[Self::Wrench], out: &mut [f64]);
+
+    /// The same robot at the same state as matrices, for the explicit extended-Jacobian form.
+    fn matrices<const M: usize>(&self) -> Matrices<M>;
+}

@@ -1,0 +1,661 @@
+//! `n` revolute links in the plane, every operator in O(n).
+//!
+//! Everything is written in absolute link angles θ = L q (L: lower-triangular ones), where the mass
+//! matrix is semiseparable: with `l_i` the vector from joint i to joint i+1 and `b_j` the first
+//! moment about joint j of link j plus everything it carries as a point mass at its far end,
+//!
+//! ```text
+//! A_ij = l_i · b_j (i < j),   A_ii = I_i + m_i|c_i|² + |l_i|² Σ_{k>i} m_k,   M = Lᵀ A L
+//! ```
+//!
+//! so that products are prefix and suffix sums (THEORY §3). The inverse is the articulated-body
+//! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
+
+use super::{Matrices, Robot, dense};
+use crate::math::{Capsule, Vector, cross, perp};
+use nalgebra::{Matrix2, SMatrix, SVector};
+use std::sync::Arc;
+
+/// The physical parameters of one link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Link {
+    /// Distance from this joint to the next [m], > 0.
+    pub length: f64,
+    /// Mass [kg], > 0.
+    pub mass: f64,
+    /// Centre of mass in the link's frame (x along the link) [m].
+    pub com: Vector<2>,
+    /// Moment of inertia about the centre of mass [kg·m²], ≥ 0.
+    pub inertia: f64,
+    /// Half the thickness of the link [m], ≥ 0.
+    pub radius: f64,
+}
+
+impl Link {
+    /// A uniform rod: centre of mass in the middle, inertia m l²/12.
+    pub fn rod(length: f64, mass: f64) -> Self {
+        Self {
+            length,
+            mass,
+            com: Vector::<2>::new(0.5 * length, 0.0),
+            inertia: mass * length * length / 12.0,
+            radius: 0.0,
+        }
+    }
+}
+
+/// The immutable parameters of a planar arm, shared by every state.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanarArm {
+    links: Vec<Link>,
+    gravity: Vector<2>,
+    composite: Vec<Composite>,
+    total_mass: f64,
+}
+
+/// What the recursions need of a link and of the mass it carries.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Composite {
+    /// `m_i c_i + l_i Σ_{k>i} m_k` in the link's frame [kg·m].
+    moment: Vector<2>,
+    /// `I_i + m_i|c_i|² + l_i² Σ_{k>i} m_k` [kg·m²].
+    diagonal: f64,
+    /// `I_i + m_i|c_i|²` [kg·m²].
+    about_joint: f64,
+}
+
+impl PlanarArm {
+    /// An arm of at least one link. `gravity` is the acceleration of free fall [m/s²].
+    ///
+    /// The values are taken as they are; [`crate::scenario`] judges user input.
+    pub fn new(links: Vec<Link>, gravity: Vector<2>) -> Self {
+        let mut distal = 0.0;
+        let mut composite: Vec<_> = links
+            .iter()
+            .rev()
+            .map(|link| {
+                let about_joint = link.inertia + link.mass * link.com.norm_squared();
+                let carried = distal;
+                distal += link.mass;
+                Composite {
+                    moment: link.com * link.mass + Vector::<2>::new(link.length * carried, 0.0),
+                    diagonal: about_joint + link.length * link.length * carried,
+                    about_joint,
+                }
+            })
+            .collect();
+        composite.reverse();
+        Self { links, gravity, composite, total_mass: distal }
+    }
+
+    /// The links from base to tip.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// The acceleration of free fall [m/s²].
+    pub fn gravity(&self) -> Vector<2> {
+        self.gravity
+    }
+
+    /// The number of joints.
+    pub fn dof(&self) -> usize {
+        self.links.len()
+    }
+
+    /// Advances a configuration along the joint velocity `v` for the time `dt`.
+    pub fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
+        q.iter_mut().zip(v).for_each(|(q, v)| *q += v * dt);
+    }
+
+    /// Radii [m] of the annulus that `links` links from the base can reach with their far end.
+    pub fn reach(&self, links: usize) -> (f64, f64) {
+        let lengths = || self.links[..links].iter().map(|l| l.length);
+        let outer: f64 = lengths().sum();
+        let longest = lengths().fold(0.0, f64::max);
+        ((2.0 * longest - outer).max(0.0), outer)
+    }
+
+    /// A state of this arm at q = 0, at rest.
+    pub fn state(self: &Arc<Self>) -> PlanarState {
+        let n = self.dof();
+        let mut state = PlanarState {
+            arm: Arc::clone(self),
+            q: vec![0.0; n],
+            dq: vec![0.0; n],
+            joints: vec![Joint::default(); n],
+            tip: Vector::<2>::zeros(),
+            tip_velocity: Vector::<2>::zeros(),
+        };
+        state.refresh();
+        state
+    }
+}
+
+/// What depends on (q, q̇) at one joint and its link.
+#[derive(Debug, Clone, Copy, Default)]
+struct Joint {
+    /// Absolute angle of the link [rad] and its rate [rad/s].
+    angle: f64,
+    rate: f64,
+    /// Position [m] and velocity [m/s] of the joint.
+    position: Vector<2>,
+    velocity: Vector<2>,
+    /// Vector to the next joint, and composite first moment, in the world frame.
+    l: Vector<2>,
+    b: Vector<2>,
+    /// Articulated-body factorisation: coupling h [kg·m] and 1/D [1/(kg·m²)].
+    h: Vector<2>,
+    d_inv: f64,
+}
+
+/// A [`PlanarArm`] at (q, q̇). Allocated once, refreshed by [`Robot::update`].
+#[derive(Debug, Clone)]
+pub struct PlanarState {
+    arm: Arc<PlanarArm>,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    joints: Vec<Joint>,
+    tip: Vector<2>,
+    tip_velocity: Vector<2>,
+}
+
+impl PlanarState {
+    /// The parameters of this arm.
+    pub fn arm(&self) -> &Arc<PlanarArm> {
+        &self.arm
+    }
+
+    /// The position of joint `i` [m]; `i = n` is the tip.
+    pub fn joint_position(&self, i: usize) -> Vector<2> {
+        self.joints.get(i).map_or(self.tip, |joint| joint.position)
+    }
+
+    /// The absolute angle of link `i` [rad].
+    pub fn link_angle(&self, i: usize) -> f64 {
+        self.joints[i].angle
+    }
+
+    fn refresh(&mut self) {
+        self.kinematics();
+        self.factorise();
+    }
+
+    /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
+    fn kinematics(&mut self) {
+        let (mut angle, mut rate) = (0.0, 0.0);
+        let mut position = Vector::<2>::zeros();
+        let mut velocity = Vector::<2>::zeros();
+        let model = self.arm.links.iter().zip(&self.arm.composite);
+        for (((joint, (link, composite)), q), dq) in
+            self.joints.iter_mut().zip(model).zip(&self.q).zip(&self.dq)
+        {
+            angle += q;
+            rate += dq;
+            let (sin, cos) = angle.sin_cos();
+            let x = Vector::<2>::new(cos, sin);
+            joint.angle = angle;
+            joint.rate = rate;
+            joint.position = position;
+            joint.velocity = velocity;
+            joint.l = x * link.length;
+            joint.b = x * composite.moment.x + perp(x) * composite.moment.y;
+            position += joint.l;
+            velocity += perp(joint.l) * rate;
+        }
+        self.tip = position;
+        self.tip_velocity = velocity;
+    }
+
+    /// Tip to base: the articulated inertia seen at each joint, a symmetric 2×2 block K.
+    ///
+    /// With K of the outer part at the far joint, a link whose joint accelerates by `a` and which
+    /// turns with `α` needs the moment `D α + h·a`, and leaves `K − h hᵀ/D + m I` to its parent.
+    fn factorise(&mut self) {
+        let mut k = Matrix2::<f64>::zeros();
+        let mut distal_moment = 0.0;
+        let model = self.arm.links.iter().zip(&self.arm.composite);
+        for (joint, (link, composite)) in self.joints.iter_mut().zip(model).rev() {
+            // m c in the world frame: the composite moment without the carried masses.
+            let mc = joint.b - joint.l * distal_moment;
+            let lp = perp(joint.l);
+            let kl = k * lp;
+            joint.h = perp(mc) + kl;
+            joint.d_inv = 1.0 / (composite.about_joint + lp.dot(&kl));
+            let hd = joint.h * joint.d_inv;
+            k -= joint.h * hd.transpose();
+            k.m11 += link.mass;
+            k.m22 += link.mass;
+            k.m12 = k.m21;
+            distal_moment += link.mass;
+        }
+    }
+}
+
+impl Robot<2> for PlanarState {
+    type Wrench = PlanarWrench;
+
+    #[inline]
+    fn dof(&self) -> usize {
+        self.joints.len()
+    }
+
+    fn update(&mut self, q: &[f64], dq: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.dq.copy_from_slice(dq);
+        self.refresh();
+    }
+
+    fn configuration(&self) -> &[f64] {
+        &self.q
+    }
+
+    fn velocity(&self) -> &[f64] {
+        &self.dq
+    }
+
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
+        self.arm.integrate(q, v, dt);
+    }
+
+    fn total_mass(&self) -> f64 {
+        self.arm.total_mass
+    }
+
+    fn mass_mul(&self, v: &[f64], out: &mut [f64]) {
+        // Base to tip: Σ_{j<i} l_j w_j; tip to base: Σ_{j>i} b_j w_j; then Lᵀ.
+        let (mut w, mut inner) = (0.0, Vector::<2>::zeros());
+        let rows = self.joints.iter().zip(&self.arm.composite).zip(v);
+        for (((joint, composite), v), out) in rows.zip(out.iter_mut()) {
+            w += v;
+            *out = composite.diagonal * w + joint.b.dot(&inner);
+            inner += joint.l * w;
+        }
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for ((joint, v), out) in self.joints.iter().zip(v).zip(out.iter_mut()).rev() {
+            sum += *out + joint.l.dot(&outer);
+            *out = sum;
+            outer += joint.b * w;
+            w -= v;
+        }
+    }
+
+    fn mass_solve(&self, b: &[f64], out: &mut [f64]) {
+        // Backward: the moment left over at each link once the outer joints have yielded.
+        let (mut next, mut force) = (0.0, Vector::<2>::zeros());
+        for ((joint, b), out) in self.joints.iter().zip(b).zip(out.iter_mut()).rev() {
+            let e = (b - next - perp(joint.l).dot(&force)) * joint.d_inv;
+            force += joint.h * e;
+            *out = e;
+            next = *b;
+        }
+        // Forward: absolute angular accelerations, then back to joint coordinates.
+        let (mut previous, mut a) = (0.0, Vector::<2>::zeros());
+        for (joint, out) in self.joints.iter().zip(out.iter_mut()) {
+            let alpha = *out - joint.d_inv * joint.h.dot(&a);
+            a += perp(joint.l) * alpha;
+            *out = alpha - previous;
+            previous = alpha;
+        }
+    }
+
+    fn coriolis_mul(&self, v: &[f64], out: &mut [f64]) {
+        // (C v)_abs,i = Σ_j A_ij sin(θ_i − θ_j) w_j u_j with u = L v.
+        let (mut u, mut inner) = (0.0, Vector::<2>::zeros());
+        for ((joint, v), out) in self.joints.iter().zip(v).zip(out.iter_mut()) {
+            u += v;
+            *out = cross(inner, joint.b);
+            inner += joint.l * (joint.rate * u);
+        }
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for ((joint, v), out) in self.joints.iter().zip(v).zip(out.iter_mut()).rev() {
+            sum += *out - cross(joint.l, outer);
+            *out = sum;
+            outer += joint.b * (joint.rate * u);
+            u -= v;
+        }
+    }
+
+    fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]) {
+        // (Cᵀ u)_abs,i = −w_i Σ_j A_ij sin(θ_i − θ_j) (L u)_j.
+        let (mut s, mut inner) = (0.0, Vector::<2>::zeros());
+        for ((joint, u), out) in self.joints.iter().zip(u).zip(out.iter_mut()) {
+            s += u;
+            *out = cross(inner, joint.b);
+            inner += joint.l * s;
+        }
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for ((joint, u), out) in self.joints.iter().zip(u).zip(out.iter_mut()).rev() {
+            sum -= joint.rate * (*out - cross(joint.l, outer));
+            *out = sum;
+            outer += joint.b * s;
+            s -= u;
+        }
+    }
+
+    fn gravity_torque(&self, out: &mut [f64]) {
+        let mut sum = 0.0;
+        for (joint, out) in self.joints.iter().zip(out.iter_mut()).rev() {
+            sum -= self.arm.gravity.dot(&perp(joint.b));
+            *out = sum;
+        }
+    }
+
+    fn potential_energy(&self) -> f64 {
+        let first_moment: Vector<2> = self.joints.iter().map(|joint| joint.b).sum();
+        -self.arm.gravity.dot(&first_moment)
+    }
+
+    fn pose<const M: usize>(&self) -> SVector<f64, M> {
+        twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle))
+    }
+
+    #[inline]
+    fn jacobian_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M> {
+        let mut sum = SVector::zeros();
+        for (joint, v) in self.joints.iter().zip(v) {
+            sum += twist::<M>(perp(self.tip - joint.position), 1.0) * *v;
+        }
+        sum
+    }
+
+    #[inline]
+    fn jacobian_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]) {
+        for (joint, out) in self.joints.iter().zip(out.iter_mut()) {
+            *out = twist::<M>(perp(self.tip - joint.position), 1.0).dot(f);
+        }
+    }
+
+    #[inline]
+    fn jacobian_dot_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M> {
+        let mut sum = SVector::zeros();
+        for (joint, v) in self.joints.iter().zip(v) {
+            sum += twist::<M>(perp(self.tip_velocity - joint.velocity), 0.0) * *v;
+        }
+        sum
+    }
+
+    #[inline]
+    fn jacobian_dot_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]) {
+        for (joint, out) in self.joints.iter().zip(out.iter_mut()) {
+            *out = twist::<M>(perp(self.tip_velocity - joint.velocity), 0.0).dot(f);
+        }
+    }
+
+    fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M> {
+        // Unit task forces enter as reactions at the tip, unit moments on the last link.
+        let mut fx = twist::<M>(Vector::<2>::new(-1.0, 0.0), 0.0);
+        let mut fy = twist::<M>(Vector::<2>::new(0.0, -1.0), 0.0);
+        let mut moment = twist::<M>(Vector::<2>::zeros(), 1.0);
+        let mut lambda_inv = SMatrix::zeros();
+        for (joint, y) in self.joints.iter().zip(y.iter_mut()).rev() {
+            let e = moment + fx * joint.l.y - fy * joint.l.x;
+            *y = e * joint.d_inv;
+            lambda_inv += e * y.transpose();
+            fx += *y * joint.h.x;
+            fy += *y * joint.h.y;
+            moment = SVector::zeros();
+        }
+        let mut previous = SVector::zeros();
+        let (mut ax, mut ay) = (SVector::zeros(), SVector::zeros());
+        for (joint, y) in self.joints.iter().zip(y.iter_mut()) {
+            let alpha: SVector<f64, M> = *y - (ax * joint.h.x + ay * joint.h.y) * joint.d_inv;
+            ax -= alpha * joint.l.y;
+            ay += alpha * joint.l.x;
+            *y = alpha - previous;
+            previous = alpha;
+        }
+        lambda_inv
+    }
+
+    fn link(&self, i: usize) -> Capsule<2> {
+        let joint = &self.joints[i];
+        Capsule {
+            start: joint.position,
+            end: joint.position + joint.l,
+            radius: self.arm.links[i].radius,
+        }
+    }
+
+    fn point_velocity(&self, i: usize, point: &Vector<2>) -> Vector<2> {
+        let joint = &self.joints[i];
+        joint.velocity + perp(point - joint.position) * joint.rate
+    }
+
+    fn point_jacobian_tr_mul(&self, i: usize, point: &Vector<2>, f: &Vector<2>, out: &mut [f64]) {
+        let (inner, outer) = out.split_at_mut(i + 1);
+        for (joint, out) in self.joints.iter().zip(inner) {
+            *out = cross(point - joint.position, *f);
+        }
+        outer.fill(0.0);
+    }
+
+    fn point_bias_acceleration(&self, i: usize, point: &Vector<2>) -> Vector<2> {
+        // Centripetal terms −w² r of every link up to the point.
+        let inner: Vector<2> =
+            self.joints[..i].iter().map(|joint| -joint.l * (joint.rate * joint.rate)).sum();
+        let joint = &self.joints[i];
+        inner - (point - joint.position) * (joint.rate * joint.rate)
+    }
+
+    fn point_mobility(&self, i: usize, point: &Vector<2>, n: &Vector<2>) -> f64 {
+        let mut force = -n;
+        let mut arm = point - self.joints[i].position;
+        let mut sum = 0.0;
+        for inner in (0..=i).rev() {
+            let joint = &self.joints[inner];
+            let e = -perp(arm).dot(&force);
+            sum += e * e * joint.d_inv;
+            force += joint.h * (e * joint.d_inv);
+            if inner > 0 {
+                arm = self.joints[inner - 1].l;
+            }
+        }
+        sum
+    }
+
+    fn add_force(&self, wrenches: &mut [PlanarWrench], i: usize, point: &Vector<2>, f: &Vector<2>) {
+        wrenches[i].force += f;
+        wrenches[i].moment += cross(point - self.joints[i].position, *f);
+    }
+
+    fn wrenches_tr_mul(&self, wrenches: &[PlanarWrench], out: &mut [f64]) {
+        let mut carried = PlanarWrench::default();
+        for ((joint, wrench), out) in self.joints.iter().zip(wrenches).zip(out.iter_mut()).rev() {
+            carried.moment += cross(joint.l, carried.force) + wrench.moment;
+            carried.force += wrench.force;
+            *out = carried.moment;
+        }
+    }
+
+    fn matrices<const M: usize>(&self) -> Matrices<M> {
+        dense::planar(&self.arm, &self.q, &self.dq)
+    }
+}
+
+/// A planar force [N] and its moment about the joint of the link it acts on [N·m].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PlanarWrench {
+    /// Force [N].
+    pub force: Vector<2>,
+    /// Moment about the link's joint [N·m].
+    pub moment: f64,
+}
+
+/// The first `M` components of a planar twist: two linear, one angular.
+#[inline(always)]
+fn twist<const M: usize>(linear: Vector<2>, angular: f64) -> SVector<f64, M> {
+    const { assert!(M == 2 || M == 3, "a planar task has dimension 2 or 3") };
+    SVector::from_fn(|row, _| if row < 2 { linear[row] } else { angular })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_close, case};
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
+
+    fn apply(n: usize, operator: impl Fn(&mut [f64])) -> Vec<f64> {
+        let mut out = vec![f64::NAN; n];
+        operator(&mut out);
+        out
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Every operator against the dense textbook matrices, which share no code with it.
+        #[test]
+        fn operators_agree_with_matrices(c in case(1usize..13)) {
+            let (n, state) = (c.q.len(), c.state());
+            let dense = state.matrices::<3>();
+            let (u, v) = (DVector::from_column_slice(&c.u), DVector::from_column_slice(&c.v));
+            let f = SVector::<f64, 3>::new(0.3, -1.2, 0.7);
+            let j = &dense.jacobian;
+            let check = |a: &[f64], b: &[f64]| assert_close(a, b, 1e-11);
+            check(&apply(n, |out| state.mass_mul(&c.v, out)), (&dense.mass * &v).as_slice());
+            check(&apply(n, |out| state.coriolis_mul(&c.v, out)), (&dense.coriolis * &v).as_slice());
+            check(
+                &apply(n, |out| state.coriolis_tr_mul(&c.u, out)),
+                (dense.coriolis.transpose() * &u).as_slice(),
+            );
+            check(&apply(n, |out| state.gravity_torque(out)), dense.gravity.as_slice());
+            check(state.jacobian_mul::<3>(&c.v).as_slice(), (j * &v).as_slice());
+            check(&apply(n, |out| state.jacobian_tr_mul(&f, out)), (j.transpose() * f).as_slice());
+            check(state.jacobian_dot_mul::<3>(&c.v).as_slice(), (&dense.jacobian_dot * &v).as_slice());
+            check(
+                &apply(n, |out| state.jacobian_dot_tr_mul(&f, out)),
+                (dense.jacobian_dot.transpose() * f).as_slice(),
+            );
+        }
+
+        /// M⁻¹ undoes M, and the half-solve form of Y and Λ⁻¹ is M⁻¹Jᵀ and J M⁻¹Jᵀ.
+        #[test]
+        fn inverse_and_task_response(c in case(1usize..13)) {
+            let (n, state) = (c.q.len(), c.state());
+            let b = apply(n, |out| state.mass_mul(&c.v, out));
+            assert_close(&apply(n, |out| state.mass_solve(&b, out)), &c.v, 1e-8);
+            let mut y = vec![SVector::<f64, 3>::zeros(); n];
+            let lambda_inv = state.task_response(&mut y);
+            let dense = state.matrices::<3>();
+            let back = &dense.mass * DMatrix::from_fn(n, 3, |i, k| y[i][k]);
+            assert_close(back.as_slice(), dense.jacobian.transpose().as_slice(), 1e-9);
+            let mut product = SMatrix::<f64, 3, 3>::zeros();
+            for k in 0..3 {
+                let column: Vec<_> = y.iter().map(|row| row[k]).collect();
+                product.set_column(k, &state.jacobian_mul(&column));
+            }
+            assert_close(lambda_inv.as_slice(), product.as_slice(), 1e-9);
+        }
+
+        /// M is symmetric positive definite and Ṁ = C + Cᵀ (THEORY §5, fact 1): Christoffel.
+        #[test]
+        fn mass_rate_is_christoffel(c in case(1usize..9)) {
+            let h = 1e-5;
+            let (before, after) = (c.later(-h).matrices::<2>(), c.later(h).matrices::<2>());
+            let rate = (after.mass - before.mass) / (2.0 * h);
+            let now = c.state().matrices::<2>();
+            assert_close((&now.coriolis + now.coriolis.transpose()).as_slice(), rate.as_slice(), 1e-6);
+            prop_assert!((&now.mass - now.mass.transpose()).norm() < 1e-12 * now.mass.norm());
+            prop_assert!(now.mass.cholesky().is_some());
+        }
+
+        /// J = ∂x/∂q, J̇ = dJ/dt and g = ∂V/∂q by central differences.
+        #[test]
+        fn derivatives_by_finite_differences(c in case(1usize..9)) {
+            let (n, h, state) = (c.q.len(), 1e-5, c.state());
+            let now = state.matrices::<3>();
+            for k in 0..n {
+                let at = |step: f64| {
+                    let mut q = c.q.clone();
+                    q[k] += step;
+                    let mut state = c.arm.state();
+                    state.update(&q, &c.dq);
+                    state
+                };
+                let column = (at(h).pose::<3>() - at(-h).pose::<3>()) / (2.0 * h);
+                assert_close(now.jacobian.column(k).as_slice(), column.as_slice(), 1e-7);
+                let slope = (at(h).potential_energy() - at(-h).potential_energy()) / (2.0 * h);
+                assert_close(&[now.gravity[k]], &[slope], 1e-6);
+            }
+            let rate = (c.later(h).matrices::<3>().jacobian - c.later(-h).matrices::<3>().jacobian) / (2.0 * h);
+            assert_close(now.jacobian_dot.as_slice(), rate.as_slice(), 1e-6);
+        }
+
+        /// Velocity, force, bias acceleration and mobility of a point on a link are consistent with
+        /// each other and with M⁻¹.
+        #[test]
+        fn point_operators(c in case(1usize..9), along in 0.0..1.0, angle in -3.0..3.0) {
+            let (n, state) = (c.q.len(), c.state());
+            let i = n / 2;
+            let normal = Vector::<2>::new(f64::cos(angle), f64::sin(angle));
+            let on = |state: &PlanarState| {
+                let link = state.link(i);
+                link.start + (link.end - link.start) * along
+            };
+            let point = on(&state);
+            let column = apply(n, |out| state.point_jacobian_tr_mul(i, &point, &normal, out));
+            let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+            let velocity = state.point_velocity(i, &point);
+            assert_close(&[normal.dot(&velocity)], &[dot(&column, &c.dq)], 1e-12);
+            let h = 1e-4;
+            let (before, after) = (on(&c.later(-h)), on(&c.later(h)));
+            assert_close(((after - before) / (2.0 * h)).as_slice(), velocity.as_slice(), 1e-5);
+            let curve = (after - 2.0 * point + before) / (h * h);
+            assert_close(state.point_bias_acceleration(i, &point).as_slice(), curve.as_slice(), 1e-4);
+            let solved = apply(n, |out| state.mass_solve(&column, out));
+            assert_close(&[state.point_mobility(i, &point, &normal)], &[dot(&column, &solved)], 1e-9);
+            let mut wrenches = vec![PlanarWrench::default(); n];
+            state.add_force(&mut wrenches, i, &point, &normal);
+            assert_close(&apply(n, |out| state.wrenches_tr_mul(&wrenches, out)), &column, 1e-12);
+        }
+    }
+
+    /// The two-link arm of Murray, Li and Sastry (THEORY §5, fact 2).
+    #[test]
+    fn two_link_textbook() {
+        let links =
+            [(0.7, 1.3, 0.3, 0.05), (0.9, 0.8, 0.5, 0.02)].map(|(length, mass, c, inertia)| Link {
+                length,
+                mass,
+                com: Vector::<2>::new(c, 0.0),
+                inertia,
+                radius: 0.0,
+            });
+        let (l1, [a, b]) = (0.7, links);
+        let (c1, c2) = (a.com.x, b.com.x);
+        let alpha = a.inertia + b.inertia + a.mass * c1 * c1 + b.mass * (l1 * l1 + c2 * c2);
+        let (beta, delta) = (b.mass * l1 * c2, b.inertia + b.mass * c2 * c2);
+        let mut state = Arc::new(PlanarArm::new(links.to_vec(), Vector::<2>::zeros())).state();
+        let (q, dq) = ([0.4, -1.1], [0.9, 2.3]);
+        state.update(&q, &dq);
+        let (cos, sin) = (f64::cos(q[1]), f64::sin(q[1]));
+        let [m11, m12, m22] = [alpha + 2.0 * beta * cos, delta + beta * cos, delta];
+        let coriolis =
+            [[-beta * sin * dq[1], -beta * sin * (dq[0] + dq[1])], [beta * sin * dq[0], 0.0]];
+        let v = [0.31, -0.77];
+        assert_close(
+            &apply(2, |out| state.mass_mul(&v, out)),
+            &[m11 * v[0] + m12 * v[1], m12 * v[0] + m22 * v[1]],
+            1e-14,
+        );
+        let expected = coriolis.map(|row| row[0] * v[0] + row[1] * v[1]);
+        assert_close(&apply(2, |out| state.coriolis_mul(&v, out)), &expected, 1e-14);
+    }
+
+    /// The recursions stay accurate where the mass matrix is ill-conditioned in joint angles
+    /// (4·10⁸ at n = 100, THEORY §3): M M⁻¹ b = b.
+    #[test]
+    fn hundred_links() {
+        let n = 100;
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); n], Vector::<2>::zeros()));
+        let mut state = arm.state();
+        let wave = |k: usize, f: f64| f64::sin(f * k as f64 + 0.3);
+        let q: Vec<_> = (0..n).map(|k| 0.4 * wave(k, 0.7)).collect();
+        let b: Vec<_> = (0..n).map(|k| wave(k, 1.9)).collect();
+        state.update(&q, &vec![0.0; n]);
+        let x = apply(n, |out| state.mass_solve(&b, out));
+        assert_close(&apply(n, |out| state.mass_mul(&x, out)), &b, 1e-9);
+    }
+}
