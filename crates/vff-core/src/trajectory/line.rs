@@ -18,11 +18,7 @@ impl<const M: usize> Line<M> {
         duration: f64,
     ) -> Result<Self, TrajectoryError> {
         if duration > 0.0 {
-            Ok(Self {
-                start,
-                displacement: end - start,
-                duration,
-            })
+            Ok(Self { start, displacement: end - start, duration })
         } else {
             Err(TrajectoryError::Duration { given: duration })
         }
@@ -56,11 +52,7 @@ mod tests {
         end: Vec<f64>,
         duration: f64,
     ) -> Result<Trajectory<3>, TrajectoryError> {
-        let reference = Reference::Line {
-            start,
-            end,
-            duration,
-        };
+        let reference = Reference::Line { start, end, duration };
         Trajectory::new(&reference, Vector::<3>::new(7.0, 8.0, 9.0))
     }
 

@@ -36,11 +36,7 @@ pub struct Sample<const M: usize> {
 impl<const M: usize> Sample<M> {
     /// At rest at `x`.
     fn at_rest(x: Vector<M>) -> Self {
-        Self {
-            x,
-            dx: Vector::zeros(),
-            ddx: Vector::zeros(),
-        }
+        Self { x, dx: Vector::zeros(), ddx: Vector::zeros() }
     }
 }
 
@@ -82,41 +78,29 @@ impl<const M: usize> Trajectory<M> {
             Reference::Polynomial { coefficients } => {
                 Curve::Polynomial(Polynomial::new(coefficients)?)
             }
-            Reference::Line {
-                start: given,
-                end,
-                duration,
-            } => {
+            Reference::Line { start: given, end, duration } => {
                 let start = match given {
                     Some(given) => vector("start", given)?,
                     None => start,
                 };
                 Curve::Line(Line::new(start, vector("end", end)?, *duration)?)
             }
-            Reference::Circle {
-                center,
-                radius,
-                angular_velocity,
-                phase,
-                orientation,
-            } => Curve::Circle(Circle {
-                center: planar::pose(*center, *orientation)?,
-                radius: *radius,
-                angular_velocity: *angular_velocity,
-                phase: *phase,
-            }),
-            Reference::Lissajous {
-                center,
-                amplitude,
-                angular_frequency,
-                phase,
-                orientation,
-            } => Curve::Lissajous(Lissajous {
-                center: planar::pose(*center, *orientation)?,
-                amplitude: *amplitude,
-                angular_frequency: *angular_frequency,
-                phase: *phase,
-            }),
+            Reference::Circle { center, radius, angular_velocity, phase, orientation } => {
+                Curve::Circle(Circle {
+                    center: planar::pose(*center, *orientation)?,
+                    radius: *radius,
+                    angular_velocity: *angular_velocity,
+                    phase: *phase,
+                })
+            }
+            Reference::Lissajous { center, amplitude, angular_frequency, phase, orientation } => {
+                Curve::Lissajous(Lissajous {
+                    center: planar::pose(*center, *orientation)?,
+                    amplitude: *amplitude,
+                    angular_frequency: *angular_frequency,
+                    phase: *phase,
+                })
+            }
             Reference::Waypoints { times, points } => {
                 Curve::Waypoints(waypoints::through(times, &piecewise::knots(times, points)?))
             }
@@ -150,11 +134,7 @@ fn vector<const M: usize>(
     if values.len() == M {
         Ok(Vector::from_column_slice(values))
     } else {
-        Err(TrajectoryError::Dimension {
-            field: field.into(),
-            expected: M,
-            given: values.len(),
-        })
+        Err(TrajectoryError::Dimension { field: field.into(), expected: M, given: values.len() })
     }
 }
 
@@ -172,10 +152,7 @@ mod testing {
         let ddx = (after.dx - before.dx) / (2.0 * h);
         let scale = 1.0 + now.x.norm() + now.dx.norm() + now.ddx.norm();
         assert!((now.dx - dx).norm() < 1e-5 * scale, "at {t}: {now:?}, {dx}");
-        assert!(
-            (now.ddx - ddx).norm() < 1e-5 * scale,
-            "at {t}: {now:?}, {ddx}"
-        );
+        assert!((now.ddx - ddx).norm() < 1e-5 * scale, "at {t}: {now:?}, {ddx}");
     }
 
     /// Checks that x, ẋ and ẍ do not jump at `t`.
@@ -198,9 +175,7 @@ mod tests {
 
     #[test]
     fn setpoint_rests() {
-        let reference = Reference::Setpoint {
-            point: vec![2.8, 1.6, 0.1],
-        };
+        let reference = Reference::Setpoint { point: vec![2.8, 1.6, 0.1] };
         let trajectory = Trajectory::<3>::new(&reference, Vector::zeros()).unwrap();
         let expected = Sample::at_rest(Vector::<3>::new(2.8, 1.6, 0.1));
         assert_eq!(trajectory.at(-1.0), expected);
@@ -209,15 +184,10 @@ mod tests {
 
     #[test]
     fn errors_name_the_field_and_both_sizes() {
-        let reference = Reference::Setpoint {
-            point: vec![2.8, 1.6, 0.1],
-        };
+        let reference = Reference::Setpoint { point: vec![2.8, 1.6, 0.1] };
         let error = Trajectory::<2>::new(&reference, Vector::zeros()).unwrap_err();
         assert_eq!(error.field(), "point");
         let text = error.to_string();
-        assert!(
-            text.contains("expected 2") && text.contains("given 3"),
-            "{text}"
-        );
+        assert!(text.contains("expected 2") && text.contains("given 3"), "{text}");
     }
 }

@@ -59,10 +59,7 @@ pub(super) fn knots<const M: usize>(
         return Err(TrajectoryError::TooFewTimes { given: times.len() });
     }
     if points.len() != times.len() {
-        return Err(TrajectoryError::PointCount {
-            times: times.len(),
-            points: points.len(),
-        });
+        return Err(TrajectoryError::PointCount { times: times.len(), points: points.len() });
     }
     for (i, pair) in times.windows(2).enumerate() {
         let increasing = pair[0] < pair[1]; // false for NaN
@@ -74,11 +71,7 @@ pub(super) fn knots<const M: usize>(
             });
         }
     }
-    points
-        .iter()
-        .enumerate()
-        .map(|(i, point)| vector(format!("points[{i}]"), point))
-        .collect()
+    points.iter().enumerate().map(|(i, point)| vector(format!("points[{i}]"), point)).collect()
 }
 
 #[cfg(test)]
@@ -88,15 +81,10 @@ mod tests {
 
     fn field(times: &[f64], points: &[Vec<f64>]) -> String {
         let (times, points) = (times.to_vec(), points.to_vec());
-        let waypoints = Reference::Waypoints {
-            times: times.clone(),
-            points: points.clone(),
-        };
+        let waypoints = Reference::Waypoints { times: times.clone(), points: points.clone() };
         let table = Reference::Table { times, points };
         let [a, b] = [waypoints, table].map(|reference| {
-            Trajectory::<2>::new(&reference, Vector::zeros())
-                .unwrap_err()
-                .field()
+            Trajectory::<2>::new(&reference, Vector::zeros()).unwrap_err().field()
         });
         assert_eq!(a, b);
         a
@@ -111,21 +99,14 @@ mod tests {
         assert_eq!(field(&[0.0, 1.0], &three), "points");
         assert_eq!(field(&[0.0, 1.0, 1.0], &three), "times[2]");
         assert_eq!(field(&[0.0, f64::NAN, 1.0], &three), "times[1]");
-        assert_eq!(
-            field(&[0.0, 1.0, 2.0], &[point.clone(), point, vec![1.0]]),
-            "points[2]"
-        );
+        assert_eq!(field(&[0.0, 1.0, 2.0], &[point.clone(), point, vec![1.0]]), "points[2]");
     }
 
     #[test]
     fn unordered_time_does_not_panic() {
         let piecewise = Piecewise::<1, 1>::new(
             &[0.0, 1.0, 2.0],
-            &[
-                Vector::<1>::new(0.0),
-                Vector::<1>::new(1.0),
-                Vector::<1>::new(2.0),
-            ],
+            &[Vector::<1>::new(0.0), Vector::<1>::new(1.0), Vector::<1>::new(2.0)],
             |i| [Vector::<1>::new(i as f64)],
         );
         for (t, x) in [(-1.0, 0.0), (0.0, 0.0), (1.0, 1.0), (2.0, 1.0), (3.0, 2.0)] {

@@ -37,11 +37,7 @@ impl<const M: usize> Circle<M> {
         let (sin, cos) = (omega * t + self.phase).sin_cos();
         let outward = extend([self.radius * cos, self.radius * sin], 0.0);
         let tangent: Vector<M> = extend([-self.radius * sin, self.radius * cos], 0.0);
-        Sample {
-            x: self.center + outward,
-            dx: tangent * omega,
-            ddx: outward * (-omega * omega),
-        }
+        Sample { x: self.center + outward, dx: tangent * omega, ddx: outward * (-omega * omega) }
     }
 }
 
@@ -143,10 +139,7 @@ mod tests {
 
     #[test]
     fn orientation_is_given_exactly_when_the_task_controls_it() {
-        assert_eq!(
-            compile::<3>(&circle(None)),
-            Err(TrajectoryError::MissingOrientation)
-        );
+        assert_eq!(compile::<3>(&circle(None)), Err(TrajectoryError::MissingOrientation));
         let error = compile::<2>(&circle(Some(0.7))).unwrap_err();
         assert_eq!(error, TrajectoryError::UnexpectedOrientation { given: 0.7 });
         assert_eq!(error.field(), "orientation");

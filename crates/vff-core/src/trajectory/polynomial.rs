@@ -47,11 +47,7 @@ pub(super) fn horner<const M: usize>(coefficients: &[Vector<M>], t: f64) -> Samp
         dx = dx * t + x;
         x = x * t + coefficient;
     }
-    Sample {
-        x,
-        dx,
-        ddx: half_ddx * 2.0,
-    }
+    Sample { x, dx, ddx: half_ddx * 2.0 }
 }
 
 #[cfg(test)]

@@ -100,11 +100,7 @@ mod tests {
         assert_eq!(
             document.reference,
             [
-                Reference::Line {
-                    start: None,
-                    end: vec![2.8, 1.6],
-                    duration: 5.0
-                },
+                Reference::Line { start: None, end: vec![2.8, 1.6], duration: 5.0 },
                 Reference::Circle {
                     center: [2.0, 1.0],
                     radius: 1.0,
@@ -125,10 +121,9 @@ mod tests {
 
     #[test]
     fn unknown_names_are_refused() {
-        for text in [
-            "setpoint = { point = [1.0, 2.0], speed = 1.0 }",
-            "spiral = { point = [1.0, 2.0] }",
-        ] {
+        for text in
+            ["setpoint = { point = [1.0, 2.0], speed = 1.0 }", "spiral = { point = [1.0, 2.0] }"]
+        {
             let error = toml::from_str::<Reference>(text).unwrap_err().to_string();
             assert!(error.contains("expected"), "{error}");
         }

@@ -53,10 +53,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn table(times: &[f64], points: &[Vec<f64>]) -> Trajectory<2> {
-        let reference = Reference::Table {
-            times: times.to_vec(),
-            points: points.to_vec(),
-        };
+        let reference = Reference::Table { times: times.to_vec(), points: points.to_vec() };
         Trajectory::new(&reference, Vector::zeros()).unwrap()
     }
 

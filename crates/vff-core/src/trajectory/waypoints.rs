@@ -23,11 +23,7 @@ pub(super) fn through<const M: usize>(times: &[f64], points: &[Vector<M>]) -> Pi
     };
     Piecewise::new(times, points, |i| {
         let ((dx0, ddx0), (dx1, ddx1)) = (derivatives(i), derivatives(i + 1));
-        quintic(
-            [points[i], dx0, ddx0],
-            [points[i + 1], dx1, ddx1],
-            duration(i),
-        )
+        quintic([points[i], dx0, ddx0], [points[i + 1], dx1, ddx1], duration(i))
     })
 }
 
@@ -59,10 +55,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn waypoints(times: &[f64], points: &[Vec<f64>]) -> Trajectory<2> {
-        let reference = Reference::Waypoints {
-            times: times.to_vec(),
-            points: points.to_vec(),
-        };
+        let reference = Reference::Waypoints { times: times.to_vec(), points: points.to_vec() };
         Trajectory::new(&reference, Vector::zeros()).unwrap()
     }
 
@@ -98,11 +91,7 @@ mod tests {
     fn two_points_are_a_line() {
         let (start, end) = (vec![1.0, 0.0], vec![0.0, 2.0]);
         let trajectory = waypoints(&[0.0, 4.0], &[start.clone(), end.clone()]);
-        let reference = Reference::Line {
-            start: Some(start),
-            end,
-            duration: 4.0,
-        };
+        let reference = Reference::Line { start: Some(start), end, duration: 4.0 };
         let line = Trajectory::<2>::new(&reference, Vector::zeros()).unwrap();
         for t in [0.0, 0.3, 1.0, 3.9, 4.0] {
             let (a, b) = (trajectory.at(t), line.at(t));

@@ -38,9 +38,7 @@ struct Body {
 
 impl Body {
     fn state_at(&self, t: f64) -> MotionState {
-        self.obstacle
-            .motion
-            .at(t, Vector::from(self.obstacle.position))
+        self.obstacle.motion.at(t, Vector::from(self.obstacle.position))
     }
 }
 
@@ -58,14 +56,9 @@ impl World {
                 obstacle,
             })
             .collect();
-        let moving = (0..bodies.len())
-            .filter(|&j| !bodies[j].obstacle.motion.is_static())
-            .collect();
-        Self {
-            bodies,
-            moving,
-            time: 0.0,
-        }
+        let moving =
+            (0..bodies.len()).filter(|&j| !bodies[j].obstacle.motion.is_static()).collect();
+        Self { bodies, moving, time: 0.0 }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
@@ -126,12 +119,7 @@ mod tests {
     use crate::math::Capsule;
 
     fn disc(position: [f64; 2], motion: Motion) -> Obstacle {
-        Obstacle {
-            shape: Shape::Circle { radius: 0.5 },
-            position,
-            angle: 0.0,
-            motion,
-        }
+        Obstacle { shape: Shape::Circle { radius: 0.5 }, position, angle: 0.0, motion }
     }
 
     #[test]
@@ -159,31 +147,20 @@ mod tests {
     #[test]
     fn all_pairs_are_visited_in_order() {
         let mut world = World::new(vec![
-            disc(
-                [0.0, 2.0],
-                Motion::Linear {
-                    velocity: [0.0, 1.0],
-                },
-            ),
+            disc([0.0, 2.0], Motion::Linear { velocity: [0.0, 1.0] }),
             disc([2.0, -1.0], Motion::default()),
         ]);
         world.update(1.0);
         let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
-        let links = joints.windows(2).map(|pair| Capsule {
-            start: pair[0],
-            end: pair[1],
-            radius: 0.1,
-        });
+        let links =
+            joints.windows(2).map(|pair| Capsule { start: pair[0], end: pair[1], radius: 0.1 });
         let mut found = Vec::new();
         world.for_each_contact(links.clone(), |contact| found.push(*contact));
         let pairs: Vec<_> = found.iter().map(|c| (c.link, c.obstacle)).collect();
         assert_eq!(pairs, [(0, 0), (0, 1), (1, 0), (1, 1)]);
         for contact in &found {
             let capsule = links.clone().nth(contact.link).unwrap();
-            assert_eq!(
-                *contact,
-                world.contact(contact.link, &capsule, contact.obstacle)
-            );
+            assert_eq!(*contact, world.contact(contact.link, &capsule, contact.obstacle));
         }
         assert!((found[0].distance - 2.4).abs() < 1e-15);
         assert_eq!(found[0].velocity, Vector::<2>::new(0.0, 1.0));

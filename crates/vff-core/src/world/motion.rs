@@ -52,11 +52,7 @@ pub struct MotionState {
 impl MotionState {
     /// At rest at `position` [m].
     fn at_rest(position: Vector<2>) -> Self {
-        Self {
-            position,
-            velocity: Vector::zeros(),
-            acceleration: Vector::zeros(),
-        }
+        Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros() }
     }
 }
 
@@ -84,11 +80,7 @@ impl Motion {
                     acceleration: Vector::zeros(),
                 }
             }
-            Self::Sinusoid {
-                amplitude,
-                angular_frequency: omega,
-                phase,
-            } => {
+            Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
                 let amplitude = Vector::from(*amplitude);
                 let (sin, cos) = (omega * t + phase).sin_cos();
                 MotionState {
@@ -131,11 +123,8 @@ mod tests {
 
     fn check_derivatives(motion: &Motion, t: f64, position0: Vector<2>) {
         let h = 1e-4;
-        let (before, now, after) = (
-            motion.at(t - h, position0),
-            motion.at(t, position0),
-            motion.at(t + h, position0),
-        );
+        let (before, now, after) =
+            (motion.at(t - h, position0), motion.at(t, position0), motion.at(t + h, position0));
         let velocity = (after.position - before.position) / (2.0 * h);
         let acceleration = (after.velocity - before.velocity) / (2.0 * h);
         assert!((now.velocity - velocity).norm() < 1e-5, "{now:?}");
@@ -179,11 +168,8 @@ mod tests {
     #[test]
     fn the_paper_obstacle() {
         // Scenario 1: y(t) = 2 − 0.5 sin 0.5t.
-        let motion = Motion::Sinusoid {
-            amplitude: [0.0, -0.5],
-            angular_frequency: 0.5,
-            phase: 0.0,
-        };
+        let motion =
+            Motion::Sinusoid { amplitude: [0.0, -0.5], angular_frequency: 0.5, phase: 0.0 };
         let state = motion.at(std::f64::consts::PI, Vector::<2>::new(1.5, 2.0));
         assert!((state.position - Vector::<2>::new(1.5, 1.5)).norm() < 1e-15);
         assert!(state.velocity.norm() < 1e-15);

@@ -50,11 +50,7 @@ mod tests {
         assert_eq!(obstacle.shape, Shape::Box { size: [1.0, 2.0] });
         assert_eq!(
             obstacle.motion,
-            Motion::Sinusoid {
-                amplitude: [0.0, 1.0],
-                angular_frequency: 0.5,
-                phase: 0.0
-            }
+            Motion::Sinusoid { amplitude: [0.0, 1.0], angular_frequency: 0.5, phase: 0.0 }
         );
     }
 

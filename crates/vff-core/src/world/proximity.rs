@@ -114,28 +114,18 @@ impl Core {
     pub(super) fn new(shape: &Shape, angle: f64) -> Self {
         let turn = Point::from_angle(angle);
         let convex = |vertices: &[[f64; 2]], radius| {
-            let vertices: Vec<Point> = vertices
-                .iter()
-                .map(|&vertex| turn.rotate(vertex.into()))
-                .collect();
+            let vertices: Vec<Point> =
+                vertices.iter().map(|&vertex| turn.rotate(vertex.into())).collect();
             let faces = faces(&vertices);
             let solid = if faces.is_empty() {
-                Solid::Point(
-                    vertices
-                        .into_iter()
-                        .find(|v| v.is_finite())
-                        .unwrap_or_default(),
-                )
+                Solid::Point(vertices.into_iter().find(|v| v.is_finite()).unwrap_or_default())
             } else {
                 Solid::Convex(faces)
             };
             Self { solid, radius }
         };
         match shape {
-            Shape::Circle { radius } => Self {
-                solid: Solid::Point(Point::ZERO),
-                radius: *radius,
-            },
+            Shape::Circle { radius } => Self { solid: Solid::Point(Point::ZERO), radius: *radius },
             Shape::Capsule { a, b, radius } => convex(&[*a, *b], *radius),
             Shape::Box { size: [w, h] } => {
                 let (x, y) = (0.5 * w, 0.5 * h);
@@ -155,11 +145,7 @@ fn faces(vertices: &[Point]) -> Vec<Face> {
         .filter_map(|(&start, &end)| {
             let edge = end - start;
             let length = edge.length();
-            length.is_normal().then(|| Face {
-                start,
-                normal: -edge.perp() / length,
-                length,
-            })
+            length.is_normal().then(|| Face { start, normal: -edge.perp() / length, length })
         })
         .collect()
 }
@@ -200,19 +186,13 @@ impl Axis {
     fn new(capsule: &Capsule<2>) -> Self {
         let segment = Segment::new(to_glam(capsule.start), to_glam(capsule.end));
         let along = segment.scaled_direction();
-        Self {
-            segment,
-            forward: along / along.length(),
-        }
+        Self { segment, forward: along / along.length() }
     }
 
     #[inline]
     fn seen_from(&self, position: Point) -> Self {
         let Segment { a, b } = self.segment;
-        Self {
-            segment: Segment::new(a - position, b - position),
-            forward: self.forward,
-        }
+        Self { segment: Segment::new(a - position, b - position), forward: self.forward }
     }
 
     /// Left normal of the axis.
@@ -224,30 +204,20 @@ impl Axis {
     /// Distance to a point: never negative, because only by chance do the two meet.
     #[inline]
     fn to_point(self, core: Point) -> Nearest {
-        let (projection, location) = self
-            .segment
-            .project_local_point_and_get_location(core, true);
+        let (projection, location) = self.segment.project_local_point_and_get_location(core, true);
         let point = projection.point;
         if let SegmentPointLocation::OnVertex(_) = location {
             let offset = point - core;
             let distance = offset.length();
             if distance > 0.0 {
-                return Nearest {
-                    distance,
-                    normal: offset / distance,
-                    point,
-                };
+                return Nearest { distance, normal: offset / distance, point };
             }
         }
         // The foot lies between the ends: the normal of the axis is known exactly, whereas
         // the difference of the two points would lose its direction close to the core.
         let left = self.left();
         let height = left.dot(self.segment.a - core);
-        Nearest {
-            distance: height.abs(),
-            normal: if height >= 0.0 { left } else { -left },
-            point,
-        }
+        Nearest { distance: height.abs(), normal: if height >= 0.0 { left } else { -left }, point }
     }
 
     /// Signed distance to a convex polygon.
@@ -259,21 +229,14 @@ impl Axis {
     fn to_convex(self, faces: &[Face]) -> Nearest {
         let Segment { a, b } = self.segment;
         let left = self.left();
-        let undefined = Nearest {
-            distance: f64::NAN,
-            normal: left,
-            point: a,
-        };
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
         if !(a.is_finite() && b.is_finite()) {
             return undefined;
         }
 
         // One pass over the polygon: the greatest gap along its normals, its extent across and
         // along the axis, its vertex nearest to the axis.
-        let mut face = Nearest {
-            distance: f64::NEG_INFINITY,
-            ..undefined
-        };
+        let mut face = Nearest { distance: f64::NEG_INFINITY, ..undefined };
         let mut faces_edge = false;
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut rear, mut front) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -284,11 +247,7 @@ impl Axis {
             let (at_a, at_b) = (candidate.height(a), candidate.height(b));
             let (gap, end) = if at_b < at_a { (at_b, b) } else { (at_a, a) };
             if gap > face.distance {
-                face = Nearest {
-                    distance: gap,
-                    normal: candidate.normal,
-                    point: end,
-                };
+                face = Nearest { distance: gap, normal: candidate.normal, point: end };
                 faces_edge = gap > 0.0 && candidate.is_below(end);
             }
 
@@ -310,38 +269,22 @@ impl Axis {
         }
         // The axis lies to the left of the polygon by −highest, to its right by lowest.
         let flank = if -highest >= lowest {
-            Nearest {
-                distance: -highest,
-                normal: left,
-                point: high_vertex - left * highest,
-            }
+            Nearest { distance: -highest, normal: left, point: high_vertex - left * highest }
         } else {
-            Nearest {
-                distance: lowest,
-                normal: -left,
-                point: low_vertex - left * lowest,
-            }
+            Nearest { distance: lowest, normal: -left, point: low_vertex - left * lowest }
         };
         // A gap along the axis matters only beside an edge parallel to it (a segment in line
         // with the link), where no normal separates.
         let lengthwise = (-front).max(rear - length);
 
-        let overlapping = if face.distance >= flank.distance {
-            face
-        } else {
-            flank
-        };
+        let overlapping = if face.distance >= flank.distance { face } else { flank };
         if overlapping.distance.max(lengthwise) <= TOUCHING {
             return overlapping;
         }
         // Apart: nearest between an end of the axis and the inside of an edge, which then is
         // the edge with the greatest gap, or at a vertex of the polygon.
         let vertex = self.to_point(near_vertex);
-        if faces_edge && face.distance <= vertex.distance {
-            face
-        } else {
-            vertex
-        }
+        if faces_edge && face.distance <= vertex.distance { face } else { vertex }
     }
 }
 
@@ -428,20 +371,11 @@ mod tests {
     }
 
     fn translated(link: &Capsule<2>, by: Vector<2>) -> Capsule<2> {
-        Capsule {
-            start: link.start + by,
-            end: link.end + by,
-            ..*link
-        }
+        Capsule { start: link.start + by, end: link.end + by, ..*link }
     }
 
     fn fixed(shape: Shape, position: [f64; 2], angle: f64) -> Obstacle {
-        Obstacle {
-            shape,
-            position,
-            angle,
-            motion: Motion::default(),
-        }
+        Obstacle { shape, position, angle, motion: Motion::default() }
     }
 
     fn contact(link: &Capsule<2>, obstacle: &Obstacle) -> Contact<2> {
@@ -449,11 +383,7 @@ mod tests {
     }
 
     fn capsule(start: [f64; 2], end: [f64; 2], radius: f64) -> Capsule<2> {
-        Capsule {
-            start: start.into(),
-            end: end.into(),
-            radius,
-        }
+        Capsule { start: start.into(), end: end.into(), radius }
     }
 
     fn any_link() -> impl Strategy<Value = Capsule<2>> {
@@ -467,13 +397,8 @@ mod tests {
     }
 
     fn any_polygon() -> impl Strategy<Value = Shape> {
-        (
-            prop::collection::vec(0.0..0.9, 3..9),
-            0.1..1.5,
-            0.1..1.5,
-            any::<bool>(),
-        )
-            .prop_map(|(jitter, width, height, clockwise)| {
+        (prop::collection::vec(0.0..0.9, 3..9), 0.1..1.5, 0.1..1.5, any::<bool>()).prop_map(
+            |(jitter, width, height, clockwise)| {
                 let n = jitter.len() as f64;
                 let mut vertices: Vec<_> = jitter
                     .iter()
@@ -485,18 +410,15 @@ mod tests {
                     vertices.reverse();
                 }
                 Shape::Polygon { vertices }
-            })
+            },
+        )
     }
 
     fn any_obstacle() -> impl Strategy<Value = Obstacle> {
         let coordinate = || -1.0..1.0;
         let shape = prop_oneof![
             (0.0..0.5).prop_map(|radius| Shape::Circle { radius }),
-            (
-                [coordinate(), coordinate()],
-                [coordinate(), coordinate()],
-                0.0..0.5
-            )
+            ([coordinate(), coordinate()], [coordinate(), coordinate()], 0.0..0.5)
                 .prop_map(|(a, b, radius)| Shape::Capsule { a, b, radius }),
             [0.05..2.0, 0.05..2.0].prop_map(|size| Shape::Box { size }),
             any_polygon(),
@@ -695,11 +617,7 @@ mod tests {
     #[test]
     fn crossing_a_capsule_leaves_the_shorter_way() {
         let link = capsule([0.0, -1.0], [0.0, 3.0], 0.0);
-        let bar = |a, b| Shape::Capsule {
-            a: [a, 0.0],
-            b: [b, 0.0],
-            radius: 0.1,
-        };
+        let bar = |a, b| Shape::Capsule { a: [a, 0.0], b: [b, 0.0], radius: 0.1 };
         for (a, b, depth, normal) in [
             (-2.0, 0.5, 0.5, vec2(1.0, 0.0)),
             (-0.5, 2.0, 0.5, vec2(-1.0, 0.0)),
@@ -729,15 +647,8 @@ mod tests {
 
     #[test]
     fn collinear_segments_apart() {
-        let bar = Shape::Capsule {
-            a: [-1.0, 0.0],
-            b: [1.0, 0.0],
-            radius: 0.0,
-        };
-        let found = contact(
-            &capsule([6.0, 0.0], [4.0, 0.0], 0.0),
-            &fixed(bar, [0.0; 2], 0.0),
-        );
+        let bar = Shape::Capsule { a: [-1.0, 0.0], b: [1.0, 0.0], radius: 0.0 };
+        let found = contact(&capsule([6.0, 0.0], [4.0, 0.0], 0.0), &fixed(bar, [0.0; 2], 0.0));
         assert!((found.distance - 3.0).abs() < 1e-15);
         assert_near(found.normal, vec2(1.0, 0.0));
         assert_near(found.point, vec2(4.0, 0.0));
@@ -748,19 +659,11 @@ mod tests {
     fn unusable_values_do_not_panic() {
         let shapes = [
             Shape::Circle { radius: f64::NAN },
-            Shape::Capsule {
-                a: [0.0; 2],
-                b: [0.0; 2],
-                radius: 0.1,
-            },
+            Shape::Capsule { a: [0.0; 2], b: [0.0; 2], radius: 0.1 },
             Shape::Box { size: [0.0, 1.0] },
-            Shape::Box {
-                size: [f64::NAN, 1.0],
-            },
+            Shape::Box { size: [f64::NAN, 1.0] },
             Shape::Polygon { vertices: vec![] },
-            Shape::Polygon {
-                vertices: vec![[1.0, 1.0]; 3],
-            },
+            Shape::Polygon { vertices: vec![[1.0, 1.0]; 3] },
         ];
         for shape in shapes {
             for value in [0.0, 1e-200, 1e200, f64::INFINITY, f64::NAN] {
@@ -781,18 +684,10 @@ mod tests {
         let link = capsule([f64::NAN, 0.0], [1.0, f64::NAN], 0.1);
         for shape in [
             Shape::Circle { radius: 0.1 },
-            Shape::Capsule {
-                a: [0.0; 2],
-                b: [1.0; 2],
-                radius: 0.1,
-            },
+            Shape::Capsule { a: [0.0; 2], b: [1.0; 2], radius: 0.1 },
             Shape::Box { size: [1.0; 2] },
         ] {
-            assert!(
-                contact(&link, &fixed(shape, [0.0; 2], 0.0))
-                    .distance
-                    .is_nan()
-            );
+            assert!(contact(&link, &fixed(shape, [0.0; 2], 0.0)).distance.is_nan());
         }
     }
 }

@@ -70,9 +70,7 @@ fn signed_area(vertices: &[[f64; 2]]) -> f64 {
     let Some((&first, rest)) = vertices.split_first() else {
         return 0.0;
     };
-    rest.windows(2)
-        .map(|pair| 0.5 * turn(first, pair[0], pair[1]))
-        .sum()
+    rest.windows(2).map(|pair| 0.5 * turn(first, pair[0], pair[1])).sum()
 }
 
 /// Cross product of `b − a` and `c − a`: positive when `c` lies to the left of `a → b`.

@@ -1,0 +1,182 @@
+//! The paper's explicit form: extended Jacobian, null-space basis and all (eq. 6–23, corrected).
+//!
+//! ```text
+//! ν = N_M q̇            N_M = (ZᵀMZ)⁻¹ZᵀM                                    (eq. 6–8)
+//! ẋ_e = [ẋ; ν] = J_e q̇,   J_e = [J; N_M],   J_e⁻¹ = [J#, Z]                     (eq. 9–12)
+//! J_e⁻ᵀ(τ − g) = E_e ẍ_e + μ ẋ_e                                              (eq. 13–15)
+//! E_e = blockdiag(Λ, Λ_n),   μ = J_e⁻ᵀ(C − M J_e⁻¹ J̇_e) J_e⁻¹
+//! ```
+//!
+//! It computes the same torque as [`super::law`] from dense matrices and a basis Z, and shares no
+//! code with it: each is the other's oracle. It is also what a user inspects.
+
+use super::{Gains, Law, OperationalSpace, Projection};
+use crate::robot::{Matrices, Robot};
+use nalgebra::{DMatrix, DVector, SVector};
+
+/// The extended Jacobian of a robot at one state, with n joints and r = n − M.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExtendedJacobian {
+    /// Orthonormal basis of the null space of J, (n, r).
+    pub z: DMatrix<f64>,
+    /// N_M = (ZᵀMZ)⁻¹ZᵀM, (r, n).
+    pub n_m: DMatrix<f64>,
+    /// J_e = [J; N_M], (n, n).
+    pub j_e: DMatrix<f64>,
+    /// J_e⁻¹ = [J#, Z], (n, n).
+    pub j_e_inv: DMatrix<f64>,
+    /// E_e = blockdiag(Λ, Λ_n), (n, n).
+    pub e_e: DMatrix<f64>,
+    /// μ, (n, n): Ė_e − 2μ is skew.
+    pub mu: DMatrix<f64>,
+    /// Λ, (M, M).
+    pub lambda_x: DMatrix<f64>,
+    /// Λ_n = ZᵀMZ, (r, r).
+    pub lambda_n: DMatrix<f64>,
+}
+
+impl ExtendedJacobian {
+    /// Builds every matrix from the robot's. `None` where J has not full rank or n < M: there the
+    /// extended Jacobian does not exist.
+    pub fn new<const M: usize>(robot: &Matrices<M>) -> Option<Self> {
+        let z = null_space_basis(robot)?;
+        Self::with_basis(robot, z)
+    }
+
+    /// As [`new`](Self::new), with another orthonormal basis Z of the null space, (n, r).
+    pub fn with_basis<const M: usize>(robot: &Matrices<M>, z: DMatrix<f64>) -> Option<Self> {
+        let Matrices { mass, coriolis, .. } = robot;
+        let n = mass.nrows();
+        let r = n - M;
+        let j = DMatrix::from_fn(M, n, |i, k| robot.jacobian[(i, k)]);
+        let j_dot = DMatrix::from_fn(M, n, |i, k| robot.jacobian_dot[(i, k)]);
+
+        // Λ, J# and the null inertia.
+        let mass_factor = mass.clone().cholesky()?;
+        let y = mass_factor.solve(&j.transpose());
+        let lambda_x = (&j * &y).try_inverse()?;
+        let pinv = &y * &lambda_x;
+        let z_t = z.transpose();
+        let lambda_n = &z_t * mass * &z;
+        let null_factor = lambda_n.clone().cholesky()?;
+        let n_m = null_factor.solve(&(&z_t * mass));
+
+        let j_e = stack(&j, &n_m);
+        let mut j_e_inv = DMatrix::zeros(n, n);
+        j_e_inv.columns_mut(0, M).copy_from(&pinv);
+        j_e_inv.columns_mut(M, r).copy_from(&z);
+        let mut e_e = DMatrix::zeros(n, n);
+        e_e.view_mut((0, 0), (M, M)).copy_from(&lambda_x);
+        e_e.view_mut((M, M), (r, r)).copy_from(&lambda_n);
+
+        // Ż = −J⁺J̇Z keeps JZ = 0; Ṁ = C + Cᵀ; from both, Ṅ_M.
+        let j_pinv = j.transpose() * (&j * j.transpose()).try_inverse()?;
+        let z_dot_t = (-(j_pinv * &j_dot * &z)).transpose();
+        let mass_dot = coriolis + coriolis.transpose();
+        let moved = &z_dot_t * mass + &z_t * mass_dot;
+        let lambda_n_dot = &moved * &z + &z_t * mass * z_dot_t.transpose();
+        let n_m_dot = null_factor.solve(&(moved - lambda_n_dot * &n_m));
+
+        let j_e_dot = stack(&j_dot, &n_m_dot);
+        let mu = j_e_inv.transpose() * (coriolis - mass * &j_e_inv * j_e_dot) * &j_e_inv;
+        Some(Self { z, n_m, j_e, j_e_inv, e_e, mu, lambda_x, lambda_n })
+    }
+
+    /// The dynamically consistent null projector N = Z N_M, (n, n).
+    pub fn null_projector(&self) -> DMatrix<f64> {
+        &self.z * &self.n_m
+    }
+}
+
+/// An orthonormal basis of the null space of J: the last n − M columns of the orthogonal factor of
+/// Jᵀ. `None` for n < M or rank-deficient J.
+fn null_space_basis<const M: usize>(robot: &Matrices<M>) -> Option<DMatrix<f64>> {
+    let n = robot.jacobian.ncols();
+    if n < M {
+        return None;
+    }
+    let j_t = DMatrix::from_fn(n, M, |k, i| robot.jacobian[(i, k)]);
+    let qr = j_t.qr();
+    let r = qr.r();
+    let diagonal = r.diagonal().map(f64::abs);
+    if diagonal.min() <= 1e-14 * diagonal.max() {
+        return None;
+    }
+    let mut q_t = DMatrix::identity(n, n);
+    qr.q_tr_mul(&mut q_t);
+    Some(q_t.rows(M, n - M).transpose())
+}
+
+/// `upper` on top of `lower`.
+fn stack(upper: &DMatrix<f64>, lower: &DMatrix<f64>) -> DMatrix<f64> {
+    let (m, r) = (upper.nrows(), lower.nrows());
+    let mut out = DMatrix::zeros(m + r, upper.ncols());
+    out.rows_mut(0, m).copy_from(upper);
+    out.rows_mut(m, r).copy_from(lower);
+    out
+}
+
+/// The torque of the explicit form, written into `law` (eq. 16–23 corrected):
+///
+/// ```text
+/// J_e⁻ᵀ(τ − g) = [ Λ ẍ_c + μ_xx ẋ + μ_xn ν ;  μ_nx ẋ + Zᵀ(τ_sec − D_q Z ν) ]
+/// ```
+///
+/// Where the extended Jacobian does not exist (rank-deficient J), the recursive law takes over.
+pub fn evaluate<R: Robot<D>, const D: usize, const M: usize>(
+    robot: &R,
+    space: &OperationalSpace<M>,
+    gains: &Gains<M>,
+    ddx_c: &SVector<f64, M>,
+    tau_sec: &[f64],
+    law: &mut Law,
+) {
+    let matrices = robot.matrices::<M>();
+    let extended = if space.singular { None } else { ExtendedJacobian::new(&matrices) };
+    let Some(extended) = extended else {
+        law.evaluate(robot, space, gains, ddx_c, tau_sec);
+        return;
+    };
+    let ExtendedJacobian { z, n_m, j_e, mu, lambda_x, .. } = &extended;
+    let r = z.ncols();
+    let root_d = DMatrix::from_diagonal(&DVector::from_column_slice(&gains.sqrt_null_damping));
+    let damping = &root_d * &matrices.mass * &root_d; // D_q = √d M √d
+    let tau_sec = DVector::from_column_slice(tau_sec);
+
+    let dx_e = j_e * &matrices.velocity; // [ẋ; ν]
+    let nu = dx_e.rows(M, r).into_owned();
+    let coupling = mu.rows(0, M) * &dx_e; // μ_xx ẋ + μ_xn ν
+    let task_force = lambda_x * DVector::from_column_slice(ddx_c.as_slice()) + coupling;
+    let null_damping = &damping * z * &nu;
+    let secondary = &tau_sec - &null_damping;
+    let mu_nx_dx = mu.view((M, 0), (r, M)) * dx_e.rows(0, M);
+
+    let jacobian_t = j_e.rows(0, M).transpose();
+    let tau_task = &matrices.gravity + jacobian_t * task_force;
+    // μ_nx ẋ is an r-vector; N_Mᵀ carries it to the joints in every variant.
+    let tau_null = match gains.projection {
+        Projection::Dynamic => n_m.transpose() * (z.transpose() * secondary + mu_nx_dx),
+        Projection::Kinematic => {
+            z * (z.transpose() * (secondary + coupling_torque(&extended, &matrices, &dx_e)))
+        }
+        Projection::None => secondary + coupling_torque(&extended, &matrices, &dx_e),
+    };
+    law.damping_power = (z * &nu).dot(&null_damping);
+    law.torque.task.copy_from_slice(tau_task.as_slice());
+    law.torque.null.copy_from_slice(tau_null.as_slice());
+    law.torque.total.copy_from_slice((tau_task + tau_null).as_slice());
+}
+
+/// −Sᵀẋ with S = J#ᵀC − ΛJ̇, the coupling before projection; only the comparison projectors need
+/// it in joint space.
+fn coupling_torque<const M: usize>(
+    extended: &ExtendedJacobian,
+    robot: &Matrices<M>,
+    dx_e: &DVector<f64>,
+) -> DVector<f64> {
+    let dx = dx_e.rows(0, M);
+    let pinv = extended.j_e_inv.columns(0, M);
+    let j_dot_t = robot.jacobian_dot.transpose();
+    let momentum = SVector::<f64, M>::from_column_slice((&extended.lambda_x * dx).as_slice());
+    j_dot_t * momentum - robot.coriolis.transpose() * (pinv * dx)
+}

@@ -1,0 +1,152 @@
+//! The task's inertia and the null projector, without forming either as an n×n matrix.
+
+use crate::robot::Robot;
+use nalgebra::{SMatrix, SVector};
+
+/// Y = M⁻¹Jᵀ, Λ = (J Y)⁻¹ and ẋ at one state; J# = Y Λ and N = I − J#J act through them.
+#[derive(Debug, Clone)]
+pub struct OperationalSpace<const M: usize> {
+    /// Y = M⁻¹Jᵀ, one row per joint.
+    pub y: Vec<SVector<f64, M>>,
+    /// Λ = (J M⁻¹ Jᵀ)⁻¹, the inertia seen at the end effector. Where the arm cannot move in some
+    /// direction, the inverse on the directions that remain.
+    pub lambda: SMatrix<f64, M, M>,
+    /// Λ for the task force: as `lambda`, damped close to a singularity (THEORY §4), so that the
+    /// force stays finite while the projector stays exact.
+    pub lambda_damped: SMatrix<f64, M, M>,
+    /// ẋ = J q̇.
+    pub dx: SVector<f64, M>,
+    /// Whether the damping was active.
+    pub singular: bool,
+    threshold: f64,
+}
+
+impl<const M: usize> OperationalSpace<M> {
+    /// For `n` joints; damping starts when an eigenvalue of Λ⁻¹ falls below `threshold` [1/kg]
+    /// (orientation counted at a characteristic length of 1 m).
+    pub fn new(n: usize, threshold: f64) -> Self {
+        Self {
+            y: vec![SVector::zeros(); n],
+            lambda: SMatrix::zeros(),
+            lambda_damped: SMatrix::zeros(),
+            dx: SVector::zeros(),
+            singular: false,
+            threshold,
+        }
+    }
+
+    /// Takes over the state of `robot`.
+    pub fn refresh<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        let lambda_inv = robot.task_response(&mut self.y);
+        self.dx = robot.jacobian_mul(robot.velocity());
+        // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
+        // than the inverse.
+        let regular = lambda_inv.try_inverse().filter(|l| {
+            let trace = l.trace();
+            trace > 0.0 && trace * self.threshold < 1.0
+        });
+        self.singular = regular.is_none();
+        (self.lambda, self.lambda_damped) = match regular {
+            Some(lambda) => (lambda, lambda),
+            None => self.near_singularity(lambda_inv),
+        };
+    }
+
+    /// Per eigenvalue σ of Λ⁻¹: 1/σ for the projector as long as σ is distinguishable from zero,
+    /// and σ/(σ² + λ²) for the task force with λ² = σ₀²(1 − σ²/σ₀²)² below the threshold σ₀.
+    #[cold]
+    fn near_singularity(
+        &self,
+        lambda_inv: SMatrix<f64, M, M>,
+    ) -> (SMatrix<f64, M, M>, SMatrix<f64, M, M>) {
+        let (values, vectors) = symmetric_eigen(lambda_inv);
+        let rank_floor = 1e-13 * lambda_inv.trace();
+        let exact = values.map(|s| if s > rank_floor { 1.0 / s } else { 0.0 });
+        let damped = values.map(|s| {
+            let ratio = s / self.threshold;
+            let fade = (1.0 - ratio * ratio).max(0.0);
+            let lambda = if s < self.threshold { self.threshold * fade } else { 0.0 };
+            s / (s * s + lambda * lambda).max(f64::MIN_POSITIVE)
+        });
+        let compose = |d: &SVector<f64, M>| {
+            vectors * SMatrix::from_fn(|i, j| if i == j { d[i] } else { 0.0 }) * vectors.transpose()
+        };
+        (compose(&exact), compose(&damped))
+    }
+
+    /// `J M⁻¹ y = Yᵀ y`, the end effector's acceleration per joint torque.
+    #[inline]
+    pub fn response(&self, torque: &[f64]) -> SVector<f64, M> {
+        let mut sum = SVector::zeros();
+        for (row, t) in self.y.iter().zip(torque) {
+            sum += row * *t;
+        }
+        sum
+    }
+
+    /// `J#ᵀ y = Λ Yᵀ y`, the task force of a joint torque.
+    #[inline]
+    pub fn pinv_tr_mul(&self, torque: &[f64]) -> SVector<f64, M> {
+        self.lambda * self.response(torque)
+    }
+
+    /// `out = J# v = Y Λ v`, the least-kinetic-energy joint velocity of a task velocity.
+    #[inline]
+    pub fn pinv_mul(&self, v: &SVector<f64, M>, out: &mut [f64]) {
+        let force = self.lambda * v;
+        for (row, out) in self.y.iter().zip(out) {
+            *out = row.dot(&force);
+        }
+    }
+}
+
+/// Eigenvalues and eigenvectors (columns) of a small symmetric matrix by cyclic Jacobi rotations.
+///
+/// nalgebra's own needs bounds that a generic `M` cannot state, and this runs only near a
+/// singularity.
+fn symmetric_eigen<const M: usize>(
+    mut a: SMatrix<f64, M, M>,
+) -> (SVector<f64, M>, SMatrix<f64, M, M>) {
+    let mut v = SMatrix::<f64, M, M>::identity();
+    for _ in 0..16 {
+        for p in 0..M {
+            for q in p + 1..M {
+                if a[(p, q)].abs() <= f64::EPSILON * f64::EPSILON * a.trace().abs() {
+                    continue;
+                }
+                let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * a[(p, q)]);
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let c = 1.0 / t.hypot(1.0);
+                let mut rotation = SMatrix::<f64, M, M>::identity();
+                rotation[(p, p)] = c;
+                rotation[(q, q)] = c;
+                rotation[(p, q)] = t * c;
+                rotation[(q, p)] = -t * c;
+                a = rotation.transpose() * a * rotation;
+                v *= rotation;
+            }
+        }
+    }
+    (a.diagonal(), v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+
+    /// A = V diag(σ) Vᵀ with orthonormal V, also with repeated and zero eigenvalues.
+    #[test]
+    fn jacobi_diagonalises() {
+        for a in [
+            Matrix3::new(2.0, 0.3, -0.1, 0.3, 1.0, 0.7, -0.1, 0.7, 3.0),
+            Matrix3::new(1.0, 2.0, 3.0, 2.0, 4.0, 6.0, 3.0, 6.0, 9.0),
+            Matrix3::identity() * 2.0,
+        ] {
+            let (values, v) = symmetric_eigen(a);
+            let back = v * Matrix3::from_diagonal(&values) * v.transpose();
+            assert!((back - a).norm() < 1e-14 * a.norm());
+            assert!((v.transpose() * v - Matrix3::identity()).norm() < 1e-14);
+        }
+    }
+}

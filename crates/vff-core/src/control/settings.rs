@@ -1,0 +1,162 @@
+//! What a user can set on a controller, and the same resolved for one robot.
+
+use crate::field::Field;
+use crate::math::Broadcast;
+use nalgebra::SVector;
+use serde::Deserialize;
+
+/// Which form of the law computes the torque. Both give the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Formulation {
+    /// The basis-free law on O(n) operators.
+    #[default]
+    Recursive,
+    /// The paper's explicit form with Z, N_M, J_e and μ; O(n³), allocates.
+    ExtendedJacobian,
+}
+
+/// Through which projector the secondary torque acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Projection {
+    /// W = M: no acceleration of the end effector.
+    #[default]
+    Dynamic,
+    /// W = I: statically consistent only, for comparison.
+    Kinematic,
+    /// Not projected, as the paper prints τ_total, for comparison.
+    None,
+}
+
+/// What happens when the null space alone cannot avoid.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Avoidance {
+    /// The end effector's task always wins.
+    #[default]
+    NullSpace,
+}
+
+/// The dimension of the task.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TaskKind {
+    /// Position of the end effector, M = 2.
+    #[default]
+    Position,
+    /// Position and orientation, M = 3.
+    Pose,
+}
+
+impl TaskKind {
+    /// The number of task coordinates.
+    pub fn dimension(self) -> usize {
+        match self {
+            Self::Position => 2,
+            Self::Pose => 3,
+        }
+    }
+}
+
+/// Everything that can be set on a controller: the `[controller]` table of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// What the end effector has to do.
+    pub task: TaskKind,
+    /// K [1/s²] per axis or for all, ≥ 0.
+    pub stiffness: Broadcast,
+    /// D [1/s] per axis or for all, ≥ 0.
+    pub damping: Broadcast,
+    /// d [1/s] per joint or for all, ≥ 0: D_q = √d M √d.
+    pub null_damping: Broadcast,
+    /// Preferred configuration q_d [rad] of the posture spring.
+    pub posture: Option<Vec<f64>>,
+    /// K_v [N·m/rad] of the posture spring per joint or for all, ≥ 0.
+    pub posture_stiffness: Broadcast,
+    /// The virtual force field.
+    pub field: Field,
+    /// Which form of the law.
+    pub formulation: Formulation,
+    /// Which projector.
+    pub projection: Projection,
+    /// Which answer where the null space is not enough.
+    pub avoidance: Avoidance,
+    /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
+    /// 1/(mass of the arm), > 0.
+    pub singularity: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            task: TaskKind::Position,
+            stiffness: Broadcast::Uniform(16.0),
+            damping: Broadcast::Uniform(8.0),
+            null_damping: Broadcast::Uniform(2.0),
+            posture: None,
+            posture_stiffness: Broadcast::Uniform(0.0),
+            field: Field::OFF,
+            formulation: Formulation::Recursive,
+            projection: Projection::Dynamic,
+            avoidance: Avoidance::NullSpace,
+            singularity: 1e-3,
+        }
+    }
+}
+
+/// [`Settings`] resolved for a robot of n joints and a task of dimension `M`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gains<const M: usize> {
+    /// K [1/s²].
+    pub stiffness: SVector<f64, M>,
+    /// D [1/s].
+    pub damping: SVector<f64, M>,
+    /// √d [1/√s], one per joint.
+    pub sqrt_null_damping: Vec<f64>,
+    /// Posture spring: (q_d [rad], K_v [N·m/rad]) per joint, empty without posture.
+    pub posture: Vec<(f64, f64)>,
+    /// The virtual force field.
+    pub field: Field,
+    /// Which form of the law.
+    pub formulation: Formulation,
+    /// Which projector.
+    pub projection: Projection,
+    /// See [`Settings::singularity`].
+    pub singularity: f64,
+}
+
+impl<const M: usize> Gains<M> {
+    /// Resolves settings whose lengths [`crate::scenario`] has checked.
+    pub fn new(settings: &Settings, n: usize) -> Self {
+        let posture = settings.posture.as_deref().unwrap_or_default();
+        Self {
+            stiffness: SVector::from_fn(|i, _| settings.stiffness.get(i)),
+            damping: SVector::from_fn(|i, _| settings.damping.get(i)),
+            sqrt_null_damping: (0..n).map(|i| settings.null_damping.get(i).sqrt()).collect(),
+            posture: posture
+                .iter()
+                .enumerate()
+                .map(|(i, q)| (*q, settings.posture_stiffness.get(i)))
+                .collect(),
+            field: settings.field,
+            formulation: settings.formulation,
+            projection: settings.projection,
+            singularity: settings.singularity,
+        }
+    }
+
+    /// `out = K_v (q_d − q)`, zero without a posture.
+    pub fn posture_torque(&self, q: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for ((out, q), (rest, stiffness)) in out.iter_mut().zip(q).zip(&self.posture) {
+            *out = stiffness * (rest - q);
+        }
+    }
+
+    /// ½ (q_d − q)ᵀ K_v (q_d − q) [J].
+    pub fn posture_energy(&self, q: &[f64]) -> f64 {
+        q.iter().zip(&self.posture).map(|(q, (rest, k))| 0.5 * k * (rest - q) * (rest - q)).sum()
+    }
+}

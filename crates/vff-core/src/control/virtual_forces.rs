@@ -1,0 +1,135 @@
+//! The push of the field: forces on the links, their torque, and the power they exchange.
+
+use super::{OperationalSpace, dot};
+use crate::field::{Field, Response};
+use crate::math::Vector;
+use crate::robot::Robot;
+use crate::world::Contact;
+
+/// What the virtual force field does to every link at one instant.
+#[derive(Debug, Clone)]
+pub struct VirtualForces<W, const D: usize> {
+    clearance: Vec<f64>,
+    resultant: Vec<Vector<D>>,
+    torque: Vec<f64>,
+    wrenches: Vec<W>,
+    column: Vec<f64>,
+    potential: f64,
+    potential_rate: f64,
+}
+
+impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
+    /// For an arm of `n` links.
+    pub fn new(n: usize) -> Self {
+        Self {
+            clearance: vec![f64::INFINITY; n],
+            resultant: vec![Vector::zeros(); n],
+            torque: vec![0.0; n],
+            wrenches: vec![W::default(); n],
+            column: vec![0.0; n],
+            potential: 0.0,
+            potential_rate: 0.0,
+        }
+    }
+
+    /// Signed surface distance from each link to the nearest obstacle [m]; ∞ without obstacles.
+    pub fn clearance(&self) -> &[f64] {
+        &self.clearance
+    }
+
+    /// The sum of the repulsive forces on each link [N].
+    pub fn resultant(&self) -> &[Vector<D>] {
+        &self.resultant
+    }
+
+    /// τ_vff = Σ J_cᵀF, the paper's virtual external torque τ_e, before projection [N·m].
+    pub fn torque(&self) -> &[f64] {
+        &self.torque
+    }
+
+    /// U, the potential of all pairs [J].
+    pub fn potential(&self) -> f64 {
+        self.potential
+    }
+
+    /// U̇ [W], from the motion of the links and of the obstacles.
+    pub fn potential_rate(&self) -> f64 {
+        self.potential_rate
+    }
+
+    /// Sums the field over all pairs: nearest-only would jump when another pair becomes nearest.
+    pub fn refresh<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        contacts: &[Contact<D>],
+    ) {
+        self.clearance.fill(f64::INFINITY);
+        self.resultant.fill(Vector::zeros());
+        self.wrenches.fill(W::default());
+        (self.potential, self.potential_rate) = (0.0, 0.0);
+        let mut active = false;
+        for contact in contacts {
+            let clearance = &mut self.clearance[contact.link];
+            *clearance = clearance.min(contact.distance);
+            if contact.distance < field.influence && field.gain > 0.0 {
+                active = true;
+                self.push(robot, space, field, contact);
+            }
+        }
+        if active {
+            robot.wrenches_tr_mul(&self.wrenches, &mut self.torque);
+        } else {
+            self.torque.fill(0.0);
+        }
+    }
+
+    fn push<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        contact: &Contact<D>,
+    ) {
+        let Contact { link, point, normal, .. } = contact;
+        let response = field.at(contact.distance);
+        let closing = normal.dot(&(contact.velocity - robot.point_velocity(*link, point))); // −ḋ
+        self.potential += response.potential;
+        self.potential_rate += response.force * closing;
+        let mut force = response.force;
+        if field.approach_damping > 0.0 && closing > 0.0 {
+            force += self.approach_damping(robot, space, field, contact, response) * closing;
+        }
+        let force = normal * force;
+        self.resultant[*link] += force;
+        robot.add_force(&mut self.wrenches, *link, point, &force);
+    }
+
+    /// c = 2 ζ √(k m_n) h(d) [N·s/m], with the mass m_n that the null space shows along the normal,
+    /// 1/m_n = n̂ᵀ J_c N M⁻¹ J_cᵀ n̂ (THEORY §4).
+    fn approach_damping<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        contact: &Contact<D>,
+        response: Response,
+    ) -> f64 {
+        let Contact { link, point, normal, .. } = contact;
+        robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
+        let along_task = space.response(&self.column);
+        let free = robot.point_mobility(*link, point, normal);
+        let in_null_space = free - along_task.dot(&(space.lambda * along_task));
+        // Where the null space cannot move the point there is no mass to damp against: the whole
+        // arm's mobility bounds the coefficient from above by no more than its own.
+        let mass = 1.0 / in_null_space.max(1e-3 * free);
+        let ratio = field.approach_damping * field.approach_window(contact.distance);
+        2.0 * ratio * (response.stiffness * mass).sqrt()
+    }
+
+    /// The power of the virtual forces on the arm, q̇ᵀτ_vff [W].
+    pub fn power(&self, dq: &[f64]) -> f64 {
+        dot(dq, &self.torque)
+    }
+}

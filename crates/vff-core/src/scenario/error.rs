@@ -1,0 +1,135 @@
+//! What can be wrong with a scenario, and how it is said.
+
+use std::fmt;
+
+/// One fault of a scenario: where, and what.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{}{problem}", prefix(.path))]
+pub struct ScenarioError {
+    /// Dotted path of the value, e.g. `obstacles[1].shape.radius`; empty for the whole document.
+    pub path: String,
+    /// What is wrong there.
+    pub problem: Problem,
+}
+
+fn prefix(path: &str) -> String {
+    if path.is_empty() { String::new() } else { format!("{path}: ") }
+}
+
+/// What is wrong with a value.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Problem {
+    /// The text is not TOML; the message shows line and column.
+    #[error("not valid TOML\n{0}")]
+    Syntax(String),
+    /// A key that does not exist.
+    #[error("unknown key `{key}`{}", hint(key, allowed))]
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// The keys that exist here.
+        allowed: Vec<String>,
+    },
+    /// A key that has to be there.
+    #[error("missing key `{0}`")]
+    MissingKey(String),
+    /// A name that is not among the choices.
+    #[error("unknown value `{given}`{}", hint(given, allowed))]
+    UnknownChoice {
+        /// The name.
+        given: String,
+        /// The choices.
+        allowed: Vec<String>,
+    },
+    /// A value of another type.
+    #[error("expected {expected}, got {given}")]
+    WrongType {
+        /// What would be right.
+        expected: String,
+        /// What was given.
+        given: String,
+    },
+    /// A list of another length.
+    #[error("expected {expected} {}, got {given}", if *.expected == 1 { "value" } else { "values" })]
+    WrongLength {
+        /// How many there should be.
+        expected: usize,
+        /// How many there are.
+        given: usize,
+    },
+    /// A number or list out of its range.
+    #[error("must be {requirement}, got {given}")]
+    OutOfRange {
+        /// What would be right.
+        requirement: String,
+        /// What was given.
+        given: String,
+    },
+    /// The reference leaves what the arm can reach.
+    #[error(
+        "leaves the reach of the arm at t = {time:.4} s: the point ({x:.4}, {y:.4}) m is {distance:.4} m \
+         from the base, reachable is {inner:.4} to {outer:.4} m"
+    )]
+    Unreachable {
+        /// The first time at which it does [s].
+        time: f64,
+        /// The point to be reached [m].
+        x: f64,
+        /// The point to be reached [m].
+        y: f64,
+        /// Its distance from the base [m].
+        distance: f64,
+        /// The smallest distance that can be reached [m].
+        inner: f64,
+        /// The largest distance that can be reached [m].
+        outer: f64,
+    },
+    /// Anything else, in a sentence.
+    #[error("{0}")]
+    Other(String),
+}
+
+/// The nearest allowed name, if one is near, and all of them.
+fn hint(given: &str, allowed: &[String]) -> String {
+    struct List<'a>(&'a [String]);
+    impl fmt::Display for List<'_> {
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            for (i, name) in self.0.iter().enumerate() {
+                write!(f, "{}`{name}`", if i == 0 { "" } else { ", " })?;
+            }
+            Ok(())
+        }
+    }
+    let similarity = |name: &String| strsim::jaro_winkler(&given.to_lowercase(), name);
+    let nearest = allowed.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
+    match nearest.filter(|name| similarity(name) > 0.75) {
+        Some(name) => format!(", did you mean `{name}`? Allowed: {}", List(allowed)),
+        None => format!("; allowed: {}", List(allowed)),
+    }
+}
+
+impl ScenarioError {
+    /// A fault at `path`.
+    pub fn new(path: impl Into<String>, problem: Problem) -> Self {
+        Self { path: path.into(), problem }
+    }
+
+    /// A value at `path` that is not what is required.
+    pub fn out_of_range(
+        path: impl Into<String>,
+        requirement: &str,
+        given: impl fmt::Debug,
+    ) -> Self {
+        let problem =
+            Problem::OutOfRange { requirement: requirement.into(), given: format!("{given:?}") };
+        Self::new(path, problem)
+    }
+
+    /// The same fault, seen from the value that contains it under `key` (or `[index]`).
+    #[must_use]
+    pub fn inside(mut self, key: &str) -> Self {
+        let separator = if self.path.is_empty() || self.path.starts_with('[') { "" } else { "." };
+        self.path = format!("{key}{separator}{}", self.path);
+        self
+    }
+}

@@ -1,0 +1,140 @@
+//! Whether the parts of a scenario make sense, one function a part.
+//!
+//! Types, unknown and missing keys have been judged by [`super::document`]; here are the values.
+
+use super::arm::{each, length, not_negative, number, positive};
+use super::error::{Problem, ScenarioError};
+use crate::control::Settings;
+use crate::field::{Field, FieldKind};
+use crate::simulation::{Control, Options};
+use crate::world::{Motion, Obstacle, Shape, is_convex};
+use toml::Value;
+
+type Judged = Result<(), ScenarioError>;
+
+/// Every number of the document is finite.
+pub fn finite(value: &Value) -> Judged {
+    match value {
+        Value::Float(x) if !x.is_finite() => {
+            Err(ScenarioError::out_of_range("", "a finite number", x))
+        }
+        Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
+            finite(value).map_err(|error| error.inside(&format!("[{i}]")))
+        }),
+        Value::Table(table) => table
+            .iter()
+            .try_for_each(|(key, value)| finite(value).map_err(|error| error.inside(key))),
+        _ => Ok(()),
+    }
+}
+
+/// `[simulation]`.
+pub fn simulation(options: &Options) -> Judged {
+    number("dt", options.dt, positive)?;
+    for (path, value) in
+        [("control_every", options.control_every), ("record_every", options.record_every)]
+    {
+        if value == 0 {
+            return Err(ScenarioError::out_of_range(path, "1 or more", value));
+        }
+    }
+    if options.control == Control::Continuous && options.control_every != 1 {
+        let given = options.control_every;
+        return Err(ScenarioError::out_of_range(
+            "control_every",
+            "1 with continuous control",
+            given,
+        ));
+    }
+    Ok(())
+}
+
+/// `[controller]` on its own, for n joints where the arm is known.
+pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
+    let m = settings.task.dimension();
+    each("stiffness", &settings.stiffness, m, not_negative)?;
+    each("damping", &settings.damping, m, not_negative)?;
+    let joints = |given: &crate::math::Broadcast| n.unwrap_or(given.values().len());
+    each("null_damping", &settings.null_damping, joints(&settings.null_damping), not_negative)?;
+    let stiffness = &settings.posture_stiffness;
+    each("posture_stiffness", stiffness, joints(stiffness), not_negative)?;
+    match &settings.posture {
+        Some(posture) => length("posture", posture.len(), n.unwrap_or(posture.len()))?,
+        None if stiffness.values().iter().any(|k| *k > 0.0) => {
+            let problem =
+                Problem::Other("needs `posture`, the angles that the spring pulls to".into());
+            return Err(ScenarioError::new("posture_stiffness", problem));
+        }
+        None => {}
+    }
+    number("singularity", settings.singularity, positive)?;
+    field(&settings.field).map_err(|error| error.inside("field"))
+}
+
+/// `[controller.field]`.
+pub fn field(field: &Field) -> Judged {
+    number("gain", field.gain, not_negative)?;
+    number("influence", field.influence, positive)?;
+    number("approach_damping", field.approach_damping, not_negative)?;
+    match field.floor {
+        Some(floor) if field.kind == FieldKind::Bounded => {
+            Err(ScenarioError::out_of_range("floor", "absent: a bounded field has none", floor))
+        }
+        Some(floor) if !(0.0 < floor && floor < field.influence) => {
+            let requirement = format!("between 0 and the influence distance {}", field.influence);
+            Err(ScenarioError::out_of_range("floor", &requirement, floor))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// One of `[[obstacles]]`.
+pub fn obstacle(obstacle: &Obstacle) -> Judged {
+    shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
+    motion(&obstacle.motion).map_err(|error| error.inside("motion"))?;
+    match &obstacle.motion {
+        Motion::Waypoints { points, .. } if points[0] != obstacle.position => {
+            let requirement = format!("the obstacle's position {:?}", obstacle.position);
+            Err(ScenarioError::out_of_range("motion.points[0]", &requirement, points[0]))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn shape(shape: &Shape) -> Judged {
+    match shape {
+        Shape::Circle { radius } => number("radius", *radius, positive),
+        Shape::Capsule { a, b, radius } => {
+            number("radius", *radius, not_negative)?;
+            if a == b {
+                return Err(ScenarioError::out_of_range("b", "another point than a", b));
+            }
+            Ok(())
+        }
+        Shape::Box { size } => {
+            number("size[0]", size[0], positive)?;
+            number("size[1]", size[1], positive)
+        }
+        Shape::Polygon { vertices } if !is_convex(vertices) => {
+            let requirement = "the corners of a convex polygon in order";
+            Err(ScenarioError::out_of_range("vertices", requirement, vertices))
+        }
+        Shape::Polygon { .. } => Ok(()),
+    }
+}
+
+/// The motion of an obstacle.
+pub fn motion(motion: &Motion) -> Judged {
+    let Motion::Waypoints { times, points } = motion else { return Ok(()) };
+    if times.is_empty() {
+        return Err(ScenarioError::out_of_range("times", "at least one instant", times));
+    }
+    length("points", points.len(), times.len())?;
+    match (1..times.len()).find(|&i| times[i] <= times[i - 1]) {
+        Some(i) => {
+            let requirement = format!("later than {}", times[i - 1]);
+            Err(ScenarioError::out_of_range(format!("times[{i}]"), &requirement, times[i]))
+        }
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,369 @@
+//! A scenario as people write it, judged, and made ready to run.
+//!
+//! This is the one place where input is judged. [`Scenario::from_toml`] and
+//! [`Scenario::from_document`] read it, [`Scenario::prepare`] checks everything that needs more than
+//! one value and builds the run.
+
+pub mod arm;
+mod document;
+mod error;
+mod judge;
+
+pub use arm::ArmSpec;
+pub use error::{Problem, ScenarioError};
+
+use crate::control::{Gains, Settings, TaskKind};
+use crate::field::Field;
+use crate::math::Vector;
+use crate::robot::{PlanarArm, Robot};
+use crate::simulation::{ClosedLoop, Control, Limits, Options, Outcome, Run, Snapshot};
+use crate::trajectory::{Reference, Trajectory};
+use crate::world::{Motion, Obstacle, World};
+use serde::Deserialize;
+use std::sync::Arc;
+use std::time::Duration;
+use toml::{Table, Value};
+
+/// Every key of a scenario, with unit, default and meaning.
+pub const SCHEMA: &str = include_str!("schema.md");
+
+/// A whole scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// A name for people.
+    #[serde(default)]
+    pub name: String,
+    /// One line for people.
+    #[serde(default)]
+    pub description: String,
+    /// Length of the run [s], > 0.
+    pub duration: f64,
+    /// Initial configuration [rad], one angle per joint.
+    pub q0: Vec<f64>,
+    /// Initial joint velocity [rad/s]; default at rest.
+    #[serde(default)]
+    pub dq0: Option<Vec<f64>>,
+    /// The arm.
+    pub arm: ArmSpec,
+    /// The controller.
+    #[serde(default)]
+    pub controller: Settings,
+    /// What the end effector shall do.
+    pub reference: Reference,
+    /// What is in the way.
+    #[serde(default)]
+    pub obstacles: Vec<Obstacle>,
+    /// How time advances.
+    #[serde(default)]
+    pub simulation: Options,
+}
+
+/// Reads TOML text as a document, whatever it contains.
+///
+/// # Errors
+/// With line and column if it is not TOML.
+pub fn parse_toml(text: &str) -> Result<Table, ScenarioError> {
+    text.parse().map_err(|error: toml::de::Error| {
+        ScenarioError::new("", Problem::Syntax(error.to_string().trim_end().into()))
+    })
+}
+
+/// Reads and judges one part of a scenario, named as in [`Part`].
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn check(part: Part, document: &Table) -> Result<Vec<String>, ScenarioError> {
+    let value = Value::Table(document.clone());
+    judge::finite(&value)?;
+    match part {
+        Part::Scenario => {
+            return Scenario::from_document(document)?.prepare().map(|ready| ready.warnings);
+        }
+        Part::Arm => drop(document::read::<ArmSpec>(&value)?.build()?),
+        Part::Controller => judge::controller(&document::read::<Settings>(&value)?, None)?,
+        Part::Field => judge::field(&document::read::<Field>(&value)?)?,
+        Part::Obstacle => judge::obstacle(&document::read::<Obstacle>(&value)?)?,
+        Part::Motion => judge::motion(&document::read::<Motion>(&value)?)?,
+        Part::Reference => drop(document::read::<Reference>(&value)?),
+        Part::Simulation => judge::simulation(&document::read::<Options>(&value)?)?,
+    }
+    Ok(vec![])
+}
+
+/// A part of a scenario that can be judged on its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// The whole.
+    Scenario,
+    /// `[arm]`.
+    Arm,
+    /// `[controller]`.
+    Controller,
+    /// `[controller.field]`.
+    Field,
+    /// One of `[[obstacles]]`.
+    Obstacle,
+    /// The motion of an obstacle.
+    Motion,
+    /// `[reference]`.
+    Reference,
+    /// `[simulation]`.
+    Simulation,
+}
+
+impl Part {
+    /// The part of that name.
+    ///
+    /// # Errors
+    /// If there is none.
+    pub fn named(name: &str) -> Result<Self, ScenarioError> {
+        document::read(&Value::String(name.into()))
+    }
+}
+
+/// Reads and judges an arm.
+///
+/// # Errors
+/// With the name of the first parameter that is wrong.
+pub fn read_arm(document: &Table) -> Result<(PlanarArm, Limits), ScenarioError> {
+    let value = Value::Table(document.clone());
+    judge::finite(&value)?;
+    document::read::<ArmSpec>(&value)?.build()
+}
+
+/// Reads and judges the settings of a controller for `n` joints.
+///
+/// # Errors
+/// With the name of the first setting that is wrong.
+pub fn read_settings(document: &Table, n: usize) -> Result<Settings, ScenarioError> {
+    let value = Value::Table(document.clone());
+    judge::finite(&value)?;
+    let settings = document::read(&value)?;
+    judge::controller(&settings, Some(n))?;
+    Ok(settings)
+}
+
+/// Reads and judges an obstacle.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn read_obstacle(document: &Table) -> Result<Obstacle, ScenarioError> {
+    let value = Value::Table(document.clone());
+    judge::finite(&value)?;
+    let obstacle = document::read(&value)?;
+    judge::obstacle(&obstacle)?;
+    Ok(obstacle)
+}
+
+/// A scenario ready to run, and what is odd about it.
+#[derive(Debug, Clone)]
+pub struct Ready {
+    /// The run at t = 0.
+    pub run: AnyRun,
+    /// Sentences for the user.
+    pub warnings: Vec<String>,
+}
+
+/// A run of either task dimension.
+#[derive(Debug, Clone)]
+pub enum AnyRun {
+    /// Position.
+    Position(Run<2>),
+    /// Position and orientation.
+    Pose(Run<3>),
+}
+
+macro_rules! either {
+    ($run:expr, $inner:ident => $body:expr) => {
+        match $run {
+            AnyRun::Position($inner) => $body,
+            AnyRun::Pose($inner) => $body,
+        }
+    };
+}
+
+impl AnyRun {
+    /// [`Run::run_for`].
+    pub fn run_for(&mut self, budget: Duration) -> bool {
+        either!(self, run => run.run_for(budget))
+    }
+
+    /// [`Run::step`].
+    pub fn step(&mut self) -> bool {
+        either!(self, run => run.step())
+    }
+
+    /// [`Run::outcome`].
+    pub fn outcome(self) -> Outcome {
+        either!(self, run => run.outcome())
+    }
+
+    /// The present instant.
+    pub fn snapshot(&self) -> &Snapshot {
+        either!(self, run => run.closed_loop().snapshot())
+    }
+
+    /// Advances the closed loop alone, without record or metrics, under its own torque or under
+    /// `external` [N·m]. Returns false if the new state is not finite.
+    pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
+        either!(self, run => run.closed_loop_mut().advance(external))
+    }
+}
+
+impl Scenario {
+    /// Reads a scenario from TOML text.
+    ///
+    /// # Errors
+    /// With line and column, or the dotted path of the first fault.
+    pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
+        Self::from_document(&parse_toml(text)?)
+    }
+
+    /// Reads a scenario from a document, and judges each of its parts.
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault.
+    pub fn from_document(document: &Table) -> Result<Self, ScenarioError> {
+        let value = Value::Table(document.clone());
+        judge::finite(&value)?;
+        let scenario: Self = document::read(&value)?;
+        scenario.judge()?;
+        Ok(scenario)
+    }
+
+    fn judge(&self) -> Result<(), ScenarioError> {
+        let n = self.arm.dof();
+        arm::number("duration", self.duration, arm::positive)?;
+        self.arm.build().map_err(|error| error.inside("arm"))?;
+        arm::length("q0", self.q0.len(), n)?;
+        if let Some(dq0) = &self.dq0 {
+            arm::length("dq0", dq0.len(), n)?;
+        }
+        judge::controller(&self.controller, Some(n)).map_err(|error| error.inside("controller"))?;
+        judge::simulation(&self.simulation).map_err(|error| error.inside("simulation"))?;
+        if self.duration < self.simulation.dt {
+            let requirement = format!("at least one step of {} s", self.simulation.dt);
+            return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
+        }
+        for (j, obstacle) in self.obstacles.iter().enumerate() {
+            judge::obstacle(obstacle).map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
+        }
+        Ok(())
+    }
+
+    /// Builds the run.
+    ///
+    /// # Errors
+    /// If the reference does not fit the task or leaves the reach of the arm, or the record does not
+    /// fit into memory.
+    pub fn prepare(&self) -> Result<Ready, ScenarioError> {
+        let (arm, limits) = self.arm.build().map_err(|error| error.inside("arm"))?;
+        let arm = Arc::new(arm);
+        match self.controller.task {
+            TaskKind::Position => self.prepare_for::<2>(&arm, limits, AnyRun::Position),
+            TaskKind::Pose => self.prepare_for::<3>(&arm, limits, AnyRun::Pose),
+        }
+    }
+
+    fn prepare_for<const M: usize>(
+        &self,
+        arm: &Arc<PlanarArm>,
+        limits: Limits,
+        wrap: impl Fn(Run<M>) -> AnyRun,
+    ) -> Result<Ready, ScenarioError> {
+        let n = arm.dof();
+        let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; n]);
+        let mut state = arm.state();
+        state.update(&self.q0, &dq0);
+        let trajectory = Trajectory::<M>::new(&self.reference, state.pose()).map_err(|error| {
+            ScenarioError::new(
+                format!("reference.{}", error.field()),
+                Problem::Other(error.to_string()),
+            )
+        })?;
+        self.reachable(arm, &trajectory)?;
+        let gains = Gains::<M>::new(&self.controller, n);
+        let world = World::new(self.obstacles.clone());
+        let options = self.simulation.clone();
+        let closed_loop =
+            ClosedLoop::new(arm, gains, world, trajectory, options, self.q0.clone(), dq0);
+        let warnings = self.oddities(closed_loop.snapshot());
+        let run =
+            Run::new(closed_loop, &self.simulation, self.duration, limits).map_err(|error| {
+                ScenarioError::new(
+                    "simulation.record_every",
+                    Problem::Other(format!("{error}; record fewer rows")),
+                )
+            })?;
+        Ok(Ready { run: wrap(run), warnings })
+    }
+
+    /// The whole reference lies where the arm can put its end effector.
+    fn reachable<const M: usize>(
+        &self,
+        arm: &PlanarArm,
+        trajectory: &Trajectory<M>,
+    ) -> Result<(), ScenarioError> {
+        // A pose is reachable if the last joint can be where the pose puts it.
+        let last = arm.links()[arm.dof() - 1].length;
+        let (inner, outer) = arm.reach(if M > 2 { arm.dof() - 1 } else { arm.dof() });
+        let slack = 1e-9 * outer.max(last);
+        let point = |t: f64| {
+            let x = trajectory.at(t).x;
+            let wrist = if M > 2 { last } else { 0.0 };
+            let angle = if M > 2 { x[2] } else { 0.0 };
+            Vector::<2>::new(x[0] - wrist * angle.cos(), x[1] - wrist * angle.sin())
+        };
+        let inside = |t: f64| {
+            let distance = point(t).norm();
+            inner - slack <= distance && distance <= outer + slack
+        };
+        let samples = self.simulation.steps(self.duration).clamp(1, 100_000);
+        #[expect(clippy::cast_precision_loss, reason = "at most 100 000")]
+        let time = |k: usize| self.duration * (k as f64 / samples as f64);
+        let Some(k) = (0..=samples).find(|&k| !inside(time(k))) else { return Ok(()) };
+        let (mut before, mut after) = (time(k.saturating_sub(1)), time(k));
+        for _ in 0..60 {
+            let middle = 0.5 * (before + after);
+            if inside(middle) { before = middle } else { after = middle }
+        }
+        let at = point(after);
+        let (x, y, distance) = (at.x, at.y, at.norm());
+        let problem = Problem::Unreachable { time: after, x, y, distance, inner, outer };
+        Err(ScenarioError::new("reference", problem))
+    }
+
+    /// What is allowed but probably not meant.
+    fn oddities(&self, start: &Snapshot) -> Vec<String> {
+        let mut warnings = vec![];
+        for (link, clearance) in start.clearance.iter().enumerate() {
+            if *clearance < 0.0 {
+                warnings.push(format!(
+                    "obstacles: link {link} is {:.4} m inside an obstacle at t = 0",
+                    -clearance
+                ));
+            }
+        }
+        let steps = self.simulation.steps(self.duration);
+        let end = self.simulation.time(steps);
+        if (end - self.duration).abs() > 1e-6 * self.simulation.dt {
+            warnings.push(format!(
+                "duration: {} s is no multiple of simulation.dt = {} s; the run ends at {end} s",
+                self.duration, self.simulation.dt
+            ));
+        }
+        let sampled = self.simulation.control != Control::Continuous;
+        let period = self.simulation.control_period();
+        let damping = self.controller.null_damping.values().iter().copied().fold(0.0, f64::max);
+        if sampled && damping * period >= 2.0 {
+            warnings.push(format!(
+                "controller.null_damping: {damping} 1/s is unstable at a control period of \
+                 {period} s; below {} 1/s it is not",
+                2.0 / period
+            ));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,297 @@
+//! What a run is judged by, accumulated at every plant step whatever is recorded.
+
+use super::Snapshot;
+
+/// The value of a metric.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Value {
+    /// A number in the unit of the metric.
+    Number(f64),
+    /// A count or an index.
+    Count(usize),
+    /// Not applicable, or it never happened.
+    None,
+}
+
+/// Name, unit and meaning of a metric.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Metric {
+    /// The name, the same in every layer.
+    pub name: &'static str,
+    /// The unit, empty for counts.
+    pub unit: &'static str,
+    /// One line.
+    pub meaning: &'static str,
+}
+
+const fn metric(name: &'static str, unit: &'static str, meaning: &'static str) -> Metric {
+    Metric { name, unit, meaning }
+}
+
+/// Every metric, in the order of [`Metrics::values`].
+pub const METRICS: &[Metric] = &[
+    metric("min_clearance", "m", "smallest surface distance between a link and an obstacle"),
+    metric("min_clearance_time", "s", "when it occurred"),
+    metric("min_clearance_link", "", "at which link, counted from 0 at the base"),
+    metric("collision_time", "s", "first contact of a link with an obstacle"),
+    metric("intrusion_time", "s", "total time with a link inside an obstacle"),
+    metric("intrusion_depth", "m", "deepest penetration of a link into an obstacle"),
+    metric("tail_start", "s", "end of the transient: 80 % of the run"),
+    metric("rms_error_transient", "m", "RMS distance to the reference before tail_start"),
+    metric("max_error_transient", "m", "largest distance to the reference before tail_start"),
+    metric("rms_error_tail", "m", "RMS distance to the reference from tail_start on"),
+    metric("max_error_tail", "m", "largest distance to the reference from tail_start on"),
+    metric("max_orientation_error_tail", "rad", "the same for the orientation of a pose task"),
+    metric("settling_time", "s", "from then on within 2 % of the first error, or 1 mm if larger"),
+    metric("max_repulsion", "N", "largest repulsive force on a link"),
+    metric("max_repulsion_time", "s", "when it occurred"),
+    metric("peak_torque", "N·m", "largest joint torque"),
+    metric("peak_speed", "rad/s", "largest joint speed"),
+    metric("effort", "N²·m²·s", "integral of the squared torque"),
+    metric("energy", "J", "integral of the absolute mechanical power of the joints"),
+    metric("rms_jerk", "rad/s³", "RMS of the third derivative of the joint angles"),
+    metric("max_null_acceleration", "m/s²", "largest ‖J M⁻¹ τ_null‖: what leaks into the task"),
+    metric("passivity_residual", "J", "largest defect of the null-space energy balance"),
+    metric("singular_steps", "", "steps with a damped task force near a singularity"),
+    metric("joint_limit_violation", "rad", "largest excess over the arm's joint limits"),
+    metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
+];
+
+/// Limits of the arm that the metrics report on; the arm is not stopped by them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Limits {
+    /// (lower, upper) [rad] per joint, or empty.
+    pub joint: Vec<[f64; 2]>,
+    /// Largest torque [N·m] per joint, or empty.
+    pub torque: Vec<f64>,
+}
+
+/// Running sums of a run.
+#[derive(Debug, Clone)]
+pub struct Metrics {
+    dt: f64,
+    tail_start: f64,
+    limits: Limits,
+    samples: usize,
+    tail_samples: usize,
+    min_clearance: f64,
+    min_clearance_time: f64,
+    min_clearance_link: usize,
+    collision_time: Option<f64>,
+    intrusion_samples: usize,
+    sum_error: [f64; 2],
+    max_error: [f64; 2],
+    max_orientation_error: Option<f64>,
+    settling_bound: f64,
+    last_outside: Option<f64>,
+    settled: bool,
+    max_repulsion: f64,
+    max_repulsion_time: Option<f64>,
+    peak_torque: f64,
+    peak_speed: f64,
+    effort: f64,
+    energy: f64,
+    dq: [Vec<f64>; 2],
+    sum_jerk: f64,
+    max_null_acceleration: f64,
+    storage_start: f64,
+    supplied: f64,
+    last_supply: f64,
+    passivity_residual: f64,
+    singular_steps: usize,
+    joint_limit_violation: f64,
+    torque_limit_ratio: f64,
+}
+
+impl Metrics {
+    /// For a run of `n` joints over `duration` [s] in steps of `dt` [s].
+    pub fn new(n: usize, duration: f64, dt: f64, limits: Limits) -> Self {
+        Self {
+            dt,
+            tail_start: 0.8 * duration,
+            limits,
+            samples: 0,
+            tail_samples: 0,
+            min_clearance: f64::INFINITY,
+            min_clearance_time: 0.0,
+            min_clearance_link: 0,
+            collision_time: None,
+            intrusion_samples: 0,
+            sum_error: [0.0; 2],
+            max_error: [0.0; 2],
+            max_orientation_error: None,
+            settling_bound: 0.0,
+            last_outside: None,
+            settled: false,
+            max_repulsion: 0.0,
+            max_repulsion_time: None,
+            peak_torque: 0.0,
+            peak_speed: 0.0,
+            effort: 0.0,
+            energy: 0.0,
+            dq: [vec![0.0; n], vec![0.0; n]],
+            sum_jerk: 0.0,
+            max_null_acceleration: 0.0,
+            storage_start: 0.0,
+            supplied: 0.0,
+            last_supply: 0.0,
+            passivity_residual: 0.0,
+            singular_steps: 0,
+            joint_limit_violation: 0.0,
+            torque_limit_ratio: 0.0,
+        }
+    }
+
+    /// Whether a link has touched an obstacle so far.
+    pub fn collision_time(&self) -> Option<f64> {
+        self.collision_time
+    }
+
+    /// Smallest clearance so far [m], and the link it belongs to.
+    pub fn min_clearance(&self) -> (f64, usize) {
+        (self.min_clearance, self.min_clearance_link)
+    }
+
+    /// Takes in the instant of one plant step.
+    pub fn update(&mut self, s: &Snapshot) {
+        self.clearance(s);
+        self.tracking(s);
+        self.effort(s);
+        self.null_space(s);
+        self.samples += 1;
+    }
+
+    fn clearance(&mut self, s: &Snapshot) {
+        let mut nearest = f64::INFINITY;
+        for (link, &distance) in s.clearance.iter().enumerate() {
+            nearest = nearest.min(distance);
+            if distance < self.min_clearance {
+                self.min_clearance = distance;
+                self.min_clearance_time = s.t;
+                self.min_clearance_link = link;
+            }
+        }
+        if nearest < 0.0 {
+            self.collision_time.get_or_insert(s.t);
+            self.intrusion_samples += 1;
+        }
+        let force = s.force.iter().copied().fold(0.0, f64::max);
+        if force > self.max_repulsion {
+            self.max_repulsion = force;
+            self.max_repulsion_time = Some(s.t);
+        }
+    }
+
+    fn tracking(&mut self, s: &Snapshot) {
+        let error = s.error[0].hypot(s.error[1]);
+        let tail = usize::from(s.t >= self.tail_start);
+        self.tail_samples += tail;
+        self.sum_error[tail] += error * error;
+        self.max_error[tail] = self.max_error[tail].max(error);
+        if let Some(angle) = s.error.get(2)
+            && tail == 1
+        {
+            let worst = self.max_orientation_error.get_or_insert(0.0);
+            *worst = worst.max(angle.abs());
+        }
+        if self.samples == 0 {
+            self.settling_bound = (0.02 * error).max(1e-3);
+        }
+        self.settled = error <= self.settling_bound;
+        if !self.settled {
+            self.last_outside = Some(s.t);
+        }
+    }
+
+    fn effort(&mut self, s: &Snapshot) {
+        for (i, (&tau, &dq)) in s.tau.iter().zip(&s.dq).enumerate() {
+            self.peak_torque = self.peak_torque.max(tau.abs());
+            self.peak_speed = self.peak_speed.max(dq.abs());
+            self.effort += tau * tau * self.dt;
+            self.energy += (tau * dq).abs() * self.dt;
+            let [before, last] = [self.dq[0][i], self.dq[1][i]];
+            if self.samples >= 2 {
+                let jerk = (dq - 2.0 * last + before) / (self.dt * self.dt);
+                self.sum_jerk += jerk * jerk;
+            }
+        }
+        self.dq.swap(0, 1);
+        self.dq[1].copy_from_slice(&s.dq);
+        for (q, [lower, upper]) in s.q.iter().zip(&self.limits.joint) {
+            self.joint_limit_violation = self.joint_limit_violation.max(lower - q).max(q - upper);
+        }
+        for (tau, limit) in s.tau.iter().zip(&self.limits.torque) {
+            self.torque_limit_ratio = self.torque_limit_ratio.max(tau.abs() / limit);
+        }
+    }
+
+    fn null_space(&mut self, s: &Snapshot) {
+        self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
+        self.singular_steps += usize::from(s.singular);
+        if self.samples == 0 {
+            self.storage_start = s.null_storage;
+        } else {
+            self.supplied += 0.5 * self.dt * (self.last_supply + s.null_supply);
+        }
+        self.last_supply = s.null_supply;
+        let defect = (s.null_storage - self.storage_start - self.supplied).abs();
+        self.passivity_residual = self.passivity_residual.max(defect);
+    }
+
+    /// The values, in the order of [`METRICS`].
+    pub fn values(&self) -> Vec<(&'static Metric, Value)> {
+        #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
+        let rms = |sum: f64, count: usize| match count {
+            0 => Value::None,
+            count => Value::Number((sum / count as f64).sqrt()),
+        };
+        let number = Value::Number;
+        let optional = |value: Option<f64>| value.map_or(Value::None, Value::Number);
+        let given =
+            |values: &[_], value| if values.is_empty() { Value::None } else { number(value) };
+        let [transient, tail] = [self.samples - self.tail_samples, self.tail_samples];
+        let seen = self.min_clearance < f64::INFINITY;
+        let when_seen = |value| if seen { value } else { Value::None };
+        let had = |count: usize, value| if count > 0 { number(value) } else { Value::None };
+        #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
+        let intrusion_time = self.intrusion_samples as f64 * self.dt;
+        let settling = match (self.settled, self.last_outside) {
+            (false, _) => Value::None,
+            (true, None) => number(0.0),
+            (true, Some(t)) => number(t + self.dt),
+        };
+        let jerks = self.samples.saturating_sub(2) * self.dq[0].len();
+        let values = [
+            when_seen(number(self.min_clearance)),
+            when_seen(number(self.min_clearance_time)),
+            when_seen(Value::Count(self.min_clearance_link)),
+            optional(self.collision_time),
+            number(intrusion_time),
+            number((-self.min_clearance).max(0.0)),
+            number(self.tail_start),
+            rms(self.sum_error[0], transient),
+            had(transient, self.max_error[0]),
+            rms(self.sum_error[1], tail),
+            had(tail, self.max_error[1]),
+            optional(self.max_orientation_error),
+            settling,
+            number(self.max_repulsion),
+            optional(self.max_repulsion_time),
+            number(self.peak_torque),
+            number(self.peak_speed),
+            number(self.effort),
+            number(self.energy),
+            rms(self.sum_jerk, jerks),
+            number(self.max_null_acceleration),
+            number(self.passivity_residual),
+            Value::Count(self.singular_steps),
+            given(
+                &self.limits.joint.iter().map(|l| l[0]).collect::<Vec<_>>(),
+                self.joint_limit_violation,
+            ),
+            given(&self.limits.torque, self.torque_limit_ratio),
+        ];
+        debug_assert_eq!(values.len(), METRICS.len());
+        METRICS.iter().zip(values).collect()
+    }
+}

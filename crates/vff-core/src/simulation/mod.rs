@@ -1,0 +1,16 @@
+//! The closed loop over time: plant, controller, world, record and metrics.
+
+mod closed_loop;
+mod integrator;
+mod metrics;
+mod options;
+mod recorder;
+mod run;
+mod snapshot;
+
+pub use closed_loop::{ClosedLoop, find_contacts};
+pub use metrics::{Limits, METRICS, Metric, Metrics, Value};
+pub use options::{Control, Integrator, Options};
+pub use recorder::{Record, RecordTooLarge};
+pub use run::{Outcome, Run, Status};
+pub use snapshot::Snapshot;

@@ -1,0 +1,157 @@
+//! A scenario from its first step to its outcome.
+
+use super::Options;
+use super::closed_loop::ClosedLoop;
+use super::metrics::{Limits, Metric, Metrics, Value};
+use super::recorder::{Record, RecordTooLarge};
+use std::time::{Duration, Instant};
+
+/// How a run ended. Everything until then is recorded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// It reached its end and no link touched an obstacle.
+    Completed,
+    /// It reached its end, but a link has been inside an obstacle.
+    Collided,
+    /// The state became non-finite or absurdly fast.
+    Diverged,
+    /// It was stopped from outside.
+    Interrupted,
+}
+
+impl Status {
+    /// The name in every layer.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Completed => "completed",
+            Self::Collided => "collided",
+            Self::Diverged => "diverged",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
+/// The outcome of a run.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// How it ended.
+    pub status: Status,
+    /// One sentence that says why.
+    pub message: String,
+    /// When it ended [s].
+    pub end_time: f64,
+    /// What it is judged by.
+    pub metrics: Vec<(&'static Metric, Value)>,
+    /// What happened.
+    pub record: Record,
+}
+
+/// A closed loop with its record and metrics.
+#[derive(Debug, Clone)]
+pub struct Run<const M: usize> {
+    closed_loop: ClosedLoop<M>,
+    record: Record,
+    metrics: Metrics,
+    steps: usize,
+    record_every: usize,
+    diverged: bool,
+}
+
+impl<const M: usize> Run<M> {
+    /// Prepares a run over `duration` [s].
+    ///
+    /// # Errors
+    /// If the record does not fit into memory.
+    pub fn new(
+        closed_loop: ClosedLoop<M>,
+        options: &Options,
+        duration: f64,
+        limits: Limits,
+    ) -> Result<Self, RecordTooLarge> {
+        let s = closed_loop.snapshot();
+        let n = s.q.len();
+        let steps = options.steps(duration);
+        let rows = steps / options.record_every + 1;
+        let record = Record::with_capacity(rows, n, M, s.obstacles.len())?;
+        let metrics = Metrics::new(n, duration, options.dt, limits);
+        let record_every = options.record_every;
+        let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged: false };
+        run.take_in();
+        Ok(run)
+    }
+
+    /// The closed loop at its present instant.
+    pub fn closed_loop(&self) -> &ClosedLoop<M> {
+        &self.closed_loop
+    }
+
+    /// The closed loop, to be advanced by hand.
+    pub fn closed_loop_mut(&mut self) -> &mut ClosedLoop<M> {
+        &mut self.closed_loop
+    }
+
+    /// Takes one plant step. Returns false when there is none left to take.
+    pub fn step(&mut self) -> bool {
+        if self.is_over() {
+            return false;
+        }
+        self.diverged = !self.closed_loop.advance(None);
+        if !self.diverged {
+            self.take_in();
+        }
+        true
+    }
+
+    /// Steps until the run is over (returns true) or about `budget` of wall time is used up.
+    pub fn run_for(&mut self, budget: Duration) -> bool {
+        const STEPS_PER_LOOK: usize = 16;
+        let start = Instant::now();
+        loop {
+            for _ in 0..STEPS_PER_LOOK {
+                if !self.step() {
+                    return true;
+                }
+            }
+            if start.elapsed() >= budget {
+                return self.is_over();
+            }
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        self.diverged || self.closed_loop.step_count() >= self.steps
+    }
+
+    fn take_in(&mut self) {
+        let snapshot = self.closed_loop.snapshot();
+        self.metrics.update(snapshot);
+        if self.closed_loop.step_count().is_multiple_of(self.record_every) {
+            self.record.push(snapshot);
+        }
+    }
+
+    /// The outcome; `Interrupted` if the run is not over.
+    pub fn outcome(self) -> Outcome {
+        let end_time = self.closed_loop.snapshot().t;
+        let (clearance, link) = self.metrics.min_clearance();
+        let (status, message) = if self.diverged {
+            let message = format!(
+                "the state left the finite range after t = {end_time} s: the torque is too stiff \
+                 for the step, or the scenario is unstable"
+            );
+            (Status::Diverged, message)
+        } else if !self.is_over() {
+            (Status::Interrupted, format!("interrupted at t = {end_time} s"))
+        } else if let Some(t) = self.metrics.collision_time() {
+            let message = format!(
+                "link {link} was up to {:.4} m inside an obstacle; first contact at t = {t} s",
+                -clearance
+            );
+            (Status::Collided, message)
+        } else {
+            (Status::Completed, format!("completed {end_time} s"))
+        };
+        let metrics = self.metrics.values();
+        Outcome { status, message, end_time, metrics, record: self.record }
+    }
+}
