@@ -1,0 +1,169 @@
+//! Values between Python, TOML documents and slices. The one file for conversions.
+
+use crate::errors::{InputError, InputTypeError};
+use nalgebra::DMatrix;
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
+use toml::{Table, Value};
+
+/// A document from a dict or from an object with `to_dict()`.
+pub fn document(value: &Bound<'_, PyAny>) -> PyResult<Table> {
+    let value = match value.getattr_opt("to_dict")? {
+        Some(to_dict) => to_dict.call0()?,
+        None => value.clone(),
+    };
+    match to_toml(&value, "")? {
+        Value::Table(table) => Ok(table),
+        _ => Err(wrong_type("a scenario document must be a dict", &value)),
+    }
+}
+
+fn wrong_type(sentence: &str, value: &Bound<'_, PyAny>) -> PyErr {
+    let name = value.get_type().qualname().map_or_else(|_| "?".into(), |name| name.to_string());
+    InputTypeError::new_err(format!("{sentence}, got {name}"))
+}
+
+/// Any value that a document can hold; `None` in a table is left out.
+pub fn to_toml(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+    if value.is_instance_of::<PyBool>() {
+        return Ok(Value::Boolean(value.extract()?));
+    }
+    if value.is_instance_of::<PyInt>() {
+        return value.extract().map(Value::Integer).map_err(|_| {
+            InputError::new_err(format!("{path}: {value} does not fit into 64 bits"))
+        });
+    }
+    if value.is_instance_of::<PyFloat>() {
+        return Ok(Value::Float(value.extract()?));
+    }
+    if let Ok(text) = value.cast::<PyString>() {
+        return Ok(Value::String(text.to_string()));
+    }
+    if let Ok(mapping) = value.cast::<PyMapping>() {
+        let mut table = Table::new();
+        for item in mapping.items()? {
+            let (key, inner): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+            let key = match key.cast::<PyString>() {
+                Ok(key) => key.to_string(),
+                Err(_) => return Err(wrong_type(&format!("{path}: keys must be strings"), &key)),
+            };
+            if !inner.is_none() {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                table.insert(key, to_toml(&inner, &path)?);
+            }
+        }
+        return Ok(Value::Table(table));
+    }
+    if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        let items = value.try_iter()?.enumerate();
+        return items
+            .map(|(i, item)| to_toml(&item?, &format!("{path}[{i}]")))
+            .collect::<PyResult<_>>()
+            .map(Value::Array);
+    }
+    for method in ["tolist", "to_dict"] {
+        // NumPy arrays and scalars; arms, obstacles, settings.
+        if let Some(method) = value.getattr_opt(method)? {
+            return to_toml(&method.call0()?, path);
+        }
+    }
+    let place = if path.is_empty() { String::new() } else { format!("{path}: ") };
+    Err(wrong_type(&format!("{place}expected numbers, text, lists or tables"), value))
+}
+
+/// A document as Python values.
+pub fn from_toml<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match value {
+        Value::Boolean(flag) => PyBool::new(py, *flag).to_owned().into_any(),
+        Value::Integer(number) => number.into_pyobject(py)?.into_any(),
+        Value::Float(number) => number.into_pyobject(py)?.into_any(),
+        Value::String(text) => text.into_pyobject(py)?.into_any(),
+        Value::Datetime(date) => date.to_string().into_pyobject(py)?.into_any(),
+        Value::Array(values) => {
+            let items = values.iter().map(|value| from_toml(py, value));
+            PyList::new(py, items.collect::<PyResult<Vec<_>>>()?)?.into_any()
+        }
+        Value::Table(table) => table_to_dict(py, table)?.into_any(),
+    })
+}
+
+/// A table as a dict.
+pub fn table_to_dict<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for (key, value) in table {
+        dict.set_item(key, from_toml(py, value)?)?;
+    }
+    Ok(dict)
+}
+
+/// Copies a vector of known length out of whatever NumPy makes an array of.
+pub fn read_vector(name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
+    let n = out.len();
+    let array = match value.extract::<PyReadonlyArray1<'_, f64>>() {
+        Ok(array) => array,
+        Err(_) => as_float_array(name, value)?
+            .extract()
+            .map_err(|_| wrong_shape(name, value, &format!("({n},)")))?,
+    };
+    let array = array.as_array();
+    if array.len() != n {
+        return Err(wrong_shape(name, value, &format!("({n},)")));
+    }
+    for (i, (out, value)) in out.iter_mut().zip(array.iter()).enumerate() {
+        if !value.is_finite() {
+            return Err(InputError::new_err(format!("{name}[{i}] must be finite, got {value}")));
+        }
+        *out = *value;
+    }
+    Ok(())
+}
+
+/// A new vector of length `n`, by [`read_vector`].
+pub fn vector(name: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<f64>> {
+    let mut out = vec![0.0; n];
+    read_vector(name, value, &mut out)?;
+    Ok(out)
+}
+
+/// `np.asarray(value, dtype=float)`.
+pub fn as_float_array<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let numpy = value.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (value, "float64"));
+    array.map_err(|_| wrong_type(&format!("{name}: expected numbers"), value))
+}
+
+/// The fault of an array of another shape.
+pub fn wrong_shape(name: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
+    let shape = as_float_array(name, value)
+        .and_then(|array| array.extract::<PyReadonlyArrayDyn<'_, f64>>().map_err(Into::into))
+        .map(|array| {
+            let shape: Vec<_> = array.as_array().shape().iter().map(ToString::to_string).collect();
+            let comma = if shape.len() == 1 { "," } else { "" };
+            format!("({}{comma})", shape.join(", "))
+        });
+    match shape {
+        Ok(shape) => InputError::new_err(format!("{name}: expected shape {expected}, got {shape}")),
+        Err(error) => error,
+    }
+}
+
+/// A vector as a new array.
+pub fn array1<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, values)
+}
+
+/// Row-major values as a new array of `rows` rows, without a copy.
+pub fn array2(
+    py: Python<'_>,
+    values: Vec<f64>,
+    shape: [usize; 2],
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    PyArray1::from_vec(py, values).reshape(shape)
+}
+
+/// A matrix as a new array.
+pub fn matrix<'py>(py: Python<'py>, matrix: &DMatrix<f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let row_major = matrix.transpose().as_slice().to_vec();
+    array2(py, row_major, [matrix.nrows(), matrix.ncols()])
+}

@@ -1,0 +1,123 @@
+//! Whole runs and the judgement of documents.
+
+use crate::convert::{array2, document, table_to_dict};
+use crate::errors;
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::time::{Duration, Instant};
+use vff_core::scenario::{self, Part, Scenario};
+use vff_core::simulation::{Record, Value};
+
+/// How often signals are looked at.
+const SIGNALS: Duration = Duration::from_millis(50);
+/// How often progress is told.
+const PROGRESS: Duration = Duration::from_millis(100);
+
+/// Runs a scenario, the GIL released. Ctrl-C ends it with what there is.
+#[pyfunction]
+#[pyo3(signature = (document, progress=None))]
+pub fn run<'py>(
+    py: Python<'py>,
+    #[pyo3(from_py_with = document)] document: toml::Table,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
+    let ready = scenario.prepare().map_err(|error| errors::scenario(&error))?;
+    let (mut run, start) = (ready.run, Instant::now());
+    let mut told = start;
+    loop {
+        let over = py.detach(|| run.run_for(SIGNALS));
+        let mut heard = py.check_signals();
+        if let Some(progress) = progress
+            && (over || told.elapsed() >= PROGRESS)
+        {
+            told = Instant::now();
+            let call = || progress.call1((run.snapshot().t, scenario.duration)).map(drop);
+            heard = heard.and_then(|()| call());
+        }
+        match heard {
+            Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => break,
+            Err(error) => return Err(error),
+            Ok(()) if over => break,
+            Ok(()) => {}
+        }
+    }
+    let wall_time = start.elapsed().as_secs_f64();
+    let outcome = run.outcome();
+    let metrics = PyDict::new(py);
+    for (metric, value) in &outcome.metrics {
+        match value {
+            Value::Number(number) => metrics.set_item(metric.name, number)?,
+            Value::Count(count) => metrics.set_item(metric.name, count)?,
+            Value::None => metrics.set_item(metric.name, py.None())?,
+        }
+    }
+    let result = PyDict::new(py);
+    result.set_item("status", outcome.status.name())?;
+    result.set_item("message", outcome.message)?;
+    result.set_item("end_time", outcome.end_time)?;
+    result.set_item("wall_time", wall_time)?;
+    result.set_item("warnings", ready.warnings)?;
+    result.set_item("metrics", metrics)?;
+    result.set_item("record", arrays(py, outcome.record)?)?;
+    Ok(result)
+}
+
+/// The arrays of a record, moved, not copied.
+fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
+    let (rows, n, m, k) = (r.rows, r.joints, r.task, r.obstacles_count);
+    let dict = PyDict::new(py);
+    dict.set_item("t", PyArray1::from_vec(py, r.t))?;
+    let tables = [
+        ("q", r.q, n),
+        ("dq", r.dq, n),
+        ("tau", r.tau, n),
+        ("tau_task", r.tau_task, n),
+        ("tau_null", r.tau_null, n),
+        ("tau_vff", r.tau_vff, n),
+        ("x", r.x, m),
+        ("dx", r.dx, m),
+        ("x_ref", r.x_ref, m),
+        ("error", r.error, m),
+        ("force", r.force, n),
+        ("clearance", r.clearance, n),
+    ];
+    for (name, values, columns) in tables {
+        dict.set_item(name, array2(py, values, [rows, columns])?)?;
+    }
+    dict.set_item("obstacles", PyArray1::from_vec(py, r.obstacles).reshape([rows, k, 2])?)?;
+    Ok(dict)
+}
+
+/// Judges a document or a part of one; returns warnings.
+#[pyfunction]
+pub fn check(
+    kind: &str,
+    #[pyo3(from_py_with = document)] document: toml::Table,
+) -> PyResult<Vec<String>> {
+    Part::named(kind)
+        .and_then(|part| scenario::check(part, &document))
+        .map_err(|error| errors::scenario(&error))
+}
+
+/// Reads TOML.
+#[pyfunction]
+pub fn parse_toml<'py>(py: Python<'py>, text: &str, name: &str) -> PyResult<Bound<'py, PyDict>> {
+    let table =
+        scenario::parse_toml(text).map_err(|error| errors::scenario(&error.inside(name)))?;
+    table_to_dict(py, &table)
+}
+
+/// Writes TOML.
+#[pyfunction]
+pub fn format_toml(#[pyo3(from_py_with = document)] document: toml::Table) -> PyResult<String> {
+    toml::to_string(&document).map_err(|error| errors::InputError::new_err(error.to_string()))
+}
+
+/// Every key of a scenario.
+#[pyfunction]
+pub fn schema() -> &'static str {
+    scenario::SCHEMA
+}

@@ -1,0 +1,148 @@
+//! `Simulation`: a scenario one control period at a time.
+
+use crate::convert::{array1, array2, document, vector};
+use crate::errors;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use vff_core::scenario::{AnyRun, Scenario};
+use vff_core::simulation::{Snapshot, Status};
+
+type Array1<'py> = Bound<'py, PyArray1<f64>>;
+
+/// A scenario under the control of its own law or of somebody else's.
+#[pyclass(module = "vffnull")]
+pub struct Simulation {
+    scenario: Scenario,
+    run: AnyRun,
+    steps: usize,
+    collided: bool,
+    diverged: bool,
+}
+
+impl Simulation {
+    fn prepare(scenario: &Scenario) -> PyResult<AnyRun> {
+        Ok(scenario.prepare().map_err(|error| errors::scenario(&error))?.run)
+    }
+
+    fn present(&self) -> State {
+        State { snapshot: self.run.snapshot().clone() }
+    }
+
+    fn look(&mut self) {
+        self.collided |= self.run.snapshot().clearance.iter().any(|d| *d < 0.0);
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    #[new]
+    fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let scenario = Scenario::from_document(&document(scenario)?)
+            .map_err(|error| errors::scenario(&error))?;
+        let run = Self::prepare(&scenario)?;
+        let mut this = Self { scenario, run, steps: 0, collided: false, diverged: false };
+        this.look();
+        Ok(this)
+    }
+
+    #[pyo3(signature = (tau=None))]
+    fn step(&mut self, tau: Option<&Bound<'_, PyAny>>) -> PyResult<State> {
+        let n = self.scenario.q0.len();
+        let tau = tau.map(|tau| vector("tau", tau, n)).transpose()?;
+        for _ in 0..self.scenario.simulation.control_every {
+            if self.diverged {
+                break;
+            }
+            self.diverged = !self.run.advance(tau.as_deref());
+            self.steps += usize::from(!self.diverged);
+            self.look();
+        }
+        Ok(self.present())
+    }
+
+    fn reset(&mut self) -> PyResult<State> {
+        self.run = Self::prepare(&self.scenario)?;
+        (self.steps, self.collided, self.diverged) = (0, false, false);
+        self.look();
+        Ok(self.present())
+    }
+
+    #[getter]
+    fn state(&self) -> State {
+        self.present()
+    }
+
+    #[getter]
+    fn done(&self) -> bool {
+        self.diverged || self.steps >= self.scenario.simulation.steps(self.scenario.duration)
+    }
+
+    #[getter]
+    fn status(&self) -> &'static str {
+        match (self.diverged, self.collided) {
+            (true, _) => Status::Diverged,
+            (false, true) => Status::Collided,
+            (false, false) => Status::Completed,
+        }
+        .name()
+    }
+}
+
+/// A simulation at one instant.
+#[pyclass(frozen, module = "vffnull")]
+pub struct State {
+    snapshot: Snapshot,
+}
+
+#[pymethods]
+impl State {
+    #[getter]
+    fn t(&self) -> f64 {
+        self.snapshot.t
+    }
+
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.q)
+    }
+
+    #[getter]
+    fn dq<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.dq)
+    }
+
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.x)
+    }
+
+    #[getter]
+    fn dx<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.dx)
+    }
+
+    #[getter]
+    fn x_ref<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.x_ref)
+    }
+
+    #[getter]
+    fn clearance<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.clearance)
+    }
+
+    #[getter]
+    fn tau<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.snapshot.tau)
+    }
+
+    #[getter]
+    fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let positions = self.snapshot.obstacles.iter().flat_map(|p| [p.x, p.y]).collect();
+        array2(py, positions, [self.snapshot.obstacles.len(), 2])
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<State: t = {} s>", self.snapshot.t)
+    }
+}
