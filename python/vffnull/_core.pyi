@@ -1,0 +1,462 @@
+"""The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, Protocol, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "METRICS",
+    "Arm",
+    "Controller",
+    "ExtendedJacobian",
+    "Simulation",
+    "State",
+    "Terms",
+    "__version__",
+    "check",
+    "format_toml",
+    "parse_toml",
+    "run",
+    "schema",
+]
+
+class _HasDocument(Protocol):
+    def to_dict(self) -> dict[str, Any]: ...
+
+_Document = Mapping[str, Any] | _HasDocument
+_Array = NDArray[np.float64]
+
+__version__: str
+METRICS: dict[str, tuple[str, str]]
+"""Unit and one-line description of every metric, in the order in which they are shown."""
+
+@final
+class Arm:
+    """A planar arm of n revolute links in a chain. It cannot be changed.
+
+    Joint angles are relative; joint 1 sits at the origin, and link 1 lies along +x at q = 0.
+
+    Parameters
+    ----------
+    lengths : (n,) array_like
+        Lengths of the links [m], positive.
+    masses : float or (n,) array_like
+        Masses [kg], positive.
+    com : (n,) or (n, 2) array_like, optional
+        Centre of mass of each link in its frame [m], x along the link; the middle of the link by default.
+    inertias : float or (n,) array_like, optional
+        Moments of inertia about the centre of mass [kg·m²]; a uniform rod's by default.
+    radius : float or (n,) array_like, optional
+        Radius of the links [m] when the distance to obstacles is measured.
+    gravity : float or (2,) array_like, optional
+        Gravity [m/s²]; a single number g acts along −y, as (0, −g). 0, a horizontal plane, by default.
+    joint_limits : (n, 2) array_like, optional
+        Lowest and highest joint angles [rad].
+    torque_limits : float or (n,) array_like, optional
+        Largest joint torques [N·m].
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If a parameter has the wrong length, is not finite, or makes no physical sense.
+    vffnull.errors.InputTypeError
+        If a parameter is not a number or an array of numbers.
+
+    Examples
+    --------
+    >>> arm = Arm.uniform(6)
+    >>> arm.forward_kinematics([0.0] * 6)[-1]
+    array([6., 0.])
+    """
+
+    def __new__(
+        cls,
+        lengths: ArrayLike,
+        masses: ArrayLike,
+        com: ArrayLike | None = None,
+        inertias: ArrayLike | None = None,
+        radius: ArrayLike = 0.0,
+        gravity: ArrayLike = 0.0,
+        joint_limits: ArrayLike | None = None,
+        torque_limits: ArrayLike | None = None,
+    ) -> Arm: ...
+    @staticmethod
+    def uniform(
+        n: int, length: float = 1.0, mass: float = 1.0, radius: float = 0.0, gravity: float = 0.0
+    ) -> Arm:
+        """An arm of n equal uniform rods.
+
+        Parameters
+        ----------
+        n : int
+            Number of links, at least 1.
+        length : float, optional
+            Length of each link [m].
+        mass : float, optional
+            Mass of each link [kg].
+        radius : float, optional
+            Radius of each link [m].
+        gravity : float, optional
+            Gravity along −y [m/s²].
+        """
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+    @property
+    def lengths(self) -> _Array:
+        """Lengths of the links, (n,) [m]."""
+    @property
+    def masses(self) -> _Array:
+        """Masses of the links, (n,) [kg]."""
+    @property
+    def com(self) -> _Array:
+        """Centres of mass in the links' frames, (n, 2) [m]."""
+    @property
+    def inertias(self) -> _Array:
+        """Moments of inertia about the centres of mass, (n,) [kg·m²]."""
+    @property
+    def radius(self) -> _Array:
+        """Radii of the links, (n,) [m]."""
+    @property
+    def gravity(self) -> _Array:
+        """Acceleration of free fall, (2,) [m/s²]."""
+
+    def forward_kinematics(self, q: ArrayLike) -> _Array:
+        """Positions of the joints; the last row is the tip.
+
+        Parameters
+        ----------
+        q : (n,) or (T, n) array_like
+            Joint angles [rad].
+
+        Returns
+        -------
+        (n+1, 2) or (T, n+1, 2) ndarray
+            Positions [m].
+        """
+
+    def jacobian(self, q: ArrayLike) -> _Array:
+        """Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper)."""
+
+    def jacobian_dot(self, q: ArrayLike, dq: ArrayLike) -> _Array:
+        """Time derivative of the Jacobian, (2, n)."""
+
+    def mass_matrix(self, q: ArrayLike) -> _Array:
+        """Mass matrix M, (n, n) [kg·m²]; symmetric and positive definite."""
+
+    def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike) -> _Array:
+        """Coriolis matrix C by Christoffel symbols, (n, n) [N·m·s]: Ṁ = C + Cᵀ."""
+
+    def gravity_torque(self, q: ArrayLike) -> _Array:
+        """Torque g that holds the arm against gravity, (n,) [N·m]."""
+
+    def inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> _Array:
+        """Torque of a motion, M q̈ + C q̇ + g, (n,) [N·m].
+
+        Parameters
+        ----------
+        q, dq, ddq : (n,) array_like
+            Joint angles [rad], velocities [rad/s], accelerations [rad/s²].
+        """
+
+    def forward_dynamics(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike) -> _Array:
+        """Acceleration under a torque, M⁻¹(τ − C q̇ − g), (n,) [rad/s²], in O(n).
+
+        Parameters
+        ----------
+        q, dq, tau : (n,) array_like
+            Joint angles [rad], velocities [rad/s], torques [N·m].
+        """
+
+    def kinetic_energy(self, q: ArrayLike, dq: ArrayLike) -> float:
+        """Kinetic energy ½ q̇ᵀM q̇ [J]."""
+
+    def potential_energy(self, q: ArrayLike) -> float:
+        """Potential energy in gravity [J]; 0 with every centre of mass at the height of joint 1."""
+
+    def extended_jacobian(self, q: ArrayLike, dq: ArrayLike) -> ExtendedJacobian:
+        """The split into task and null space at a state, with every matrix (eq. 6–15, corrected).
+
+        Parameters
+        ----------
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s].
+        """
+
+    def to_dict(self) -> dict[str, Any]:
+        """The arm as a part of a scenario document."""
+
+@final
+class ExtendedJacobian:
+    """Task and null space of an arm at one state; r = n − 2.
+
+    The extended velocity (ẋ, ν) = J_e q̇ is made of the tip's velocity and r coordinates of the motion that
+    the tip does not see.
+    """
+
+    @property
+    def Z(self) -> _Array:
+        """Orthonormal basis of the null space, (n, r): J Z = 0."""
+    @property
+    def N_M(self) -> _Array:
+        """Null-space velocity map (ZᵀMZ)⁻¹ZᵀM, (r, n): ν = N_M q̇ (eq. 7, 8)."""
+    @property
+    def J_e(self) -> _Array:
+        """Extended Jacobian [J; N_M], (n, n) (eq. 9)."""
+    @property
+    def J_e_inv(self) -> _Array:
+        """Its inverse [J#, Z], (n, n)."""
+    @property
+    def E_e(self) -> _Array:
+        """Extended inertia J_e⁻ᵀ M J_e⁻¹, (n, n); block diagonal (eq. 13)."""
+    @property
+    def mu(self) -> _Array:
+        """Extended Coriolis matrix J_e⁻ᵀ(C − M J_e⁻¹ J̇_e)J_e⁻¹, (n, n) (eq. 13)."""
+    @property
+    def Lambda_x(self) -> _Array:
+        """Inertia that the tip shows, (2, 2) [kg]."""
+    @property
+    def Lambda_n(self) -> _Array:
+        """Inertia in the null space, (r, r) [kg·m²]."""
+    @property
+    def N(self) -> _Array:
+        """Dynamically consistent null-space projector I − J#J, (n, n)."""
+
+@final
+class Controller:
+    """The torque law alone, for a loop of your own.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm's model.
+    settings : ControlSettings or dict
+        Gains, field, and variant of the law.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the settings do not suit the arm.
+
+    Examples
+    --------
+    >>> controller = Controller(Arm.uniform(6), {"stiffness": 16.0, "damping": 8.0})
+    >>> controller.torque([0.1] * 6, [0.0] * 6, x_ref=[4.0, 2.0]).shape
+    (6,)
+    """
+
+    def __new__(cls, arm: Arm, settings: _Document) -> Controller: ...
+    def torque(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        x_ref: ArrayLike,
+        dx_ref: ArrayLike | None = None,
+        ddx_ref: ArrayLike | None = None,
+        obstacles: Sequence[_Document] = (),
+        t: float = 0.0,
+    ) -> _Array:
+        """Joint torque at a state.
+
+        Parameters
+        ----------
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s].
+        x_ref, dx_ref, ddx_ref : (m,) array_like
+            Reference of the end effector [m], its velocity [m/s] and acceleration [m/s²]; the last two are 0
+            if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last.
+        obstacles : sequence of Obstacle or dict, optional
+            What to keep away from.
+        t : float, optional
+            Time [s] at which the obstacles' motions are taken.
+
+        Returns
+        -------
+        (n,) ndarray
+            Joint torque [N·m].
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If an array has the wrong shape or is not finite.
+        """
+
+    def terms(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        x_ref: ArrayLike,
+        dx_ref: ArrayLike | None = None,
+        ddx_ref: ArrayLike | None = None,
+        obstacles: Sequence[_Document] = (),
+        t: float = 0.0,
+    ) -> Terms:
+        """The same torque with its parts; parameters as in `torque`."""
+
+@final
+class Terms:
+    """The parts of the torque at one state."""
+
+    @property
+    def tau(self) -> _Array:
+        """Joint torque, (n,) [N·m]."""
+    @property
+    def tau_task(self) -> _Array:
+        """What serves the task, (n,) [N·m]."""
+    @property
+    def tau_null(self) -> _Array:
+        """What acts in the null space, (n,) [N·m]."""
+    @property
+    def tau_vff(self) -> _Array:
+        """Repulsion Σ JᵢᵀFᵢ before its projection, (n,) [N·m]."""
+    @property
+    def force(self) -> _Array:
+        """Magnitude of the repulsion on each link, (n,) [N]."""
+    @property
+    def clearance(self) -> _Array:
+        """Signed distance of each link's surface to the nearest obstacle's, (n,) [m]."""
+    @property
+    def N(self) -> _Array:
+        """Null-space projector, (n, n)."""
+
+@final
+class State:
+    """A simulation at one instant; m is 2 for a position and 3 for a pose."""
+
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+    @property
+    def q(self) -> _Array:
+        """Joint angles, (n,) [rad]."""
+    @property
+    def dq(self) -> _Array:
+        """Joint velocities, (n,) [rad/s]."""
+    @property
+    def x(self) -> _Array:
+        """End effector, (m,) [m]."""
+    @property
+    def dx(self) -> _Array:
+        """Its velocity, (m,) [m/s]."""
+    @property
+    def x_ref(self) -> _Array:
+        """Its reference, (m,) [m]."""
+    @property
+    def clearance(self) -> _Array:
+        """Signed distance of each link to the nearest obstacle, (n,) [m]."""
+    @property
+    def tau(self) -> _Array:
+        """Joint torque, (n,) [N·m]."""
+    @property
+    def obstacles(self) -> _Array:
+        """Positions of the obstacles, (k, 2) [m]."""
+
+@final
+class Simulation:
+    """A scenario, one step at a time, with its own controller or somebody else's.
+
+    Parameters
+    ----------
+    scenario : Scenario or dict
+        What to simulate.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+
+    Examples
+    --------
+    >>> simulation = Simulation(Scenario.load("sweep-through"))  # doctest: +SKIP
+    >>> while not simulation.done:  # doctest: +SKIP
+    ...     state = simulation.step(my_controller(simulation.state))
+    """
+
+    def __new__(cls, scenario: _Document) -> Simulation: ...
+    def step(self, tau: ArrayLike | None = None) -> State:
+        """Advance by one control period.
+
+        Parameters
+        ----------
+        tau : (n,) array_like, optional
+            Joint torque [N·m] to hold during the period; the scenario's own law by default.
+
+        Returns
+        -------
+        State
+            The state after the period.
+        """
+
+    def reset(self) -> State:
+        """Go back to the start."""
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+    @property
+    def done(self) -> bool:
+        """Whether the scenario's duration is over or the run has failed."""
+    @property
+    def status(self) -> str:
+        """How the run stands: ``"completed"``, ``"collided"`` or ``"diverged"`` up to now."""
+
+def run(
+    document: Mapping[str, Any], progress: Callable[[float, float], None] | None = None
+) -> dict[str, Any]:
+    """Run a scenario document from start to end, with the GIL released.
+
+    Parameters
+    ----------
+    document : Mapping
+        The scenario.
+    progress : callable, optional
+        Gets the simulated time and the duration [s] about every 100 ms.
+
+    Returns
+    -------
+    dict
+        ``status``, ``message``, ``end_time`` [s], ``wall_time`` [s], ``warnings``, ``metrics``, ``record``.
+        After Ctrl-C the status is ``"interrupted"`` and the record holds what was computed until then.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+    """
+
+def check(
+    kind: Literal["scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation"],
+    document: Mapping[str, Any],
+) -> list[str]:
+    """Judge a scenario document, or a part of one, and return warnings.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If it cannot be used; the message names the key, what was given, and what is allowed.
+    """
+
+def parse_toml(text: str, name: str) -> dict[str, Any]:
+    """Read TOML.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    name : str
+        What the error message calls it.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the text is not TOML; the message shows the line.
+    """
+
+def format_toml(document: Mapping[str, Any]) -> str:
+    """Write a document as TOML."""
+
+def schema() -> str:
+    """Every key of a scenario with its unit, default and meaning, as text."""

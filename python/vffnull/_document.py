@@ -1,0 +1,117 @@
+"""Scenario documents: nested dictionaries, lists, strings, booleans and numbers, as TOML knows them.
+
+This module moves values in and out of such documents. Whether a value makes sense is for the core to judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from vffnull.errors import InputTypeError, ScenarioError
+
+Document = dict[str, Any]
+
+
+@runtime_checkable
+class HasDocument(Protocol):
+    """Anything that can be written into a scenario document."""
+
+    def to_dict(self) -> Document:
+        """The object as a part of a scenario document."""
+        ...
+
+
+def plain(value: object, path: str = "") -> Any:
+    """Turn a value into a part of a document, as a deep copy; None among a dictionary's values is left out.
+
+    Parameters
+    ----------
+    value : object
+        Mappings, sequences, NumPy arrays and scalars, and objects with a ``to_dict`` method, in any nesting.
+    path : str
+        Dotted path of the value, for the error message.
+
+    Raises
+    ------
+    InputTypeError
+        If something inside has no counterpart in a document.
+    """
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, bool | int | float):
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist(), path)
+    if isinstance(value, HasDocument):
+        return plain(value.to_dict(), path)
+    if isinstance(value, Mapping):
+        return {
+            str(key): plain(inner, f"{path}.{key}" if path else str(key))
+            for key, inner in value.items()
+            if inner is not None
+        }
+    if isinstance(value, Iterable):
+        return [plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
+    where = f"{path}: " if path else ""
+    raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")
+
+
+def frozen(value: object) -> Any:
+    """Arrays, lists and dictionaries as nested tuples of Python values: comparable, hashable, readable."""
+    if isinstance(value, np.generic | np.ndarray):
+        return frozen(value.tolist())
+    if isinstance(value, list | tuple):
+        return tuple(frozen(inner) for inner in value)
+    if isinstance(value, dict):
+        return tuple((key, frozen(value[key])) for key in sorted(value))
+    return value
+
+
+def get(document: Document, name: str) -> Any:
+    """The value under a dotted name; numbers count list elements, as in ``obstacles.0.position``."""
+    place: Any = document
+    for key in name.split("."):
+        try:
+            place = place[int(key) if isinstance(place, list) else key]
+        except (KeyError, IndexError, ValueError, TypeError):
+            raise ScenarioError(f"{name}: not set in this scenario", name) from None
+    return place
+
+
+def put(document: Document, name: str, value: object) -> None:
+    """Set the value under a dotted name in place, creating missing tables; None removes the key.
+
+    Raises
+    ------
+    ScenarioError
+        If the name leads through a number or a string, or names an element that a list does not have.
+    """
+    *parents, last = name.split(".")
+    place: Any = document
+    for depth, key in enumerate(parents, start=1):
+        if isinstance(place, list):
+            place = place[_index(place, key, name)]
+        else:
+            place = place.setdefault(key, {})
+        if not isinstance(place, dict | list):
+            raise ScenarioError(f"{name}: {'.'.join(parents[:depth])} is a plain value, not a table", name)
+    if isinstance(place, list):
+        at = _index(place, last, name)
+        if value is None:
+            del place[at]
+        else:
+            place[at] = plain(value, name)
+    elif value is None:
+        place.pop(last, None)
+    else:
+        place[last] = plain(value, name)
+
+
+def _index(place: list[Any], key: str, name: str) -> int:
+    if key.isdecimal() and int(key) < len(place):
+        return int(key)
+    there = f"0 to {len(place) - 1}" if place else "none, the list is empty"
+    raise ScenarioError(f"{name}: no list element {key!r}; there are {there}", name)

@@ -1,0 +1,109 @@
+"""Running a scenario from start to end."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from vffnull import _core
+from vffnull._document import plain, put
+from vffnull.errors import ScenarioWarning
+from vffnull.result import Metrics, Result, Status
+from vffnull.scenario import Scenario, ScenarioLike, read
+
+__all__ = ["simulate"]
+
+Progress = Callable[[float, float], None]
+
+
+def simulate(
+    scenario: ScenarioLike,
+    overrides: Mapping[str, Any] | None = None,
+    progress: bool | Progress | None = None,
+) -> Result:
+    """Run a scenario.
+
+    Parameters
+    ----------
+    scenario : str, path, Mapping or Scenario
+        A bundled name (see `scenarios`), a path that ends in ``.toml``, a document, or a scenario.
+    overrides : Mapping, optional
+        Other values for some keys, by dotted name, as in `Scenario.replace`.
+    progress : bool or callable, optional
+        True shows a progress bar; a callable gets the simulated time and the duration [s] every 100 ms or so.
+
+    Returns
+    -------
+    Result
+        How the run ended, what it measured, and what was recorded. A run that diverges or collides is a
+        result with that status, not an exception; after Ctrl-C it holds what was computed until then.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run; nothing has been computed then.
+
+    Warns
+    -----
+    vffnull.errors.ScenarioWarning
+        If the scenario can be run but is probably not what was meant.
+
+    Examples
+    --------
+    >>> result = simulate("paper-1", overrides={"controller.field.gain": 2.0, "duration": 5.0})
+    >>> print(result.metrics)  # doctest: +SKIP
+    """
+    ready = prepare(scenario, overrides)
+    if progress is True:
+        with progress_bar(ready.duration) as report:
+            result = run(ready, report)
+    else:
+        result = run(ready, progress or None)
+    for message in result.warnings:
+        warnings.warn(message, ScenarioWarning, stacklevel=2)
+    return result
+
+
+def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """The scenario that is meant, with the overrides applied before anything is checked."""
+    if isinstance(scenario, Scenario):
+        return scenario.replace(**overrides) if overrides else scenario
+    if isinstance(scenario, Mapping):
+        document = plain(scenario)
+    else:
+        document = _core.parse_toml(read(scenario), str(scenario))
+    for name, value in (overrides or {}).items():
+        put(document, name, value)
+    return Scenario.from_dict(document)
+
+
+def run(scenario: Scenario, progress: Progress | None = None) -> Result:
+    """Run a scenario without a word; the warnings are in the result."""
+    outcome = _core.run(scenario.to_dict(), progress)
+    return Result(
+        scenario=scenario,
+        status=Status(outcome["status"]),
+        message=outcome["message"],
+        end_time=outcome["end_time"],
+        wall_time=outcome["wall_time"],
+        warnings=tuple(outcome["warnings"]),
+        metrics=Metrics(outcome["metrics"]),
+        version=_core.__version__,
+        **outcome["record"],
+    )
+
+
+@contextmanager
+def progress_bar(duration: float, delay: float = 0.0) -> Iterator[Progress]:
+    """A bar on stderr that counts simulated seconds; it appears after `delay` [s]."""
+    from tqdm import tqdm
+
+    form = "{percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}]"
+    with tqdm(total=duration, delay=delay, bar_format=form, leave=False) as bar:
+
+        def report(t: float, _duration: float) -> None:
+            bar.update(t - bar.n)
+
+        yield report

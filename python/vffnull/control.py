@@ -1,0 +1,191 @@
+"""The controller's settings: how hard it pulls, how it repels, and which variant of the law it uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from vffnull import _core
+from vffnull._document import Document, frozen, plain
+
+__all__ = ["ControlSettings", "Field"]
+
+
+@dataclass(frozen=True, repr=False)
+class Field:
+    """A virtual force field round every obstacle; made by `khatib`, `cubic` or `bounded`.
+
+    The force depends on the signed distance d between the surfaces of a link and of an obstacle, vanishes
+    from the influence distance d_s on, and pushes the link along the line of shortest distance.
+
+    Attributes
+    ----------
+    kind : str
+        ``"khatib"``, ``"cubic"`` or ``"bounded"``.
+    gain : float
+        Gain; its unit depends on the kind. 0 switches the field off.
+    influence : float
+        Influence distance d_s [m].
+    floor : float or None
+        Distance [m] below which the force grows along its tangent instead of to infinity, so that it stays
+        defined in contact and beyond. None leaves the choice to the core. Not for ``"bounded"``.
+    approach_damping : float
+        Damping ratio against an approaching obstacle [1]; 0 switches it off. It never holds back a link
+        that moves away.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If a number makes no sense.
+    """
+
+    kind: Literal["khatib", "cubic", "bounded"]
+    gain: float
+    influence: float
+    floor: float | None = None
+    approach_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        _freeze(self)
+        _core.check("field", self.to_dict())
+
+    @staticmethod
+    def khatib(
+        gain: float, influence: float, floor: float | None = None, approach_damping: float = 0.0
+    ) -> Field:
+        """Khatib's field, U = ½ η (1/d − 1/d_s)², the one of the paper.
+
+        Parameters
+        ----------
+        gain : float
+            η [N·m³].
+        influence : float
+            d_s [m].
+        floor, approach_damping : float, optional
+            As in the class.
+        """
+        return Field("khatib", gain, influence, floor, approach_damping)
+
+    @staticmethod
+    def cubic(
+        gain: float, influence: float, floor: float | None = None, approach_damping: float = 0.0
+    ) -> Field:
+        """A field that sets in more softly, U = ⅓ η (1/d − 1/d_s)³: its stiffness has no step at d_s.
+
+        Parameters
+        ----------
+        gain : float
+            η [N·m⁴].
+        influence : float
+            d_s [m].
+        floor, approach_damping : float, optional
+            As in the class.
+        """
+        return Field("cubic", gain, influence, floor, approach_damping)
+
+    @staticmethod
+    def bounded(gain: float, influence: float, *, approach_damping: float = 0.0) -> Field:
+        """A field of limited force, F = F_max (1 − d/d_s)².
+
+        Parameters
+        ----------
+        gain : float
+            F_max [N], the force at contact.
+        influence : float
+            d_s [m].
+        approach_damping : float, optional
+            As in the class.
+        """
+        return Field("bounded", gain, influence, approach_damping=approach_damping)
+
+    def to_dict(self) -> Document:
+        """The field as a part of a scenario document."""
+        document = _given(self)
+        if not self.approach_damping:
+            del document["approach_damping"]
+        return document
+
+    def __repr__(self) -> str:
+        rest = ", ".join(f"{key}={value!r}" for key, value in self.to_dict().items() if key != "kind")
+        return f"Field.{self.kind}({rest})"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class ControlSettings:
+    """Settings of the control law. What is left None is up to the core: see ``vffnull schema``.
+
+    Parameters
+    ----------
+    task : {"position", "pose"}, optional
+        What the end effector has to follow: a point, or a point and an orientation.
+    stiffness : float or (m,) array_like, optional
+        K [1/s²], shapes the end effector's acceleration; m is 2 for a position and 3 for a pose.
+    damping : float or (m,) array_like, optional
+        D [1/s].
+    null_damping : float or (n,) array_like, optional
+        d [1/s], damps the motion that the end effector does not see, in proportion to the mass matrix.
+    posture : (n,) array_like, optional
+        Joint angles [rad] that the arm prefers where the task leaves it free.
+    posture_stiffness : float or (n,) array_like, optional
+        Stiffness of the pull towards `posture` [N·m/rad].
+    field : Field or dict, optional
+        The repulsion; none by default.
+    formulation : {"recursive", "extended_jacobian"}, optional
+        How the torque is computed. The two agree to rounding; the second is the paper's, with every matrix.
+    projection : {"dynamic", "kinematic", "none"}, optional
+        What keeps the repulsion away from the end effector. All but ``"dynamic"`` are for comparison.
+    avoidance : str, optional
+        What happens if an obstacle is in the end effector's own way; ``"null_space"`` holds on to the task.
+    singularity : float, optional
+        How early the task gives way near a singular posture: below this fraction of the mobility that one
+        particle of the arm's mass would have.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If a value makes no sense.
+
+    Examples
+    --------
+    >>> settings = ControlSettings(stiffness=16.0, damping=8.0, field=Field.khatib(5.0, 1.2))
+    """
+
+    task: Literal["position", "pose"] | None = None
+    stiffness: ArrayLike | None = None
+    damping: ArrayLike | None = None
+    null_damping: ArrayLike | None = None
+    posture: ArrayLike | None = None
+    posture_stiffness: ArrayLike | None = None
+    field: Field | Document | None = None
+    formulation: Literal["recursive", "extended_jacobian"] | None = None
+    projection: Literal["dynamic", "kinematic", "none"] | None = None
+    avoidance: str | None = None
+    singularity: float | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.field, dict):
+            object.__setattr__(self, "field", Field(**self.field))
+        _freeze(self)
+        _core.check("controller", self.to_dict())
+
+    def to_dict(self) -> Document:
+        """The settings that were given, as a part of a scenario document."""
+        return _given(self)
+
+    def __repr__(self) -> str:
+        given = ((f.name, getattr(self, f.name)) for f in fields(self))
+        inside = ", ".join(f"{name}={value!r}" for name, value in given if value is not None)
+        return f"ControlSettings({inside})"
+
+
+def _freeze(settings: Field | ControlSettings) -> None:
+    """Make every value of a frozen dataclass comparable and hashable."""
+    for f in fields(settings):
+        object.__setattr__(settings, f.name, frozen(getattr(settings, f.name)))
+
+
+def _given(settings: Field | ControlSettings) -> Document:
+    document: Document = plain({f.name: getattr(settings, f.name) for f in fields(settings)})
+    return document

@@ -1,0 +1,57 @@
+"""Figures of a run, fit to be printed. `vffnull.Result.plot` is the way in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from vffnull.plotting import geometry, joints, links, overview, strobe, style, tracking
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
+
+__all__ = ["FIGURES", "draw", "save"]
+
+FIGURES: dict[str, Callable[[Result], Figure]] = {
+    "overview": overview.overview,
+    "strobe": strobe.strobe,
+    "tracking": tracking.tracking,
+    "tracking_error": tracking.tracking_error,
+    "joint_angles": joints.joint_angles,
+    "repulsive_torques": joints.repulsive_torques,
+    "forces": links.forces,
+    "clearance": links.clearance,
+}
+"""Every figure by name, in the order in which they are drawn."""
+
+_ABOUT_OBSTACLES = {"overview", "repulsive_torques", "forces", "clearance"}
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw every figure that says something about a run, by name."""
+    return dict(_figures(result))
+
+
+def save(result: Result, directory: Path) -> list[Path]:
+    """Draw every figure and write each to a PNG file of its name; returns the files."""
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, figure in _figures(result):
+        path = directory / f"{name}.png"
+        with style.look():
+            figure.savefig(path)
+        paths.append(path)
+    return paths
+
+
+def _figures(result: Result) -> Iterator[tuple[str, Figure]]:
+    result = geometry.drawable(result)
+    for name, make in FIGURES.items():
+        if name in _ABOUT_OBSTACLES and not result.obstacles.shape[1]:
+            continue
+        with style.look():
+            figure = make(result)
+        yield name, figure

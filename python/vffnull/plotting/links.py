@@ -1,0 +1,49 @@
+"""How near the obstacles come to the links, and how hard they push."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vffnull.plotting import style
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
+
+
+def forces(result: Result) -> Figure:
+    """Magnitude of the repulsion on every link."""
+    fig, (ax,) = style.panels(1, 2.5)
+    style.joint_lines(ax, result.t, result.force)
+    ax.set_ylabel("repulsive force [N]")
+    ax.set_ylim(bottom=0.0)
+    style.joint_key(fig, [ax], result.force.shape[1], "link")
+    return fig
+
+
+def clearance(result: Result) -> Figure:
+    """Distance of every link to the nearest obstacle."""
+    fig, (ax,) = style.panels(1, 2.5)
+    distances(ax, result)
+    style.joint_key(fig, [ax], result.clearance.shape[1], "link")
+    return fig
+
+
+def distances(ax: Axes, result: Result) -> None:
+    """Lines of the clearance, one for each link, with the levels that matter."""
+    style.joint_lines(ax, result.t, result.clearance)
+    low = min(0.0, float(np.nanmin(result.clearance)))
+    high = float(np.nanmax(result.clearance))
+    field = result.scenario.to_dict().get("controller", {}).get("field", {})
+    if field.get("gain") and "influence" in field:
+        high = min(high, 3.0 * field["influence"])
+        style.level(ax, field["influence"], "$d_s$")
+    style.level(ax, 0.0, "contact", colour=style.ALARM)
+    span = high - low
+    ax.set_ylim(low - 0.06 * span, high + 0.06 * span)
+    if low < 0.0:
+        ax.axhspan(low - 0.06 * span, 0.0, color=style.ALARM, alpha=0.08, linewidth=0)
+    ax.set_ylabel("clearance [m]")

@@ -1,0 +1,31 @@
+"""A run at a glance: the picture, and beside it error, clearance and repulsion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vffnull.plotting import joints, links, strobe, style, tracking
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
+
+
+def overview(result: Result) -> Figure:
+    """The strobe picture on the left; error, clearance and repulsion over time on the right."""
+    height = float(np.clip(strobe.natural_height(result, style.PAGE / 2), 3.4, 4.2))
+    fig = style.figure(height, style.PAGE)
+    picture, plots = fig.subfigures(1, 2, squeeze=False, wspace=0.03)[0]
+    strobe.passing(picture.subplots(), result, height=height)
+
+    axes = style.stacked(plots, 3)
+    tracking.error_magnitude(axes[0], result)
+    links.distances(axes[1], result)
+    joints.repulsion(axes[2], result)
+    for ax, label in zip(axes, ("$|e|$\n[m]", "clearance\n[m]", "repulsion\n[N·m]"), strict=True):
+        ax.set_ylabel(label)
+    style.joint_key(plots, axes, result.q.shape[1], "joint and link")
+    plots.align_ylabels(axes)
+    return fig

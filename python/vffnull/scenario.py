@@ -1,0 +1,252 @@
+"""Scenarios: an arm, its task, its controller and its surroundings, in one document."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from vffnull import _core
+from vffnull._document import Document, HasDocument, frozen, get, plain, put
+from vffnull.errors import InputTypeError, ScenarioError
+
+__all__ = ["Scenario", "ScenarioLike", "read", "scenarios"]
+
+_BUNDLED = Path(__file__).with_name("scenarios")
+
+
+class Scenario:
+    """A scenario, ready to run. It cannot be changed; `replace` makes another one.
+
+    Parameters
+    ----------
+    arm : Arm or dict
+        The arm.
+    q0 : (n,) array_like
+        Joint angles at the start [rad].
+    duration : float
+        How long to simulate [s].
+    reference : dict
+        What the end effector has to follow, for instance ``{"kind": "setpoint", "point": [2.8, 1.6]}``.
+    controller : ControlSettings or dict, optional
+        The control law's settings.
+    obstacles : iterable of Obstacle or dict, optional
+        What stands in the way.
+    simulation : dict, optional
+        Step size, integrator, sampling of the controller, recording.
+    name, description : str, optional
+        For lists and titles.
+    dq0 : (n,) array_like, optional
+        Joint velocities at the start [rad/s]; at rest by default.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run; the message names the key, what was given, and what is allowed.
+
+    See Also
+    --------
+    Scenario.load : the bundled scenarios and TOML files.
+
+    Notes
+    -----
+    ``vffnull schema`` prints every key with its unit, default and meaning.
+
+    Examples
+    --------
+    >>> scenario = Scenario.load("paper-1").replace(duration=5.0, **{"controller.field.gain": 2.0})
+    >>> scenario["controller.field.gain"]
+    2.0
+    """
+
+    __slots__ = ("_document",)
+    _document: Document
+
+    def __init__(
+        self,
+        *,
+        arm: HasDocument | Mapping[str, Any],
+        q0: ArrayLike,
+        duration: float,
+        reference: Mapping[str, Any],
+        controller: HasDocument | Mapping[str, Any] | None = None,
+        obstacles: Iterable[HasDocument | Mapping[str, Any]] = (),
+        simulation: Mapping[str, Any] | None = None,
+        name: str | None = None,
+        description: str | None = None,
+        dq0: ArrayLike | None = None,
+    ) -> None:
+        self._document = plain(
+            {
+                "name": name,
+                "description": description,
+                "duration": duration,
+                "q0": q0,
+                "dq0": dq0,
+                "arm": arm,
+                "controller": controller,
+                "reference": reference,
+                "obstacles": list(obstacles) or None,
+                "simulation": simulation,
+            }
+        )
+        _core.check("scenario", self._document)
+
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Scenario:
+        """Make a scenario of a document, the same as a TOML file holds.
+
+        Parameters
+        ----------
+        document : Mapping
+            The scenario's tables and keys; objects such as `Arm` and `Field` may stand for tables.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If the scenario cannot be run.
+        """
+        checked: Document = plain(document)
+        _core.check("scenario", checked)
+        return cls._of(checked)
+
+    @classmethod
+    def load(cls, source: str | os.PathLike[str]) -> Scenario:
+        """Load a bundled scenario by its name, or a TOML file by its path.
+
+        Parameters
+        ----------
+        source : str or path
+            One of `scenarios()`, or a path that ends in ``.toml``.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If there is no such scenario, or if it cannot be run.
+        """
+        return cls.from_dict(_core.parse_toml(read(source), str(source)))
+
+    @classmethod
+    def _of(cls, document: Document) -> Scenario:
+        """A scenario of a document that has been checked before."""
+        scenario = cls.__new__(cls)
+        scenario._document = document
+        return scenario
+
+    @property
+    def name(self) -> str:
+        """The scenario's name, or an empty string."""
+        return str(self._document.get("name", ""))
+
+    @property
+    def description(self) -> str:
+        """One line about the scenario, or an empty string."""
+        return str(self._document.get("description", ""))
+
+    @property
+    def duration(self) -> float:
+        """How long it runs [s]."""
+        return float(self._document["duration"])
+
+    @property
+    def arm(self) -> _core.Arm:
+        """The arm."""
+        return _core.Arm(**self._document["arm"])
+
+    def to_dict(self) -> Document:
+        """The document, as a copy of its own."""
+        return copy.deepcopy(self._document)
+
+    def replace(self, **names: Any) -> Scenario:
+        """Make a scenario that differs in some keys.
+
+        Parameters
+        ----------
+        **names : value
+            Keys and new values. Dotted names, unpacked from a dictionary, reach into tables and lists, as in
+            ``replace(**{"controller.field.gain": 2.0, "obstacles.0.position": [1, 2]})``. Objects such as
+            `Arm`, `Obstacle` and `Field` may stand for tables. None removes a key.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If the result cannot be run.
+        """
+        document = self.to_dict()
+        for name, value in names.items():
+            put(document, name, value)
+        _core.check("scenario", document)
+        return self._of(document)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the scenario to a TOML file."""
+        Path(path).write_text(str(self), encoding="utf-8")
+
+    def __getitem__(self, name: str) -> Any:
+        """The value of a key, by its dotted name; a copy."""
+        return copy.deepcopy(get(self._document, name))
+
+    def __eq__(self, other: object) -> bool:
+        return self._document == other._document if isinstance(other, Scenario) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(frozen(self._document))
+
+    def __str__(self) -> str:
+        return _core.format_toml(self._document)
+
+    def __repr__(self) -> str:
+        parts = [
+            f"{len(self._document['q0'])} joints",
+            f"{self._document['reference']['kind']} reference",
+            f"{len(self._document.get('obstacles', ()))} obstacles",
+            f"{self.duration:g} s",
+        ]
+        return f"<Scenario {self.name or 'without a name'}: {', '.join(parts)}>"
+
+
+ScenarioLike = str | os.PathLike[str] | Mapping[str, Any] | Scenario
+"""What `simulate` accepts: a bundled name, a path to a TOML file, a document, or a scenario."""
+
+
+def scenarios() -> list[str]:
+    """Names of the bundled scenarios."""
+    return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
+
+
+def read(source: str | os.PathLike[str]) -> str:
+    """The text of a bundled scenario or of a TOML file, comments included.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If there is no such scenario or file.
+    """
+    try:
+        name = os.fspath(source)
+    except TypeError:
+        raise InputTypeError(
+            f"scenario: expected a name, a path, a dict or a Scenario, not a {type(source).__name__}"
+        ) from None
+    if name.endswith(".toml"):
+        try:
+            return Path(name).read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise ScenarioError(f"{name}: not a TOML file, the text is not UTF-8") from None
+        except OSError as error:
+            raise ScenarioError(f"{name}: cannot be read: {(error.strerror or str(error)).lower()}") from None
+    bundled = scenarios()
+    if name in bundled:
+        return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
+    import difflib
+
+    near = difflib.get_close_matches(name, bundled, n=1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    raise ScenarioError(
+        f"no scenario called {name!r}{hint}; bundled are {', '.join(bundled)}; "
+        "the path of a file ends in .toml"
+    )

@@ -1,0 +1,229 @@
+"""What stands in the arm's way: shapes, where they are, and how they move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vffnull import _core
+from vffnull._document import Document, frozen, plain
+
+__all__ = ["Motion", "Obstacle"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How an obstacle moves; made by `static`, `linear`, `sinusoid` or `waypoints`.
+
+    Velocities and accelerations follow from the formula, not from differences of positions, so a controller
+    knows at every instant how fast an obstacle comes.
+
+    Attributes
+    ----------
+    kind : str
+        ``"static"``, ``"linear"``, ``"sinusoid"`` or ``"waypoints"``.
+    parameters : tuple of (str, value)
+        The arguments of the constructor, in a form that can be compared and hashed.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If a number makes no sense.
+    """
+
+    kind: str
+    parameters: tuple[tuple[str, Any], ...] = ()
+
+    def __post_init__(self) -> None:
+        _core.check("motion", self.to_dict())
+
+    @staticmethod
+    def static() -> Motion:
+        """Stay where it is."""
+        return Motion("static")
+
+    @staticmethod
+    def linear(velocity: ArrayLike) -> Motion:
+        """Move at a constant velocity.
+
+        Parameters
+        ----------
+        velocity : (2,) array_like
+            Velocity [m/s].
+        """
+        return _motion("linear", velocity=velocity)
+
+    @staticmethod
+    def sinusoid(amplitude: ArrayLike, angular_frequency: float, phase: float = 0.0) -> Motion:
+        """Swing along a line: position + amplitude · sin(angular_frequency · t + phase).
+
+        Parameters
+        ----------
+        amplitude : (2,) array_like
+            Largest displacement from the obstacle's position [m].
+        angular_frequency : float
+            Angular frequency [rad/s].
+        phase : float, optional
+            Phase at t = 0 [rad].
+        """
+        return _motion("sinusoid", amplitude=amplitude, angular_frequency=angular_frequency, phase=phase)
+
+    @staticmethod
+    def waypoints(times: ArrayLike, points: ArrayLike) -> Motion:
+        """Pass through given points at given times, smoothly, at rest at each of them.
+
+        Parameters
+        ----------
+        times : (k,) array_like
+            Increasing instants [s].
+        points : (k, 2) array_like
+            Where the obstacle's position is then [m]; the first one must be the obstacle's position.
+        """
+        return _motion("waypoints", times=times, points=points)
+
+    def to_dict(self) -> Document:
+        """The motion as a part of a scenario document."""
+        return {"kind": self.kind, **plain(dict(self.parameters))}
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{name}={value!r}" for name, value in self.parameters)
+        return f"Motion.{self.kind}({inside})"
+
+
+def _motion(kind: str, **parameters: object) -> Motion:
+    return Motion(kind, tuple((name, frozen(value)) for name, value in parameters.items()))
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A solid body in the plane; made by `circle`, `capsule`, `box` or `polygon`.
+
+    Attributes
+    ----------
+    kind : str
+        ``"circle"``, ``"capsule"``, ``"box"`` or ``"polygon"``.
+    dimensions : tuple of (str, value)
+        The shape in the obstacle's own frame, in a form that can be compared and hashed.
+    position : (float, float)
+        Origin of the obstacle's frame at rest [m].
+    angle : float
+        Orientation of the obstacle's frame [rad].
+    motion : Motion or None
+        How the position changes with time; None stays.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the shape is no shape: a negative radius, a polygon that is not convex, a NaN, …
+    """
+
+    kind: str
+    dimensions: tuple[tuple[str, Any], ...]
+    position: tuple[float, float]
+    angle: float = 0.0
+    motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        _core.check("obstacle", self.to_dict())
+
+    @staticmethod
+    def circle(center: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
+        """A disc.
+
+        Parameters
+        ----------
+        center : (2,) array_like
+            Centre at rest [m].
+        radius : float
+            Radius [m], positive.
+        motion : Motion, optional
+            How it moves.
+        """
+        return _obstacle("circle", center, motion=motion, radius=radius)
+
+    @staticmethod
+    def capsule(a: ArrayLike, b: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
+        """All points nearer than `radius` to the segment from `a` to `b`; its position is the midpoint.
+
+        Parameters
+        ----------
+        a, b : (2,) array_like
+            Ends of the segment at rest [m].
+        radius : float
+            Radius [m], positive.
+        motion : Motion, optional
+            How it moves.
+        """
+        ends = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+        middle = (ends[0] + ends[1]) / 2
+        return _obstacle(
+            "capsule", middle, motion=motion, a=ends[0] - middle, b=ends[1] - middle, radius=radius
+        )
+
+    @staticmethod
+    def box(center: ArrayLike, size: ArrayLike, angle: float = 0.0, motion: Motion | None = None) -> Obstacle:
+        """A rectangle.
+
+        Parameters
+        ----------
+        center : (2,) array_like
+            Centre at rest [m].
+        size : (2,) array_like
+            Width and height [m] in the box's own frame.
+        angle : float, optional
+            Rotation of the box [rad].
+        motion : Motion, optional
+            How it moves.
+        """
+        return _obstacle("box", center, angle=angle, motion=motion, size=size)
+
+    @staticmethod
+    def polygon(vertices: ArrayLike, motion: Motion | None = None) -> Obstacle:
+        """A convex polygon; its position is the mean of the vertices.
+
+        Parameters
+        ----------
+        vertices : (k, 2) array_like
+            Corners at rest [m], in order.
+        motion : Motion, optional
+            How it moves.
+        """
+        corners = np.asarray(vertices, dtype=float)
+        if corners.ndim != 2 or not len(corners):  # no mean to take: the core says what is wrong with it
+            return _obstacle("polygon", (0.0, 0.0), motion=motion, vertices=corners)
+        middle = corners.mean(axis=0)
+        return _obstacle("polygon", middle, motion=motion, vertices=corners - middle)
+
+    @property
+    def shape(self) -> Mapping[str, Any]:
+        """The shape as a part of a scenario document."""
+        return {"kind": self.kind, **plain(dict(self.dimensions))}
+
+    def to_dict(self) -> Document:
+        """The obstacle as a part of a scenario document."""
+        document: Document = {"shape": self.shape, "position": list(self.position)}
+        if self.angle:
+            document["angle"] = self.angle
+        if self.motion is not None:
+            document["motion"] = self.motion.to_dict()
+        return document
+
+    def __repr__(self) -> str:
+        parts = [f"{name}={value!r}" for name, value in self.dimensions]
+        parts.append(f"position={self.position!r}")
+        if self.angle:
+            parts.append(f"angle={self.angle!r}")
+        if self.motion is not None:
+            parts.append(f"motion={self.motion!r}")
+        return f"<Obstacle {self.kind}: {', '.join(parts)}>"
+
+
+def _obstacle(
+    kind: str, position: ArrayLike, *, angle: float = 0.0, motion: Motion | None, **dimensions: object
+) -> Obstacle:
+    shape = tuple((name, frozen(value)) for name, value in dimensions.items())
+    return Obstacle(kind, shape, frozen(position), frozen(angle), motion)
