@@ -22,6 +22,20 @@ pub struct Torque {
     pub null: Vec<f64>,
 }
 
+impl Torque {
+    /// Zero torque for `n` joints.
+    pub fn zeros(n: usize) -> Self {
+        Self { total: vec![0.0; n], task: vec![0.0; n], null: vec![0.0; n] }
+    }
+
+    /// Takes over the values of another torque without allocating.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.total.copy_from_slice(&other.total);
+        self.task.copy_from_slice(&other.task);
+        self.null.copy_from_slice(&other.null);
+    }
+}
+
 /// The law with its workspace.
 #[derive(Debug, Clone)]
 pub struct Law {
@@ -36,9 +50,7 @@ pub struct Law {
 impl Law {
     /// For `n` joints.
     pub fn new(n: usize) -> Self {
-        let zeros = || vec![0.0; n];
-        let torque = Torque { total: zeros(), task: zeros(), null: zeros() };
-        Self { torque, damping_power: 0.0, v: zeros(), w: zeros() }
+        Self { torque: Torque::zeros(n), damping_power: 0.0, v: vec![0.0; n], w: vec![0.0; n] }
     }
 
     /// The torque that gives the task the acceleration `ddx_c` and the null space `tau_sec`.
@@ -68,13 +80,14 @@ impl Law {
         sub(y, w);
 
         // Null-space impedance  y += τ_sec − D_q N q̇,  D_q = √d M √d                   (eq. 22–23)
-        for i in 0..v.len() {
-            v[i] = gains.sqrt_null_damping[i] * (dq[i] - v[i]); // √d N q̇
+        let root_d = &gains.sqrt_null_damping;
+        for ((v, dq), d) in v.iter_mut().zip(dq).zip(root_d) {
+            *v = d * (dq - *v); // √d N q̇
         }
         robot.mass_mul(v, w);
         *damping_power = dot(v, w);
-        for i in 0..v.len() {
-            y[i] += tau_sec[i] - gains.sqrt_null_damping[i] * w[i];
+        for (((y, sec), w), d) in y.iter_mut().zip(tau_sec).zip(&*w).zip(root_d) {
+            *y += sec - d * w;
         }
 
         // Projection  τ_null = Nᵀ y                                                      (eq. 6)
@@ -86,9 +99,8 @@ impl Law {
         robot.jacobian_tr_mul(&leak, v);
         sub(y, v);
 
-        for i in 0..v.len() {
-            torque.total[i] = torque.task[i] + y[i];
-        }
+        torque.total.copy_from_slice(&torque.task);
+        add(&mut torque.total, y);
     }
 }
 

@@ -164,3 +164,174 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{Field, FieldKind};
+    use crate::math::{Broadcast, Capsule};
+    use crate::robot::PlanarState;
+    use crate::testing::{Case, assert_close, case};
+    use crate::world::{Motion, Obstacle, Shape, World};
+    use nalgebra::{DVector, SVector};
+    use proptest::prelude::*;
+
+    const FORMULATIONS: [Formulation; 2] = [Formulation::Recursive, Formulation::ExtendedJacobian];
+
+    fn settings(formulation: Formulation, projection: Projection) -> Settings {
+        let field = Field {
+            kind: FieldKind::Khatib,
+            gain: 0.8,
+            influence: 2.0,
+            floor: None,
+            approach_damping: 0.5,
+        };
+        Settings { field, formulation, projection, ..Settings::default() }
+    }
+
+    /// Two discs near the arm, one of them moving, and what the arm makes of them.
+    fn sensed<const M: usize>(c: &Case, settings: &Settings) -> Controller<PlanarState, 2, M> {
+        let mut controller =
+            Controller::<_, 2, M>::new(c.arm.state(), Gains::new(settings, c.q.len()));
+        controller.observe(&c.q, &c.dq);
+        let middle = controller.robot().link(c.q.len() / 2);
+        let near = middle.start + (middle.end - middle.start) * 0.3;
+        let disc = |x: f64, y: f64, velocity| Obstacle {
+            shape: Shape::Circle { radius: 0.2 },
+            position: [near.x + x, near.y + y],
+            angle: 0.0,
+            motion: Motion::Linear { velocity },
+        };
+        let world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);
+        let links = (0..c.q.len()).map(|i| -> Capsule<2> { controller.robot().link(i) });
+        let mut contacts = vec![];
+        world.for_each_contact(links, |contact| contacts.push(*contact));
+        controller.sense(&contacts);
+        controller
+    }
+
+    fn reference<const M: usize>() -> Sample<M> {
+        let fill = |a: f64, b: f64| SVector::from_fn(|i, _| a + b * i as f64);
+        Sample { x: fill(1.0, -0.3), dx: fill(0.2, 0.5), ddx: fill(-0.7, 0.4) }
+    }
+
+    /// How far the state is from a singularity: the smallest eigenvalue of Λ⁻¹ over the largest.
+    fn conditioning<const M: usize>(controller: &Controller<PlanarState, 2, M>) -> f64 {
+        let lambda = controller.space().lambda;
+        let inverse = lambda.try_inverse().map_or(f64::INFINITY, |inverse| inverse.norm());
+        1.0 / (lambda.norm() * inverse)
+    }
+
+    /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (THEORY §2), and both formulations give one torque.
+    fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError> {
+        let n = c.q.len();
+        let mut totals = vec![];
+        for formulation in FORMULATIONS {
+            let mut controller = sensed::<M>(c, &settings(formulation, projection));
+            prop_assume!(conditioning(&controller) > 1e-4);
+            let sample = reference::<M>();
+            let e = controller.error(&sample);
+            let torque = controller.command(&sample).clone();
+            let robot = c.state();
+            let (mut scratch, mut ddq) = (vec![0.0; n], vec![0.0; n]);
+            robot.forward_dynamics(&torque.total, &mut scratch, &mut ddq);
+            let ddx = robot.jacobian_mul::<M>(&ddq) + robot.jacobian_dot_mul::<M>(&c.dq);
+            let de = robot.jacobian_mul::<M>(&c.dq) - sample.dx;
+            let expected = sample.ddx - de * 8.0 - e * 16.0;
+            robot.mass_solve(&torque.null, &mut ddq);
+            let leak = robot.jacobian_mul::<M>(&ddq).norm();
+            let scale = 1.0 + DVector::from_column_slice(&ddq).norm();
+            if projection == Projection::Dynamic {
+                prop_assert!(leak <= 1e-9 * scale, "{formulation:?} leaks {leak} of {scale}");
+                let size = 1.0 + expected.norm();
+                prop_assert!((ddx - expected).norm() <= 1e-7 * size, "{ddx} {expected}");
+            }
+            totals.push(torque.total);
+        }
+        assert_close(&totals[0], &totals[1], 1e-8);
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(96))]
+
+        #[test]
+        fn law_in_both_formulations(c in case(3usize..13)) {
+            check_law::<2>(&c, Projection::Dynamic)?;
+        }
+
+        #[test]
+        fn law_for_a_pose(c in case(4usize..13)) {
+            check_law::<3>(&c, Projection::Dynamic)?;
+        }
+
+        #[test]
+        fn comparison_projections_in_both_formulations(c in case(3usize..9)) {
+            check_law::<2>(&c, Projection::Kinematic)?;
+            check_law::<2>(&c, Projection::None)?;
+        }
+
+        /// Per-joint damping D_q = √d M √d is symmetric and takes power in every state.
+        #[test]
+        fn null_damping_dissipates(c in case(3usize..9)) {
+            let each = (0..c.q.len()).map(|i| 0.5 + i as f64).collect();
+            for formulation in FORMULATIONS {
+                let base = settings(formulation, Projection::Dynamic);
+                let settings = Settings { null_damping: Broadcast::Each(Clone::clone(&each)), ..base };
+                let mut controller = sensed::<2>(&c, &settings);
+                controller.command(&reference());
+                prop_assert!(controller.damping_power() >= 0.0);
+            }
+        }
+
+        /// Basis independence (THEORY §5, fact 8): the extended Jacobian in a turned basis ZR has
+        /// the same projector, block-diagonal E_e, J_e J_e⁻¹ = I and Ė − 2μ skew by its
+        /// symmetric part μ + μᵀ = Ė.
+        #[test]
+        fn extended_jacobian_identities(c in case(4usize..9), angle in 0.1..3.0) {
+            use super::extended_jacobian::ExtendedJacobian;
+            let state = c.state();
+            let m = state.matrices::<2>();
+            let Some(extended) = ExtendedJacobian::new(&m) else { return Err(TestCaseError::reject("singular")) };
+            prop_assume!(extended.lambda_x.norm() * extended.lambda_x.clone().try_inverse().unwrap().norm() < 1e4);
+            let n = c.q.len();
+            let identity = DMatrix::<f64>::identity(n, n);
+            prop_assert!((&extended.j_e * &extended.j_e_inv - &identity).norm() < 1e-9);
+            let e = extended.j_e_inv.transpose() * &m.mass * &extended.j_e_inv;
+            prop_assert!((e - &extended.e_e).norm() < 1e-9 * extended.e_e.norm());
+            let mut turn = DMatrix::<f64>::identity(n - 2, n - 2);
+            let (sin, cos) = f64::sin_cos(angle);
+            turn[(0, 0)] = cos;
+            turn[(0, 1)] = -sin;
+            turn[(1, 0)] = sin;
+            turn[(1, 1)] = cos;
+            let turned = ExtendedJacobian::with_basis(&m, &extended.z * turn).unwrap();
+            prop_assert!((turned.null_projector() - extended.null_projector()).norm() < 1e-9);
+        }
+    }
+
+    /// Stretched, folded and short arms: finite torque, a damped task force, and whatever acts in
+    /// the null space still does not move the end effector where it can move at all.
+    #[test]
+    fn singular_configurations_stay_finite() {
+        use crate::robot::{PlanarArm, planar::Link};
+        for (n, q) in [
+            (1, vec![0.3]),
+            (2, vec![0.3, 0.0]),
+            (6, vec![0.0; 6]),
+            (3, vec![0.2, 3.141592653589793, 0.0]),
+        ] {
+            let arm = PlanarArm::new(vec![Link::rod(1.0, 1.0); n], Vector::<2>::new(0.0, -9.81));
+            let zero = vec![0.0; n];
+            let c = Case { arm: arm.into(), q, dq: vec![0.1; n], u: zero.clone(), v: zero };
+            for formulation in FORMULATIONS {
+                let mut controller = sensed::<2>(&c, &settings(formulation, Projection::Dynamic));
+                assert!(controller.space().singular);
+                let torque = controller.command(&reference()).clone();
+                assert!(torque.total.iter().all(|t| t.is_finite()), "{n}: {torque:?}");
+                let leak = controller.space().response(&torque.null).norm();
+                assert!(leak < 1e-9, "{n}: {leak}");
+            }
+        }
+    }
+}

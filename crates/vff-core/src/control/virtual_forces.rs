@@ -119,11 +119,11 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let Contact { link, point, normal, .. } = contact;
         robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
         let along_task = space.response(&self.column);
-        let free = robot.point_mobility(*link, point, normal);
-        let in_null_space = free - along_task.dot(&(space.lambda * along_task));
-        // Where the null space cannot move the point there is no mass to damp against: the whole
-        // arm's mobility bounds the coefficient from above by no more than its own.
-        let mass = 1.0 / in_null_space.max(1e-3 * free);
+        let in_null_space = robot.point_mobility(*link, point, normal)
+            - along_task.dot(&(space.lambda * along_task));
+        // No more than the whole arm: a point that the null space cannot move, or at the base, would
+        // otherwise show an infinite mass.
+        let mass = (1.0 / in_null_space.max(f64::MIN_POSITIVE)).min(robot.total_mass());
         let ratio = field.approach_damping * field.approach_window(contact.distance);
         2.0 * ratio * (response.stiffness * mass).sqrt()
     }
@@ -131,5 +131,47 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     /// The power of the virtual forces on the arm, q̇ᵀτ_vff [W].
     pub fn power(&self, dq: &[f64]) -> f64 {
         dot(dq, &self.torque)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::FieldKind;
+    use crate::robot::{PlanarArm, planar::Link};
+    use std::sync::Arc;
+
+    /// A disc that closes in on the base, which cannot move: the effective mass there was infinite
+    /// and the torque NaN.
+    #[test]
+    fn approach_to_the_base_stays_finite() {
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
+        let mut state = arm.state();
+        state.update(&[0.4, -0.3, 0.8, 0.2], &[0.0; 4]);
+        let mut space = OperationalSpace::<2>::new(4, 1e-4);
+        space.refresh(&state);
+        let field = Field {
+            kind: FieldKind::Khatib,
+            gain: 1.0,
+            influence: 1.0,
+            floor: None,
+            approach_damping: 0.7,
+        };
+        let normal = Vector::<2>::new(1.0, 0.0);
+        let contact = Contact {
+            link: 0,
+            obstacle: 0,
+            distance: 0.3,
+            normal,
+            point: Vector::<2>::zeros(),
+            witness: normal * -0.3,
+            velocity: normal,
+            acceleration: Vector::<2>::zeros(),
+        };
+        let mut forces = VirtualForces::new(4);
+        forces.refresh(&state, &space, &field, &[contact]);
+        assert!(forces.resultant()[0].norm() > field.at(0.3).force);
+        assert!(forces.resultant()[0].norm().is_finite());
+        assert_eq!(forces.torque(), [0.0; 4]);
     }
 }

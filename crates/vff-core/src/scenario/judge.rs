@@ -93,7 +93,7 @@ pub fn obstacle(obstacle: &Obstacle) -> Judged {
     shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
     motion(&obstacle.motion).map_err(|error| error.inside("motion"))?;
     match &obstacle.motion {
-        Motion::Waypoints { points, .. } if points[0] != obstacle.position => {
+        Motion::Waypoints { points, .. } if !same(points[0], obstacle.position) => {
             let requirement = format!("the obstacle's position {:?}", obstacle.position);
             Err(ScenarioError::out_of_range("motion.points[0]", &requirement, points[0]))
         }
@@ -106,7 +106,7 @@ fn shape(shape: &Shape) -> Judged {
         Shape::Circle { radius } => number("radius", *radius, positive),
         Shape::Capsule { a, b, radius } => {
             number("radius", *radius, not_negative)?;
-            if a == b {
+            if same(*a, *b) {
                 return Err(ScenarioError::out_of_range("b", "another point than a", b));
             }
             Ok(())
@@ -137,4 +137,10 @@ pub fn motion(motion: &Motion) -> Judged {
         }
         None => Ok(()),
     }
+}
+
+/// Whether two points are the same to the last digit, as copied numbers are.
+#[expect(clippy::float_cmp, reason = "copies, not results")]
+fn same(a: [f64; 2], b: [f64; 2]) -> bool {
+    a == b
 }

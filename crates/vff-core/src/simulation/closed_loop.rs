@@ -79,7 +79,7 @@ impl<const M: usize> ClosedLoop<M> {
             plant: arm.state(),
             stepper: Stepper::new(options.integrator, n),
             bias: zeros(),
-            held: Torque { total: zeros(), task: zeros(), null: zeros() },
+            held: Torque::zeros(n),
             predicted: [zeros(), zeros(), zeros()],
             step: 0,
             options,
@@ -149,7 +149,7 @@ impl<const M: usize> ClosedLoop<M> {
         let torque = self.brain.torque_at(t, &self.q, &self.dq);
         let period_begins = self.step.is_multiple_of(self.options.control_every);
         if period_begins {
-            self.held.clone_from(torque);
+            self.held.copy_from(torque);
         }
         self.observe(t);
         if period_begins && self.options.control == Control::Predictor {
@@ -178,7 +178,7 @@ impl<const M: usize> ClosedLoop<M> {
         for (v, ddq) in dq.iter_mut().zip(ddq.iter()) {
             *v += 0.5 * half * ddq;
         }
-        self.held.clone_from(self.brain.torque_at(t + half, q, dq));
+        self.held.copy_from(self.brain.torque_at(t + half, q, dq));
     }
 
     /// Writes down what the controller sees at the present state.
