@@ -9,9 +9,8 @@ use vff_core::control::{self, Gains, TaskKind};
 use vff_core::math::Vector;
 use vff_core::robot::PlanarState;
 use vff_core::scenario;
-use vff_core::simulation::find_contacts;
 use vff_core::trajectory::Sample;
-use vff_core::world::{Contact, World};
+use vff_core::world::World;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -22,12 +21,10 @@ pub struct Controller {
     world: World,
     /// The obstacles of `world`, as they were given: the same again need not be read again.
     obstacles: Vec<Py<PyAny>>,
-    contacts: Vec<Contact<2>>,
     q: Vec<f64>,
     dq: Vec<f64>,
 }
 
-#[expect(clippy::large_enum_variant, reason = "one per controller")]
 enum Law {
     Position(control::Controller<PlanarState, 2, 2>),
     Pose(control::Controller<PlanarState, 2, 3>),
@@ -70,16 +67,16 @@ impl Controller {
         read_vector("q", q, &mut self.q)?;
         read_vector("dq", dq, &mut self.dq)?;
         self.look_around(obstacles)?;
-        let Self { law, world, contacts, q, dq, .. } = self;
+        let Self { law, world, q, dq, .. } = self;
         world.update(t);
         match law {
             Law::Position(law) => {
-                let sample = reference.read()?;
-                command(law, world, contacts, q, dq, &sample);
+                law.observe(q, dq, world);
+                law.command(&reference.read()?);
             }
             Law::Pose(law) => {
-                let sample = reference.read()?;
-                command(law, world, contacts, q, dq, &sample);
+                law.observe(q, dq, world);
+                law.command(&reference.read()?);
             }
         }
         Ok(())
@@ -105,20 +102,6 @@ impl Controller {
     }
 }
 
-fn command<const M: usize>(
-    law: &mut control::Controller<PlanarState, 2, M>,
-    world: &World,
-    contacts: &mut Vec<Contact<2>>,
-    q: &[f64],
-    dq: &[f64],
-    sample: &Sample<M>,
-) {
-    law.observe(q, dq);
-    find_contacts(law.robot(), world, contacts);
-    law.sense(contacts);
-    law.command(sample);
-}
-
 macro_rules! either {
     ($law:expr, $inner:ident => $body:expr) => {
         match $law {
@@ -138,15 +121,14 @@ impl Controller {
         let state = arm.arm.state();
         let law = match settings.task {
             TaskKind::Position => {
-                Law::Position(control::Controller::new(state, Gains::new(&settings, n)))
+                Law::Position(control::Controller::new(state, Gains::new(&settings)))
             }
-            TaskKind::Pose => Law::Pose(control::Controller::new(state, Gains::new(&settings, n))),
+            TaskKind::Pose => Law::Pose(control::Controller::new(state, Gains::new(&settings))),
         };
         Ok(Self {
             law,
             world: World::new(vec![]),
             obstacles: vec![],
-            contacts: vec![],
             q: vec![0.0; n],
             dq: vec![0.0; n],
         })
@@ -190,7 +172,7 @@ impl Controller {
             tau_task: law.torque().task.clone(),
             tau_null: law.torque().null.clone(),
             tau_vff: law.forces().torque().to_vec(),
-            force: law.forces().resultant().iter().map(|f| f.norm()).collect(),
+            force: law.forces().magnitude().to_vec(),
             clearance: law.forces().clearance().to_vec(),
             projector: law.null_projector(),
         }))

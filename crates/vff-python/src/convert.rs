@@ -136,7 +136,7 @@ pub fn as_float_array<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bo
 /// The fault of an array of another shape.
 pub fn wrong_shape(name: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
     let shape = as_float_array(name, value)
-        .and_then(|array| array.extract::<PyReadonlyArrayDyn<'_, f64>>().map_err(Into::into))
+        .and_then(|array| array.extract::<PyReadonlyArrayDyn<'_, f64>>())
         .map(|array| {
             let shape: Vec<_> = array.as_array().shape().iter().map(ToString::to_string).collect();
             let comma = if shape.len() == 1 { "," } else { "" };

@@ -1,4 +1,5 @@
 //! Whole runs and the judgement of documents.
+#![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
 use crate::convert::{array2, document, table_to_dict};
 use crate::errors;

@@ -25,7 +25,7 @@ impl Simulation {
     }
 
     fn present(&self) -> State {
-        State { snapshot: self.run.snapshot().clone() }
+        self.run.snapshot().into()
     }
 
     fn look(&mut self) {
@@ -91,58 +91,81 @@ impl Simulation {
 /// A simulation at one instant.
 #[pyclass(frozen, module = "vffnull")]
 pub struct State {
-    snapshot: Snapshot,
+    t: f64,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    x: Vec<f64>,
+    dx: Vec<f64>,
+    x_ref: Vec<f64>,
+    clearance: Vec<f64>,
+    tau: Vec<f64>,
+    obstacles: Vec<f64>,
+}
+
+impl From<Snapshot<'_>> for State {
+    fn from(s: Snapshot<'_>) -> Self {
+        Self {
+            t: s.t,
+            q: s.q.to_vec(),
+            dq: s.dq.to_vec(),
+            x: s.x.to_vec(),
+            dx: s.dx.to_vec(),
+            x_ref: s.x_ref.to_vec(),
+            clearance: s.clearance.to_vec(),
+            tau: s.torque.total.clone(),
+            obstacles: s.obstacles().flat_map(|p| [p.x, p.y]).collect(),
+        }
+    }
 }
 
 #[pymethods]
 impl State {
     #[getter]
     fn t(&self) -> f64 {
-        self.snapshot.t
+        self.t
     }
 
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.q)
+        array1(py, &self.q)
     }
 
     #[getter]
     fn dq<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.dq)
+        array1(py, &self.dq)
     }
 
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.x)
+        array1(py, &self.x)
     }
 
     #[getter]
     fn dx<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.dx)
+        array1(py, &self.dx)
     }
 
     #[getter]
     fn x_ref<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.x_ref)
+        array1(py, &self.x_ref)
     }
 
     #[getter]
     fn clearance<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.clearance)
+        array1(py, &self.clearance)
     }
 
     #[getter]
     fn tau<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.snapshot.tau)
+        array1(py, &self.tau)
     }
 
     #[getter]
     fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let positions = self.snapshot.obstacles.iter().flat_map(|p| [p.x, p.y]).collect();
-        array2(py, positions, [self.snapshot.obstacles.len(), 2])
+        array2(py, self.obstacles.clone(), [self.obstacles.len() / 2, 2])
     }
 
     fn __repr__(&self) -> String {
-        format!("<State: t = {} s>", self.snapshot.t)
+        format!("<State: t = {} s>", self.t)
     }
 }

@@ -139,7 +139,8 @@ pub fn evaluate<R: Robot<D>, const D: usize, const M: usize>(
     };
     let ExtendedJacobian { z, n_m, j_e, mu, lambda_x, .. } = &extended;
     let r = z.ncols();
-    let root_d = DMatrix::from_diagonal(&DVector::from_column_slice(&gains.sqrt_null_damping));
+    let n = robot.dof();
+    let root_d = DMatrix::from_diagonal(&DVector::from_fn(n, |i, _| gains.null_damping.root(i)));
     let damping = &root_d * &matrices.mass * &root_d; // D_q = √d M √d
     let tau_sec = DVector::from_column_slice(tau_sec);
 
@@ -161,7 +162,10 @@ pub fn evaluate<R: Robot<D>, const D: usize, const M: usize>(
         }
         Projection::None => secondary + coupling_torque(&extended, &matrices, &dx_e),
     };
+    law.null_energy = 0.5 * nu.dot(&(&extended.lambda_n * &nu));
     law.damping_power = (z * &nu).dot(&null_damping);
+    let bias = &matrices.coriolis * &matrices.velocity + &matrices.gravity;
+    law.bias.copy_from_slice(bias.as_slice());
     law.torque.task.copy_from_slice(tau_task.as_slice());
     law.torque.null.copy_from_slice(tau_null.as_slice());
     law.torque.total.copy_from_slice((tau_task + tau_null).as_slice());

@@ -41,6 +41,10 @@ impl Torque {
 pub struct Law {
     /// The result of the last evaluation.
     pub torque: Torque,
+    /// C q̇ + g at the state of the last evaluation [N·m].
+    pub bias: Vec<f64>,
+    /// ½ (N q̇)ᵀ M N q̇ [J].
+    pub null_energy: f64,
     /// (N q̇)ᵀ D_q N q̇ [W].
     pub damping_power: f64,
     v: Vec<f64>,
@@ -50,7 +54,15 @@ pub struct Law {
 impl Law {
     /// For `n` joints.
     pub fn new(n: usize) -> Self {
-        Self { torque: Torque::zeros(n), damping_power: 0.0, v: vec![0.0; n], w: vec![0.0; n] }
+        let zeros = || vec![0.0; n];
+        Self {
+            torque: Torque::zeros(n),
+            bias: zeros(),
+            null_energy: 0.0,
+            damping_power: 0.0,
+            v: zeros(),
+            w: zeros(),
+        }
     }
 
     /// The torque that gives the task the acceleration `ddx_c` and the null space `tau_sec`.
@@ -62,33 +74,34 @@ impl Law {
         ddx_c: &SVector<f64, M>,
         tau_sec: &[f64],
     ) {
-        let Self { torque, damping_power, v, w } = self;
-        let (dq, y) = (robot.velocity(), &mut torque.null);
+        let Self {
+            torque: Torque { total, task, null: y },
+            bias,
+            null_energy,
+            damping_power,
+            v,
+            w,
+        } = self;
+        let dq = robot.velocity();
         let momentum = space.lambda * space.dx; // Λ ẋ
 
         // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                   (eq. 16–20)
-        robot.coriolis_mul(dq, v);
-        let f = space.lambda_damped * (ddx_c + space.response(v) - robot.jacobian_dot_mul(dq));
-        robot.jacobian_tr_mul(&f, v);
-        robot.gravity_torque(&mut torque.task);
-        add(&mut torque.task, v); // τ_task = g + Jᵀ f
+        robot.coriolis_mul(dq, bias);
+        let f = space.lambda_damped * (ddx_c + space.response(bias) - robot.jacobian_dot_mul(dq));
 
         // Coupling  y = −Sᵀẋ = J̇ᵀ Λẋ − Cᵀ J#ẋ                                         (μ_nx)
         space.pinv_mul(&space.dx, v); // J#ẋ
         robot.coriolis_tr_mul(v, w);
         robot.jacobian_dot_tr_mul(&momentum, y);
-        sub(y, w);
+        each(y, w, |y, w| y - w);
 
-        // Null-space impedance  y += τ_sec − D_q N q̇,  D_q = √d M √d                   (eq. 22–23)
-        let root_d = &gains.sqrt_null_damping;
-        for ((v, dq), d) in v.iter_mut().zip(dq).zip(root_d) {
-            *v = d * (dq - *v); // √d N q̇
-        }
+        // Null-space impedance  y += τ_sec − D_q N q̇                                   (eq. 22–23)
+        each(v, dq, |task, dq| dq - task); // N q̇ = q̇ − J#ẋ
         robot.mass_mul(v, w);
+        *null_energy = 0.5 * dot(v, w);
+        gains.null_damping.scale_momentum(robot, v, w, total); // D_q N q̇
         *damping_power = dot(v, w);
-        for (((y, sec), w), d) in y.iter_mut().zip(tau_sec).zip(&*w).zip(root_d) {
-            *y += sec - d * w;
-        }
+        each2(y, tau_sec, w, |y, sec, damping| y + sec - damping);
 
         // Projection  τ_null = Nᵀ y                                                      (eq. 6)
         let leak = match gains.projection {
@@ -96,11 +109,15 @@ impl Law {
             Projection::Kinematic => kinematic_pinv_tr_mul(robot, y, v),
             Projection::None => SVector::zeros(),
         };
-        robot.jacobian_tr_mul(&leak, v);
-        sub(y, v);
 
-        torque.total.copy_from_slice(&torque.task);
-        add(&mut torque.total, y);
+        // τ = g + Jᵀ f + Nᵀ y
+        robot.gravity_torque(task);
+        each(bias, task, |c, g| c + g);
+        robot.jacobian_tr_mul(&f, v);
+        each(task, v, |g, jf| g + jf);
+        robot.jacobian_tr_mul(&leak, v);
+        each(y, v, |y, leak| y - leak);
+        each2(total, task, y, |_, task, null| task + null);
     }
 }
 
@@ -120,10 +137,14 @@ fn kinematic_pinv_tr_mul<R: Robot<D>, const D: usize, const M: usize>(
     jjt.try_inverse().map_or(SVector::zeros(), |inverse| inverse * jy)
 }
 
-fn add(a: &mut [f64], b: &[f64]) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+/// `a_i ← f(a_i, b_i, c_i)`.
+#[inline]
+fn each2(a: &mut [f64], b: &[f64], c: &[f64], f: impl Fn(f64, f64, f64) -> f64) {
+    a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = f(*a, *b, *c));
 }
 
-fn sub(a: &mut [f64], b: &[f64]) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a -= b);
+/// `a_i ← f(a_i, b_i)`.
+#[inline]
+fn each(a: &mut [f64], b: &[f64], f: impl Fn(f64, f64) -> f64) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a = f(*a, *b));
 }

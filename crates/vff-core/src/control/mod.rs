@@ -14,7 +14,7 @@ pub mod virtual_forces;
 use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
-use crate::world::Contact;
+use crate::world::Surroundings;
 use nalgebra::{DMatrix, SMatrix};
 
 pub use law::{Law, Torque};
@@ -24,7 +24,7 @@ pub use virtual_forces::VirtualForces;
 
 /// A torque controller for a robot `R` with a task of dimension `M`.
 ///
-/// Call [`observe`](Self::observe) with the state, then [`command`](Self::command) with the
+/// Call [`observe`](Self::observe) with the state and the surroundings, then [`command`](Self::command) with the
 /// reference. Nothing allocates after construction (`formulation = recursive`).
 #[derive(Debug, Clone)]
 pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
@@ -80,15 +80,11 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         &self.tau_sec
     }
 
-    /// Moves the controller's robot to (q, q̇), so that its links can be asked for.
-    pub fn observe(&mut self, q: &[f64], dq: &[f64]) {
+    /// Takes in the state (q, q̇) and what is around: clearances and forces.
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &impl Surroundings<D>) {
         self.robot.update(q, dq);
-    }
-
-    /// Clearances and forces from the contacts of all link–obstacle pairs at the observed state.
-    pub fn sense(&mut self, contacts: &[Contact<D>]) {
         self.space.refresh(&self.robot);
-        self.forces.refresh(&self.robot, &self.space, &self.gains.field, contacts);
+        self.forces.refresh(&self.robot, &self.space, &self.gains.field, surroundings);
     }
 
     /// The error x − x_r of the task at the observed state.
@@ -101,10 +97,8 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         let e = self.error(reference);
         let de = self.space.dx - reference.dx;
         let ddx_c = task::commanded_acceleration(&self.gains, reference, e, de);
-        self.gains.posture_torque(self.robot.configuration(), &mut self.tau_sec);
-        for (sec, vff) in self.tau_sec.iter_mut().zip(self.forces.torque()) {
-            *sec += vff;
-        }
+        self.tau_sec.copy_from_slice(self.forces.torque());
+        self.gains.add_posture_torque(self.robot.configuration(), &mut self.tau_sec);
         match self.gains.formulation {
             Formulation::Recursive => {
                 self.law.evaluate(&self.robot, &self.space, &self.gains, &ddx_c, &self.tau_sec);
@@ -140,22 +134,37 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         }
     }
 
-    /// The power that damping takes from the null space, (N q̇)ᵀ D_q N q̇ ≥ 0 [W].
-    pub fn damping_power(&self) -> f64 {
-        self.law.damping_power
+    /// C q̇ + g at the state of the last command [N·m].
+    pub fn bias(&self) -> &[f64] {
+        &self.law.bias
     }
 
-    /// Power of the secondary torque on the null motion, (N q̇)ᵀ τ_sec [W].
-    pub fn null_power(&self) -> f64 {
-        let along_task: f64 = self.space.dx.dot(&self.space.pinv_tr_mul(&self.tau_sec));
-        dot(self.robot.velocity(), &self.tau_sec) - along_task
+    /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task [m/s²].
+    pub fn null_acceleration(&self) -> f64 {
+        self.space.response(&self.law.torque.null).norm()
     }
 
-    /// Kinetic energy of the null motion, ½ νᵀΛ_nν = ½ q̇ᵀMq̇ − ½ ẋᵀΛẋ [J].
-    pub fn null_energy(&self, scratch: &mut [f64]) -> f64 {
+    /// V_n + U + posture energy [J], with the kinetic energy V_n = ½ νᵀΛ_nν of the null motion: the
+    /// storage function of the null space (THEORY §2).
+    pub fn null_storage(&self) -> f64 {
+        self.law.null_energy
+            + self.forces.potential()
+            + self.gains.posture_energy(self.robot.configuration())
+    }
+
+    /// What flows into [`null_storage`](Self::null_storage): −νᵀD_nν + νᵀZᵀτ_sec + U̇ + posture [W].
+    ///
+    /// With τ_sec = τ_vff this is −νᵀD_nν − ẋᵀJ#ᵀτ_vff + Σ F_i·v_obstacle.
+    pub fn null_supply(&self) -> f64 {
         let dq = self.robot.velocity();
-        self.robot.mass_mul(dq, scratch);
-        0.5 * (dot(dq, scratch) - self.space.dx.dot(&(self.space.lambda * self.space.dx)))
+        let along_task: f64 = self.space.dx.dot(&self.space.pinv_tr_mul(&self.tau_sec));
+        let posture = if self.gains.posture.is_empty() {
+            0.0
+        } else {
+            dot(dq, &self.tau_sec) - self.forces.power(dq)
+        };
+        dot(dq, &self.tau_sec) - along_task - self.law.damping_power + self.forces.potential_rate()
+            - posture
     }
 }
 
@@ -169,7 +178,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::field::{Field, FieldKind};
-    use crate::math::{Broadcast, Capsule};
+    use crate::math::Broadcast;
     use crate::robot::PlanarState;
     use crate::testing::{Case, assert_close, case};
     use crate::world::{Motion, Obstacle, Shape, World};
@@ -191,11 +200,9 @@ mod tests {
 
     /// Two discs near the arm, one of them moving, and what the arm makes of them.
     fn sensed<const M: usize>(c: &Case, settings: &Settings) -> Controller<PlanarState, 2, M> {
-        let mut controller =
-            Controller::<_, 2, M>::new(c.arm.state(), Gains::new(settings, c.q.len()));
-        controller.observe(&c.q, &c.dq);
-        let middle = controller.robot().link(c.q.len() / 2);
-        let near = middle.start + (middle.end - middle.start) * 0.3;
+        let mut controller = Controller::<_, 2, M>::new(c.arm.state(), Gains::new(settings));
+        let middle = c.state().link(c.q.len() / 2);
+        let near = middle.start + middle.direction * (0.3 * middle.length);
         let disc = |x: f64, y: f64, velocity| Obstacle {
             shape: Shape::Circle { radius: 0.2 },
             position: [near.x + x, near.y + y],
@@ -203,10 +210,7 @@ mod tests {
             motion: Motion::Linear { velocity },
         };
         let world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);
-        let links = (0..c.q.len()).map(|i| -> Capsule<2> { controller.robot().link(i) });
-        let mut contacts = vec![];
-        world.for_each_contact(links, |contact| contacts.push(*contact));
-        controller.sense(&contacts);
+        controller.observe(&c.q, &c.dq, &world);
         controller
     }
 
@@ -280,7 +284,7 @@ mod tests {
                 let settings = Settings { null_damping: Broadcast::Each(Clone::clone(&each)), ..base };
                 let mut controller = sensed::<2>(&c, &settings);
                 controller.command(&reference());
-                prop_assert!(controller.damping_power() >= 0.0);
+                prop_assert!(controller.law.damping_power >= 0.0);
             }
         }
 

@@ -2,6 +2,7 @@
 
 use crate::field::Field;
 use crate::math::Broadcast;
+use crate::robot::Robot;
 use nalgebra::SVector;
 use serde::Deserialize;
 
@@ -106,6 +107,52 @@ impl Default for Settings {
     }
 }
 
+/// Damping of the null space, proportional to M: its sampled bound d·dt < 2 is the same in every
+/// configuration (THEORY §2).
+#[derive(Debug, Clone, PartialEq)]
+pub enum NullDamping {
+    /// D_q = d M with d [1/s].
+    Uniform(f64),
+    /// D_q = √d M √d, the diagonal √d [1/√s] one per joint.
+    Each(Vec<f64>),
+}
+
+impl NullDamping {
+    fn new(d: &Broadcast) -> Self {
+        match d {
+            Broadcast::Uniform(d) => Self::Uniform(*d),
+            Broadcast::Each(each) => Self::Each(each.iter().map(|d| d.sqrt()).collect()),
+        }
+    }
+
+    /// √d of joint `i` [1/√s].
+    pub fn root(&self, i: usize) -> f64 {
+        match self {
+            Self::Uniform(d) => d.sqrt(),
+            Self::Each(roots) => roots[i],
+        }
+    }
+
+    /// Turns the momentum `M v` in `out` into `D_q v`.
+    pub fn scale_momentum<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        v: &[f64],
+        out: &mut [f64],
+        scratch: &mut [f64],
+    ) {
+        match self {
+            Self::Uniform(d) => out.iter_mut().for_each(|p| *p *= d),
+            Self::Each(roots) => {
+                let scaled = v.iter().zip(roots);
+                scratch.iter_mut().zip(scaled).for_each(|(s, (v, root))| *s = v * root);
+                robot.mass_mul(scratch, out);
+                out.iter_mut().zip(roots).for_each(|(p, root)| *p *= root);
+            }
+        }
+    }
+}
+
 /// [`Settings`] resolved for a robot of n joints and a task of dimension `M`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains<const M: usize> {
@@ -113,8 +160,8 @@ pub struct Gains<const M: usize> {
     pub stiffness: SVector<f64, M>,
     /// D [1/s].
     pub damping: SVector<f64, M>,
-    /// √d [1/√s], one per joint.
-    pub sqrt_null_damping: Vec<f64>,
+    /// D_q.
+    pub null_damping: NullDamping,
     /// Posture spring: (q_d [rad], K_v [N·m/rad]) per joint, empty without posture.
     pub posture: Vec<(f64, f64)>,
     /// The virtual force field.
@@ -129,12 +176,12 @@ pub struct Gains<const M: usize> {
 
 impl<const M: usize> Gains<M> {
     /// Resolves settings whose lengths [`crate::scenario`] has checked.
-    pub fn new(settings: &Settings, n: usize) -> Self {
+    pub fn new(settings: &Settings) -> Self {
         let posture = settings.posture.as_deref().unwrap_or_default();
         Self {
             stiffness: SVector::from_fn(|i, _| settings.stiffness.get(i)),
             damping: SVector::from_fn(|i, _| settings.damping.get(i)),
-            sqrt_null_damping: (0..n).map(|i| settings.null_damping.get(i).sqrt()).collect(),
+            null_damping: NullDamping::new(&settings.null_damping),
             posture: posture
                 .iter()
                 .enumerate()
@@ -147,11 +194,10 @@ impl<const M: usize> Gains<M> {
         }
     }
 
-    /// `out = K_v (q_d − q)`, zero without a posture.
-    pub fn posture_torque(&self, q: &[f64], out: &mut [f64]) {
-        out.fill(0.0);
+    /// `out += K_v (q_d − q)`, nothing without a posture.
+    pub fn add_posture_torque(&self, q: &[f64], out: &mut [f64]) {
         for ((out, q), (rest, stiffness)) in out.iter_mut().zip(q).zip(&self.posture) {
-            *out = stiffness * (rest - q);
+            *out += stiffness * (rest - q);
         }
     }
 

@@ -4,18 +4,21 @@ use super::{OperationalSpace, dot};
 use crate::field::{Field, Response};
 use crate::math::Vector;
 use crate::robot::Robot;
-use crate::world::Contact;
+use crate::world::{Contact, Surroundings};
 
 /// What the virtual force field does to every link at one instant.
 #[derive(Debug, Clone)]
 pub struct VirtualForces<W, const D: usize> {
     clearance: Vec<f64>,
     resultant: Vec<Vector<D>>,
+    magnitude: Vec<f64>,
     torque: Vec<f64>,
     wrenches: Vec<W>,
     column: Vec<f64>,
     potential: f64,
     potential_rate: f64,
+    /// Whether any pair is within the influence of the field.
+    active: bool,
 }
 
 impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
@@ -24,11 +27,13 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         Self {
             clearance: vec![f64::INFINITY; n],
             resultant: vec![Vector::zeros(); n],
+            magnitude: vec![0.0; n],
             torque: vec![0.0; n],
             wrenches: vec![W::default(); n],
             column: vec![0.0; n],
             potential: 0.0,
             potential_rate: 0.0,
+            active: false,
         }
     }
 
@@ -40,6 +45,11 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     /// The sum of the repulsive forces on each link [N].
     pub fn resultant(&self) -> &[Vector<D>] {
         &self.resultant
+    }
+
+    /// The magnitudes of the resultants [N].
+    pub fn magnitude(&self) -> &[f64] {
+        &self.magnitude
     }
 
     /// τ_vff = Σ J_cᵀF, the paper's virtual external torque τ_e, before projection [N·m].
@@ -63,25 +73,31 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot: &R,
         space: &OperationalSpace<M>,
         field: &Field,
-        contacts: &[Contact<D>],
+        surroundings: &impl Surroundings<D>,
     ) {
+        if self.active {
+            self.resultant.fill(Vector::zeros());
+            self.magnitude.fill(0.0);
+            self.wrenches.fill(W::default());
+            self.torque.fill(0.0);
+            (self.potential, self.potential_rate) = (0.0, 0.0);
+        }
+        self.active = false;
         self.clearance.fill(f64::INFINITY);
-        self.resultant.fill(Vector::zeros());
-        self.wrenches.fill(W::default());
-        (self.potential, self.potential_rate) = (0.0, 0.0);
-        let mut active = false;
-        for contact in contacts {
+        let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
+        let links = (0..robot.dof()).map(|i| robot.link(i));
+        surroundings.for_each_contact(links, |contact| {
             let clearance = &mut self.clearance[contact.link];
             *clearance = clearance.min(contact.distance);
-            if contact.distance < field.influence && field.gain > 0.0 {
-                active = true;
+            if contact.distance < influence {
                 self.push(robot, space, field, contact);
             }
-        }
-        if active {
+        });
+        if self.active {
             robot.wrenches_tr_mul(&self.wrenches, &mut self.torque);
-        } else {
-            self.torque.fill(0.0);
+            for (magnitude, force) in self.magnitude.iter_mut().zip(&self.resultant) {
+                *magnitude = force.norm();
+            }
         }
     }
 
@@ -92,6 +108,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         field: &Field,
         contact: &Contact<D>,
     ) {
+        self.active = true;
         let Contact { link, point, normal, .. } = contact;
         let response = field.at(contact.distance);
         let closing = normal.dot(&(contact.velocity - robot.point_velocity(*link, point))); // −ḋ
@@ -138,8 +155,22 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
 mod tests {
     use super::*;
     use crate::field::FieldKind;
+    use crate::math::Capsule;
     use crate::robot::{PlanarArm, planar::Link};
     use std::sync::Arc;
+
+    /// One contact, whatever the links do.
+    struct Only(Contact<2>);
+
+    impl Surroundings<2> for Only {
+        fn for_each_contact(
+            &self,
+            _links: impl IntoIterator<Item = Capsule<2>>,
+            mut visit: impl FnMut(&Contact<2>),
+        ) {
+            visit(&self.0);
+        }
+    }
 
     /// A disc that closes in on the base, which cannot move: the effective mass there was infinite
     /// and the torque NaN.
@@ -169,7 +200,7 @@ mod tests {
             acceleration: Vector::<2>::zeros(),
         };
         let mut forces = VirtualForces::new(4);
-        forces.refresh(&state, &space, &field, &[contact]);
+        forces.refresh(&state, &space, &field, &Only(contact));
         assert!(forces.resultant()[0].norm() > field.at(0.3).force);
         assert!(forces.resultant()[0].norm().is_finite());
         assert_eq!(forces.torque(), [0.0; 4]);

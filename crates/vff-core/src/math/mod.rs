@@ -1,8 +1,10 @@
 //! The few types that every layer shares.
 
 mod broadcast;
+mod sincos;
 
 pub use broadcast::Broadcast;
+pub use sincos::sin_cos;
 
 use nalgebra::SVector;
 
@@ -14,10 +16,27 @@ pub type Vector<const D: usize> = SVector<f64, D>;
 pub struct Capsule<const D: usize> {
     /// First end of the axis [m].
     pub start: Vector<D>,
-    /// Second end of the axis [m].
-    pub end: Vector<D>,
+    /// Unit vector from the first end to the second.
+    pub direction: Vector<D>,
+    /// Distance between the ends [m], > 0.
+    pub length: f64,
     /// Distance from the axis to the surface [m].
     pub radius: f64,
+}
+
+impl<const D: usize> Capsule<D> {
+    /// The capsule between two different points.
+    pub fn new(start: Vector<D>, end: Vector<D>, radius: f64) -> Self {
+        let along = end - start;
+        let length = along.norm();
+        Self { start, direction: along / length, length, radius }
+    }
+
+    /// The second end of the axis [m].
+    #[inline]
+    pub fn end(&self) -> Vector<D> {
+        self.start + self.direction * self.length
+    }
 }
 
 /// `v` turned by +90°: the derivative of a planar vector by its angle.

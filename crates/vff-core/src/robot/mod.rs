@@ -63,6 +63,13 @@ pub trait Robot<const D: usize> {
         }
         self.mass_solve(scratch, out);
     }
+    /// `out = M⁻¹(τ − bias)` where the bias C q̇ + g is known already [rad/s²].
+    fn accelerate(&self, tau: &[f64], bias: &[f64], scratch: &mut [f64], out: &mut [f64]) {
+        for ((rest, bias), tau) in scratch.iter_mut().zip(bias).zip(tau) {
+            *rest = tau - bias;
+        }
+        self.mass_solve(scratch, out);
+    }
     /// The potential energy of gravity [J]; its gradient is g.
     fn potential_energy(&self) -> f64;
 

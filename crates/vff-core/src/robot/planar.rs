@@ -11,9 +11,11 @@
 //! so that products are prefix and suffix sums (THEORY §3). The inverse is the articulated-body
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
+#![expect(clippy::needless_range_loop, reason = "sweeps over several arrays at once")]
+
 use super::{Matrices, Robot, dense};
-use crate::math::{Capsule, Vector, cross, perp};
-use nalgebra::{Matrix2, SMatrix, SVector};
+use crate::math::{Capsule, Vector, cross, perp, sin_cos};
+use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
 /// The physical parameters of one link.
@@ -62,6 +64,10 @@ struct Composite {
     diagonal: f64,
     /// `I_i + m_i|c_i|²` [kg·m²].
     about_joint: f64,
+    /// Length [m] and mass [kg] of the link, and the mass that it carries at its far end [kg].
+    length: f64,
+    mass: f64,
+    carried: f64,
 }
 
 impl PlanarArm {
@@ -81,6 +87,9 @@ impl PlanarArm {
                     moment: link.com * link.mass + Vector::<2>::new(link.length * carried, 0.0),
                     diagonal: about_joint + link.length * link.length * carried,
                     about_joint,
+                    length: link.length,
+                    mass: link.mass,
+                    carried,
                 }
             })
             .collect();
@@ -123,7 +132,11 @@ impl PlanarArm {
             arm: Arc::clone(self),
             q: vec![0.0; n],
             dq: vec![0.0; n],
-            joints: vec![Joint::default(); n],
+            joints: self
+                .composite
+                .iter()
+                .map(|link| Joint { diagonal: link.diagonal, ..Joint::default() })
+                .collect(),
             tip: Vector::<2>::zeros(),
             tip_velocity: Vector::<2>::zeros(),
         };
@@ -141,9 +154,13 @@ struct Joint {
     /// Position [m] and velocity [m/s] of the joint.
     position: Vector<2>,
     velocity: Vector<2>,
+    /// Unit vector along the link.
+    x: Vector<2>,
     /// Vector to the next joint, and composite first moment, in the world frame.
     l: Vector<2>,
     b: Vector<2>,
+    /// A_ii [kg·m²].
+    diagonal: f64,
     /// Articulated-body factorisation: coupling h [kg·m] and 1/D [1/(kg·m²)].
     h: Vector<2>,
     d_inv: f64,
@@ -176,6 +193,17 @@ impl PlanarState {
         self.joints[i].angle
     }
 
+    /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
+    #[inline(always)]
+    fn with<'a>(
+        &'a self,
+        v: &'a [f64],
+        out: &'a mut [f64],
+    ) -> (&'a [Joint], &'a [f64], &'a mut [f64]) {
+        let n = self.joints.len();
+        (&self.joints, &v[..n], &mut out[..n])
+    }
+
     fn refresh(&mut self) {
         self.kinematics();
         self.factorise();
@@ -186,20 +214,20 @@ impl PlanarState {
         let (mut angle, mut rate) = (0.0, 0.0);
         let mut position = Vector::<2>::zeros();
         let mut velocity = Vector::<2>::zeros();
-        let model = self.arm.links.iter().zip(&self.arm.composite);
-        for (((joint, (link, composite)), q), dq) in
-            self.joints.iter_mut().zip(model).zip(&self.q).zip(&self.dq)
-        {
-            angle += q;
-            rate += dq;
-            let (sin, cos) = angle.sin_cos();
+        let n = self.joints.len();
+        let (q, dq, links) = (&self.q[..n], &self.dq[..n], &self.arm.composite[..n]);
+        for (i, joint) in self.joints.iter_mut().enumerate() {
+            angle += q[i];
+            rate += dq[i];
+            let (sin, cos) = sin_cos(angle);
             let x = Vector::<2>::new(cos, sin);
             joint.angle = angle;
             joint.rate = rate;
             joint.position = position;
             joint.velocity = velocity;
-            joint.l = x * link.length;
-            joint.b = x * composite.moment.x + perp(x) * composite.moment.y;
+            joint.x = x;
+            joint.l = x * links[i].length;
+            joint.b = x * links[i].moment.x + perp(x) * links[i].moment.y;
             position += joint.l;
             velocity += perp(joint.l) * rate;
         }
@@ -212,22 +240,22 @@ impl PlanarState {
     /// With K of the outer part at the far joint, a link whose joint accelerates by `a` and which
     /// turns with `α` needs the moment `D α + h·a`, and leaves `K − h hᵀ/D + m I` to its parent.
     fn factorise(&mut self) {
-        let mut k = Matrix2::<f64>::zeros();
-        let mut distal_moment = 0.0;
-        let model = self.arm.links.iter().zip(&self.arm.composite);
-        for (joint, (link, composite)) in self.joints.iter_mut().zip(model).rev() {
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        let n = self.joints.len();
+        let links = &self.arm.composite[..n];
+        for (i, joint) in self.joints.iter_mut().enumerate().rev() {
+            let link = &links[i];
             // m c in the world frame: the composite moment without the carried masses.
-            let mc = joint.b - joint.l * distal_moment;
+            let mc = joint.b - joint.l * link.carried;
             let lp = perp(joint.l);
-            let kl = k * lp;
-            joint.h = perp(mc) + kl;
-            joint.d_inv = 1.0 / (composite.about_joint + lp.dot(&kl));
-            let hd = joint.h * joint.d_inv;
-            k -= joint.h * hd.transpose();
-            k.m11 += link.mass;
-            k.m22 += link.mass;
-            k.m12 = k.m21;
-            distal_moment += link.mass;
+            let kl = Vector::<2>::new(xx * lp.x + xy * lp.y, xy * lp.x + yy * lp.y);
+            let h = perp(mc) + kl;
+            joint.d_inv = 1.0 / (link.about_joint + lp.dot(&kl));
+            joint.h = h;
+            let hd = h * joint.d_inv;
+            xx += link.mass - h.x * hd.x;
+            xy -= h.x * hd.y;
+            yy += link.mass - h.y * hd.y;
         }
     }
 }
@@ -263,81 +291,84 @@ impl Robot<2> for PlanarState {
     }
 
     fn mass_mul(&self, v: &[f64], out: &mut [f64]) {
+        let (joints, v, out) = self.with(v, out);
         // Base to tip: Σ_{j<i} l_j w_j; tip to base: Σ_{j>i} b_j w_j; then Lᵀ.
         let (mut w, mut inner) = (0.0, Vector::<2>::zeros());
-        let rows = self.joints.iter().zip(&self.arm.composite).zip(v);
-        for (((joint, composite), v), out) in rows.zip(out.iter_mut()) {
-            w += v;
-            *out = composite.diagonal * w + joint.b.dot(&inner);
-            inner += joint.l * w;
+        for i in 0..out.len() {
+            w += v[i];
+            out[i] = joints[i].diagonal * w + joints[i].b.dot(&inner);
+            inner += joints[i].l * w;
         }
         let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
-        for ((joint, v), out) in self.joints.iter().zip(v).zip(out.iter_mut()).rev() {
-            sum += *out + joint.l.dot(&outer);
-            *out = sum;
-            outer += joint.b * w;
-            w -= v;
+        for i in (0..out.len()).rev() {
+            sum += out[i] + joints[i].l.dot(&outer);
+            out[i] = sum;
+            outer += joints[i].b * w;
+            w -= v[i];
         }
     }
 
     fn mass_solve(&self, b: &[f64], out: &mut [f64]) {
+        let (joints, b, out) = self.with(b, out);
         // Backward: the moment left over at each link once the outer joints have yielded.
         let (mut next, mut force) = (0.0, Vector::<2>::zeros());
-        for ((joint, b), out) in self.joints.iter().zip(b).zip(out.iter_mut()).rev() {
-            let e = (b - next - perp(joint.l).dot(&force)) * joint.d_inv;
-            force += joint.h * e;
-            *out = e;
-            next = *b;
+        for i in (0..out.len()).rev() {
+            let e = (b[i] - next - cross(joints[i].l, force)) * joints[i].d_inv;
+            force += joints[i].h * e;
+            out[i] = e;
+            next = b[i];
         }
         // Forward: absolute angular accelerations, then back to joint coordinates.
         let (mut previous, mut a) = (0.0, Vector::<2>::zeros());
-        for (joint, out) in self.joints.iter().zip(out.iter_mut()) {
-            let alpha = *out - joint.d_inv * joint.h.dot(&a);
-            a += perp(joint.l) * alpha;
-            *out = alpha - previous;
+        for i in 0..out.len() {
+            let alpha = out[i] - joints[i].d_inv * joints[i].h.dot(&a);
+            a += perp(joints[i].l) * alpha;
+            out[i] = alpha - previous;
             previous = alpha;
         }
     }
 
     fn coriolis_mul(&self, v: &[f64], out: &mut [f64]) {
+        let (joints, v, out) = self.with(v, out);
         // (C v)_abs,i = Σ_j A_ij sin(θ_i − θ_j) w_j u_j with u = L v.
         let (mut u, mut inner) = (0.0, Vector::<2>::zeros());
-        for ((joint, v), out) in self.joints.iter().zip(v).zip(out.iter_mut()) {
-            u += v;
-            *out = cross(inner, joint.b);
-            inner += joint.l * (joint.rate * u);
+        for i in 0..out.len() {
+            u += v[i];
+            out[i] = cross(inner, joints[i].b);
+            inner += joints[i].l * (joints[i].rate * u);
         }
         let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
-        for ((joint, v), out) in self.joints.iter().zip(v).zip(out.iter_mut()).rev() {
-            sum += *out - cross(joint.l, outer);
-            *out = sum;
-            outer += joint.b * (joint.rate * u);
-            u -= v;
+        for i in (0..out.len()).rev() {
+            sum += out[i] - cross(joints[i].l, outer);
+            out[i] = sum;
+            outer += joints[i].b * (joints[i].rate * u);
+            u -= v[i];
         }
     }
 
     fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]) {
+        let (joints, u, out) = self.with(u, out);
         // (Cᵀ u)_abs,i = −w_i Σ_j A_ij sin(θ_i − θ_j) (L u)_j.
         let (mut s, mut inner) = (0.0, Vector::<2>::zeros());
-        for ((joint, u), out) in self.joints.iter().zip(u).zip(out.iter_mut()) {
-            s += u;
-            *out = cross(inner, joint.b);
-            inner += joint.l * s;
+        for i in 0..out.len() {
+            s += u[i];
+            out[i] = cross(inner, joints[i].b);
+            inner += joints[i].l * s;
         }
         let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
-        for ((joint, u), out) in self.joints.iter().zip(u).zip(out.iter_mut()).rev() {
-            sum -= joint.rate * (*out - cross(joint.l, outer));
-            *out = sum;
-            outer += joint.b * s;
-            s -= u;
+        for i in (0..out.len()).rev() {
+            sum -= joints[i].rate * (out[i] - cross(joints[i].l, outer));
+            out[i] = sum;
+            outer += joints[i].b * s;
+            s -= u[i];
         }
     }
 
     fn gravity_torque(&self, out: &mut [f64]) {
         let mut sum = 0.0;
-        for (joint, out) in self.joints.iter().zip(out.iter_mut()).rev() {
-            sum -= self.arm.gravity.dot(&perp(joint.b));
-            *out = sum;
+        for i in (0..self.joints.len()).rev() {
+            sum += cross(self.joints[i].b, -self.arm.gravity);
+            out[i] = sum;
         }
     }
 
@@ -410,11 +441,8 @@ impl Robot<2> for PlanarState {
 
     fn link(&self, i: usize) -> Capsule<2> {
         let joint = &self.joints[i];
-        Capsule {
-            start: joint.position,
-            end: joint.position + joint.l,
-            radius: self.arm.links[i].radius,
-        }
+        let Link { length, radius, .. } = self.arm.links[i];
+        Capsule { start: joint.position, direction: joint.x, length, radius }
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<2>) -> Vector<2> {
@@ -592,7 +620,7 @@ mod tests {
             let normal = Vector::<2>::new(f64::cos(angle), f64::sin(angle));
             let on = |state: &PlanarState| {
                 let link = state.link(i);
-                link.start + (link.end - link.start) * along
+                link.start + link.direction * (link.length * along)
             };
             let point = on(&state);
             let column = apply(n, |out| state.point_jacobian_tr_mul(i, &point, &normal, out));

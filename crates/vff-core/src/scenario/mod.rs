@@ -170,9 +170,9 @@ pub struct Ready {
 #[derive(Debug, Clone)]
 pub enum AnyRun {
     /// Position.
-    Position(Run<2>),
+    Position(Box<Run<2>>),
     /// Position and orientation.
-    Pose(Run<3>),
+    Pose(Box<Run<3>>),
 }
 
 macro_rules! either {
@@ -197,11 +197,11 @@ impl AnyRun {
 
     /// [`Run::outcome`].
     pub fn outcome(self) -> Outcome {
-        either!(self, run => run.outcome())
+        either!(self, run => (*run).outcome())
     }
 
     /// The present instant.
-    pub fn snapshot(&self) -> &Snapshot {
+    pub fn snapshot(&self) -> Snapshot<'_> {
         either!(self, run => run.closed_loop().snapshot())
     }
 
@@ -271,7 +271,7 @@ impl Scenario {
         &self,
         arm: &Arc<PlanarArm>,
         limits: Limits,
-        wrap: impl Fn(Run<M>) -> AnyRun,
+        wrap: impl Fn(Box<Run<M>>) -> AnyRun,
     ) -> Result<Ready, ScenarioError> {
         let n = arm.dof();
         let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; n]);
@@ -284,12 +284,12 @@ impl Scenario {
             )
         })?;
         self.reachable(arm, &trajectory)?;
-        let gains = Gains::<M>::new(&self.controller, n);
+        let gains = Gains::<M>::new(&self.controller);
         let world = World::new(self.obstacles.clone());
         let options = self.simulation.clone();
         let closed_loop =
             ClosedLoop::new(arm, gains, world, trajectory, options, self.q0.clone(), dq0);
-        let warnings = self.oddities(closed_loop.snapshot());
+        let warnings = self.oddities(&closed_loop.snapshot());
         let run =
             Run::new(closed_loop, &self.simulation, self.duration, limits).map_err(|error| {
                 ScenarioError::new(
@@ -297,7 +297,7 @@ impl Scenario {
                     Problem::Other(format!("{error}; record fewer rows")),
                 )
             })?;
-        Ok(Ready { run: wrap(run), warnings })
+        Ok(Ready { run: wrap(Box::new(run)), warnings })
     }
 
     /// The whole reference lies where the arm can put its end effector.
@@ -336,7 +336,7 @@ impl Scenario {
     }
 
     /// What is allowed but probably not meant.
-    fn oddities(&self, start: &Snapshot) -> Vec<String> {
+    fn oddities(&self, start: &Snapshot<'_>) -> Vec<String> {
         let mut warnings = vec![];
         for (link, clearance) in start.clearance.iter().enumerate() {
             if *clearance < 0.0 {

@@ -153,7 +153,7 @@ impl Metrics {
     }
 
     /// Takes in the instant of one plant step.
-    pub fn update(&mut self, s: &Snapshot) {
+    pub fn update(&mut self, s: &Snapshot<'_>) {
         self.clearance(s);
         self.tracking(s);
         self.effort(s);
@@ -161,7 +161,7 @@ impl Metrics {
         self.samples += 1;
     }
 
-    fn clearance(&mut self, s: &Snapshot) {
+    fn clearance(&mut self, s: &Snapshot<'_>) {
         let mut nearest = f64::INFINITY;
         for (link, &distance) in s.clearance.iter().enumerate() {
             nearest = nearest.min(distance);
@@ -182,8 +182,8 @@ impl Metrics {
         }
     }
 
-    fn tracking(&mut self, s: &Snapshot) {
-        let error = s.error[0].hypot(s.error[1]);
+    fn tracking(&mut self, s: &Snapshot<'_>) {
+        let error = (s.error[0] * s.error[0] + s.error[1] * s.error[1]).sqrt();
         let tail = usize::from(s.t >= self.tail_start);
         self.tail_samples += tail;
         self.sum_error[tail] += error * error;
@@ -203,29 +203,35 @@ impl Metrics {
         }
     }
 
-    fn effort(&mut self, s: &Snapshot) {
-        for (i, (&tau, &dq)) in s.tau.iter().zip(&s.dq).enumerate() {
+    fn effort(&mut self, s: &Snapshot<'_>) {
+        // Sums of Σ τ², Σ |τ q̇| and Σ (dt² jerk)²; scaled once a step and once a run.
+        let (mut squares, mut power, mut jerk) = (0.0, 0.0, 0.0);
+        let [before, last] = &mut self.dq;
+        let speeds = s.dq.iter().zip(before.iter_mut().zip(last.iter_mut()));
+        for (&tau, (&dq, (before, last))) in s.torque.total.iter().zip(speeds) {
             self.peak_torque = self.peak_torque.max(tau.abs());
             self.peak_speed = self.peak_speed.max(dq.abs());
-            self.effort += tau * tau * self.dt;
-            self.energy += (tau * dq).abs() * self.dt;
-            let [before, last] = [self.dq[0][i], self.dq[1][i]];
-            if self.samples >= 2 {
-                let jerk = (dq - 2.0 * last + before) / (self.dt * self.dt);
-                self.sum_jerk += jerk * jerk;
-            }
+            squares += tau * tau;
+            power += (tau * dq).abs();
+            let curve = dq - 2.0 * *last + *before;
+            jerk += curve * curve;
+            *before = *last;
+            *last = dq;
         }
-        self.dq.swap(0, 1);
-        self.dq[1].copy_from_slice(&s.dq);
+        self.effort += squares * self.dt;
+        self.energy += power * self.dt;
+        if self.samples >= 2 {
+            self.sum_jerk += jerk;
+        }
         for (q, [lower, upper]) in s.q.iter().zip(&self.limits.joint) {
             self.joint_limit_violation = self.joint_limit_violation.max(lower - q).max(q - upper);
         }
-        for (tau, limit) in s.tau.iter().zip(&self.limits.torque) {
+        for (tau, limit) in s.torque.total.iter().zip(&self.limits.torque) {
             self.torque_limit_ratio = self.torque_limit_ratio.max(tau.abs() / limit);
         }
     }
 
-    fn null_space(&mut self, s: &Snapshot) {
+    fn null_space(&mut self, s: &Snapshot<'_>) {
         self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
         self.singular_steps += usize::from(s.singular);
         if self.samples == 0 {
@@ -281,7 +287,7 @@ impl Metrics {
             number(self.peak_speed),
             number(self.effort),
             number(self.energy),
-            rms(self.sum_jerk, jerks),
+            rms(self.sum_jerk / self.dt.powi(4), jerks),
             number(self.max_null_acceleration),
             number(self.passivity_residual),
             Value::Count(self.singular_steps),

@@ -8,7 +8,7 @@ mod recorder;
 mod run;
 mod snapshot;
 
-pub use closed_loop::{ClosedLoop, find_contacts};
+pub use closed_loop::ClosedLoop;
 pub use metrics::{Limits, METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
 pub use recorder::{Record, RecordTooLarge};

@@ -99,22 +99,22 @@ impl Record {
     }
 
     /// Appends one row.
-    pub fn push(&mut self, s: &Snapshot) {
+    pub fn push(&mut self, s: &Snapshot<'_>) {
         self.rows += 1;
         self.t.push(s.t);
-        self.q.extend_from_slice(&s.q);
-        self.dq.extend_from_slice(&s.dq);
-        self.tau.extend_from_slice(&s.tau);
-        self.tau_task.extend_from_slice(&s.tau_task);
-        self.tau_null.extend_from_slice(&s.tau_null);
-        self.tau_vff.extend_from_slice(&s.tau_vff);
-        self.x.extend_from_slice(&s.x);
-        self.dx.extend_from_slice(&s.dx);
-        self.x_ref.extend_from_slice(&s.x_ref);
-        self.error.extend_from_slice(&s.error);
-        self.force.extend_from_slice(&s.force);
-        self.clearance.extend_from_slice(&s.clearance);
-        for position in &s.obstacles {
+        self.q.extend_from_slice(s.q);
+        self.dq.extend_from_slice(s.dq);
+        self.tau.extend_from_slice(&s.torque.total);
+        self.tau_task.extend_from_slice(&s.torque.task);
+        self.tau_null.extend_from_slice(&s.torque.null);
+        self.tau_vff.extend_from_slice(s.tau_vff);
+        self.x.extend_from_slice(s.x);
+        self.dx.extend_from_slice(s.dx);
+        self.x_ref.extend_from_slice(s.x_ref);
+        self.error.extend_from_slice(s.error);
+        self.force.extend_from_slice(s.force);
+        self.clearance.extend_from_slice(s.clearance);
+        for position in s.obstacles() {
             self.obstacles.extend_from_slice(position.as_slice());
         }
     }

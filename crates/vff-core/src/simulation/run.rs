@@ -69,10 +69,10 @@ impl<const M: usize> Run<M> {
         limits: Limits,
     ) -> Result<Self, RecordTooLarge> {
         let s = closed_loop.snapshot();
-        let n = s.q.len();
+        let (n, obstacles) = (s.q.len(), s.world.len());
         let steps = options.steps(duration);
         let rows = steps / options.record_every + 1;
-        let record = Record::with_capacity(rows, n, M, s.obstacles.len())?;
+        let record = Record::with_capacity(rows, n, M, obstacles)?;
         let metrics = Metrics::new(n, duration, options.dt, limits);
         let record_every = options.record_every;
         let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged: false };
@@ -124,15 +124,15 @@ impl<const M: usize> Run<M> {
 
     fn take_in(&mut self) {
         let snapshot = self.closed_loop.snapshot();
-        self.metrics.update(snapshot);
+        self.metrics.update(&snapshot);
         if self.closed_loop.step_count().is_multiple_of(self.record_every) {
-            self.record.push(snapshot);
+            self.record.push(&snapshot);
         }
     }
 
     /// The outcome; `Interrupted` if the run is not over.
     pub fn outcome(self) -> Outcome {
-        let end_time = self.closed_loop.snapshot().t;
+        let end_time = self.closed_loop.time();
         let (clearance, link) = self.metrics.min_clearance();
         let (status, message) = if self.diverged {
             let message = format!(

@@ -15,8 +15,19 @@ pub use motion::{Motion, MotionState};
 pub use obstacle::Obstacle;
 pub use shape::{Shape, counter_clockwise, is_convex};
 
-use crate::math::Vector;
+use crate::math::{Capsule, Vector};
 use proximity::Core;
+
+/// What a controller asks of the world around the arm: the nearest points of every link to
+/// everything that it knows of.
+pub trait Surroundings<const D: usize> {
+    /// Calls `visit` with every contact, link by link.
+    fn for_each_contact(
+        &self,
+        links: impl IntoIterator<Item = Capsule<D>>,
+        visit: impl FnMut(&Contact<D>),
+    );
+}
 
 /// The obstacles at one instant.
 #[derive(Debug, Clone)]
@@ -116,7 +127,6 @@ impl World {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Capsule;
 
     fn disc(position: [f64; 2], motion: Motion) -> Obstacle {
         Obstacle { shape: Shape::Circle { radius: 0.5 }, position, angle: 0.0, motion }
@@ -152,8 +162,7 @@ mod tests {
         ]);
         world.update(1.0);
         let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
-        let links =
-            joints.windows(2).map(|pair| Capsule { start: pair[0], end: pair[1], radius: 0.1 });
+        let links = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
         let mut found = Vec::new();
         world.for_each_contact(links.clone(), |contact| found.push(*contact));
         let pairs: Vec<_> = found.iter().map(|c| (c.link, c.obstacle)).collect();

@@ -1,0 +1,100 @@
+//! Sine and cosine together, without a branch.
+//!
+//! The C library's takes a tenth of a whole closed-loop step at n = 6. This one reduces the angle
+//! by Cody and Waite's method (π/2 split in three parts, the first two of 33 bits) and evaluates
+//! both minimax polynomials of Sun's fdlibm on [−π/4, π/4]; its error stays below one unit in the
+//! last place of the larger result.
+
+use std::f64::consts::FRAC_2_PI;
+
+/// Beyond this the reduction would lose digits.
+const LIMIT: f64 = 1e5;
+/// 1.5·2⁵²: adding it rounds to an integer, which then stands in the lowest bits.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+const PI_2: [f64; 3] =
+    [1.570_796_326_734_125_6, 6.077_100_506_303_966e-11, 2.022_266_248_795_950_6e-21];
+const SIN: [f64; 6] = [
+    -1.666_666_666_666_663_2e-1,
+    8.333_333_333_322_49e-3,
+    -1.984_126_982_985_795e-4,
+    2.755_731_370_707_006_8e-6,
+    -2.505_076_025_340_686_3e-8,
+    1.589_690_995_211_55e-10,
+];
+const COS: [f64; 6] = [
+    4.166_666_666_666_66e-2,
+    -1.388_888_888_887_411e-3,
+    2.480_158_728_947_673e-5,
+    -2.755_731_435_139_066_3e-7,
+    2.087_572_321_298_175e-9,
+    -1.135_964_755_778_819_5e-11,
+];
+
+/// `(sin x, cos x)`.
+#[inline]
+pub fn sin_cos(x: f64) -> (f64, f64) {
+    if x.abs() <= LIMIT { reduced(x) } else { x.sin_cos() }
+}
+
+#[inline(always)]
+fn reduced(x: f64) -> (f64, f64) {
+    let rounded = x * FRAC_2_PI + ROUND;
+    let quadrant = rounded.to_bits();
+    let k = rounded - ROUND;
+    let r = ((x - k * PI_2[0]) - k * PI_2[1]) - k * PI_2[2];
+
+    let z = r * r;
+    let z2 = z * z;
+    let odd = (SIN[0] + z * SIN[1]) + z2 * ((SIN[2] + z * SIN[3]) + z2 * (SIN[4] + z * SIN[5]));
+    let even = (COS[0] + z * COS[1]) + z2 * ((COS[2] + z * COS[3]) + z2 * (COS[4] + z * COS[5]));
+    let sin = r + r * z * odd;
+    let half = 0.5 * z;
+    let cos = 1.0 - half;
+    let cos = cos + ((1.0 - cos - half) + z2 * even);
+
+    // Odd quadrants swap the two; the signs follow from the quadrant's second bit.
+    let swap = 0_u64.wrapping_sub(quadrant & 1);
+    let (s, c) = (sin.to_bits(), cos.to_bits());
+    let (s, c) = ((s & !swap) | (c & swap), (c & !swap) | (s & swap));
+    let sign = |q: u64| (q & 2) << 62;
+    (f64::from_bits(s ^ sign(quadrant)), f64::from_bits(c ^ sign(quadrant.wrapping_add(1))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn check(x: f64) -> Result<(), TestCaseError> {
+        let ((s, c), (sin, cos)) = (sin_cos(x), x.sin_cos());
+        prop_assert!((s - sin).abs() <= 1.2e-16 && (c - cos).abs() <= 1.2e-16, "{x}: {s} {c}");
+        // Small results keep their relative accuracy, too.
+        prop_assert!((s - sin).abs() <= 3e-16 * sin.abs().max(1e-20), "{x}: {s} {sin}");
+        prop_assert!((c - cos).abs() <= 3e-16 * cos.abs().max(1e-20), "{x}: {c} {cos}");
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+        /// Against the C library, within one unit in the last place.
+        #[test]
+        fn agrees_with_the_c_library(x in prop_oneof![-7.0..7.0, -300.0..300.0, -2e5..2e5, -1e-3..1e-3]) {
+            check(x)?;
+        }
+    }
+
+    /// The quadrant boundaries and their neighbours, zero, and what is not a number.
+    #[test]
+    fn special_angles() {
+        for k in -200..200 {
+            let x = f64::from(k) * std::f64::consts::FRAC_PI_4;
+            for x in [x, x.next_up(), x.next_down()] {
+                let ((s, c), (sin, cos)) = (sin_cos(x), x.sin_cos());
+                assert!((s - sin).abs() <= 1.2e-16 && (c - cos).abs() <= 1.2e-16, "{x}");
+            }
+        }
+        assert_eq!(sin_cos(0.0), (0.0, 1.0));
+        assert!(sin_cos(f64::NAN).0.is_nan() && sin_cos(f64::INFINITY).1.is_nan());
+    }
+}
