@@ -86,13 +86,12 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.clearance.fill(f64::INFINITY);
         let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
         let links = (0..robot.dof()).map(|i| robot.link(i));
-        surroundings.for_each_contact(links, |contact| {
-            let clearance = &mut self.clearance[contact.link];
-            *clearance = clearance.min(contact.distance);
-            if contact.distance < influence {
-                self.push(robot, space, field, contact);
-            }
+        let mut clearance = std::mem::take(&mut self.clearance);
+        let nearest = |link: usize, d: f64| clearance[link] = clearance[link].min(d);
+        surroundings.for_each_contact(links, influence, nearest, |contact| {
+            self.push(robot, space, field, contact);
         });
+        self.clearance = clearance;
         if self.active {
             robot.wrenches_tr_mul(&self.wrenches, &mut self.torque);
             for (magnitude, force) in self.magnitude.iter_mut().zip(&self.resultant) {
@@ -166,6 +165,8 @@ mod tests {
         fn for_each_contact(
             &self,
             _links: impl IntoIterator<Item = Capsule<2>>,
+            _reach: f64,
+            _distance: impl FnMut(usize, f64),
             mut visit: impl FnMut(&Contact<2>),
         ) {
             visit(&self.0);

@@ -21,10 +21,13 @@ use proximity::Core;
 /// What a controller asks of the world around the arm: the nearest points of every link to
 /// everything that it knows of.
 pub trait Surroundings<const D: usize> {
-    /// Calls `visit` with every contact, link by link.
+    /// Calls `distance` with every link's index and its signed distance to everything around [m],
+    /// and `visit` with the contacts nearer than `reach` [m].
     fn for_each_contact(
         &self,
         links: impl IntoIterator<Item = Capsule<D>>,
+        reach: f64,
+        distance: impl FnMut(usize, f64),
         visit: impl FnMut(&Contact<D>),
     );
 }
@@ -163,11 +166,17 @@ mod tests {
         world.update(1.0);
         let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
         let links = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
-        let mut found = Vec::new();
-        world.for_each_contact(links.clone(), |contact| found.push(*contact));
+        let (mut found, mut distances) = (Vec::new(), Vec::new());
+        world.for_each_contact(
+            links.clone(),
+            f64::INFINITY,
+            |link, distance| distances.push((link, distance)),
+            |contact| found.push(*contact),
+        );
         let pairs: Vec<_> = found.iter().map(|c| (c.link, c.obstacle)).collect();
         assert_eq!(pairs, [(0, 0), (0, 1), (1, 0), (1, 1)]);
-        for contact in &found {
+        for (contact, distance) in found.iter().zip(distances) {
+            assert_eq!((contact.link, contact.distance), distance);
             let capsule = links.clone().nth(contact.link).unwrap();
             assert_eq!(*contact, world.contact(contact.link, &capsule, contact.obstacle));
         }

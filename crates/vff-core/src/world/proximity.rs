@@ -12,7 +12,7 @@
 //! and separating axes. parry's general routines are not used: GJK has no direction at
 //! contact, EPA allocates, and segment–segment errs by 3e-8 m on nearly parallel segments.
 
-use super::{Contact, Shape, Surroundings, World, shape};
+use super::{Body, Contact, Shape, Surroundings, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 use parry2d_f64::query::PointQueryWithLocation;
@@ -37,29 +37,8 @@ impl World {
     /// If `j` is not less than [`World::len`].
     #[inline]
     pub fn contact(&self, link: usize, capsule: &Capsule<2>, j: usize) -> Contact<2> {
-        self.nearest(link, &Axis::new(capsule), capsule.radius, j)
-    }
-
-    #[inline(always)]
-    fn nearest(&self, link: usize, axis: &Axis, radius: f64, j: usize) -> Contact<2> {
         let body = &self.bodies[j];
-        let core = &body.core;
-        let position = to_glam(body.state.position);
-        let nearest = match &core.solid {
-            Solid::Point(point) => axis.seen_from(position).to_disc(*point),
-            Solid::Convex(faces) => axis.seen_from(position).to_convex(faces),
-        };
-        let point = position + nearest.point;
-        Contact {
-            link,
-            obstacle: j,
-            distance: nearest.distance - core.radius - radius,
-            normal: from_glam(nearest.normal),
-            point: from_glam(point),
-            witness: from_glam(point - nearest.normal * (nearest.distance - core.radius)),
-            velocity: body.state.velocity,
-            acceleration: body.state.acceleration,
-        }
+        body.contact(link, j, &body.nearest(&Axis::new(capsule)), capsule.radius)
     }
 }
 
@@ -71,6 +50,8 @@ impl Surroundings<2> for World {
     fn for_each_contact(
         &self,
         links: impl IntoIterator<Item = Capsule<2>>,
+        reach: f64,
+        mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<2>),
     ) {
         if self.is_empty() {
@@ -78,9 +59,42 @@ impl Surroundings<2> for World {
         }
         for (link, capsule) in links.into_iter().enumerate() {
             let axis = Axis::new(&capsule);
-            for j in 0..self.bodies.len() {
-                visit(&self.nearest(link, &axis, capsule.radius, j));
+            for (j, body) in self.bodies.iter().enumerate() {
+                let nearest = body.nearest(&axis);
+                let surface = nearest.distance - body.core.radius - capsule.radius;
+                distance(link, surface);
+                if surface < reach {
+                    visit(&body.contact(link, j, &nearest, capsule.radius));
+                }
             }
+        }
+    }
+}
+
+impl Body {
+    #[inline]
+    fn nearest(&self, axis: &Axis) -> Nearest {
+        let axis = axis.seen_from(to_glam(self.state.position));
+        match &self.core.solid {
+            Solid::Point(point) => axis.to_disc(*point),
+            Solid::Convex(faces) => axis.to_convex(faces),
+        }
+    }
+
+    /// The contact of a link of this radius [m] with this obstacle, which is number `j`.
+    #[inline]
+    fn contact(&self, link: usize, j: usize, nearest: &Nearest, radius: f64) -> Contact<2> {
+        let Nearest { distance, normal, point } = *nearest;
+        let point = to_glam(self.state.position) + point;
+        Contact {
+            link,
+            obstacle: j,
+            distance: distance - self.core.radius - radius,
+            normal: from_glam(normal),
+            point: from_glam(point),
+            witness: from_glam(point - normal * (distance - self.core.radius)),
+            velocity: self.state.velocity,
+            acceleration: self.state.acceleration,
         }
     }
 }
