@@ -87,7 +87,8 @@ impl Law {
 
         // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                   (eq. 16–20)
         robot.coriolis_mul(dq, bias);
-        let f = space.lambda_damped * (ddx_c + space.response(bias) - robot.jacobian_dot_mul(dq));
+        let f =
+            space.lambda_damped * (ddx_c + space.response(bias) - robot.task_bias_acceleration());
 
         // Coupling  y = −Sᵀẋ = J̇ᵀ Λẋ − Cᵀ J#ẋ                                         (μ_nx)
         space.pinv_mul(&space.dx, v); // J#ẋ

@@ -34,6 +34,8 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     forces: VirtualForces<R::Wrench, D>,
     law: Law,
     tau_sec: Vec<f64>,
+    reference: Sample<M>,
+    error: Vector<M>,
 }
 
 impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
@@ -45,6 +47,8 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
             forces: VirtualForces::new(n),
             law: Law::new(n),
             tau_sec: vec![0.0; n],
+            reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
+            error: Vector::zeros(),
             robot,
             gains,
         }
@@ -87,16 +91,27 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.forces.refresh(&self.robot, &self.space, &self.gains.field, surroundings);
     }
 
-    /// The error x − x_r of the task at the observed state.
-    pub fn error(&self, reference: &Sample<M>) -> Vector<M> {
-        task::error(self.robot.pose(), reference.x)
+    /// The pose x of the end effector at the observed state.
+    pub fn pose(&self) -> Vector<M> {
+        self.robot.pose()
+    }
+
+    /// The reference of the last command.
+    pub fn reference(&self) -> &Sample<M> {
+        &self.reference
+    }
+
+    /// The error x − x_r of the task at the last command.
+    pub fn error(&self) -> &Vector<M> {
+        &self.error
     }
 
     /// The torque at the observed and sensed state for this reference.
     pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
-        let e = self.error(reference);
+        self.reference = *reference;
+        self.error = task::error(self.robot.pose(), reference.x);
         let de = self.space.dx - reference.dx;
-        let ddx_c = task::commanded_acceleration(&self.gains, reference, e, de);
+        let ddx_c = task::commanded_acceleration(&self.gains, reference, self.error, de);
         self.tau_sec.copy_from_slice(self.forces.torque());
         self.gains.add_posture_torque(self.robot.configuration(), &mut self.tau_sec);
         match self.gains.formulation {
@@ -234,8 +249,8 @@ mod tests {
             let mut controller = sensed::<M>(c, &settings(formulation, projection));
             prop_assume!(conditioning(&controller) > 1e-4);
             let sample = reference::<M>();
-            let e = controller.error(&sample);
             let torque = controller.command(&sample).clone();
+            let e = *controller.error();
             let robot = c.state();
             let (mut scratch, mut ddq) = (vec![0.0; n], vec![0.0; n]);
             robot.forward_dynamics(&torque.total, &mut scratch, &mut ddq);
@@ -323,7 +338,7 @@ mod tests {
             (1, vec![0.3]),
             (2, vec![0.3, 0.0]),
             (6, vec![0.0; 6]),
-            (3, vec![0.2, 3.141592653589793, 0.0]),
+            (3, vec![0.2, std::f64::consts::PI, 0.0]),
         ] {
             let arm = PlanarArm::new(vec![Link::rod(1.0, 1.0); n], Vector::<2>::new(0.0, -9.81));
             let zero = vec![0.0; n];

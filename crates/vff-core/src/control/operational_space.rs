@@ -38,7 +38,7 @@ impl<const M: usize> OperationalSpace<M> {
     /// Takes over the state of `robot`.
     pub fn refresh<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let lambda_inv = robot.task_response(&mut self.y);
-        self.dx = robot.jacobian_mul(robot.velocity());
+        self.dx = robot.task_velocity();
         // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
         // than the inverse.
         let regular = lambda_inv.try_inverse().filter(|l| {

@@ -75,6 +75,10 @@ pub trait Robot<const D: usize> {
 
     /// The pose of the end effector: position [m], then orientation [rad].
     fn pose<const M: usize>(&self) -> SVector<f64, M>;
+    /// ẋ = J q̇, the velocity of the end effector.
+    fn task_velocity<const M: usize>(&self) -> SVector<f64, M>;
+    /// J̇ q̇, the acceleration of the end effector while q̈ = 0.
+    fn task_bias_acceleration<const M: usize>(&self) -> SVector<f64, M>;
     /// `J v`.
     fn jacobian_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M>;
     /// `out = Jᵀ f`.

@@ -11,8 +11,6 @@
 //! so that products are prefix and suffix sums (THEORY §3). The inverse is the articulated-body
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
-#![expect(clippy::needless_range_loop, reason = "sweeps over several arrays at once")]
-
 use super::{Matrices, Robot, dense};
 use crate::math::{Capsule, Vector, cross, perp, sin_cos};
 use nalgebra::{SMatrix, SVector};
@@ -139,6 +137,7 @@ impl PlanarArm {
                 .collect(),
             tip: Vector::<2>::zeros(),
             tip_velocity: Vector::<2>::zeros(),
+            tip_bias: Vector::<2>::zeros(),
         };
         state.refresh();
         state
@@ -175,6 +174,8 @@ pub struct PlanarState {
     joints: Vec<Joint>,
     tip: Vector<2>,
     tip_velocity: Vector<2>,
+    /// The tip's acceleration while q̈ = 0: −Σ w² l.
+    tip_bias: Vector<2>,
 }
 
 impl PlanarState {
@@ -214,6 +215,7 @@ impl PlanarState {
         let (mut angle, mut rate) = (0.0, 0.0);
         let mut position = Vector::<2>::zeros();
         let mut velocity = Vector::<2>::zeros();
+        let mut bias = Vector::<2>::zeros();
         let n = self.joints.len();
         let (q, dq, links) = (&self.q[..n], &self.dq[..n], &self.arm.composite[..n]);
         for (i, joint) in self.joints.iter_mut().enumerate() {
@@ -230,7 +232,9 @@ impl PlanarState {
             joint.b = x * links[i].moment.x + perp(x) * links[i].moment.y;
             position += joint.l;
             velocity += perp(joint.l) * rate;
+            bias -= joint.l * (rate * rate);
         }
+        self.tip_bias = bias;
         self.tip = position;
         self.tip_velocity = velocity;
     }
@@ -379,6 +383,16 @@ impl Robot<2> for PlanarState {
 
     fn pose<const M: usize>(&self) -> SVector<f64, M> {
         twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle))
+    }
+
+    #[inline]
+    fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
+        twist(self.tip_velocity, self.joints.last().map_or(0.0, |joint| joint.rate))
+    }
+
+    #[inline]
+    fn task_bias_acceleration<const M: usize>(&self) -> SVector<f64, M> {
+        twist(self.tip_bias, 0.0)
     }
 
     #[inline]
@@ -552,6 +566,9 @@ mod tests {
             check(state.jacobian_mul::<3>(&c.v).as_slice(), (j * &v).as_slice());
             check(&apply(n, |out| state.jacobian_tr_mul(&f, out)), (j.transpose() * f).as_slice());
             check(state.jacobian_dot_mul::<3>(&c.v).as_slice(), (&dense.jacobian_dot * &v).as_slice());
+            let dq = DVector::from_column_slice(&c.dq);
+            check(state.task_velocity::<3>().as_slice(), (j * &dq).as_slice());
+            check(state.task_bias_acceleration::<3>().as_slice(), (&dense.jacobian_dot * &dq).as_slice());
             check(
                 &apply(n, |out| state.jacobian_dot_tr_mul(&f, out)),
                 (dense.jacobian_dot.transpose() * f).as_slice(),

@@ -28,9 +28,8 @@ pub struct ClosedLoop<const M: usize> {
     before: [Vec<f64>; 2],
     held: Torque,
     null_acceleration: f64,
+    /// Pose of the end effector, kept for the snapshot to borrow.
     x: Vector<M>,
-    x_ref: Vector<M>,
-    error: Vector<M>,
     bias: Vec<f64>,
     predicted: [Vec<f64>; 3],
 }
@@ -83,8 +82,6 @@ impl<const M: usize> ClosedLoop<M> {
             held: Torque::zeros(n),
             null_acceleration: 0.0,
             x: Vector::zeros(),
-            x_ref: Vector::zeros(),
-            error: Vector::zeros(),
             bias: zeros(),
             predicted: [zeros(), zeros(), zeros()],
             options,
@@ -120,8 +117,8 @@ impl<const M: usize> ClosedLoop<M> {
             tau_vff: forces.torque(),
             x: self.x.as_slice(),
             dx: space.dx.as_slice(),
-            x_ref: self.x_ref.as_slice(),
-            error: self.error.as_slice(),
+            x_ref: controller.reference().x.as_slice(),
+            error: controller.error().as_slice(),
             force: forces.magnitude(),
             clearance: forces.clearance(),
             world: &self.brain.world,
@@ -178,13 +175,9 @@ impl<const M: usize> ClosedLoop<M> {
         if period_begins {
             self.held.copy_from(torque);
         }
-        let Brain { controller, trajectory, .. } = &self.brain;
-        let reference = trajectory.at(t);
-        self.x = controller.robot().pose();
-        self.x_ref = reference.x;
-        self.error = controller.error(&reference);
+        self.x = self.brain.controller.pose();
         if period_begins {
-            self.null_acceleration = controller.null_acceleration();
+            self.null_acceleration = self.brain.controller.null_acceleration();
             self.predict(t);
         }
     }

@@ -149,7 +149,7 @@ impl<const M: usize> Run<M> {
             );
             (Status::Collided, message)
         } else {
-            (Status::Completed, format!("completed {end_time} s"))
+            (Status::Completed, format!("reached its end at t = {end_time} s without contact"))
         };
         let metrics = self.metrics.values();
         Outcome { status, message, end_time, metrics, record: self.record }
