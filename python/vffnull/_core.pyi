@@ -49,7 +49,7 @@ class Arm:
     inertias : float or (n,) array_like, optional
         Moments of inertia about the centre of mass [kg·m²]; a uniform rod's by default.
     radius : float or (n,) array_like, optional
-        Radius of the links [m] when the distance to obstacles is measured.
+        Radius of the links [m] when the distance to obstacles is measured; 0 by default.
     gravity : float or (2,) array_like, optional
         Gravity [m/s²]; a single number g acts along −y, as (0, −g). 0, a horizontal plane, by default.
     joint_limits : (n, 2) array_like, optional
@@ -77,8 +77,8 @@ class Arm:
         masses: ArrayLike,
         com: ArrayLike | None = None,
         inertias: ArrayLike | None = None,
-        radius: ArrayLike = 0.0,
-        gravity: ArrayLike = 0.0,
+        radius: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
         joint_limits: ArrayLike | None = None,
         torque_limits: ArrayLike | None = None,
     ) -> Arm: ...
@@ -256,7 +256,7 @@ class Controller:
         x_ref: ArrayLike,
         dx_ref: ArrayLike | None = None,
         ddx_ref: ArrayLike | None = None,
-        obstacles: Sequence[_Document] = (),
+        obstacles: Sequence[_Document] | None = None,
         t: float = 0.0,
     ) -> _Array:
         """Joint torque at a state.
@@ -269,7 +269,7 @@ class Controller:
             Reference of the end effector [m], its velocity [m/s] and acceleration [m/s²]; the last two are 0
             if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last.
         obstacles : sequence of Obstacle or dict, optional
-            What to keep away from.
+            What to keep away from; nothing by default.
         t : float, optional
             Time [s] at which the obstacles' motions are taken.
 
@@ -291,7 +291,7 @@ class Controller:
         x_ref: ArrayLike,
         dx_ref: ArrayLike | None = None,
         ddx_ref: ArrayLike | None = None,
-        obstacles: Sequence[_Document] = (),
+        obstacles: Sequence[_Document] | None = None,
         t: float = 0.0,
     ) -> Terms:
         """The same torque with its parts; parameters as in `torque`."""

@@ -37,24 +37,32 @@ def plain(value: object, path: str = "") -> Any:
     Raises
     ------
     InputTypeError
-        If something inside has no counterpart in a document.
+        If something inside has no counterpart in a document, or if the nesting has no end.
     """
+    try:
+        return _plain(value, path)
+    except RecursionError:
+        where = f"{path}: " if path else ""
+        raise InputTypeError(f"{where}nested too deeply for a scenario, or inside itself") from None
+
+
+def _plain(value: object, path: str) -> Any:
     if isinstance(value, str):
         return str(value)
     if isinstance(value, bool | int | float):
         return value
     if isinstance(value, np.generic | np.ndarray):
-        return plain(value.tolist(), path)
+        return _plain(value.tolist(), path)
     if isinstance(value, HasDocument):
-        return plain(value.to_dict(), path)
+        return _plain(value.to_dict(), path)
     if isinstance(value, Mapping):
         return {
-            str(key): plain(inner, f"{path}.{key}" if path else str(key))
+            str(key): _plain(inner, f"{path}.{key}" if path else str(key))
             for key, inner in value.items()
             if inner is not None
         }
     if isinstance(value, Iterable):
-        return [plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
+        return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
     where = f"{path}: " if path else ""
     raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")
 
@@ -89,6 +97,8 @@ def put(document: Document, name: str, value: object) -> None:
     ScenarioError
         If the name leads through a number or a string, or names an element that a list does not have.
     """
+    if not isinstance(name, str):
+        raise InputTypeError(f"{name!r}: a key is a dotted name, not a {type(name).__name__}")
     *parents, last = name.split(".")
     place: Any = document
     for depth, key in enumerate(parents, start=1):

@@ -9,7 +9,7 @@ from typing import Any
 
 from vffnull import _core
 from vffnull._document import plain, put
-from vffnull.errors import ScenarioWarning
+from vffnull.errors import InputTypeError, ScenarioWarning
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, ScenarioLike, read
 
@@ -68,9 +68,13 @@ def simulate(
 
 def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
     """The scenario that is meant, with the overrides applied before anything is checked."""
+    if overrides is not None and not isinstance(overrides, Mapping):
+        raise InputTypeError(f"overrides: expected a dict of dotted names, not a {type(overrides).__name__}")
     if isinstance(scenario, Scenario):
-        return scenario.replace(**overrides) if overrides else scenario
-    if isinstance(scenario, Mapping):
+        if not overrides:
+            return scenario
+        document = scenario.to_dict()
+    elif isinstance(scenario, Mapping):
         document = plain(scenario)
     else:
         document = _core.parse_toml(read(scenario), str(scenario))

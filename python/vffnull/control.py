@@ -48,8 +48,8 @@ class Field:
     approach_damping: float = 0.0
 
     def __post_init__(self) -> None:
-        _freeze(self)
         _core.check("field", self.to_dict())
+        _freeze(self)
 
     @staticmethod
     def khatib(
@@ -165,10 +165,10 @@ class ControlSettings:
     singularity: float | None = None
 
     def __post_init__(self) -> None:
+        _core.check("controller", self.to_dict())
         if isinstance(self.field, dict):
             object.__setattr__(self, "field", Field(**self.field))
         _freeze(self)
-        _core.check("controller", self.to_dict())
 
     def to_dict(self) -> Document:
         """The settings that were given, as a part of a scenario document."""

@@ -68,7 +68,9 @@ class Metrics(Mapping[str, float | int | None]):
         return self._values[name]
 
     def __getattr__(self, name: str) -> float | int | None:
-        if name.startswith("_") or name not in self._values:
+        if name.startswith("_"):  # not ours; `_values` itself is looked for here while an object is unpickled
+            raise AttributeError(name)
+        if name not in self._values:
             raise AttributeError(f"no metric called {name!r}; there are {', '.join(self._values)}")
         return self._values[name]
 
@@ -242,30 +244,35 @@ class Result:
         """
         import json
         import zipfile
+        import zlib
 
         source = npz_path(path)
         try:
-            with np.load(source, allow_pickle=False) as file:
+            with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull"]))
                 arrays = {name: file[name] for name in ("t", *QUANTITIES)}
-        except (KeyError, ValueError, EOFError, zipfile.BadZipFile):
+            written = int(header["format"])
+            by = str(header["version"])
+        except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
             raise InputError(f"{source}: not a result that vffnull has saved") from None
-        if header["format"] != _FORMAT:
+        if written != _FORMAT:
             raise InputError(
-                f"{source}: written by vffnull {header['version']} in format {header['format']}; "
-                f"this version reads format {_FORMAT}"
+                f"{source}: written by vffnull {by} in format {written}; this version reads format {_FORMAT}"
             )
-        return cls(
-            scenario=Scenario._of(header["scenario"]),
-            status=Status(header["status"]),
-            message=header["message"],
-            end_time=header["end_time"],
-            wall_time=header["wall_time"],
-            warnings=tuple(header["warnings"]),
-            metrics=Metrics(header["metrics"]),
-            version=header["version"],
-            **arrays,
-        )
+        try:
+            return cls(
+                scenario=Scenario._of(header["scenario"]),
+                status=Status(header["status"]),
+                message=header["message"],
+                end_time=header["end_time"],
+                wall_time=header["wall_time"],
+                warnings=tuple(header["warnings"]),
+                metrics=Metrics(header["metrics"]),
+                version=by,
+                **arrays,
+            )
+        except (KeyError, ValueError, TypeError):
+            raise InputError(f"{source}: its header is not the one that vffnull {by} writes") from None
 
     def to_pandas(self) -> pandas.DataFrame:
         """The record as a table, one row per instant.

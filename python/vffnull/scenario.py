@@ -226,19 +226,19 @@ def read(source: str | os.PathLike[str]) -> str:
     vffnull.errors.ScenarioError
         If there is no such scenario or file.
     """
-    try:
-        name = os.fspath(source)
-    except TypeError:
+    name = os.fspath(source) if isinstance(source, str | os.PathLike) else None
+    if not isinstance(name, str):
         raise InputTypeError(
             f"scenario: expected a name, a path, a dict or a Scenario, not a {type(source).__name__}"
-        ) from None
+        )
     if name.endswith(".toml"):
         try:
             return Path(name).read_text(encoding="utf-8")
         except UnicodeDecodeError:
             raise ScenarioError(f"{name}: not a TOML file, the text is not UTF-8") from None
-        except OSError as error:
-            raise ScenarioError(f"{name}: cannot be read: {(error.strerror or str(error)).lower()}") from None
+        except (OSError, ValueError) as error:  # a ValueError if the path holds a null character
+            reason = getattr(error, "strerror", None) or str(error)
+            raise ScenarioError(f"{name}: cannot be read: {reason.lower()}") from None
     bundled = scenarios()
     if name in bundled:
         return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")

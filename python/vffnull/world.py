@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
@@ -74,7 +74,7 @@ class Motion:
 
     @staticmethod
     def waypoints(times: ArrayLike, points: ArrayLike) -> Motion:
-        """Pass through given points at given times, smoothly, at rest at each of them.
+        """Go from point to point at constant speed; wait at the first before, at the last after.
 
         Parameters
         ----------
@@ -158,11 +158,12 @@ class Obstacle:
         motion : Motion, optional
             How it moves.
         """
-        ends = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-        middle = (ends[0] + ends[1]) / 2
-        return _obstacle(
-            "capsule", middle, motion=motion, a=ends[0] - middle, b=ends[1] - middle, radius=radius
-        )
+        ends = _points([a, b])
+        if ends is None:  # the core says what is wrong with them
+            return _obstacle("capsule", (0.0, 0.0), motion=motion, a=a, b=b, radius=radius)
+        middle = ends.mean(axis=0)
+        a, b = ends - middle
+        return _obstacle("capsule", middle, motion=motion, a=a, b=b, radius=radius)
 
     @staticmethod
     def box(center: ArrayLike, size: ArrayLike, angle: float = 0.0, motion: Motion | None = None) -> Obstacle:
@@ -192,9 +193,9 @@ class Obstacle:
         motion : Motion, optional
             How it moves.
         """
-        corners = np.asarray(vertices, dtype=float)
-        if corners.ndim != 2 or not len(corners):  # no mean to take: the core says what is wrong with it
-            return _obstacle("polygon", (0.0, 0.0), motion=motion, vertices=corners)
+        corners = _points(vertices)
+        if corners is None:  # no mean to take: the core says what is wrong with them
+            return _obstacle("polygon", (0.0, 0.0), motion=motion, vertices=vertices)
         middle = corners.mean(axis=0)
         return _obstacle("polygon", middle, motion=motion, vertices=corners - middle)
 
@@ -209,7 +210,7 @@ class Obstacle:
         if self.angle:
             document["angle"] = self.angle
         if self.motion is not None:
-            document["motion"] = self.motion.to_dict()
+            document["motion"] = plain(self.motion)
         return document
 
     def __repr__(self) -> str:
@@ -220,6 +221,15 @@ class Obstacle:
         if self.motion is not None:
             parts.append(f"motion={self.motion!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
+
+
+def _points(given: object) -> NDArray[np.float64] | None:
+    """Points as an array (k, 2), or None if they are none."""
+    try:
+        points = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return points if points.ndim == 2 and points.shape[1] == 2 and len(points) else None
 
 
 def _obstacle(

@@ -1,7 +1,7 @@
 //! `Controller`: the torque law in somebody else's loop.
 
 use crate::arm::Arm;
-use crate::convert::{array1, document, matrix, read_vector};
+use crate::convert::{array1, document, matrix, read_vector, wrong_type};
 use crate::errors::{self, InputError};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -86,7 +86,10 @@ impl Controller {
     /// is known not to change; a dict is read every time.
     fn look_around(&mut self, obstacles: &Bound<'_, PyAny>) -> PyResult<()> {
         let py = obstacles.py();
-        let given: Vec<Bound<'_, PyAny>> = obstacles.try_iter()?.collect::<PyResult<_>>()?;
+        let given: Vec<Bound<'_, PyAny>> = obstacles
+            .try_iter()
+            .map_err(|_| wrong_type("obstacles: expected a sequence of obstacles", obstacles))?
+            .collect::<PyResult<_>>()?;
         let same = given.len() == self.obstacles.len()
             && given.iter().zip(&self.obstacles).all(|(new, old)| new.is(old.bind(py)));
         if same && !given.iter().any(|o| o.is_instance_of::<pyo3::types::PyDict>()) {

@@ -19,7 +19,8 @@ pub fn document(value: &Bound<'_, PyAny>) -> PyResult<Table> {
     }
 }
 
-fn wrong_type(sentence: &str, value: &Bound<'_, PyAny>) -> PyErr {
+/// The fault of a value of another type.
+pub fn wrong_type(sentence: &str, value: &Bound<'_, PyAny>) -> PyErr {
     let name = value.get_type().qualname().map_or_else(|_| "?".into(), |name| name.to_string());
     InputTypeError::new_err(format!("{sentence}, got {name}"))
 }

@@ -104,7 +104,7 @@ impl ArmSpec {
     pub fn build(&self) -> Result<(PlanarArm, Limits), ScenarioError> {
         let n = self.dof();
         if n == 0 {
-            return Err(ScenarioError::out_of_range("lengths", "at least one link", "[]"));
+            return Err(ScenarioError::out_of_range("lengths", "at least one length", [0.0; 0]));
         }
         each("lengths", &self.lengths, n, positive)?;
         each("masses", &self.masses, n, positive)?;

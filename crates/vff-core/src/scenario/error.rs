@@ -120,8 +120,10 @@ impl ScenarioError {
         requirement: &str,
         given: impl fmt::Debug,
     ) -> Self {
-        let problem =
-            Problem::OutOfRange { requirement: requirement.into(), given: format!("{given:?}") };
+        let problem = Problem::OutOfRange {
+            requirement: requirement.into(),
+            given: format!("{given:?}").replace("NaN", "nan"),
+        };
         Self::new(path, problem)
     }
 

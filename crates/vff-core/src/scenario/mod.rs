@@ -27,6 +27,9 @@ use toml::{Table, Value};
 /// Every key of a scenario, with unit, default and meaning.
 pub const SCHEMA: &str = include_str!("schema.md");
 
+/// The most steps that a run may have.
+const MAX_STEPS: f64 = 1e12;
+
 /// A whole scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -243,6 +246,10 @@ impl Scenario {
         }
         judge::controller(&self.controller, Some(n)).map_err(|error| error.inside("controller"))?;
         judge::simulation(&self.simulation).map_err(|error| error.inside("simulation"))?;
+        if self.duration / self.simulation.dt > MAX_STEPS {
+            let requirement = format!("at most {MAX_STEPS:e} steps of {} s", self.simulation.dt);
+            return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
+        }
         if self.duration < self.simulation.dt {
             let requirement = format!("at least one step of {} s", self.simulation.dt);
             return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
@@ -294,7 +301,7 @@ impl Scenario {
             Run::new(closed_loop, &self.simulation, self.duration, limits).map_err(|error| {
                 ScenarioError::new(
                     "simulation.record_every",
-                    Problem::Other(format!("{error}; record fewer rows")),
+                    Problem::Other(format!("{error}: record fewer of them")),
                 )
             })?;
         Ok(Ready { run: wrap(Box::new(run)), warnings })

@@ -44,9 +44,13 @@ pub struct Record {
     pub obstacles: Vec<f64>,
 }
 
-/// The record of a run does not fit into memory.
+/// The largest record that is accepted [bytes]: systems that promise more memory than they have
+/// would otherwise end the process in the middle of a run.
+const MAX_BYTES: usize = 8_000_000_000;
+
+/// The record of a run would be too large.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{rows} recorded rows need {gigabytes:.1} GB of memory")]
+#[error("{rows} recorded rows take {gigabytes:.1} GB, more than there is or than the 8 GB allowed")]
 pub struct RecordTooLarge {
     /// Rows asked for.
     pub rows: usize,
@@ -58,7 +62,7 @@ impl Record {
     /// Room for `rows` rows.
     ///
     /// # Errors
-    /// If there is not enough memory.
+    /// If they take too much memory.
     pub fn with_capacity(
         rows: usize,
         n: usize,
@@ -66,15 +70,16 @@ impl Record {
         obstacles: usize,
     ) -> Result<Self, RecordTooLarge> {
         let mut record = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
-        for (array, width) in record.arrays() {
-            let reserved = rows.checked_mul(width).map(|size| array.try_reserve_exact(size));
-            if !matches!(reserved, Some(Ok(()))) {
-                #[expect(clippy::cast_precision_loss, reason = "a message")]
-                let gigabytes = 8e-9 * rows as f64 * (1 + 8 * n + 4 * m + 2 * obstacles) as f64;
-                return Err(RecordTooLarge { rows, gigabytes });
-            }
+        let row_bytes = 8 * record.arrays().iter().map(|(_, width)| width).sum::<usize>();
+        let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
+        let reserve =
+            |(array, width): (&mut Vec<f64>, usize)| array.try_reserve_exact(rows * width);
+        if fits && record.arrays().into_iter().try_for_each(reserve).is_ok() {
+            return Ok(record);
         }
-        Ok(record)
+        #[expect(clippy::cast_precision_loss, reason = "a message")]
+        let gigabytes = 1e-9 * rows as f64 * row_bytes as f64;
+        Err(RecordTooLarge { rows, gigabytes })
     }
 
     /// Every array with the length of its rows.
