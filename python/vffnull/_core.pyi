@@ -186,6 +186,12 @@ class Arm:
             Joint angles [rad] and velocities [rad/s].
         """
 
+    def to_mjcf(self, name: str = "arm") -> str:
+        """The arm as MJCF, for MuJoCo; see `vffnull.export.to_mjcf`."""
+
+    def to_urdf(self, name: str = "arm") -> str:
+        """The arm as URDF; see `vffnull.export.to_urdf`."""
+
     def to_dict(self) -> dict[str, Any]:
         """The arm as a part of a scenario document."""
 

@@ -242,6 +242,18 @@ impl Arm {
             })
     }
 
+    #[pyo3(signature = (name="arm"))]
+    fn to_mjcf(slf: &Bound<'_, Self>, name: &str) -> PyResult<String> {
+        let export = slf.py().import("vffnull.export")?;
+        export.call_method1("to_mjcf", (slf, name))?.extract()
+    }
+
+    #[pyo3(signature = (name="arm"))]
+    fn to_urdf(slf: &Bound<'_, Self>, name: &str) -> PyResult<String> {
+        let export = slf.py().import("vffnull.export")?;
+        export.call_method1("to_urdf", (slf, name))?.extract()
+    }
+
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         table_to_dict(py, &self.document)
     }
