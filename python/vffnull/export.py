@@ -133,7 +133,9 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
             continue
         SubElement(joint, "axis", xyz="0 0 1")
         if ranges is not None or limits is not None:
-            bounds = {} if ranges is None else {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
+            bounds = (
+                {} if ranges is None else {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
+            )
             effort = _numbers(np.inf if limits is None else limits[i])
             SubElement(joint, "limit", effort=effort, velocity="inf", **bounds)
     return _text(root)
