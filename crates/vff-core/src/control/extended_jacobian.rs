@@ -1,4 +1,5 @@
-//! The paper's explicit form: extended Jacobian, null-space basis and all (eq. 6–23, corrected).
+//! The paper's explicit form: extended Jacobian, null-space basis and all (its eq. 6–23, corrected;
+//! docs/theory.md, T5–T8 and T13).
 //!
 //! ```text
 //! ν = N_M q̇            N_M = (ZᵀMZ)⁻¹ZᵀM                                    (eq. 6–8)
@@ -116,7 +117,7 @@ fn stack(upper: &DMatrix<f64>, lower: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// The torque of the explicit form, written into `law` (eq. 16–23 corrected):
+/// The torque of the explicit form (T13), written into `law`:
 ///
 /// ```text
 /// J_e⁻ᵀ(τ − g) = [ Λ ẍ_c + μ_xx ẋ + μ_xn ν ;  μ_nx ẋ + Zᵀ(τ_sec − D_q Z ν) ]

@@ -1,11 +1,11 @@
-//! THE LAW: recursive, basis-free, on operators (THEORY §2–3; docs/theory.md).
+//! THE LAW: recursive, basis-free, on operators (docs/theory.md, T11 and T12).
 //!
 //! ```text
 //! τ = g + Jᵀ(Λ ẍ_c + S q̇)  −  Nᵀ Sᵀ ẋ  +  Nᵀ(τ_sec − D_q N q̇),      S = J#ᵀC − Λ J̇
 //! ```
 //!
-//! The end effector then obeys ẍ = ẍ_c + J M⁻¹ τ_ext exactly, and the null space is a passive
-//! impedance, Λ_n ν̇ + (μ_nn + D_n) ν = Zᵀ(τ_sec + τ_ext).
+//! The end effector then obeys ẍ = ẍ_c + J M⁻¹ τ_ext exactly (T14), and the null space is a passive
+//! impedance, Λ_n ν̇ + (μ_nn + D_n) ν = Zᵀ(τ_sec + τ_ext) (T15).
 
 use super::{Gains, OperationalSpace, Projection, dot};
 use crate::robot::Robot;
@@ -74,51 +74,51 @@ impl Law {
         ddx_c: &SVector<f64, M>,
         tau_sec: &[f64],
     ) {
-        let Self {
-            torque: Torque { total, task, null: y },
-            bias,
-            null_energy,
-            damping_power,
-            v,
-            w,
-        } = self;
-        let dq = robot.velocity();
+        let n = tau_sec.len();
+        // All of one length: spares the loops their bounds checks.
+        let Torque { total, task, null } = &mut self.torque;
+        let (total, task, y) = (&mut total[..n], &mut task[..n], &mut null[..n]);
+        let (bias, v, w) = (&mut self.bias[..n], &mut self.v[..n], &mut self.w[..n]);
+        let dq = &robot.velocity()[..n];
         let momentum = space.lambda * space.dx; // Λ ẋ
 
-        // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                   (eq. 16–20)
+        // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                        (T12)
         robot.coriolis_mul(dq, bias);
-        let f =
-            space.lambda_damped * (ddx_c + space.response(bias) - robot.task_bias_acceleration());
+        let c_dq = space.response(bias);
+        let f = space.lambda_damped * (ddx_c + c_dq - robot.task_bias_acceleration());
 
-        // Coupling  y = −Sᵀẋ = J̇ᵀ Λẋ − Cᵀ J#ẋ                                         (μ_nx)
-        space.pinv_mul(&space.dx, v); // J#ẋ
-        robot.coriolis_tr_mul(v, w);
-        robot.jacobian_dot_tr_mul(&momentum, y);
-        each(y, w, |y, w| y - w);
-
-        // Null-space impedance  y += τ_sec − D_q N q̇                                   (eq. 22–23)
-        each(v, dq, |task, dq| dq - task); // N q̇ = q̇ − J#ẋ
+        // Null motion N q̇ = q̇ − J#ẋ, its coupling Cᵀ J#ẋ and its damping D_q N q̇
+        space.pinv_mul(&space.dx, v);
+        robot.coriolis_tr_mul(v, y);
+        for i in 0..n {
+            v[i] = dq[i] - v[i];
+        }
         robot.mass_mul(v, w);
-        *null_energy = 0.5 * dot(v, w);
-        gains.null_damping.scale_momentum(robot, v, w, total); // D_q N q̇
-        *damping_power = dot(v, w);
-        each2(y, tau_sec, w, |y, sec, damping| y + sec - damping);
+        self.null_energy = 0.5 * dot(v, w);
+        gains.null_damping.scale_momentum(robot, v, w, total);
+        self.damping_power = dot(v, w);
 
-        // Projection  τ_null = Nᵀ y                                                      (eq. 6)
+        // Null-space torque before projection  y = J̇ᵀ Λẋ − Cᵀ J#ẋ + τ_sec − D_q N q̇         (T12)
+        for i in 0..n {
+            y[i] = momentum.dot(&robot.jacobian_dot_column(i)) - y[i] + tau_sec[i] - w[i];
+        }
+
+        // Projection  Nᵀ y = y − Jᵀ(Λ J M⁻¹ y)                                               (T4)
         let leak = match gains.projection {
-            Projection::Dynamic => space.pinv_tr_mul(y), // Λ J M⁻¹ y
+            Projection::Dynamic => space.pinv_tr_mul(y),
             Projection::Kinematic => kinematic_pinv_tr_mul(robot, y, v),
             Projection::None => SVector::zeros(),
         };
 
-        // τ = g + Jᵀ f + Nᵀ y
+        // τ = g + Jᵀ f + Nᵀ y                                                               (T11)
         robot.gravity_torque(task);
-        each(bias, task, |c, g| c + g);
-        robot.jacobian_tr_mul(&f, v);
-        each(task, v, |g, jf| g + jf);
-        robot.jacobian_tr_mul(&leak, v);
-        each(y, v, |y, leak| y - leak);
-        each2(total, task, y, |_, task, null| task + null);
+        for i in 0..n {
+            let column = robot.jacobian_column::<M>(i);
+            bias[i] += task[i];
+            task[i] += column.dot(&f);
+            y[i] -= column.dot(&leak);
+            total[i] = task[i] + y[i];
+        }
     }
 }
 
@@ -136,16 +136,4 @@ fn kinematic_pinv_tr_mul<R: Robot<D>, const D: usize, const M: usize>(
     }
     let jy = robot.jacobian_mul(y);
     jjt.try_inverse().map_or(SVector::zeros(), |inverse| inverse * jy)
-}
-
-/// `a_i ← f(a_i, b_i, c_i)`.
-#[inline]
-fn each2(a: &mut [f64], b: &[f64], c: &[f64], f: impl Fn(f64, f64, f64) -> f64) {
-    a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = f(*a, *b, *c));
-}
-
-/// `a_i ← f(a_i, b_i)`.
-#[inline]
-fn each(a: &mut [f64], b: &[f64], f: impl Fn(f64, f64) -> f64) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a = f(*a, *b));
 }

@@ -154,13 +154,13 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         &self.law.bias
     }
 
-    /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task [m/s²].
+    /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task [m/s²] (T4).
     pub fn null_acceleration(&self) -> f64 {
         self.space.response(&self.law.torque.null).norm()
     }
 
     /// V_n + U + posture energy [J], with the kinetic energy V_n = ½ νᵀΛ_nν of the null motion: the
-    /// storage function of the null space (THEORY §2).
+    /// storage function of the null space (T17).
     pub fn null_storage(&self) -> f64 {
         self.law.null_energy
             + self.forces.potential()
@@ -241,7 +241,7 @@ mod tests {
         1.0 / (lambda.norm() * inverse)
     }
 
-    /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (THEORY §2), and both formulations give one torque.
+    /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (T14, T4), and both formulations give one torque.
     fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError> {
         let n = c.q.len();
         let mut totals = vec![];
@@ -303,7 +303,7 @@ mod tests {
             }
         }
 
-        /// Basis independence (THEORY §5, fact 8): the extended Jacobian in a turned basis ZR has
+        /// Basis independence: the extended Jacobian in a turned basis ZR has
         /// the same projector, block-diagonal E_e, J_e J_e⁻¹ = I and Ė − 2μ skew by its
         /// symmetric part μ + μᵀ = Ė.
         #[test]

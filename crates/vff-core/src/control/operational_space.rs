@@ -11,7 +11,7 @@ pub struct OperationalSpace<const M: usize> {
     /// Λ = (J M⁻¹ Jᵀ)⁻¹, the inertia seen at the end effector. Where the arm cannot move in some
     /// direction, the inverse on the directions that remain.
     pub lambda: SMatrix<f64, M, M>,
-    /// Λ for the task force: as `lambda`, damped close to a singularity (THEORY §4), so that the
+    /// Λ for the task force: as `lambda`, damped close to a singularity (T25), so that the
     /// force stays finite while the projector stays exact.
     pub lambda_damped: SMatrix<f64, M, M>,
     /// ẋ = J q̇.
@@ -35,7 +35,7 @@ impl<const M: usize> OperationalSpace<M> {
         }
     }
 
-    /// Takes over the state of `robot`.
+    /// Takes over the state of `robot` (T3).
     pub fn refresh<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let lambda_inv = robot.task_response(&mut self.y);
         self.dx = robot.task_velocity();

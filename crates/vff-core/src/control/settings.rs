@@ -108,7 +108,7 @@ impl Default for Settings {
 }
 
 /// Damping of the null space, proportional to M: its sampled bound d·dt < 2 is the same in every
-/// configuration (THEORY §2).
+/// configuration (T31).
 #[derive(Debug, Clone, PartialEq)]
 pub enum NullDamping {
     /// D_q = d M with d [1/s].
@@ -194,7 +194,7 @@ impl<const M: usize> Gains<M> {
         }
     }
 
-    /// `out += K_v (q_d − q)`, nothing without a posture.
+    /// `out += K_v (q_d − q)` (T10), nothing without a posture.
     pub fn add_posture_torque(&self, q: &[f64], out: &mut [f64]) {
         for ((out, q), (rest, stiffness)) in out.iter_mut().zip(q).zip(&self.posture) {
             *out += stiffness * (rest - q);

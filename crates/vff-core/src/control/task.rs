@@ -16,7 +16,7 @@ pub fn error<const M: usize>(x: Vector<M>, reference: Vector<M>) -> Vector<M> {
     e
 }
 
-/// ẍ_c = ẍ_r − D ė − K e (eq. 16–18 corrected: the printed +K_s e diverges).
+/// ẍ_c = ẍ_r − D ė − K e (T9; the paper's eq. 16–18 corrected: the printed +K_s e diverges).
 #[inline]
 pub fn commanded_acceleration<const M: usize>(
     gains: &Gains<M>,

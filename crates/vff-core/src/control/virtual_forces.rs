@@ -67,7 +67,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.potential_rate
     }
 
-    /// Sums the field over all pairs: nearest-only would jump when another pair becomes nearest.
+    /// Sums the field over all pairs (T26): nearest-only would jump when another pair becomes nearest.
     pub fn refresh<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -123,7 +123,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// c = 2 ζ √(k m_n) h(d) [N·s/m], with the mass m_n that the null space shows along the normal,
-    /// 1/m_n = n̂ᵀ J_c N M⁻¹ J_cᵀ n̂ (THEORY §4).
+    /// 1/m_n = n̂ᵀ J_c N M⁻¹ J_cᵀ n̂ (T30).
     fn approach_damping<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,

@@ -6,7 +6,7 @@
 
 use serde::Deserialize;
 
-/// The shape of a field. η is the gain, d_s the influence distance.
+/// The shape of a field (T27). η is the gain, d_s the influence distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldKind {
@@ -33,7 +33,7 @@ pub struct Field {
     /// in (0, influence). Default: a tenth of the influence distance. Not for `bounded`.
     #[serde(default)]
     pub floor: Option<f64>,
-    /// Damping ratio ζ ≥ 0 of the approach against the obstacle (THEORY §4), 0 by default.
+    /// Damping ratio ζ ≥ 0 of the approach against the obstacle (T30), 0 by default.
     #[serde(default)]
     pub approach_damping: f64,
 }
@@ -99,7 +99,7 @@ impl Field {
         s * s * (3.0 - 2.0 * s)
     }
 
-    /// `unit`, the field of gain 1, down to the floor; below it, the C¹ continuation with constant
+    /// `unit`, the field of gain 1, down to the floor; below it, the C¹ continuation (T28) with constant
     /// stiffness, defined for penetration too.
     #[inline]
     fn continued(&self, d: f64, unit: impl Fn(f64) -> Response) -> Response {
@@ -156,7 +156,7 @@ mod tests {
         }
     }
 
-    /// Zero at and beyond d_s; d³F/η → 1 as d → 0 for Khatib's (THEORY §5, fact 9).
+    /// Zero at and beyond d_s; d³F/η → 1 as d → 0 for Khatib's.
     #[test]
     fn limits_of_the_distance() {
         for kind in KINDS {
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    /// The paper prints U without the square; then F would not be −dU/dd (THEORY §1).
+    /// The paper prints U without the square; then F would not be −dU/dd (docs/theory.md, section 10).
     #[test]
     fn the_printed_potential_does_not_give_the_printed_force() {
         let f = field(FieldKind::Khatib);

@@ -46,7 +46,7 @@ pub trait Robot<const D: usize> {
     fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]);
     /// `out = g(q)`, the torque that holds the arm against gravity [N·m].
     fn gravity_torque(&self, out: &mut [f64]);
-    /// `out = M q̈ + C q̇ + g` at the robot's velocity [N·m].
+    /// `out = M q̈ + C q̇ + g` at the robot's velocity [N·m] (T2).
     fn inverse_dynamics(&self, ddq: &[f64], scratch: &mut [f64], out: &mut [f64]) {
         self.mass_mul(ddq, out);
         self.coriolis_mul(self.velocity(), scratch);
@@ -54,7 +54,7 @@ pub trait Robot<const D: usize> {
         self.gravity_torque(scratch);
         out.iter_mut().zip(scratch.iter()).for_each(|(out, g)| *out += g);
     }
-    /// `out = M⁻¹(τ − C q̇ − g)` at the robot's velocity [rad/s²].
+    /// `out = M⁻¹(τ − C q̇ − g)` at the robot's velocity [rad/s²] (T2).
     fn forward_dynamics(&self, tau: &[f64], scratch: &mut [f64], out: &mut [f64]) {
         self.coriolis_mul(self.velocity(), scratch);
         self.gravity_torque(out);
@@ -79,16 +79,31 @@ pub trait Robot<const D: usize> {
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M>;
     /// J̇ q̇, the acceleration of the end effector while q̈ = 0.
     fn task_bias_acceleration<const M: usize>(&self) -> SVector<f64, M>;
+    /// Column `i` of J: what joint `i` does to the end effector.
+    fn jacobian_column<const M: usize>(&self, i: usize) -> SVector<f64, M>;
+    /// Column `i` of J̇.
+    fn jacobian_dot_column<const M: usize>(&self, i: usize) -> SVector<f64, M>;
     /// `J v`.
-    fn jacobian_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M>;
+    fn jacobian_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M> {
+        v.iter()
+            .enumerate()
+            .fold(SVector::zeros(), |sum, (i, v)| sum + self.jacobian_column(i) * *v)
+    }
     /// `out = Jᵀ f`.
-    fn jacobian_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]);
+    fn jacobian_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(i, out)| *out = f.dot(&self.jacobian_column(i)));
+    }
     /// `J̇ v`.
-    fn jacobian_dot_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M>;
+    fn jacobian_dot_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M> {
+        let column = |i| self.jacobian_dot_column(i);
+        v.iter().enumerate().fold(SVector::zeros(), |sum, (i, v)| sum + column(i) * *v)
+    }
     /// `out = J̇ᵀ f`.
-    fn jacobian_dot_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]);
+    fn jacobian_dot_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(i, out)| *out = f.dot(&self.jacobian_dot_column(i)));
+    }
     /// The response of the arm to unit task forces: fills `y = M⁻¹Jᵀ` (row i belongs to joint i)
-    /// and returns `Λ⁻¹ = J M⁻¹ Jᵀ` (THEORY §3: one factorisation, `M` half solves).
+    /// and returns `Λ⁻¹ = J M⁻¹ Jᵀ` (T24: one factorisation, `M` half solves).
     fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M>;
 
     /// The shape of link `i` in the world.

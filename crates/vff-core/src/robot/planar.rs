@@ -8,7 +8,7 @@
 //! A_ij = l_i · b_j (i < j),   A_ii = I_i + m_i|c_i|² + |l_i|² Σ_{k>i} m_k,   M = Lᵀ A L
 //! ```
 //!
-//! so that products are prefix and suffix sums (THEORY §3). The inverse is the articulated-body
+//! so that products are prefix and suffix sums (T18–T20). The inverse is the articulated-body
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
 use super::{Matrices, Robot, dense};
@@ -239,7 +239,7 @@ impl PlanarState {
         self.tip_velocity = velocity;
     }
 
-    /// Tip to base: the articulated inertia seen at each joint, a symmetric 2×2 block K.
+    /// Tip to base: the articulated inertia seen at each joint, a symmetric 2×2 block K (T22).
     ///
     /// With K of the outer part at the far joint, a link whose joint accelerates by `a` and which
     /// turns with `α` needs the moment `D α + h·a`, and leaves `K − h hᵀ/D + m I` to its parent.
@@ -314,7 +314,7 @@ impl Robot<2> for PlanarState {
 
     fn mass_solve(&self, b: &[f64], out: &mut [f64]) {
         let (joints, b, out) = self.with(b, out);
-        // Backward: the moment left over at each link once the outer joints have yielded.
+        // Backward (T23): the moment left over at each link once the outer joints have yielded.
         let (mut next, mut force) = (0.0, Vector::<2>::zeros());
         for i in (0..out.len()).rev() {
             let e = (b[i] - next - cross(joints[i].l, force)) * joints[i].d_inv;
@@ -334,7 +334,7 @@ impl Robot<2> for PlanarState {
 
     fn coriolis_mul(&self, v: &[f64], out: &mut [f64]) {
         let (joints, v, out) = self.with(v, out);
-        // (C v)_abs,i = Σ_j A_ij sin(θ_i − θ_j) w_j u_j with u = L v.
+        // (C v)_abs,i = Σ_j A_ij sin(θ_i − θ_j) w_j u_j with u = L v (T19, T20).
         let (mut u, mut inner) = (0.0, Vector::<2>::zeros());
         for i in 0..out.len() {
             u += v[i];
@@ -396,39 +396,17 @@ impl Robot<2> for PlanarState {
     }
 
     #[inline]
-    fn jacobian_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M> {
-        let mut sum = SVector::zeros();
-        for (joint, v) in self.joints.iter().zip(v) {
-            sum += twist::<M>(perp(self.tip - joint.position), 1.0) * *v;
-        }
-        sum
+    fn jacobian_column<const M: usize>(&self, i: usize) -> SVector<f64, M> {
+        twist(perp(self.tip - self.joints[i].position), 1.0)
     }
 
     #[inline]
-    fn jacobian_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]) {
-        for (joint, out) in self.joints.iter().zip(out.iter_mut()) {
-            *out = twist::<M>(perp(self.tip - joint.position), 1.0).dot(f);
-        }
-    }
-
-    #[inline]
-    fn jacobian_dot_mul<const M: usize>(&self, v: &[f64]) -> SVector<f64, M> {
-        let mut sum = SVector::zeros();
-        for (joint, v) in self.joints.iter().zip(v) {
-            sum += twist::<M>(perp(self.tip_velocity - joint.velocity), 0.0) * *v;
-        }
-        sum
-    }
-
-    #[inline]
-    fn jacobian_dot_tr_mul<const M: usize>(&self, f: &SVector<f64, M>, out: &mut [f64]) {
-        for (joint, out) in self.joints.iter().zip(out.iter_mut()) {
-            *out = twist::<M>(perp(self.tip_velocity - joint.velocity), 0.0).dot(f);
-        }
+    fn jacobian_dot_column<const M: usize>(&self, i: usize) -> SVector<f64, M> {
+        twist(perp(self.tip_velocity - self.joints[i].velocity), 0.0)
     }
 
     fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M> {
-        // Unit task forces enter as reactions at the tip, unit moments on the last link.
+        // Half solves (T24). Unit task forces enter as reactions at the tip, unit moments on the last link.
         let mut fx = twist::<M>(Vector::<2>::new(-1.0, 0.0), 0.0);
         let mut fy = twist::<M>(Vector::<2>::new(0.0, -1.0), 0.0);
         let mut moment = twist::<M>(Vector::<2>::zeros(), 1.0);
@@ -594,7 +572,7 @@ mod tests {
             assert_close(lambda_inv.as_slice(), product.as_slice(), 1e-9);
         }
 
-        /// M is symmetric positive definite and Ṁ = C + Cᵀ (THEORY §5, fact 1): Christoffel.
+        /// M is symmetric positive definite and Ṁ = C + Cᵀ (T2): Christoffel.
         #[test]
         fn mass_rate_is_christoffel(c in case(1usize..9)) {
             let h = 1e-5;
@@ -657,7 +635,7 @@ mod tests {
         }
     }
 
-    /// The two-link arm of Murray, Li and Sastry (THEORY §5, fact 2).
+    /// The two-link arm of Murray, Li and Sastry (*A Mathematical Introduction to Robotic Manipulation*, 1994).
     #[test]
     fn two_link_textbook() {
         let links =
@@ -690,7 +668,7 @@ mod tests {
     }
 
     /// The recursions stay accurate where the mass matrix is ill-conditioned in joint angles
-    /// (4·10⁸ at n = 100, THEORY §3): M M⁻¹ b = b.
+    /// (4·10⁸ at n = 100): M M⁻¹ b = b.
     #[test]
     fn hundred_links() {
         let n = 100;

@@ -182,7 +182,7 @@ impl<const M: usize> ClosedLoop<M> {
         }
     }
 
-    /// In predictor mode: the torque for the state in the middle of the control period.
+    /// In predictor mode: the torque for the state in the middle of the control period (T33).
     fn predict(&mut self, t: f64) {
         let Some(foresight) = &mut self.foresight else { return };
         let [q, dq, ddq] = &mut self.predicted;

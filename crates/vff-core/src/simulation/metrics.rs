@@ -231,6 +231,7 @@ impl Metrics {
         }
     }
 
+    /// The balance of T17.
     fn null_space(&mut self, s: &Snapshot<'_>) {
         self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
         self.singular_steps += usize::from(s.singular);

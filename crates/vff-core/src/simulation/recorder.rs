@@ -2,8 +2,7 @@
 
 use super::Snapshot;
 
-/// Every recorded quantity, one row per recorded instant (THEORY's notation; units as in
-/// [`Snapshot`]).
+/// Every recorded quantity, one row per recorded instant (units as in [`Snapshot`]).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Record {
     /// Number of rows T.

@@ -34,7 +34,7 @@ pub struct Snapshot<'a> {
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
     /// evaluated.
     pub null_acceleration: f64,
-    /// V_n + U + posture energy [J]: the storage function of the null space (THEORY §2).
+    /// V_n + U + posture energy [J]: the storage function of the null space (T17).
     pub null_storage: f64,
     /// What flows into it through damping, task coupling and moving obstacles [W].
     pub null_supply: f64,
