@@ -44,6 +44,8 @@ def simulate(
     ------
     vffnull.errors.ScenarioError
         If the scenario cannot be run; nothing has been computed then.
+    vffnull.errors.InputTypeError
+        If an argument, or a value inside, is of a type that cannot be used.
 
     Warns
     -----
@@ -55,6 +57,8 @@ def simulate(
     >>> result = simulate("paper-1", overrides={"controller.field.gain": 2.0, "duration": 5.0})
     >>> print(result.metrics)  # doctest: +SKIP
     """
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise InputTypeError(f"progress: expected True or a callable, not a {type(progress).__name__}")
     ready = prepare(scenario, overrides)
     if progress is True:
         with progress_bar(ready.duration) as report:

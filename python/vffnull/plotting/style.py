@@ -126,7 +126,16 @@ def joint_key(fig: FigureBase, axes: Sequence[Axes], n: int, what: str) -> None:
         return
     labels = [f"{what} 1", *map(str, range(2, n + 1))]
     handles = [Line2D([], [], color=colour) for colour in colours]
-    fig.legend(handles, labels, loc="outside upper center", ncols=n)
+    # Eight entries have to fit above half a page.
+    fig.legend(
+        handles,
+        labels,
+        loc="outside upper center",
+        ncols=n,
+        handlelength=1.2,
+        handletextpad=0.4,
+        columnspacing=1.0,
+    )
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:

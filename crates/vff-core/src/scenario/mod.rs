@@ -361,14 +361,38 @@ impl Scenario {
                 self.duration, self.simulation.dt
             ));
         }
-        let sampled = self.simulation.control != Control::Continuous;
-        let period = self.simulation.control_period();
-        let damping = self.controller.null_damping.values().iter().copied().fold(0.0, f64::max);
-        if sampled && damping * period >= 2.0 {
+        if self.simulation.control != Control::Continuous {
+            warnings.extend(self.sampling_bounds());
+        }
+        warnings
+    }
+
+    /// Gains that a torque held over the control period h makes unstable (T31, T32).
+    fn sampling_bounds(&self) -> Vec<String> {
+        let h = self.simulation.control_period();
+        let Settings { stiffness, damping, null_damping, task, .. } = &self.controller;
+        let mut warnings = vec![];
+        let strongest = null_damping.values().iter().copied().fold(0.0, f64::max);
+        if strongest * h >= 2.0 {
             warnings.push(format!(
-                "controller.null_damping: {damping} 1/s is unstable at a control period of \
-                 {period} s; below {} 1/s it is not",
-                2.0 / period
+                "controller.null_damping: {strongest} 1/s is unstable at a control period of {h} s; \
+                 below {} 1/s it is not",
+                2.0 / h
+            ));
+        }
+        let axis = (0..task.dimension()).map(|i| (stiffness.get(i), damping.get(i)));
+        if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
+            warnings.push(format!(
+                "controller.damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control \
+                 period of {h} s; above {} 1/s it is enough",
+                0.5 * h * k
+            ));
+        }
+        if let Some(d) = damping.values().iter().find(|d| **d * h >= 2.0) {
+            warnings.push(format!(
+                "controller.damping: {d} 1/s is unstable at a control period of {h} s; below {} 1/s \
+                 it is not",
+                2.0 / h
             ));
         }
         warnings

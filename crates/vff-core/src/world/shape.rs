@@ -12,7 +12,7 @@ use serde::Deserialize;
 pub enum Shape {
     /// A disc around the origin.
     Circle {
-        /// Radius [m], not negative.
+        /// Radius [m], positive.
         radius: f64,
     },
     /// A segment swept by a disc.
