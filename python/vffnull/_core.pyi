@@ -262,7 +262,7 @@ class Controller:
         x_ref: ArrayLike,
         dx_ref: ArrayLike | None = None,
         ddx_ref: ArrayLike | None = None,
-        obstacles: Sequence[_Document] | None = None,
+        obstacles: Sequence[_Document] = (),
         t: float = 0.0,
     ) -> _Array:
         """Joint torque at a state.
@@ -297,7 +297,7 @@ class Controller:
         x_ref: ArrayLike,
         dx_ref: ArrayLike | None = None,
         ddx_ref: ArrayLike | None = None,
-        obstacles: Sequence[_Document] | None = None,
+        obstacles: Sequence[_Document] = (),
         t: float = 0.0,
     ) -> Terms:
         """The same torque with its parts; parameters as in `torque`."""

@@ -7,7 +7,9 @@ motion in the plane never feels, are set equal to it, so that the tensor is a po
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -17,9 +19,10 @@ from vffnull._core import Arm
 __all__ = ["to_mjcf", "to_urdf"]
 
 _THIN = 0.01  # m; what a link without thickness looks like
+_TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
 
 
-def to_mjcf(arm: Arm, name: str = "arm") -> str:
+def to_mjcf(arm: Arm, name: str = "arm", obstacles: Iterable[Mapping[str, Any]] = ()) -> str:
     """Describe an arm for MuJoCo.
 
     Parameters
@@ -28,19 +31,25 @@ def to_mjcf(arm: Arm, name: str = "arm") -> str:
         The arm.
     name : str, optional
         Name of the model.
+    obstacles : iterable of Mapping, optional
+        Obstacles as in a scenario document. Each becomes a mocap body ``obstacle_1`` … at its position,
+        to be moved by hand; its motion is not a part of the model.
 
     Returns
     -------
     str
         MJCF text: bodies ``link_1`` … ``link_n``, joints ``joint_1`` … ``joint_n`` with a torque motor each,
-        and a site ``tip``. Capsules of the links' radius collide if it is not zero. Step and integrator are
-        MuJoCo's defaults.
+        and a site ``tip``. Capsules of the links' radius collide if it is not zero. With obstacles, all links
+        collide with them and with nothing else, without friction; a link without thickness then is a micron
+        thick. Step and integrator are MuJoCo's defaults.
     """
+    obstacles = list(obstacles)
     document = arm.to_dict()
     root = Element("mujoco", model=name)
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", gravity=_numbers(*arm.gravity, 0.0))
-    parent = SubElement(root, "worldbody")
+    assets = SubElement(root, "asset")
+    parent = world = SubElement(root, "worldbody")
     ranges = _joint_limits(document, arm.n)
     offset = 0.0
     for i in range(arm.n):
@@ -63,13 +72,17 @@ def to_mjcf(arm: Arm, name: str = "arm") -> str:
             name=f"link_{i + 1}",
             type="capsule",
             fromto=_numbers(0.0, 0.0, 0.0, arm.lengths[i], 0.0, 0.0),
-            size=_numbers(radius or _THIN),
+            size=_numbers(radius or (_TOUCH if obstacles else _THIN)),
         )
-        if not radius:
+        if obstacles:
+            geom.attrib |= {"contype": "1", "conaffinity": "0", "condim": "1"}
+        elif not radius:
             geom.set("contype", "0")
             geom.set("conaffinity", "0")
         parent, offset = body, arm.lengths[i]
     SubElement(parent, "site", name="tip", pos=_numbers(offset, 0.0, 0.0))
+    for k, obstacle in enumerate(obstacles, start=1):
+        _add_obstacle(world, assets, f"obstacle_{k}", obstacle, tall=float(arm.lengths.sum()))
     motors = SubElement(root, "actuator")
     limits = _torque_limits(document, arm.n)
     for i in range(arm.n):
@@ -139,6 +152,43 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
             effort = _numbers(np.inf if limits is None else limits[i])
             SubElement(joint, "limit", effort=effort, velocity="inf", **bounds)
     return _text(root)
+
+
+def _add_obstacle(
+    world: Element, assets: Element, name: str, obstacle: Mapping[str, Any], tall: float
+) -> None:
+    """Add an obstacle that reaches `tall` above and below the plane, so that contacts push in the plane."""
+    half_angle = obstacle.get("angle", 0.0) / 2
+    body = SubElement(
+        world,
+        "body",
+        name=name,
+        mocap="true",
+        pos=_numbers(*obstacle.get("position", (0.0, 0.0)), 0.0),
+        quat=_numbers(np.cos(half_angle), 0.0, 0.0, np.sin(half_angle)),
+    )
+    geom = SubElement(body, "geom", name=name, contype="0", conaffinity="1", condim="1")
+    shape = obstacle["shape"]
+    match shape["kind"]:
+        case "circle":  # the plane is its equator
+            geom.attrib |= {"type": "sphere", "size": _numbers(shape["radius"])}
+        case "capsule":
+            ends = _numbers(*shape["a"], 0.0, *shape["b"], 0.0)
+            geom.attrib |= {
+                "type": "capsule",
+                "fromto": ends,
+                "size": _numbers(max(shape["radius"], _TOUCH)),
+            }
+        case "box":
+            width, height = shape["size"]
+            tall = max(tall, width, height)
+            geom.attrib |= {"type": "box", "size": _numbers(width / 2, height / 2, tall)}
+        case _:
+            vertices = np.asarray(shape["vertices"], dtype=float)
+            tall = max(tall, float(np.ptp(vertices, axis=0).max()))
+            prism = [(x, y, z) for z in (-tall, tall) for x, y in vertices]
+            SubElement(assets, "mesh", name=name, vertex=_numbers(*np.ravel(prism)))
+            geom.attrib |= {"type": "mesh", "mesh": name}
 
 
 def _joint_limits(document: dict[str, object], n: int) -> list[list[float]] | None:

@@ -1,7 +1,8 @@
 //! `Arm`: the planar arm and its matrices.
 
 use crate::convert::{
-    array1, array2, as_float_array, matrix, table_to_dict, to_toml, vector, wrong_shape,
+    array1, array2, as_float_array, finite, matrix, number, table_to_dict, to_toml, vector,
+    whole_number, wrong_shape,
 };
 use crate::errors::{self, InputError};
 use nalgebra::DMatrix;
@@ -88,15 +89,29 @@ impl Arm {
     }
 
     #[staticmethod]
-    #[pyo3(signature = (n, length=1.0, mass=1.0, radius=0.0, gravity=0.0))]
-    fn uniform(n: i64, length: f64, mass: f64, radius: f64, gravity: f64) -> PyResult<Self> {
+    #[pyo3(
+        signature = (n, length=None, mass=None, radius=None, gravity=None),
+        text_signature = "(n, length=1.0, mass=1.0, radius=0.0, gravity=0.0)"
+    )]
+    fn uniform(
+        n: &Bound<'_, PyAny>,
+        length: Option<&Bound<'_, PyAny>>,
+        mass: Option<&Bound<'_, PyAny>>,
+        radius: Option<&Bound<'_, PyAny>>,
+        gravity: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let n = whole_number("n", n)?;
         let Some(count) = usize::try_from(n).ok().filter(|n| (1..=100_000).contains(n)) else {
             return Err(InputError::new_err(format!("n: must be from 1 to 100000, got {n}")));
         };
-        let lengths = Value::Array(vec![Value::Float(length); count]);
-        let scalars = [("masses", mass), ("radius", radius), ("gravity", gravity)];
-        let mut document = Table::from_iter([("lengths".into(), lengths)]);
-        document.extend(scalars.map(|(name, value)| (name.into(), Value::Float(value))));
+        let read = |name, value: Option<&Bound<'_, PyAny>>, default| {
+            value.map_or(Ok(default), |value| number(name, value)).map(Value::Float)
+        };
+        let mut document = Table::new();
+        document.insert("lengths".into(), Value::Array(vec![read("length", length, 1.0)?; count]));
+        document.insert("masses".into(), read("mass", mass, 1.0)?);
+        document.insert("radius".into(), read("radius", radius, 0.0)?);
+        document.insert("gravity".into(), read("gravity", gravity, 0.0)?);
         Self::read(document)
     }
 
@@ -152,8 +167,10 @@ impl Arm {
             return Err(wrong_shape("q", q, &format!("({n},) or (T, {n})")));
         }
         let (mut state, still) = (self.arm.state(), vec![0.0; n]);
-        for row in rows.rows() {
-            state.update(&row.to_vec(), &still);
+        for (k, row) in rows.rows().into_iter().enumerate() {
+            let row = row.to_vec();
+            finite(&format!("q[{k}]"), &row)?;
+            state.update(&row, &still);
             joints(&state, &mut positions);
         }
         Ok(PyArray1::from_vec(py, positions).reshape([rows.nrows(), n + 1, 2])?.into_any())

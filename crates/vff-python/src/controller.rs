@@ -1,7 +1,7 @@
 //! `Controller`: the torque law in somebody else's loop.
 
 use crate::arm::Arm;
-use crate::convert::{array1, document, matrix, read_vector, wrong_type};
+use crate::convert::{array1, document, matrix, named_document, number, read_vector, wrong_type};
 use crate::errors::{self, InputError};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -59,8 +59,9 @@ impl Controller {
         dq: &Bound<'_, PyAny>,
         reference: &Reference<'_, '_>,
         obstacles: &Bound<'_, PyAny>,
-        t: f64,
+        t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
+        let t = t.map_or(Ok(0.0), |t| number("t", t))?;
         if !t.is_finite() {
             return Err(InputError::new_err(format!("t must be finite, got {t}")));
         }
@@ -96,8 +97,9 @@ impl Controller {
             return Ok(());
         }
         let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
-            scenario::read_obstacle(&document(obstacle)?)
-                .map_err(|error| errors::scenario(&error.inside(&format!("obstacles[{j}]"))))
+            let name = format!("obstacles[{j}]");
+            scenario::read_obstacle(&named_document(&name, obstacle)?)
+                .map_err(|error| errors::scenario(&error.inside(&name)))
         };
         self.world = World::new(given.iter().enumerate().map(read).collect::<PyResult<_>>()?);
         self.obstacles = given.into_iter().map(Bound::unbind).collect();
@@ -117,7 +119,8 @@ macro_rules! either {
 #[pymethods]
 impl Controller {
     #[new]
-    fn new(arm: &Arm, settings: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn new(arm: &Bound<'_, PyAny>, settings: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
         let n = arm.arm.dof();
         let settings = scenario::read_settings(&document(settings)?, n)
             .map_err(|error| errors::scenario(&error))?;
@@ -137,7 +140,10 @@ impl Controller {
         })
     }
 
-    #[pyo3(signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=0.0))]
+    #[pyo3(
+        signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=None),
+        text_signature = "($self, q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=(), t=0.0)"
+    )]
     #[expect(clippy::too_many_arguments, reason = "state and reference")]
     fn torque<'py>(
         &mut self,
@@ -148,7 +154,7 @@ impl Controller {
         dx_ref: Option<&Bound<'py, PyAny>>,
         ddx_ref: Option<&Bound<'py, PyAny>>,
         obstacles: Option<&Bound<'py, PyAny>>,
-        t: f64,
+        t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array1<'py>> {
         let reference = Reference { x: x_ref, dx: dx_ref, ddx: ddx_ref };
         let none = pyo3::types::PyTuple::empty(py).into_any();
@@ -156,7 +162,10 @@ impl Controller {
         Ok(array1(py, either!(&self.law, law => &law.torque().total)))
     }
 
-    #[pyo3(signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=0.0))]
+    #[pyo3(
+        signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=None),
+        text_signature = "($self, q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=(), t=0.0)"
+    )]
     #[expect(clippy::too_many_arguments, reason = "state and reference")]
     fn terms<'py>(
         &mut self,
@@ -167,7 +176,7 @@ impl Controller {
         dx_ref: Option<&Bound<'py, PyAny>>,
         ddx_ref: Option<&Bound<'py, PyAny>>,
         obstacles: Option<&Bound<'py, PyAny>>,
-        t: f64,
+        t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Terms> {
         self.torque(py, q, dq, x_ref, dx_ref, ddx_ref, obstacles, t)?;
         Ok(either!(&self.law, law => Terms {

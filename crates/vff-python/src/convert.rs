@@ -7,16 +7,43 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use toml::{Table, Value};
 
+/// Documents deeper than this are taken for endless: a dict inside itself has no bottom.
+const MAX_DEPTH: usize = 32;
+
 /// A document from a dict or from an object with `to_dict()`.
 pub fn document(value: &Bound<'_, PyAny>) -> PyResult<Table> {
+    named_document("", value)
+}
+
+/// The same, with a name for the message.
+pub fn named_document(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Table> {
     let value = match value.getattr_opt("to_dict")? {
         Some(to_dict) => to_dict.call0()?,
         None => value.clone(),
     };
-    match to_toml(&value, "")? {
+    match to_toml(&value, name)? {
         Value::Table(table) => Ok(table),
-        _ => Err(wrong_type("a scenario document must be a dict", &value)),
+        _ => {
+            let place = if name.is_empty() { "a scenario document" } else { name };
+            Err(wrong_type(
+                &format!("{place}: expected a dict or an object with to_dict()"),
+                &value,
+            ))
+        }
     }
+}
+
+/// A number, whatever Python or NumPy type it has.
+pub fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    value.extract().map_err(|_| wrong_type(&format!("{name}: expected a number"), value))
+}
+
+/// A whole number.
+pub fn whole_number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<i64> {
+    value.extract().map_err(|_| match value.is_instance_of::<PyInt>() {
+        true => InputError::new_err(format!("{name}: {value} does not fit into 64 bits")),
+        false => wrong_type(&format!("{name}: expected a whole number"), value),
+    })
 }
 
 /// The fault of a value of another type.
@@ -27,6 +54,15 @@ pub fn wrong_type(sentence: &str, value: &Bound<'_, PyAny>) -> PyErr {
 
 /// Any value that a document can hold; `None` in a table is left out.
 pub fn to_toml(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
+    nested(value, path, 0)
+}
+
+fn nested(value: &Bound<'_, PyAny>, path: &str, depth: usize) -> PyResult<Value> {
+    if depth > MAX_DEPTH {
+        let start: String = path.chars().take(60).collect();
+        let sentence = format!("{start}…: nested deeper than {MAX_DEPTH} levels");
+        return Err(InputError::new_err(sentence));
+    }
     if value.is_instance_of::<PyBool>() {
         return Ok(Value::Boolean(value.extract()?));
     }
@@ -51,7 +87,7 @@ pub fn to_toml(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
             };
             if !inner.is_none() {
                 let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                table.insert(key, to_toml(&inner, &path)?);
+                table.insert(key, nested(&inner, &path, depth + 1)?);
             }
         }
         return Ok(Value::Table(table));
@@ -59,14 +95,14 @@ pub fn to_toml(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
     if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
         let items = value.try_iter()?.enumerate();
         return items
-            .map(|(i, item)| to_toml(&item?, &format!("{path}[{i}]")))
+            .map(|(i, item)| nested(&item?, &format!("{path}[{i}]"), depth + 1))
             .collect::<PyResult<_>>()
             .map(Value::Array);
     }
     for method in ["tolist", "to_dict"] {
         // NumPy arrays and scalars; arms, obstacles, settings.
         if let Some(method) = value.getattr_opt(method)? {
-            return to_toml(&method.call0()?, path);
+            return nested(&method.call0()?, path, depth + 1);
         }
     }
     let place = if path.is_empty() { String::new() } else { format!("{path}: ") };
@@ -111,13 +147,19 @@ pub fn read_vector(name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyR
     if array.len() != n {
         return Err(wrong_shape(name, value, &format!("({n},)")));
     }
-    for (i, (out, value)) in out.iter_mut().zip(array.iter()).enumerate() {
-        if !value.is_finite() {
-            return Err(InputError::new_err(format!("{name}[{i}] must be finite, got {value}")));
+    out.iter_mut().zip(array.iter()).for_each(|(out, value)| *out = *value);
+    finite(name, out)
+}
+
+/// Refuses what is not a number or infinite.
+pub fn finite(name: &str, values: &[f64]) -> PyResult<()> {
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(i) => {
+            let value = values[i];
+            Err(InputError::new_err(format!("{name}[{i}] must be finite, got {value}")))
         }
-        *out = *value;
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// A new vector of length `n`, by [`read_vector`].
