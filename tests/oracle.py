@@ -195,7 +195,8 @@ class Field:
         if self.gain == 0:
             return np.zeros_like(d)
         if self.kind == "bounded":
-            bounded: Array = self.gain * np.maximum(0.0, 1 - d / self.influence) ** 2
+            # Bounded by the gain in contact too: the formula alone would grow without limit for d < 0.
+            bounded: Array = self.gain * (1 - np.clip(d, 0.0, self.influence) / self.influence) ** 2
             return bounded
         floor = self.influence / 10 if self.floor is None else self.floor
         force, slope = self._bare(np.clip(d, floor, self.influence))

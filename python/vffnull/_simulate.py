@@ -9,7 +9,7 @@ from typing import Any
 
 from vffnull import _core
 from vffnull._document import plain, put
-from vffnull.errors import InputTypeError, ScenarioWarning
+from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, ScenarioLike, read
 
@@ -17,11 +17,14 @@ __all__ = ["simulate"]
 
 Progress = Callable[[float, float], None]
 
+_PLANTS = ("core", "mujoco")
+
 
 def simulate(
     scenario: ScenarioLike,
     overrides: Mapping[str, Any] | None = None,
     progress: bool | Progress | None = None,
+    plant: str = "core",
 ) -> Result:
     """Run a scenario.
 
@@ -33,6 +36,9 @@ def simulate(
         Other values for some keys, by dotted name, as in `Scenario.replace`.
     progress : bool or callable, optional
         True shows a progress bar; a callable gets the simulated time and the duration [s] every 100 ms or so.
+    plant : {"core", "mujoco"}, optional
+        What moves the arm under the controller's torque: the core, where links pass through obstacles, or
+        MuJoCo, where they touch; see `vffnull.mujoco_plant.run` for what it can and what it leaves out.
 
     Returns
     -------
@@ -44,8 +50,12 @@ def simulate(
     ------
     vffnull.errors.ScenarioError
         If the scenario cannot be run; nothing has been computed then.
+    vffnull.errors.InputError
+        If there is no such plant.
     vffnull.errors.InputTypeError
         If an argument, or a value inside, is of a type that cannot be used.
+    ImportError
+        If the plant is MuJoCo, without the extra ``vffnull[mujoco]``.
 
     Warns
     -----
@@ -59,12 +69,14 @@ def simulate(
     """
     if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise InputTypeError(f"progress: expected True or a callable, not a {type(progress).__name__}")
+    if plant not in _PLANTS:
+        raise InputError(f"plant: expected one of {', '.join(_PLANTS)}, not {plant!r}")
     ready = prepare(scenario, overrides)
     if progress is True:
         with progress_bar(ready.duration) as report:
-            result = run(ready, report)
+            result = run(ready, report, plant)
     else:
-        result = run(ready, progress or None)
+        result = run(ready, progress or None, plant)
     for message in result.warnings:
         warnings.warn(message, ScenarioWarning, stacklevel=2)
     return result
@@ -87,8 +99,12 @@ def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) 
     return Scenario.from_dict(document)
 
 
-def run(scenario: Scenario, progress: Progress | None = None) -> Result:
+def run(scenario: Scenario, progress: Progress | None = None, plant: str = "core") -> Result:
     """Run a scenario without a word; the warnings are in the result."""
+    if plant == "mujoco":
+        from vffnull import mujoco_plant
+
+        return mujoco_plant.run(scenario, progress)
     outcome = _core.run(scenario.to_dict(), progress)
     return Result(
         scenario=scenario,

@@ -146,18 +146,17 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
             continue
         SubElement(joint, "axis", xyz="0 0 1")
         if ranges is not None or limits is not None:
-            bounds = (
-                {} if ranges is None else {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
-            )
             effort = _numbers(np.inf if limits is None else limits[i])
-            SubElement(joint, "limit", effort=effort, velocity="inf", **bounds)
+            limit = SubElement(joint, "limit", effort=effort, velocity="inf")
+            if ranges is not None:
+                limit.attrib |= {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
     return _text(root)
 
 
 def _add_obstacle(
     world: Element, assets: Element, name: str, obstacle: Mapping[str, Any], tall: float
 ) -> None:
-    """Add an obstacle that reaches `tall` above and below the plane, so that contacts push in the plane."""
+    """Add an obstacle; one with corners reaches `tall` out of the plane, so that contacts push within it."""
     half_angle = obstacle.get("angle", 0.0) / 2
     body = SubElement(
         world,
@@ -174,19 +173,15 @@ def _add_obstacle(
             geom.attrib |= {"type": "sphere", "size": _numbers(shape["radius"])}
         case "capsule":
             ends = _numbers(*shape["a"], 0.0, *shape["b"], 0.0)
-            geom.attrib |= {
-                "type": "capsule",
-                "fromto": ends,
-                "size": _numbers(max(shape["radius"], _TOUCH)),
-            }
-        case "box":
-            width, height = shape["size"]
-            tall = max(tall, width, height)
-            geom.attrib |= {"type": "box", "size": _numbers(width / 2, height / 2, tall)}
-        case _:
-            vertices = np.asarray(shape["vertices"], dtype=float)
-            tall = max(tall, float(np.ptp(vertices, axis=0).max()))
-            prism = [(x, y, z) for z in (-tall, tall) for x, y in vertices]
+            radius = max(shape["radius"], _TOUCH)
+            geom.attrib |= {"type": "capsule", "fromto": ends, "size": _numbers(radius)}
+        case kind:  # a prism; MuJoCo's own box lets the axis of a thin capsule through
+            if kind == "box":
+                corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2 * shape["size"]
+            else:
+                corners = np.asarray(shape["vertices"], dtype=float)
+            tall = max(tall, float(np.ptp(corners, axis=0).max()))
+            prism = [(x, y, z) for z in (-tall, tall) for x, y in corners]
             SubElement(assets, "mesh", name=name, vertex=_numbers(*np.ravel(prism)))
             geom.attrib |= {"type": "mesh", "mesh": name}
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -40,8 +40,12 @@ class MuJoCoPlant:
     """The arm of a scenario and its obstacles in MuJoCo, one step of `simulation.dt` at a time.
 
     Links touch obstacles, without friction, and never each other. Obstacles are moved before a step to where
-    they are at its start, and are infinitely heavy. Joint limits and torque limits do not act, as in the
-    core.
+    they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a link
+    that is held, a disc at 0.35 m/s sinks in by 14 mm. Joint limits and torque limits do not act, as in
+    the core.
+
+    While a step is taken, MuJoCo's global callbacks for control and warnings are in use: take steps from one
+    thread only.
 
     Parameters
     ----------
@@ -55,7 +59,7 @@ class MuJoCoPlant:
     data : mujoco.MjData
         The state.
     contacts : int
-        How many contacts of a link with an obstacle the last step began with.
+        How many contacts of a link with an obstacle MuJoCo saw when it last looked, in the last step.
 
     Raises
     ------
@@ -71,7 +75,8 @@ class MuJoCoPlant:
         self._obstacles = document.get("obstacles", [])
         numerics = document.get("simulation", {})
         try:
-            self.model = mujoco.MjModel.from_xml_string(to_mjcf(scenario.arm, obstacles=self._obstacles))
+            with _alone(mujoco):
+                self.model = mujoco.MjModel.from_xml_string(to_mjcf(scenario.arm, obstacles=self._obstacles))
         except ValueError as error:
             raise ScenarioError(f"not for MuJoCo: {error}") from None
         options, disable, integrator = self.model.opt, mujoco.mjtDisableBit, mujoco.mjtIntegrator
@@ -105,42 +110,25 @@ class MuJoCoPlant:
         data.time = t
         for place, obstacle in zip(data.mocap_pos, self._obstacles, strict=True):
             place[:2] = _position(obstacle, t)
-        with self._quiet(), self._control(torque):
-            try:
+        law = None
+        if callable(torque):
+            law = _callback(torque)
+        else:
+            data.qfrc_applied[:] = torque  # past the actuators and their limits
+        try:
+            with _alone(self._mujoco, law):
                 self._mujoco.mj_step(self.model, data)
-            except InputError:  # a stage of the integrator that the controller could not read
-                return False
+        except InputError:  # the integrator asked for the torque at a state that is not finite
+            return False
         self.contacts = data.ncon
         return bool(np.isfinite(data.qpos).all() and (np.abs(data.qvel) < _MAX_SPEED).all())
-
-    @contextmanager
-    def _control(self, torque: Array | Law) -> Iterator[None]:
-        """Let the torque act, past the actuators and their limits."""
-        if not callable(torque):
-            self.data.qfrc_applied[:] = torque
-            yield
-            return
-
-        def ask(_model: object, data: Any) -> None:
-            data.qfrc_applied[:] = torque(data.time, data.qpos, data.qvel)
-
-        before = self._mujoco.get_mjcb_control()
-        self._mujoco.set_mjcb_control(ask)
-        try:
-            yield
-        finally:
-            self._mujoco.set_mjcb_control(before)
-
-    @contextmanager
-    def _quiet(self) -> Iterator[None]:
-        yield
 
 
 def run(scenario: Scenario, progress: Callable[[float, float], None] | None = None) -> Result:
     """Run a scenario with MuJoCo as the plant.
 
     Every step is measured, whatever is recorded. ``"collided"`` and the metrics of clearance count the
-    distances that the controller measures. In contact MuJoCo lets surfaces sink into each other by a little.
+    distances that the controller measures.
 
     Parameters
     ----------
@@ -195,9 +183,11 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
                 looked = time.perf_counter()
                 progress(k * dt, duration)
     except KeyboardInterrupt:
+        if not rows[_ROWS[-1]]:
+            raise
         status = Status.INTERRUPTED
     count = min(map(len, rows.values()))  # an interrupt may come between two of them
-    times = np.arange(count) * dt
+    times = _floats(np.arange(count) * dt)
     record = {name: np.array(values[:count]) for name, values in rows.items()}
     record |= _kinematics(scenario.arm, brain, times, record["q"], record["dq"])
     record["obstacles"] = np.array(
@@ -226,7 +216,7 @@ _ROWS = ("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearanc
 
 
 class _Brain:
-    """The scenario's law with its reference and its obstacles: what is left of a closed loop without plant."""
+    """The scenario's law with its reference and its obstacles: a closed loop without its plant."""
 
     def __init__(self, scenario: Scenario) -> None:
         document = scenario.to_dict()
@@ -235,7 +225,7 @@ class _Brain:
         self._arm = scenario.arm
         self._controller = Controller(self._arm, settings)
         self._obstacles = [_obstacle(each) for each in document.get("obstacles", [])]
-        q0 = np.asarray(document["q0"], dtype=float)
+        q0 = _floats(document["q0"])
         tip = self._arm.forward_kinematics(q0)[-1]
         self.reference = _reference(document["reference"], np.append(tip, q0.sum()) if self.pose else tip)
 
@@ -261,6 +251,35 @@ def _import() -> Any:
         raise ImportError('mujoco is missing: pip install "vffnull[mujoco]"') from error
 
 
+def _callback(law: Law) -> Callable[[Any, Any], None]:
+    """The law as MuJoCo asks for it."""
+
+    def ask(_model: Any, data: Any) -> None:
+        data.qfrc_applied[:] = law(data.time, data.qpos, data.qvel)
+
+    return ask
+
+
+@contextmanager
+def _alone(mujoco: Any, control: Callable[[Any, Any], None] | None = None) -> Iterator[None]:
+    """Set MuJoCo's global callbacks for a while.
+
+    Warnings of a state that is not finite are neither printed nor written to a file: `step` tells of it.
+    """
+    before = mujoco.get_mjcb_control(), mujoco.get_mju_user_warning()
+    mujoco.set_mjcb_control(control)
+    mujoco.set_mju_user_warning(lambda _message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_control(before[0])
+        mujoco.set_mju_user_warning(before[1])
+
+
+def _floats(value: Any) -> Array:
+    return np.asarray(value, dtype=np.float64)
+
+
 def _obstacle(document: Mapping[str, Any]) -> Obstacle:
     """An obstacle of a document, as an object: the controller reads it once, and a dict at every call."""
     shape, motion = dict(document["shape"]), dict(document.get("motion", {"kind": "static"}))
@@ -275,18 +294,18 @@ def _obstacle(document: Mapping[str, Any]) -> Obstacle:
 
 def _position(obstacle: Mapping[str, Any], t: float) -> Array:
     """Where an obstacle of a document is at a time."""
-    start = np.asarray(obstacle.get("position", (0.0, 0.0)), dtype=float)
+    start = _floats(obstacle.get("position", (0.0, 0.0)))
     motion = obstacle.get("motion", {"kind": "static"})
     match motion["kind"]:
         case "static":
             return start
         case "linear":
-            return start + t * np.asarray(motion["velocity"], dtype=float)
+            return start + t * _floats(motion["velocity"])
         case "sinusoid":
-            angle = motion["angular_frequency"] * t + motion.get("phase", 0.0)
-            return start + np.sin(angle) * np.asarray(motion["amplitude"], dtype=float)
+            angle = float(motion["angular_frequency"] * t + motion.get("phase", 0.0))
+            return start + float(np.sin(angle)) * _floats(motion["amplitude"])
         case _:
-            points = np.asarray(motion["points"], dtype=float)
+            points = _floats(motion["points"])
             return np.array([np.interp(t, motion["times"], axis) for axis in points.T])
 
 
@@ -298,8 +317,8 @@ def _reference(document: Mapping[str, Any], start: Array) -> Callable[[float], S
     elif kind == "polynomial":
         coefficients = document["coefficients"]
     elif kind == "line":
-        start = np.asarray(document.get("start", start), dtype=float)
-        way, end = np.asarray(document["end"], dtype=float) - start, float(document["duration"])
+        start = _floats(document.get("start", start))
+        way, end = _floats(document["end"]) - start, float(document["duration"])
         rise = np.array([0.0, 0.0, 0.0, 10.0 / end**3, -15.0 / end**4, 6.0 / end**5])
         coefficients = [[x, *(span * rise)[1:]] for x, span in zip(start, way, strict=True)]
     else:
@@ -332,6 +351,7 @@ def _kinematics(arm: Arm, brain: _Brain, times: Array, q: Array, dq: Array) -> d
     return {"x": x, "dx": dx, "x_ref": x_ref, "error": error}
 
 
+@np.errstate(over="ignore")  # the effort of a run that diverges may be infinite, as in the core
 def _metrics(
     times: Array, record: Mapping[str, Array], dt: float, document: Document
 ) -> dict[str, float | int | None]:
@@ -381,7 +401,7 @@ def _metrics(
         found["rms_jerk"] = float(np.sqrt(np.mean(np.diff(dq, n=2, axis=0) ** 2)) / dt**2)
     arm = document["arm"]
     if "joint_limits" in arm:
-        lower, upper = np.moveaxis(np.asarray(arm["joint_limits"], dtype=float), -1, 0)
+        lower, upper = np.moveaxis(_floats(arm["joint_limits"]), -1, 0)
         excess = np.maximum(lower - record["q"], record["q"] - upper)
         found["joint_limit_violation"] = max(0.0, float(excess.max()))
     if "torque_limits" in arm:
@@ -396,8 +416,8 @@ def _message(status: Status, end_time: float, metrics: Mapping[str, float | int 
             return f"reached its end in MuJoCo at t = {end_time} s without contact"
         case Status.COLLIDED:
             return (
-                f"link {metrics['min_clearance_link']} was up to {metrics['intrusion_depth']:.4f} m inside an "
-                f"obstacle in MuJoCo; first contact at t = {metrics['collision_time']} s"
+                f"link {metrics['min_clearance_link']} was up to {metrics['intrusion_depth']:.4f} m inside "
+                f"an obstacle in MuJoCo; first contact at t = {metrics['collision_time']} s"
             )
         case Status.DIVERGED:
             return (

@@ -1,0 +1,39 @@
+"""Settings that hold for every test."""
+# ruff: noqa: E402
+
+from __future__ import annotations
+
+import os
+
+# Matrices of ten rows and columns: threads would only get in each other's way. Before NumPy is imported.
+for library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+os.environ["MPLBACKEND"] = "Agg"
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+import vffnull as vff
+
+# Random on purpose: a failure prints the blob that repeats it. No deadlines: the machine is shared.
+settings.register_profile(
+    "vffnull",
+    deadline=None,
+    print_blob=True,
+    max_examples=100,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+settings.register_profile("soak", settings.get_profile("vffnull"), max_examples=1000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "vffnull"))
+
+
+@pytest.fixture(scope="session")
+def paper_1() -> vff.Result:
+    """The project's main scenario, run once."""
+    return vff.simulate("paper-1")
+
+
+@pytest.fixture(scope="session")
+def short() -> vff.Result:
+    """A short run with an obstacle, for everything that is done with results."""
+    return vff.simulate("sweep-through", overrides={"duration": 0.5, "simulation.record_every": 10})

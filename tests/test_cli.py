@@ -1,0 +1,328 @@
+"""The command ``vffnull``: what it prints, and with which code it ends (DESIGN §3)."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import vffnull as vff
+
+
+def vffnull(*arguments: object, cwd: Path | None = None, code: int = 0) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "vffnull", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=cwd)
+    assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr and "panicked" not in done.stderr
+    return done
+
+
+def test_the_console_script_is_installed() -> None:
+    script = Path(sys.executable).with_name("vffnull")
+    done = subprocess.run([script, "--version"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and vff.__version__ in done.stdout
+
+
+def test_list() -> None:
+    printed = vffnull("list").stdout
+    assert [line.split()[0] for line in printed.splitlines()] == vff.scenarios()
+    for name in vff.scenarios():
+        assert vff.Scenario.load(name).description in printed
+
+
+def test_show_prints_a_scenario_with_its_comments(tmp_path: Path) -> None:
+    printed = vffnull("show", "paper-1").stdout
+    assert "# rad; paper" in printed
+    (tmp_path / "mine.toml").write_text(printed, encoding="utf-8")
+    assert vff.Scenario.load(tmp_path / "mine.toml") == vff.Scenario.load("paper-1")
+
+
+def test_schema_names_every_key() -> None:
+    """Each key that a bundled scenario uses, and those that scripts override by name (DESIGN §3)."""
+    printed = vffnull("schema").stdout
+
+    def keys(value: object) -> set[str]:
+        if isinstance(value, dict):
+            return set(value).union(*(keys(inner) for inner in value.values()))
+        if isinstance(value, list):
+            return set().union(*(keys(inner) for inner in value))
+        return set()
+
+    used = set().union(*(keys(vff.Scenario.load(name).to_dict()) for name in vff.scenarios()))
+    used |= {
+        "dt",
+        "integrator",
+        "control",
+        "record_every",
+        "control_every",
+        "formulation",
+        "projection",
+        "avoidance",
+        "posture",
+        "posture_stiffness",
+        "singularity",
+        "approach_damping",
+        "floor",
+        "joint_limits",
+        "torque_limits",
+        "com",
+        "inertias",
+        "dq0",
+    }
+    assert {key for key in used if key not in printed} == set()
+
+
+def test_validate(tmp_path: Path) -> None:
+    good, bad, odd = tmp_path / "good.toml", tmp_path / "bad.toml", tmp_path / "odd.toml"
+    vff.Scenario.load("paper-2").save(good)
+    bad.write_text(good.read_text().replace("stiffness", "stifness", 1))
+    odd.write_text(good.read_text().replace("duration = 10.0", "duration = 9.9995", 1))
+    assert "fine" in vffnull("validate", good).stdout
+    done = vffnull("validate", good, bad, code=2)
+    assert "good.toml: fine" in done.stdout
+    assert "bad.toml" in done.stderr and "controller" in done.stderr and "`stiffness`" in done.stderr
+    assert "warning" in vffnull("validate", odd).stderr
+
+
+def test_run_prints_a_table() -> None:
+    done = vffnull("run", "paper-1", "--set", "duration=0.5")
+    for text in ("paper-1", "completed", "min_clearance", "max_error_tail", "N·m"):
+        assert text in done.stdout
+    assert vffnull("run", "paper-1", "--set", "duration=0.5", "--quiet").stdout == ""
+
+
+def test_run_json() -> None:
+    """`vffnull run paper-1 --json` prints the status, a tail error below 1e-5 m, a positive clearance."""
+    done = vffnull("run", "paper-1", "--json")
+    report = json.loads(done.stdout)  # one valid object and nothing else
+    assert (
+        report["status"] == "completed"
+        and report["scenario"] == "paper-1"
+        and report["version"] == vff.__version__
+    )
+    assert report["metrics"]["max_error_tail"] < 1e-5 and report["metrics"]["min_clearance"] > 0
+    assert report["end_time"] == 20.0
+    assert dict(vff.simulate("paper-1").metrics) == report["metrics"]
+
+
+def test_json_is_strict_json_without_obstacles(tmp_path: Path) -> None:
+    """No NaN and no Infinity, which JSON does not know."""
+    vff.Scenario.load("paper-1").replace(obstacles=None, duration=0.1).save(tmp_path / "free.toml")
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is no JSON")
+
+    report = json.loads(vffnull("run", tmp_path / "free.toml", "--json").stdout, parse_constant=refuse)
+    assert report["metrics"]["min_clearance"] is None
+
+
+def test_set(tmp_path: Path) -> None:
+    """Numbers, lists, words, texts, list elements; several at once; the result carries them."""
+    file = tmp_path / "run.npz"
+    vffnull(
+        "run",
+        "sweep-through",
+        "--set",
+        "duration=0.1",
+        "--set",
+        "controller.field.gain=2.0",
+        "--set",
+        "controller.projection=none",
+        "--set",
+        'simulation.control="predictor"',
+        "--set",
+        "obstacles.0.position=[1.5, 2.5]",
+        "--set",
+        "controller.stiffness = [90, 110]",
+        "--set",
+        "name='mine'",
+        "--save",
+        file,
+        "--quiet",
+    )
+    scenario = vff.Result.load(file).scenario
+    given = {
+        "duration": 0.1,
+        "controller.field.gain": 2.0,
+        "controller.projection": "none",
+        "simulation.control": "predictor",
+        "obstacles.0.position": [1.5, 2.5],
+        "controller.stiffness": [90, 110],
+        "name": "mine",
+    }
+    assert {key: scenario[key] for key in given} == given
+
+
+@pytest.mark.parametrize(
+    ("assignment", "says"),
+    [
+        ("duration", "KEY=VALUE"),
+        ("=5", "KEY=VALUE"),
+        ("duration=", "KEY=VALUE"),
+        ("duration=[1", "TOML"),
+        ("duration=1\nname='x'", ""),
+        ("durration=5", "duration"),
+        ("controller.field.gian=5", "gain"),
+        ("duration=-1", "greater than 0"),
+        ("obstacles.3.position=[1,2]", "obstacles.3.position"),
+    ],
+)
+def test_set_refuses(assignment: str, says: str) -> None:
+    done = vffnull("run", "paper-1", "--set", assignment, code=2)
+    assert says in done.stderr and done.stdout == ""
+
+
+def test_plot_and_save(tmp_path: Path) -> None:
+    done = vffnull(
+        "run",
+        "sweep-through",
+        "--set",
+        "duration=0.2",
+        "--plot",
+        tmp_path / "figures",
+        "--save",
+        tmp_path / "run.npz",
+        "--json",
+    )
+    files = [Path(name) for name in json.loads(done.stdout)["files"]]
+    assert tmp_path / "run.npz" in files and tmp_path / "figures" / "strobe.png" in files
+    assert all(file.is_file() for file in files)
+
+
+def test_wrong_output_is_found_before_the_run(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    vffnull("run", "paper-1", "--save", tmp_path / "run.csv", code=2)
+    vffnull("run", "paper-1", "--plot", tmp_path / "file", code=2)
+    vffnull("run", "paper-1", "--set", "duration=0.1", "--save", tmp_path / "missing" / "run.npz", code=2)
+
+
+ERRORS = [
+    (["run", "paper1"], "'paper-1'"),
+    (["show", "crowds"], "'crowd'"),
+    (["rnu", "paper-1"], "'run'"),
+    (["paper-1"], "run paper-1"),
+    (["run"], "SCENARIO"),
+    (["run", "paper-1", "--plott", "x"], "--plot"),
+    (["run", "missing.toml"], "missing.toml"),
+    (["validate", "missing.toml"], "missing.toml"),
+    (["validate"], "FILE"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "says"), ERRORS, ids=[" ".join(a) for a, _ in ERRORS])
+def test_errors(arguments: list[str], says: str) -> None:
+    """Code 2, one sentence that suggests the nearest name, no traceback."""
+    done = vffnull(*arguments, code=2)
+    assert says in done.stderr and done.stdout == ""
+    sentences = [
+        line for line in done.stderr.splitlines() if not line.startswith(("Usage:", "Try ")) and line.strip()
+    ]
+    assert len(sentences) == 1, done.stderr
+
+
+def test_broken_files(tmp_path: Path) -> None:
+    file = tmp_path / "broken.toml"
+    file.write_text("duration = = 5")
+    done = vffnull("run", file, code=2)
+    assert "broken.toml" in done.stderr and "duration = = 5" in done.stderr
+
+
+def test_strict_and_exit_codes(tmp_path: Path) -> None:
+    """0 fine, also after a collision; 3 under --strict, and after a divergence."""
+    collide = ["run", "sweep-through", "--set", "controller.field.gain=0", "--json"]
+    assert json.loads(vffnull(*collide).stdout)["status"] == "collided"
+    vffnull(*collide, "--strict", code=3)
+    vffnull("run", "sweep-through", "--set", "duration=0.1", "--strict")
+    done = vffnull(
+        "run",
+        "sweep-through",
+        "--set",
+        "controller.stiffness=1e7",
+        "--set",
+        "simulation.dt=0.02",
+        "--json",
+        "--save",
+        tmp_path / "run.npz",
+        code=3,
+    )
+    assert json.loads(done.stdout)["status"] == "diverged"
+    assert vff.Result.load(tmp_path / "run.npz").status == "diverged"
+
+
+def test_warnings_go_to_stderr() -> None:
+    done = vffnull("run", "paper-1", "--set", "duration=0.1003", "--json")
+    assert "warning" in done.stderr
+    json.loads(done.stdout)
+
+
+def test_help() -> None:
+    for arguments in (["--help"], ["-h"], ["run", "--help"]):
+        assert "Usage" in vffnull(*arguments).stdout
+    assert "130" in vffnull("run", "--help").stdout
+
+
+def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
+    """SIGINT ends a run of hours at once (0.2 s by the issue; 2 s here, with the interpreter's exit on a busy
+    machine), with code 130, a report, and the partial result saved."""
+    file = tmp_path / "partial.npz"
+    command = [
+        sys.executable,
+        "-m",
+        "vffnull",
+        "run",
+        "paper-1",
+        "--set",
+        "duration=1e6",
+        "--set",
+        "simulation.record_every=1000",
+        "--json",
+        "--save",
+        str(file),
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(3.0)
+    assert process.poll() is None, process.communicate()
+    sent = time.monotonic()
+    os.kill(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert time.monotonic() - sent < 2.0
+    assert process.returncode == 130 and "Traceback" not in err
+    report = json.loads(out)
+    assert report["status"] == "interrupted" and 0 < report["end_time"] < 1e6
+    partial = vff.Result.load(file)
+    assert partial.status == "interrupted"
+    assert (
+        partial.t[-1] == pytest.approx(report["end_time"], abs=1.0) and len(partial.t) == len(partial.q) > 1
+    )
+
+
+@pytest.mark.parametrize("formulation", ["recursive", "extended_jacobian"])
+def test_ctrl_c_in_python_is_a_result(formulation: str) -> None:
+    """`simulate` returns the partial result instead of raising; also for 40 links in the dense form."""
+    code = f"""
+import os, signal, threading, time
+import vffnull as vff
+arm = vff.Arm.uniform(40)
+q0 = [0.05] * 40
+scenario = vff.Scenario(arm=arm, q0=q0, duration=1e4, reference={{"kind": "setpoint",
+    "point": arm.forward_kinematics(q0)[-1]}}, controller={{"formulation": "{formulation}"}},
+    simulation={{"record_every": 100000}})
+sent = []
+def interrupt():
+    time.sleep(0.7)
+    sent.append(time.monotonic())
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=interrupt).start()
+result = vff.simulate(scenario)
+print(result.status, time.monotonic() - sent[0])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    status, late = done.stdout.split()
+    assert status == "interrupted" and float(late) < 1.0
