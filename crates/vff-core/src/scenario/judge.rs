@@ -18,6 +18,9 @@ pub fn finite(value: &Value) -> Judged {
         Value::Float(x) if !x.is_finite() => {
             Err(ScenarioError::out_of_range("", "a finite number", x))
         }
+        Value::Float(x) if x.abs() > 1e100 => {
+            Err(ScenarioError::out_of_range("", "at most 1e100", x))
+        }
         Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
             finite(value).map_err(|error| error.inside(&format!("[{i}]")))
         }),
@@ -130,13 +133,15 @@ pub fn motion(motion: &Motion) -> Judged {
         return Err(ScenarioError::out_of_range("times", "at least one instant", times));
     }
     length("points", points.len(), times.len())?;
-    match (1..times.len()).find(|&i| times[i] <= times[i - 1]) {
-        Some(i) => {
+    let speed =
+        |i: usize, axis: usize| (points[i][axis] - points[i - 1][axis]) / (times[i] - times[i - 1]);
+    for i in 1..times.len() {
+        if times[i] <= times[i - 1] || !(speed(i, 0) + speed(i, 1)).is_finite() {
             let requirement = format!("later than {}", times[i - 1]);
-            Err(ScenarioError::out_of_range(format!("times[{i}]"), &requirement, times[i]))
+            return Err(ScenarioError::out_of_range(format!("times[{i}]"), &requirement, times[i]));
         }
-        None => Ok(()),
     }
+    Ok(())
 }
 
 /// Whether two points are the same to the last digit, as copied numbers are.

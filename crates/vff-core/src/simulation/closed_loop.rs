@@ -131,7 +131,8 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Advances by one plant step, under the controller's torque or under `external` [N·m], held
     /// over the step. Returns false, and stays where it is, if the new state would not be
-    /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED).
+    /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
+    /// [defined](Self::is_defined) there.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
         let t = self.time();
         self.before[0].copy_from_slice(&self.q);
@@ -155,15 +156,26 @@ impl<const M: usize> ClosedLoop<M> {
                 plant.forward_dynamics(held, bias, ddq);
             }
         });
-        let sane = self.is_sane();
-        if sane {
+        if self.is_sane() {
             self.step += 1;
-        } else {
-            self.q.copy_from_slice(&self.before[0]);
-            self.dq.copy_from_slice(&self.before[1]);
+            self.control();
+            if self.is_defined() {
+                return true;
+            }
+            self.step -= 1;
         }
+        self.q.copy_from_slice(&self.before[0]);
+        self.dq.copy_from_slice(&self.before[1]);
         self.control();
-        sane
+        false
+    }
+
+    /// Whether everything that the law made of the present state is finite.
+    pub fn is_defined(&self) -> bool {
+        let forces = self.brain.controller.forces();
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        let total = self.brain.controller.torque().total.as_slice();
+        finite(total) && finite(&self.held.total) && finite(forces.magnitude())
     }
 
     /// Evaluates the law at the present state and, at the beginning of a control period, takes over

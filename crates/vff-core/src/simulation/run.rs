@@ -75,7 +75,8 @@ impl<const M: usize> Run<M> {
         let record = Record::with_capacity(rows, n, M, obstacles)?;
         let metrics = Metrics::new(n, duration, options.dt, limits);
         let record_every = options.record_every;
-        let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged: false };
+        let diverged = !closed_loop.is_defined();
+        let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged };
         run.take_in();
         Ok(run)
     }
