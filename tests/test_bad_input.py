@@ -1,6 +1,6 @@
 """Bad input gets one clear error that names the field, before anything runs; bad runs get a status.
 
-DESIGN §2: errors are for bad input, outcomes are values, and no panic reaches Python.
+ARCHITECTURE.md: errors are for bad input, outcomes are values, and no panic reaches Python.
 """
 
 from __future__ import annotations
@@ -744,7 +744,7 @@ def test_broken_documents_end_in_an_error_or_a_result(data: st.DataObject) -> No
             place = place[key]
         match data.draw(st.sampled_from(["replace", "remove", "rename"]), label="what"):
             case "replace":
-                place[path[-1]] = data.draw(st.sampled_from(VALUES), label="value")
+                place[path[-1]] = copy.deepcopy(data.draw(st.sampled_from(VALUES), label="value"))
             case "remove":
                 del place[path[-1]]
             case _ if isinstance(place, dict):

@@ -1,4 +1,4 @@
-"""The command ``vffnull``: what it prints, and with which code it ends (DESIGN §3)."""
+"""The command ``vffnull``: what it prints, and with which code it ends (README)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_show_prints_a_scenario_with_its_comments(tmp_path: Path) -> None:
 
 
 def test_schema_names_every_key() -> None:
-    """Each key that a bundled scenario uses, and those that scripts override by name (DESIGN §3)."""
+    """Each key that a bundled scenario uses, and those that scripts override by name (README)."""
     printed = vffnull("schema").stdout
 
     def keys(value: object) -> set[str]:

@@ -1,7 +1,7 @@
 """How far avoidance pushes the end effector per step size, and how much null damping a sample rate stands.
 
-THEORY §4: the law inside the RK4 stages drifts O(dt⁴), under zero-order hold O(dt), with a midpoint
-predictor O(dt²). Sampled null damping is stable iff d·dt < 2.
+docs/theory.md, section 8: the law inside the RK4 stages drifts O(dt⁴), under zero-order hold O(dt), with a
+midpoint predictor O(dt²). Sampled null damping is stable iff d·dt < 2.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def null_speed(d: float, dt: float, n: int = 5) -> tuple[float, float]:
 
 @pytest.mark.parametrize("dt", [1e-3, 1e-2])
 def test_sampled_null_damping_bound(dt: float) -> None:
-    """D_q = d·M is stable iff d·dt < 2 in every configuration (DESIGN §3): 0.95× decays, 1.05× grows.
+    """D_q = d·M is stable iff d·dt < 2 in every configuration (README): 0.95× decays, 1.05× grows.
 
     Per period the null velocity is multiplied by 1 − d·dt: −0.9 at 0.95×, −1.1 at 1.05×.
     """

@@ -1,4 +1,4 @@
-"""The arm's dynamics: facts 1 to 6 of THEORY §5, on the public operators and on the simulated plant."""
+"""The arm's dynamics: docs/theory.md, sections 1 and 6, on the public operators and the simulated plant."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ def test_angular_momentum_is_conserved_by_a_free_plant() -> None:
     ("amplitude", "period"), [(0.01, 1.637956823), (1.0, 1.746598537), (2.5, 2.691117410)]
 )
 def test_pendulum_period(amplitude: float, period: float) -> None:
-    """Fact 5: a rod of 1 m, T = 4√(2l/3g) K(sin²(θ₀/2)), to the nine decimals that THEORY prints."""
+    """A rod of 1 m has the period T = 4√(2l/3g) K(sin²(θ₀/2)), K the complete elliptic integral."""
     arm = vff.Arm.uniform(1, gravity=9.81)
     dt = 1e-3
     simulation = plant(arm, [amplitude - math.pi / 2], [0.0], 3.0, dt)

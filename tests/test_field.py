@@ -1,4 +1,4 @@
-"""The force fields (THEORY §4, §5 fact 9): gradients of a potential, over all pairs, of all shapes."""
+"""The force fields (docs/theory.md, section 7): gradients of a potential, over all pairs, of all shapes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def sense(
 
 
 def potential(field: vff.Field, d: float) -> float:
-    """U(d) by the formulas of THEORY §1 and §4; below the floor its Taylor polynomial of second order."""
+    """U(d) by (T27) of docs/theory.md, continued below the floor by its second-order Taylor polynomial."""
     if d >= field.influence:
         return 0.0
     if field.kind == "bounded":
@@ -191,7 +191,7 @@ def test_two_links_at_one_joint_push_twice_without_a_jump() -> None:
 
 @names
 def test_a_gain_of_zero_switches_the_field_off(field: vff.Field) -> None:
-    """DESIGN §3."""
+    """The public interface."""
     off = vff.Field(field.kind, 0.0, field.influence)
     terms = lone(off, 0.05, n=3)
     np.testing.assert_array_equal(terms.tau_vff, 0)

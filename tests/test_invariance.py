@@ -1,4 +1,4 @@
-"""The central promise: nothing that acts in the null space accelerates the end effector (THEORY §2)."""
+"""The central promise: nothing that acts in the null space accelerates the end effector (T4, T14)."""
 
 from __future__ import annotations
 
@@ -237,7 +237,7 @@ def test_null_space_is_passive(scene: Scene, data: st.DataObject) -> None:
 @settings(max_examples=50)
 @given(case=cases(3, 8), d=between(0.1, 10.0))
 def test_uniform_null_damping_is_mass_proportional(case: Case, d: float) -> None:
-    """A scalar d means D_q = d·M (DESIGN §3): τ_null falls by Nᵀ d M N q̇ = d (M q̇ − JᵀΛẋ)."""
+    """A scalar d means D_q = d·M (README): τ_null falls by Nᵀ d M N q̇ = d (M q̇ − JᵀΛẋ)."""
     case.away_from_singularities()
     x = case.pose()
     undamped, damped = (

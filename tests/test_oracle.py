@@ -1,4 +1,4 @@
-"""The compiled core against `oracle.py`, an independent dense NumPy prototype written from THEORY alone."""
+"""The compiled core against `oracle.py`, an independent dense NumPy prototype written from formulas alone."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_random_scenes(data: st.DataObject, case: Any, gravity: bool) -> None:
 
 
 def test_an_unprojected_field_moves_the_tip_as_far_as_in_the_prototype() -> None:
-    """THEORY §6 (a): 5.2 mm on `sweep-through`, in both."""
+    """docs/theory.md, section 10: 5.2 mm on `sweep-through`, in both."""
     overrides = {"controller.projection": "none", "simulation.dt": 4e-3, "simulation.control": "continuous"}
     document = vff.Scenario.load("sweep-through").replace(**overrides).to_dict()
     ours = oracle.tip_motion({"x": vff.simulate(document).x})

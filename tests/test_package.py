@@ -55,12 +55,12 @@ CONTRACT = {
 
 @pytest.mark.parametrize("owner", CONTRACT, ids=lambda owner: getattr(owner, "__name__", "?"))
 def test_names_of_the_contract(owner: object) -> None:
-    """DESIGN §3: names that other people's scripts call."""
+    """The public interface: names that other people's scripts call."""
     assert [name for name in CONTRACT[owner] if not hasattr(owner, name)] == []  # type: ignore[index]
 
 
 def test_the_contracts_own_calls() -> None:
-    """The lines of DESIGN §3, as they stand there."""
+    """The calls that the README and the stubs show, in one go."""
     arm = vff.Arm.uniform(6, length=1.0, mass=1.0)
     lengths, masses = [1.0] * 6, [1.0] * 6
     assert (
@@ -127,7 +127,7 @@ def test_stubs_match_the_compiled_module() -> None:
 
 
 def test_import_is_light() -> None:
-    """matplotlib, pandas and the like are loaded when used, not by `import vffnull` (DESIGN §2)."""
+    """matplotlib, pandas and the like are loaded when used, not by `import vffnull` (ARCHITECTURE.md)."""
     heavy = ["matplotlib", "pandas", "xarray", "click", "tqdm", "PIL", "scipy"]
     code = f"import sys, vffnull; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)

@@ -36,7 +36,7 @@ def pose_scenario() -> vff.Scenario:
 
 @pytest.mark.parametrize("make", [lambda: "crowd", lambda: "sweep-through", pose_scenario])
 def test_shapes(make: Any) -> None:
-    """DESIGN §3: T, n, m and k along the dimensions that it says."""
+    """The public interface: T, n, m and k along the dimensions that it says."""
     scenario = make()
     result = vff.simulate(scenario, {"duration": 0.05})
     n, k = result.scenario.arm.n, len(result.scenario["obstacles"])
@@ -105,7 +105,7 @@ def test_status_is_its_string(short: vff.Result) -> None:
 
 
 def test_metrics(paper_1: vff.Result) -> None:
-    """Items and attributes are the same; the table shows each with its unit; the issue's list is there."""
+    """Items and attributes are the same; the table shows units; every promised measure is there."""
     metrics = paper_1.metrics
     assert metrics.min_clearance == metrics["min_clearance"]
     for name, (unit, meaning) in vff._core.METRICS.items():

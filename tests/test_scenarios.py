@@ -1,4 +1,4 @@
-"""The bundled scenarios keep what is promised about them (THEORY §6, and the issue's "Done when")."""
+"""The bundled scenarios keep what is promised about them (README, and docs/theory.md, sections 8 and 10)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def tip_motion(result: vff.Result) -> float:
 
 
 def test_contract_names_are_bundled() -> None:
-    """DESIGN §3."""
+    """The public interface."""
     contract = {*PAPER, "sweep-through", "on-path", "crowd", "narrow-gap"}
     assert contract <= set(vff.scenarios())
 

@@ -158,7 +158,7 @@ def test_states_are_snapshots() -> None:
 
 @pytest.mark.parametrize("name", ["sweep-through", "crowd", "paper-2-moving"])
 def test_same_scenario_same_bits(name: str) -> None:
-    """DESIGN §2: bit-identical on a machine."""
+    """ARCHITECTURE.md: bit-identical on a machine."""
     a, b = (vff.simulate(name, {"duration": 1.0}) for _ in range(2))
     for array in BYTES:
         assert getattr(a, array).tobytes() == getattr(b, array).tobytes(), array
@@ -186,7 +186,7 @@ def test_control_every() -> None:
 
 @pytest.mark.parametrize("kind", ["dict", "file", "name", "scenario", "object"])
 def test_every_way_in_is_the_same_run(kind: str, tmp_path: Any) -> None:
-    """A bundled name, a path, a dict and a Scenario; DESIGN §3."""
+    """A bundled name, a path, a dict and a Scenario."""
     scenario = vff.Scenario.load("sweep-through")
     scenario.save(tmp_path / "mine.toml")
     sources: dict[str, Any] = {
