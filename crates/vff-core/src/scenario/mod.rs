@@ -13,13 +13,13 @@ pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
 
 use crate::control::{Gains, Settings, TaskKind};
-use crate::field::Field;
 use crate::math::Vector;
 use crate::robot::{PlanarArm, Robot};
 use crate::simulation::{ClosedLoop, Control, Limits, Options, Outcome, Run, Snapshot};
 use crate::trajectory::{Reference, Trajectory};
-use crate::world::{Motion, Obstacle, World};
+use crate::world::{Obstacle, World};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::time::Duration;
 use toml::{Table, Value};
@@ -72,24 +72,29 @@ pub fn parse_toml(text: &str) -> Result<Table, ScenarioError> {
     })
 }
 
+/// Reads a part of a document whose numbers are all finite.
+fn read<T: DeserializeOwned>(document: &Table) -> Result<T, ScenarioError> {
+    let value = Value::Table(document.clone());
+    judge::finite(&value)?;
+    document::read(&value)
+}
+
 /// Reads and judges one part of a scenario, named as in [`Part`].
 ///
 /// # Errors
 /// With the dotted path of the first fault.
 pub fn check(part: Part, document: &Table) -> Result<Vec<String>, ScenarioError> {
-    let value = Value::Table(document.clone());
-    judge::finite(&value)?;
     match part {
         Part::Scenario => {
             return Scenario::from_document(document)?.prepare().map(|ready| ready.warnings);
         }
-        Part::Arm => drop(document::read::<ArmSpec>(&value)?.build()?),
-        Part::Controller => judge::controller(&document::read::<Settings>(&value)?, None)?,
-        Part::Field => judge::field(&document::read::<Field>(&value)?)?,
-        Part::Obstacle => judge::obstacle(&document::read::<Obstacle>(&value)?)?,
-        Part::Motion => judge::motion(&document::read::<Motion>(&value)?)?,
-        Part::Reference => drop(document::read::<Reference>(&value)?),
-        Part::Simulation => judge::simulation(&document::read::<Options>(&value)?)?,
+        Part::Arm => drop(read_arm(document)?),
+        Part::Controller => judge::controller(&read(document)?, None)?,
+        Part::Field => judge::field(&read(document)?)?,
+        Part::Obstacle => drop(read_obstacle(document)?),
+        Part::Motion => judge::motion(&read(document)?)?,
+        Part::Reference => drop(read::<Reference>(document)?),
+        Part::Simulation => judge::simulation(&read(document)?)?,
     }
     Ok(vec![])
 }
@@ -131,9 +136,7 @@ impl Part {
 /// # Errors
 /// With the name of the first parameter that is wrong.
 pub fn read_arm(document: &Table) -> Result<(PlanarArm, Limits), ScenarioError> {
-    let value = Value::Table(document.clone());
-    judge::finite(&value)?;
-    document::read::<ArmSpec>(&value)?.build()
+    read::<ArmSpec>(document)?.build()
 }
 
 /// Reads and judges the settings of a controller for `n` joints.
@@ -141,9 +144,7 @@ pub fn read_arm(document: &Table) -> Result<(PlanarArm, Limits), ScenarioError> 
 /// # Errors
 /// With the name of the first setting that is wrong.
 pub fn read_settings(document: &Table, n: usize) -> Result<Settings, ScenarioError> {
-    let value = Value::Table(document.clone());
-    judge::finite(&value)?;
-    let settings = document::read(&value)?;
+    let settings = read(document)?;
     judge::controller(&settings, Some(n))?;
     Ok(settings)
 }
@@ -153,9 +154,7 @@ pub fn read_settings(document: &Table, n: usize) -> Result<Settings, ScenarioErr
 /// # Errors
 /// With the dotted path of the first fault.
 pub fn read_obstacle(document: &Table) -> Result<Obstacle, ScenarioError> {
-    let value = Value::Table(document.clone());
-    judge::finite(&value)?;
-    let obstacle = document::read(&value)?;
+    let obstacle = read(document)?;
     judge::obstacle(&obstacle)?;
     Ok(obstacle)
 }
@@ -229,9 +228,7 @@ impl Scenario {
     /// # Errors
     /// With the dotted path of the first fault.
     pub fn from_document(document: &Table) -> Result<Self, ScenarioError> {
-        let value = Value::Table(document.clone());
-        judge::finite(&value)?;
-        let scenario: Self = document::read(&value)?;
+        let scenario: Self = read(document)?;
         scenario.judge()?;
         Ok(scenario)
     }

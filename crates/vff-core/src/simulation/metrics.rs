@@ -254,12 +254,10 @@ impl Metrics {
         };
         let number = Value::Number;
         let optional = |value: Option<f64>| value.map_or(Value::None, Value::Number);
-        let given =
-            |values: &[_], value| if values.is_empty() { Value::None } else { number(value) };
+        let given = |applies: bool, value| if applies { number(value) } else { Value::None };
         let [transient, tail] = [self.samples - self.tail_samples, self.tail_samples];
         let seen = self.min_clearance < f64::INFINITY;
         let when_seen = |value| if seen { value } else { Value::None };
-        let had = |count: usize, value| if count > 0 { number(value) } else { Value::None };
         #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
         let intrusion_time = self.intrusion_samples as f64 * self.dt;
         let settling = match (self.settled, self.last_outside) {
@@ -277,9 +275,9 @@ impl Metrics {
             number((-self.min_clearance).max(0.0)),
             number(self.tail_start),
             rms(self.sum_error[0], transient),
-            had(transient, self.max_error[0]),
+            given(transient > 0, self.max_error[0]),
             rms(self.sum_error[1], tail),
-            had(tail, self.max_error[1]),
+            given(tail > 0, self.max_error[1]),
             optional(self.max_orientation_error),
             settling,
             number(self.max_repulsion),
@@ -292,11 +290,8 @@ impl Metrics {
             number(self.max_null_acceleration),
             number(self.passivity_residual),
             Value::Count(self.singular_steps),
-            given(
-                &self.limits.joint.iter().map(|l| l[0]).collect::<Vec<_>>(),
-                self.joint_limit_violation,
-            ),
-            given(&self.limits.torque, self.torque_limit_ratio),
+            given(!self.limits.joint.is_empty(), self.joint_limit_violation),
+            given(!self.limits.torque.is_empty(), self.torque_limit_ratio),
         ];
         debug_assert_eq!(values.len(), METRICS.len());
         METRICS.iter().zip(values).collect()
