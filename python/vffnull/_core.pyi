@@ -56,6 +56,8 @@ class Arm:
         Lowest and highest joint angles [rad].
     torque_limits : float or (n,) array_like, optional
         Largest joint torques [N·m].
+    velocity_limits : float or (n,) array_like, optional
+        Largest joint speeds [rad/s].
 
     Raises
     ------
@@ -81,6 +83,7 @@ class Arm:
         gravity: ArrayLike | None = None,
         joint_limits: ArrayLike | None = None,
         torque_limits: ArrayLike | None = None,
+        velocity_limits: ArrayLike | None = None,
     ) -> Arm: ...
     @staticmethod
     def uniform(

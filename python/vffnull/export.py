@@ -84,7 +84,7 @@ def to_mjcf(arm: Arm, name: str = "arm", obstacles: Iterable[Mapping[str, Any]] 
     for k, obstacle in enumerate(obstacles, start=1):
         _add_obstacle(world, assets, f"obstacle_{k}", obstacle, tall=float(arm.lengths.sum()))
     motors = SubElement(root, "actuator")
-    limits = _torque_limits(document, arm.n)
+    limits = _largest(document, "torque_limits", arm.n)
     for i in range(arm.n):
         motor = SubElement(motors, "motor", name=f"joint_{i + 1}", joint=f"joint_{i + 1}")
         if limits is not None:
@@ -112,7 +112,8 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
     """
     document = arm.to_dict()
     ranges = _joint_limits(document, arm.n)
-    limits = _torque_limits(document, arm.n)
+    limits = _largest(document, "torque_limits", arm.n)
+    speeds = _largest(document, "velocity_limits", arm.n)
     root = Element("robot", name=name)
     SubElement(root, "link", name="base")
     for i in range(arm.n):
@@ -145,9 +146,9 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
         if last:
             continue
         SubElement(joint, "axis", xyz="0 0 1")
-        if ranges is not None or limits is not None:
+        if ranges is not None or limits is not None or speeds is not None:
             effort = _numbers(np.inf if limits is None else limits[i])
-            limit = SubElement(joint, "limit", effort=effort, velocity="inf")
+            limit = SubElement(joint, "limit", effort=effort, velocity=_numbers(np.inf if speeds is None else speeds[i]))
             if ranges is not None:
                 limit.attrib |= {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
     return _text(root)
@@ -191,8 +192,8 @@ def _joint_limits(document: dict[str, object], n: int) -> list[list[float]] | No
     return None if given is None else np.broadcast_to(np.asarray(given, dtype=float), (n, 2)).tolist()
 
 
-def _torque_limits(document: dict[str, object], n: int) -> list[float] | None:
-    given = document.get("torque_limits")
+def _largest(document: dict[str, object], limits: str, n: int) -> list[float] | None:
+    given = document.get(limits)
     return None if given is None else np.broadcast_to(np.asarray(given, dtype=float), (n,)).tolist()
 
 

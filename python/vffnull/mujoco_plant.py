@@ -404,6 +404,8 @@ def _metrics(
         lower, upper = np.moveaxis(_floats(arm["joint_limits"]), -1, 0)
         excess = np.maximum(lower - record["q"], record["q"] - upper)
         found["joint_limit_violation"] = max(0.0, float(excess.max()))
+    if "velocity_limits" in arm:
+        found["velocity_limit_ratio"] = float(np.max(np.abs(dq) / arm["velocity_limits"]))
     if "torque_limits" in arm:
         found["torque_limit_ratio"] = float(np.max(np.abs(tau) / arm["torque_limits"]))
     return {name: found.get(name) for name in _core.METRICS}

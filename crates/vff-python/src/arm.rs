@@ -29,7 +29,7 @@ pub struct Arm {
 impl Arm {
     /// Reads an arm from its part of a scenario.
     fn read(document: Table) -> PyResult<Self> {
-        let (arm, _) = scenario::read_arm(&document).map_err(|error| errors::arm(&error))?;
+        let arm = scenario::read_arm(&document).map_err(|error| errors::arm(&error))?;
         Ok(Self { arm: Arc::new(arm), document })
     }
 
@@ -57,7 +57,7 @@ impl Arm {
 #[pymethods]
 impl Arm {
     #[new]
-    #[pyo3(signature = (lengths, masses, com=None, inertias=None, radius=None, gravity=None, joint_limits=None, torque_limits=None))]
+    #[pyo3(signature = (lengths, masses, com=None, inertias=None, radius=None, gravity=None, joint_limits=None, torque_limits=None, velocity_limits=None))]
     #[expect(clippy::too_many_arguments, reason = "the parameters of an arm")]
     fn new(
         lengths: &Bound<'_, PyAny>,
@@ -68,6 +68,7 @@ impl Arm {
         gravity: Option<&Bound<'_, PyAny>>,
         joint_limits: Option<&Bound<'_, PyAny>>,
         torque_limits: Option<&Bound<'_, PyAny>>,
+        velocity_limits: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let given = [
             ("lengths", Some(lengths)),
@@ -78,6 +79,7 @@ impl Arm {
             ("gravity", gravity),
             ("joint_limits", joint_limits),
             ("torque_limits", torque_limits),
+            ("velocity_limits", velocity_limits),
         ];
         let mut document = Table::new();
         for (name, value) in given {

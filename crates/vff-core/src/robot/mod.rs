@@ -6,12 +6,14 @@
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
+mod limits;
 pub mod planar;
 
 use crate::math::{Capsule, Vector};
 use nalgebra::{SMatrix, SVector};
 
 pub use dense::Matrices;
+pub use limits::Limits;
 pub use planar::{PlanarArm, PlanarState};
 
 /// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).
@@ -35,6 +37,8 @@ pub trait Robot<const D: usize> {
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
     /// The mass of all links [kg]: the scale of Λ.
     fn total_mass(&self) -> f64;
+    /// What the joints can do.
+    fn limits(&self) -> &Limits;
 
     /// `out = M v`.
     fn mass_mul(&self, v: &[f64], out: &mut [f64]);

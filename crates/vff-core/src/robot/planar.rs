@@ -11,7 +11,7 @@
 //! so that products are prefix and suffix sums (T18–T20). The inverse is the articulated-body
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
-use super::{Matrices, Robot, dense};
+use super::{Limits, Matrices, Robot, dense};
 use crate::math::{Capsule, Vector, cross, perp, sin_cos};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -51,6 +51,7 @@ pub struct PlanarArm {
     gravity: Vector<2>,
     composite: Vec<Composite>,
     total_mass: f64,
+    limits: Limits,
 }
 
 /// What the recursions need of a link and of the mass it carries.
@@ -92,7 +93,18 @@ impl PlanarArm {
             })
             .collect();
         composite.reverse();
-        Self { links, gravity, composite, total_mass: distal }
+        Self { links, gravity, composite, total_mass: distal, limits: Limits::default() }
+    }
+
+    /// The same arm with limits of its joints.
+    #[must_use]
+    pub fn with_limits(self, limits: Limits) -> Self {
+        Self { limits, ..self }
+    }
+
+    /// What the joints can do.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
     }
 
     /// The links from base to tip.
@@ -292,6 +304,10 @@ impl Robot<2> for PlanarState {
 
     fn total_mass(&self) -> f64 {
         self.arm.total_mass
+    }
+
+    fn limits(&self) -> &Limits {
+        &self.arm.limits
     }
 
     fn mass_mul(&self, v: &[f64], out: &mut [f64]) {

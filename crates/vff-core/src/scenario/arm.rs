@@ -2,9 +2,8 @@
 
 use super::error::{Problem, ScenarioError};
 use crate::math::{Broadcast, Vector};
-use crate::robot::PlanarArm;
 use crate::robot::planar::Link;
-use crate::simulation::Limits;
+use crate::robot::{Limits, PlanarArm};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, SeqAccess, Visitor};
 use std::fmt;
@@ -33,6 +32,9 @@ pub struct ArmSpec {
     /// `[lower, upper]` [rad] for all joints, or one pair each.
     #[serde(default)]
     pub joint_limits: Option<Nested>,
+    /// Largest joint speeds [rad/s], > 0.
+    #[serde(default)]
+    pub velocity_limits: Option<Broadcast>,
     /// Largest torques [N·m], > 0.
     #[serde(default)]
     pub torque_limits: Option<Broadcast>,
@@ -97,11 +99,11 @@ impl ArmSpec {
         self.lengths.values().len()
     }
 
-    /// The arm and the limits that it reports on.
+    /// The arm.
     ///
     /// # Errors
     /// With the name of the first parameter that is wrong.
-    pub fn build(&self) -> Result<(PlanarArm, Limits), ScenarioError> {
+    pub fn build(&self) -> Result<PlanarArm, ScenarioError> {
         let n = self.dof();
         if n == 0 {
             return Err(ScenarioError::out_of_range("lengths", "at least one length", [0.0; 0]));
@@ -111,9 +113,6 @@ impl ArmSpec {
         each("radius", &self.radius, n, not_negative)?;
         if let Some(inertias) = &self.inertias {
             each("inertias", inertias, n, not_negative)?;
-        }
-        if let Some(torques) = &self.torque_limits {
-            each("torque_limits", torques, n, positive)?;
         }
         let com = self.centres_of_mass()?;
         let links = (0..n).map(|i| {
@@ -136,12 +135,16 @@ impl ArmSpec {
                 return Err(ScenarioError::new("inertias", problem));
             }
         }
-        let torque = self.torque_limits.as_ref();
-        let limits = Limits {
-            joint: self.joint_ranges()?,
-            torque: torque.map_or(vec![], |limit| (0..n).map(|i| limit.get(i)).collect()),
-        };
-        Ok((arm, limits))
+        let velocity = self.largest("velocity_limits", self.velocity_limits.as_ref())?;
+        let torque = self.largest("torque_limits", self.torque_limits.as_ref())?;
+        Ok(arm.with_limits(Limits { joint: self.joint_ranges()?, velocity, torque }))
+    }
+
+    /// One limit per joint, none if not given.
+    fn largest(&self, path: &str, given: Option<&Broadcast>) -> Result<Vec<f64>, ScenarioError> {
+        let Some(limit) = given else { return Ok(vec![]) };
+        each(path, limit, self.dof(), positive)?;
+        Ok((0..self.dof()).map(|i| limit.get(i)).collect())
     }
 
     fn centres_of_mass(&self) -> Result<Option<Vec<Vector<2>>>, ScenarioError> {

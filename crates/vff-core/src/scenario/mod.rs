@@ -15,7 +15,7 @@ pub use error::{Problem, ScenarioError};
 use crate::control::{Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::{PlanarArm, Robot};
-use crate::simulation::{ClosedLoop, Control, Limits, Options, Outcome, Run, Snapshot};
+use crate::simulation::{ClosedLoop, Control, Options, Outcome, Run, Snapshot};
 use crate::trajectory::{Reference, Trajectory};
 use crate::world::{Obstacle, World};
 use serde::Deserialize;
@@ -135,7 +135,7 @@ impl Part {
 ///
 /// # Errors
 /// With the name of the first parameter that is wrong.
-pub fn read_arm(document: &Table) -> Result<(PlanarArm, Limits), ScenarioError> {
+pub fn read_arm(document: &Table) -> Result<PlanarArm, ScenarioError> {
     read::<ArmSpec>(document)?.build()
 }
 
@@ -263,18 +263,16 @@ impl Scenario {
     /// If the reference does not fit the task or leaves the reach of the arm, or the record does not
     /// fit into memory.
     pub fn prepare(&self) -> Result<Ready, ScenarioError> {
-        let (arm, limits) = self.arm.build().map_err(|error| error.inside("arm"))?;
-        let arm = Arc::new(arm);
+        let arm = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
         match self.controller.task {
-            TaskKind::Position => self.prepare_for::<2>(&arm, limits, AnyRun::Position),
-            TaskKind::Pose => self.prepare_for::<3>(&arm, limits, AnyRun::Pose),
+            TaskKind::Position => self.prepare_for::<2>(&arm, AnyRun::Position),
+            TaskKind::Pose => self.prepare_for::<3>(&arm, AnyRun::Pose),
         }
     }
 
     fn prepare_for<const M: usize>(
         &self,
         arm: &Arc<PlanarArm>,
-        limits: Limits,
         wrap: impl Fn(Box<Run<M>>) -> AnyRun,
     ) -> Result<Ready, ScenarioError> {
         let n = arm.dof();
@@ -294,13 +292,12 @@ impl Scenario {
         let closed_loop =
             ClosedLoop::new(arm, gains, world, trajectory, options, self.q0.clone(), dq0);
         let warnings = self.oddities(&closed_loop.snapshot());
-        let run =
-            Run::new(closed_loop, &self.simulation, self.duration, limits).map_err(|error| {
-                ScenarioError::new(
-                    "simulation.record_every",
-                    Problem::Other(format!("{error}: record fewer of them")),
-                )
-            })?;
+        let run = Run::new(closed_loop, &self.simulation, self.duration).map_err(|error| {
+            ScenarioError::new(
+                "simulation.record_every",
+                Problem::Other(format!("{error}: record fewer of them")),
+            )
+        })?;
         Ok(Ready { run: wrap(Box::new(run)), warnings })
     }
 

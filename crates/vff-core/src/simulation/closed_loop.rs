@@ -4,7 +4,7 @@ use super::integrator::Stepper;
 use super::{Control, Options, Snapshot};
 use crate::control::{Controller, Gains, Torque};
 use crate::math::Vector;
-use crate::robot::{PlanarArm, PlanarState, Robot};
+use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::Trajectory;
 use crate::world::World;
 use std::sync::Arc;
@@ -93,6 +93,11 @@ impl<const M: usize> ClosedLoop<M> {
     /// The steps taken so far.
     pub fn step_count(&self) -> usize {
         self.step
+    }
+
+    /// What the joints can do.
+    pub fn limits(&self) -> &Limits {
+        self.arm.limits()
     }
 
     /// The present instant.

@@ -1,6 +1,7 @@
 //! What a run is judged by, accumulated at every plant step whatever is recorded.
 
 use super::Snapshot;
+use crate::robot::Limits;
 
 /// The value of a metric.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,17 +55,9 @@ pub const METRICS: &[Metric] = &[
     metric("passivity_residual", "J", "largest defect of the null-space energy balance"),
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
     metric("joint_limit_violation", "rad", "largest excess over the arm's joint limits"),
+    metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
 ];
-
-/// Limits of the arm that the metrics report on; the arm is not stopped by them.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Limits {
-    /// (lower, upper) [rad] per joint, or empty.
-    pub joint: Vec<[f64; 2]>,
-    /// Largest torque [N·m] per joint, or empty.
-    pub torque: Vec<f64>,
-}
 
 /// Running sums of a run.
 #[derive(Debug, Clone)]
@@ -100,6 +93,7 @@ pub struct Metrics {
     passivity_residual: f64,
     singular_steps: usize,
     joint_limit_violation: f64,
+    velocity_limit_ratio: f64,
     torque_limit_ratio: f64,
 }
 
@@ -138,6 +132,7 @@ impl Metrics {
             passivity_residual: 0.0,
             singular_steps: 0,
             joint_limit_violation: 0.0,
+            velocity_limit_ratio: 0.0,
             torque_limit_ratio: 0.0,
         }
     }
@@ -226,6 +221,9 @@ impl Metrics {
         for (q, [lower, upper]) in s.q.iter().zip(&self.limits.joint) {
             self.joint_limit_violation = self.joint_limit_violation.max(lower - q).max(q - upper);
         }
+        for (dq, limit) in s.dq.iter().zip(&self.limits.velocity) {
+            self.velocity_limit_ratio = self.velocity_limit_ratio.max(dq.abs() / limit);
+        }
         for (tau, limit) in s.torque.total.iter().zip(&self.limits.torque) {
             self.torque_limit_ratio = self.torque_limit_ratio.max(tau.abs() / limit);
         }
@@ -291,6 +289,7 @@ impl Metrics {
             number(self.passivity_residual),
             Value::Count(self.singular_steps),
             given(!self.limits.joint.is_empty(), self.joint_limit_violation),
+            given(!self.limits.velocity.is_empty(), self.velocity_limit_ratio),
             given(!self.limits.torque.is_empty(), self.torque_limit_ratio),
         ];
         debug_assert_eq!(values.len(), METRICS.len());

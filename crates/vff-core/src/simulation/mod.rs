@@ -9,7 +9,7 @@ mod run;
 mod snapshot;
 
 pub use closed_loop::ClosedLoop;
-pub use metrics::{Limits, METRICS, Metric, Metrics, Value};
+pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
 pub use recorder::{Record, RecordTooLarge};
 pub use run::{Outcome, Run, Status};

@@ -2,7 +2,7 @@
 
 use super::Options;
 use super::closed_loop::ClosedLoop;
-use super::metrics::{Limits, Metric, Metrics, Value};
+use super::metrics::{Metric, Metrics, Value};
 use super::recorder::{Record, RecordTooLarge};
 use std::time::{Duration, Instant};
 
@@ -66,14 +66,13 @@ impl<const M: usize> Run<M> {
         closed_loop: ClosedLoop<M>,
         options: &Options,
         duration: f64,
-        limits: Limits,
     ) -> Result<Self, RecordTooLarge> {
         let s = closed_loop.snapshot();
         let (n, obstacles) = (s.q.len(), s.world.len());
         let steps = options.steps(duration);
         let rows = steps / options.record_every + 1;
         let record = Record::with_capacity(rows, n, M, obstacles)?;
-        let metrics = Metrics::new(n, duration, options.dt, limits);
+        let metrics = Metrics::new(n, duration, options.dt, closed_loop.limits().clone());
         let record_every = options.record_every;
         let diverged = !closed_loop.is_defined();
         let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged };
