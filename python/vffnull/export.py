@@ -148,7 +148,9 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
         SubElement(joint, "axis", xyz="0 0 1")
         if ranges is not None or limits is not None or speeds is not None:
             effort = _numbers(np.inf if limits is None else limits[i])
-            limit = SubElement(joint, "limit", effort=effort, velocity=_numbers(np.inf if speeds is None else speeds[i]))
+            limit = SubElement(
+                joint, "limit", effort=effort, velocity=_numbers(np.inf if speeds is None else speeds[i])
+            )
             if ranges is not None:
                 limit.attrib |= {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
     return _text(root)
