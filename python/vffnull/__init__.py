@@ -13,7 +13,18 @@ somebody else's controller. Units are SI, angles are radians, and arrays run (ti
 from __future__ import annotations
 
 from vffnull import errors
-from vffnull._core import Arm, Controller, ExtendedJacobian, Simulation, State, Terms, __version__
+from vffnull._core import (
+    ENERGIES,
+    OBJECTIVES,
+    PORTS,
+    Arm,
+    Controller,
+    ExtendedJacobian,
+    Simulation,
+    State,
+    Terms,
+    __version__,
+)
 from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
@@ -22,6 +33,9 @@ from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
 
 __all__ = [
+    "ENERGIES",
+    "OBJECTIVES",
+    "PORTS",
     "Arm",
     "ControlSettings",
     "Controller",

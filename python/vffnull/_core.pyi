@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "ENERGIES",
     "METRICS",
+    "OBJECTIVES",
+    "PORTS",
     "Arm",
     "Controller",
     "ExtendedJacobian",
@@ -30,6 +33,9 @@ _Array = NDArray[np.float64]
 
 __version__: str
 METRICS: dict[str, tuple[str, str]]
+ENERGIES: tuple[str, ...]
+OBJECTIVES: tuple[str, ...]
+PORTS: tuple[str, ...]
 """Unit and one-line description of every metric, in the order in which they are shown."""
 
 @final
@@ -244,6 +250,8 @@ class Controller:
         The arm's model.
     settings : ControlSettings or dict
         Gains, field, and variant of the law.
+    period : float, optional
+        Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
 
     Raises
     ------
@@ -257,7 +265,7 @@ class Controller:
     (6,)
     """
 
-    def __new__(cls, arm: Arm, settings: _Document) -> Controller: ...
+    def __new__(cls, arm: Arm, settings: _Document, period: float | None = None) -> Controller: ...
     def torque(
         self,
         q: ArrayLike,
@@ -305,6 +313,35 @@ class Controller:
     ) -> Terms:
         """The same torque with its parts; parameters as in `torque`."""
 
+    def stable_period(
+        self, q: ArrayLike, obstacles: Sequence[_Document] = (), t: float = 0.0
+    ) -> tuple[float, float, float]:
+        """The longest time that the torque may be held at a configuration before the null space oscillates.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Joint angles [rad].
+        obstacles : sequence of Obstacle or dict, optional
+            What is near.
+        t : float, optional
+            Time [s] at which the obstacles' motions are taken.
+
+        Returns
+        -------
+        period : float
+            The largest stable control period [s] (docs/theory.md, T32).
+        stiffness : float
+            Stiffness of the field [N/m] at the contact that sets it; 0 if the null damping does.
+        clearance : float
+            Clearance of that contact [m]; infinite without one.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If an array has the wrong shape or is not finite.
+        """
+
 @final
 class Terms:
     """The parts of the torque at one state."""
@@ -330,6 +367,30 @@ class Terms:
     @property
     def N(self) -> _Array:
         """Null-space projector, (n, n)."""
+    @property
+    def energy(self) -> _Array:
+        """Energies as named in `ENERGIES`, (3,) [J]."""
+    @property
+    def power(self) -> _Array:
+        """Powers as named in `PORTS`, (6,) [W]."""
+    @property
+    def granted(self) -> _Array:
+        """What the limits let through of each of `OBJECTIVES`, (6,), from 0 to 1."""
+    @property
+    def tank(self) -> float | None:
+        """Energy in the tank [J]; None without one."""
+    @property
+    def self_clearance(self) -> float:
+        """Signed distance of the nearest two links that share no joint [m]; infinite if not measured."""
+    @property
+    def manipulability(self) -> float:
+        """√det(J Jᵀ) [m²], 0 in a singularity."""
+    @property
+    def singular(self) -> bool:
+        """Whether the task force is damped because of a singularity."""
+    @property
+    def null_acceleration(self) -> float:
+        """‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task."""
 
 @final
 class State:

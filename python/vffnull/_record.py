@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Dimension = Literal["joint", "link", "task", "obstacle", "plane"]
+from vffnull import _core
+
+Dimension = Literal["joint", "link", "task", "obstacle", "plane", "store", "port", "objective"]
 
 
 @dataclass(frozen=True)
@@ -15,6 +17,8 @@ class Quantity:
     unit: str
     meaning: str
     over: tuple[Dimension, ...]
+    optional: bool = False
+    """None where a run does not have it."""
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -31,10 +35,25 @@ QUANTITIES: dict[str, Quantity] = {
     "force": Quantity("N", "repulsion on the link", ("link",)),
     "clearance": Quantity("m", "distance to the nearest obstacle", ("link",)),
     "obstacles": Quantity("m", "obstacle position", ("obstacle", "plane")),
+    "energy": Quantity("J", "energy of the arm", ("store",)),
+    "power": Quantity("W", "power of the motors and into the null space", ("port",)),
+    "manipulability": Quantity("m²", "manipulability", ()),
+    "granted": Quantity("", "share that the limits let through", ("objective",), optional=True),
+    "self_clearance": Quantity("m", "distance of the nearest two links", (), optional=True),
+    "tank": Quantity("J", "energy in the tank", (), optional=True),
 }
 
 AXES = ("x", "y", "phi")
 """Names of the task's axes; a position has the first two, a pose all three."""
+
+NAMES: dict[Dimension, tuple[str, ...]] = {
+    "task": AXES,
+    "plane": AXES[:2],
+    "store": _core.ENERGIES,
+    "port": _core.PORTS,
+    "objective": _core.OBJECTIVES,
+}
+"""What the places along a dimension are called; elsewhere they count from 1."""
 
 
 def unit(name: str, axis: str) -> str:

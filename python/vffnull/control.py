@@ -132,6 +132,16 @@ class ControlSettings:
         Stiffness of the pull towards `posture` [N·m/rad].
     field : Field or dict, optional
         The repulsion; none by default.
+    self_collision : {"ignore", "report", "avoid"}, optional
+        Whether links that share no joint are measured against each other, and whether `field` pushes them
+        apart too.
+    joint_limit_field : Field or dict, optional
+        Repulsion from the arm's joint limits: a field over the angle that is left, in rad and N·m.
+    enforce_limits : bool, optional
+        Whether the arm's torque and velocity limits hold for the controller; they do by default. See
+        ``vffnull schema`` for what is given up first.
+    tank : dict, optional
+        An energy tank that bounds what avoidance injects: ``{"capacity": J, "initial": J, "floor": share}``.
     formulation : {"recursive", "extended_jacobian"}, optional
         How the torque is computed. The two agree to rounding; the second is the paper's, with every matrix.
     projection : {"dynamic", "kinematic", "none"}, optional
@@ -159,6 +169,10 @@ class ControlSettings:
     posture: ArrayLike | None = None
     posture_stiffness: ArrayLike | None = None
     field: Field | Document | None = None
+    self_collision: Literal["ignore", "report", "avoid"] | None = None
+    joint_limit_field: Field | Document | None = None
+    enforce_limits: bool | None = None
+    tank: Document | None = None
     formulation: Literal["recursive", "extended_jacobian"] | None = None
     projection: Literal["dynamic", "kinematic", "none"] | None = None
     avoidance: str | None = None
@@ -166,8 +180,10 @@ class ControlSettings:
 
     def __post_init__(self) -> None:
         _core.check("controller", self.to_dict())
-        if isinstance(self.field, dict):
-            object.__setattr__(self, "field", Field(**self.field))
+        for name in ("field", "joint_limit_field"):
+            given = getattr(self, name)
+            if isinstance(given, dict):
+                object.__setattr__(self, name, Field(**given))
         _freeze(self)
 
     def to_dict(self) -> Document:

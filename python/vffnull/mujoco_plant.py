@@ -140,8 +140,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     Returns
     -------
     Result
-        As from the core. The metrics ``max_null_acceleration``, ``passivity_residual`` and
-        ``singular_steps`` are None: they are of the law's inside, which a plant does not see.
+        As from the core.
 
     Raises
     ------
@@ -160,7 +159,8 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     plant, brain = MuJoCoPlant(scenario), _Brain(scenario)
     q, dq = plant.data.qpos, plant.data.qvel
 
-    rows: dict[str, list[Array]] = {name: [] for name in _ROWS}
+    absent = _absent(document)
+    rows: dict[str, list[Any]] = {name: [] for name in _ROWS}
     status = Status.COMPLETED
     held: Terms | None = None
     k = 0
@@ -170,7 +170,13 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
             if held is None or k % period == 0:
                 held = brain.ahead(k * dt, q, dq, now, period * dt) if mode == "predictor" else now
             torques = held.tau, held.tau_task, held.tau_null
-            values = (q.copy(), dq.copy(), *torques, now.tau_vff, now.force, now.clearance)
+            power = now.power
+            power[0] = dq @ held.tau  # what the motors do, not what the law would have them do now
+            values = (
+                *(q.copy(), dq.copy(), *torques, now.tau_vff, now.force, now.clearance),
+                *(now.energy, power, now.manipulability, held.granted, now.self_clearance, now.tank),
+                *(held.null_acceleration, now.singular),
+            )
             for name, value in zip(_ROWS, values, strict=True):
                 rows[name].append(value)
             if k == steps:
@@ -188,7 +194,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
         status = Status.INTERRUPTED
     count = min(map(len, rows.values()))  # an interrupt may come between two of them
     times = _floats(np.arange(count) * dt)
-    record = {name: np.array(values[:count]) for name, values in rows.items()}
+    record = {name: np.array(values[:count]) for name, values in rows.items() if name not in absent}
     record |= _kinematics(scenario.arm, brain, times, record["q"], record["dq"])
     record["obstacles"] = np.array(
         [[_position(o, t) for o in document.get("obstacles", [])] for t in times]
@@ -208,11 +214,26 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
         metrics=Metrics(metrics),
         version=_core.__version__,
         t=times[::every],
-        **{name: np.ascontiguousarray(record[name][::every]) for name in QUANTITIES},
+        **{name: np.ascontiguousarray(record[name][::every]) for name in QUANTITIES if name in record},
     )
 
 
-_ROWS = ("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearance")
+_ROWS = (
+    *("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearance"),
+    *("energy", "power", "manipulability", "granted", "self_clearance", "tank"),
+    *("null_acceleration", "singular"),
+)
+
+
+def _absent(document: Document) -> set[str]:
+    """The recorded quantities that the scenario does not have."""
+    controller, arm = document.get("controller", {}), document["arm"]
+    limited = controller.get("enforce_limits", True) and ("torque_limits" in arm or "velocity_limits" in arm)
+    return {
+        *(() if limited else ("granted",)),
+        *(() if controller.get("self_collision", "ignore") != "ignore" else ("self_clearance",)),
+        *(() if "tank" in controller else ("tank",)),
+    }
 
 
 class _Brain:
@@ -355,7 +376,7 @@ def _kinematics(arm: Arm, brain: _Brain, times: Array, q: Array, dq: Array) -> d
 def _metrics(
     times: Array, record: Mapping[str, Array], dt: float, document: Document
 ) -> dict[str, float | int | None]:
-    """The core's metrics, from a record of every step; None for those of the law's inside."""
+    """The core's metrics, from a record of every step."""
     clearance, nearest = record["clearance"], record["clearance"].min(axis=1)
     row, link = np.unravel_index(np.argmin(clearance), clearance.shape)
     inside = nearest < 0
@@ -399,6 +420,20 @@ def _metrics(
     }
     if len(times) > 2:
         found["rms_jerk"] = float(np.sqrt(np.mean(np.diff(dq, n=2, axis=0) ** 2)) / dt**2)
+    found["max_null_acceleration"] = float(record["null_acceleration"].max())
+    storage, supply = record["energy"][:, 2], record["power"][:, 1:].sum(axis=1)
+    supplied = np.concatenate([[0.0], np.cumsum(dt * (supply[1:] + supply[:-1]) / 2)])
+    found["passivity_residual"] = float(np.abs(storage - storage[0] - supplied).max())
+    found["singular_steps"] = int(record["singular"].sum())
+    found["min_manipulability"] = float(record["manipulability"].min())
+    if "self_clearance" in record:
+        distance = record["self_clearance"]
+        if np.isfinite(distance).any():
+            found["min_self_clearance"] = float(distance.min())
+        if (distance <= 0).any():
+            found["self_collision_time"] = float(times[np.argmax(distance <= 0)])
+    if "granted" in record:
+        found["limited_steps"] = int((record["granted"] < 1).any(axis=1).sum())
     arm = document["arm"]
     if "joint_limits" in arm:
         lower, upper = np.moveaxis(_floats(arm["joint_limits"]), -1, 0)

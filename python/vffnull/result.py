@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
-from vffnull._record import AXES, QUANTITIES, unit
+from vffnull._record import AXES, NAMES, QUANTITIES, unit
 from vffnull.errors import InputError
 from vffnull.scenario import Scenario
 
@@ -146,6 +146,18 @@ class Result:
         Signed distance of each link's surface to the nearest obstacle's [m]; negative in contact.
     obstacles : (T, k, 2) ndarray
         Positions of the obstacles [m].
+    energy : (T, 3) ndarray
+        Energies [J] as named in `vffnull.ENERGIES`: kinetic, of gravity, and the storage of the null space.
+    power : (T, 6) ndarray
+        Powers [W] as named in `vffnull.PORTS`: of the motors, and into the storage of the null space.
+    manipulability : (T,) ndarray
+        √det(J Jᵀ) [m²], 0 in a singularity.
+    granted : (T, 6) ndarray or None
+        What the limits let through of each of `vffnull.OBJECTIVES`, from 0 to 1; None without limits.
+    self_clearance : (T,) ndarray or None
+        Signed distance [m] of the nearest two links that share no joint; None where it is not measured.
+    tank : (T,) ndarray or None
+        Energy in the tank [J]; None without one.
 
     Examples
     --------
@@ -177,6 +189,12 @@ class Result:
     force: Array
     clearance: Array
     obstacles: Array
+    energy: Array
+    power: Array
+    manipulability: Array
+    granted: Array | None = None
+    self_clearance: Array | None = None
+    tank: Array | None = None
 
     def __repr__(self) -> str:
         return (
@@ -216,7 +234,7 @@ class Result:
             "warnings": list(self.warnings),
             "metrics": dict(self.metrics),
         }
-        arrays = {name: getattr(self, name) for name in ("t", *QUANTITIES)}
+        arrays = {"t": self.t, **self.recorded()}
         draft = target.with_name(f".{target.name}.part")  # a crash never leaves half a file under the name
         try:
             with draft.open("wb") as file:
@@ -250,7 +268,8 @@ class Result:
         try:
             with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull"]))
-                arrays = {name: file[name] for name in ("t", *QUANTITIES)}
+                there = [name for name, q in QUANTITIES.items() if name in file or not q.optional]
+                arrays = {name: file[name] for name in ("t", *there)}
             written = int(header["format"])
             by = str(header["version"])
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
@@ -288,17 +307,17 @@ class Result:
         library = _extra("pandas")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
-        for name, quantity in QUANTITIES.items():
-            values: Array = getattr(self, name)
+        for name, values in self.recorded().items():
+            quantity = QUANTITIES[name]
             flat = values.reshape(len(values), -1).T
             for line, index in zip(flat, np.ndindex(values.shape[1:]), strict=True):
                 labels = [
-                    AXES[i] if over in ("task", "plane") else str(i + 1)
+                    NAMES[over][i] if over in NAMES else str(i + 1)
                     for over, i in zip(quantity.over, index, strict=True)
                 ]
                 column = "_".join([name, *labels])
                 columns[column] = line
-                units[column] = unit(name, labels[-1])
+                units[column] = unit(name, labels[-1] if labels else "")
         table: pandas.DataFrame = library.DataFrame(columns, index=library.Index(self.t, name="t"))
         table.attrs = {"units": {"t": "s", **units}, **self._attributes()}
         return table
@@ -318,22 +337,28 @@ class Result:
         n, m, k = self.q.shape[1], self.x.shape[1], self.obstacles.shape[1]
         numbers = {"joint": np.arange(1, n + 1), "link": np.arange(1, n + 1), "obstacle": np.arange(1, k + 1)}
         data = {}
-        for name, quantity in QUANTITIES.items():
+        for name, values in self.recorded().items():
+            quantity = QUANTITIES[name]
             pose = "task" in quantity.over and m == 3
             units = f"{quantity.unit}, {unit(name, 'phi')}" if pose else quantity.unit
             labels = {"units": units, "long_name": quantity.meaning}
-            data[name] = (("t", *quantity.over), getattr(self, name), labels)
+            data[name] = (("t", *quantity.over), values, labels)
         dataset: xarray.Dataset = library.Dataset(
             data,
             coords={
                 "t": ("t", self.t, {"units": "s", "long_name": "time"}),
+                **{dimension: list(names) for dimension, names in NAMES.items()},
                 "task": list(AXES[:m]),
-                "plane": list(AXES[:2]),
                 **numbers,
             },
             attrs=self._attributes(),
         )
         return dataset
+
+    def recorded(self) -> dict[str, Array]:
+        """Every recorded quantity that this run has, by name; time not among them."""
+        values = {name: getattr(self, name) for name in QUANTITIES}
+        return {name: value for name, value in values.items() if value is not None}
 
     def _attributes(self) -> dict[str, Any]:
         measured = {f"metric_{name}": value for name, value in self.metrics.items() if value is not None}

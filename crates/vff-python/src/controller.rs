@@ -5,7 +5,8 @@ use crate::convert::{array1, document, matrix, named_document, number, read_vect
 use crate::errors::{self, InputError};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use vff_core::control::{self, Gains, TaskKind};
+use vff_core::control::energy::{ENERGIES, PORTS};
+use vff_core::control::{self, Gains, Granted, Tank, TaskKind};
 use vff_core::math::Vector;
 use vff_core::robot::PlanarState;
 use vff_core::scenario;
@@ -23,11 +24,22 @@ pub struct Controller {
     obstacles: Vec<Py<PyAny>>,
     q: Vec<f64>,
     dq: Vec<f64>,
+    /// The instant of the last call [s]: an energy tank fills and empties from one to the next.
+    last: Option<f64>,
 }
 
 enum Law {
     Position(control::Controller<PlanarState, 2, 2>),
     Pose(control::Controller<PlanarState, 2, 3>),
+}
+
+macro_rules! either {
+    ($law:expr, $inner:ident => $body:expr) => {
+        match $law {
+            Law::Position($inner) => $body,
+            Law::Pose($inner) => $body,
+        }
+    };
 }
 
 /// The reference as it is given to a call.
@@ -68,8 +80,10 @@ impl Controller {
         read_vector("q", q, &mut self.q)?;
         read_vector("dq", dq, &mut self.dq)?;
         self.look_around(obstacles)?;
-        let Self { law, world, q, dq, .. } = self;
+        let Self { law, world, q, dq, last, .. } = self;
         world.update(t);
+        let elapsed = last.replace(t).map_or(0.0, |last| (t - last).max(0.0));
+        either!(law, law => law.elapse(elapsed));
         match law {
             Law::Position(law) => {
                 law.observe(q, dq, world);
@@ -107,23 +121,30 @@ impl Controller {
     }
 }
 
-macro_rules! either {
-    ($law:expr, $inner:ident => $body:expr) => {
-        match $law {
-            Law::Position($inner) => $body,
-            Law::Pose($inner) => $body,
-        }
-    };
-}
-
 #[pymethods]
 impl Controller {
     #[new]
-    fn new(arm: &Bound<'_, PyAny>, settings: &Bound<'_, PyAny>) -> PyResult<Self> {
+    #[pyo3(signature = (arm, settings, period=None))]
+    fn new(
+        arm: &Bound<'_, PyAny>,
+        settings: &Bound<'_, PyAny>,
+        period: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let py = arm.py();
         let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
         let n = arm.arm.dof();
-        let settings = scenario::read_settings(&document(settings)?, n)
+        let settings = scenario::read_settings(&document(settings)?, &arm.arm)
             .map_err(|error| errors::scenario(&error))?;
+        if let Some(period) = period {
+            let period = number("period", period)?;
+            if !(period.is_finite() && period > 0.0) {
+                let message = format!("period must be finite and greater than 0, got {period}");
+                return Err(InputError::new_err(message));
+            }
+            for warning in scenario::sampling_bounds(&settings, period) {
+                errors::warn(py, &warning)?;
+            }
+        }
         let state = arm.arm.state();
         let law = match settings.task {
             TaskKind::Position => {
@@ -137,6 +158,7 @@ impl Controller {
             obstacles: vec![],
             q: vec![0.0; n],
             dq: vec![0.0; n],
+            last: None,
         })
     }
 
@@ -187,7 +209,40 @@ impl Controller {
             force: law.forces().magnitude().to_vec(),
             clearance: law.forces().clearance().to_vec(),
             projector: law.null_projector(),
+            energy: law.energy().values(),
+            power: law.power(&law.torque().total).values(),
+            granted: *law.granted(),
+            tank: law.tank().map(Tank::level),
+            self_clearance: law.forces().self_clearance(),
+            manipulability: law.space().manipulability,
+            singular: law.space().singular,
+            null_acceleration: law.null_acceleration(),
         }))
+    }
+
+    #[pyo3(
+        signature = (q, obstacles=None, t=None),
+        text_signature = "($self, q, obstacles=(), t=0.0)"
+    )]
+    fn stable_period(
+        &mut self,
+        py: Python<'_>,
+        q: &Bound<'_, PyAny>,
+        obstacles: Option<&Bound<'_, PyAny>>,
+        t: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(f64, f64, f64)> {
+        let t = t.map_or(Ok(0.0), |t| number("t", t))?;
+        read_vector("q", q, &mut self.q)?;
+        let none = pyo3::types::PyTuple::empty(py).into_any();
+        self.look_around(obstacles.unwrap_or(&none))?;
+        let Self { law, world, q, dq, .. } = self;
+        world.update(t);
+        dq.fill(0.0);
+        let found = either!(law, law => {
+            law.observe(q, dq, world);
+            law.stable_period(world)
+        });
+        Ok((found.period, found.stiffness, found.clearance))
     }
 }
 
@@ -201,6 +256,14 @@ pub struct Terms {
     force: Vec<f64>,
     clearance: Vec<f64>,
     projector: nalgebra::DMatrix<f64>,
+    energy: [f64; ENERGIES.len()],
+    power: [f64; PORTS.len()],
+    granted: Granted,
+    tank: Option<f64>,
+    self_clearance: f64,
+    manipulability: f64,
+    singular: bool,
+    null_acceleration: f64,
 }
 
 #[pymethods]
@@ -233,6 +296,46 @@ impl Terms {
     #[getter]
     fn clearance<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.clearance)
+    }
+
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.energy)
+    }
+
+    #[getter]
+    fn power<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.power)
+    }
+
+    #[getter]
+    fn granted<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.granted)
+    }
+
+    #[getter]
+    fn tank(&self) -> Option<f64> {
+        self.tank
+    }
+
+    #[getter]
+    fn self_clearance(&self) -> f64 {
+        self.self_clearance
+    }
+
+    #[getter]
+    fn manipulability(&self) -> f64 {
+        self.manipulability
+    }
+
+    #[getter]
+    fn singular(&self) -> bool {
+        self.singular
+    }
+
+    #[getter]
+    fn null_acceleration(&self) -> f64 {
+        self.null_acceleration
     }
 
     #[getter]

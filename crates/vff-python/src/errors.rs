@@ -9,6 +9,13 @@ import_exception!(vffnull.errors, InputTypeError);
 
 mod python {
     pyo3::import_exception!(vffnull.errors, ScenarioError);
+    pyo3::import_exception!(vffnull.errors, ScenarioWarning);
+}
+
+/// Tells of something odd that is allowed.
+pub fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
+    let message = std::ffi::CString::new(message)?;
+    PyErr::warn(py, &py.get_type::<python::ScenarioWarning>(), &message, 1)
 }
 
 /// A fault of a scenario.

@@ -22,7 +22,8 @@ mod _core {
     use crate::simulation::{Simulation, State};
 
     use pyo3::prelude::*;
-    use pyo3::types::PyDict;
+    use pyo3::types::{PyDict, PyTuple};
+    use vff_core::control::{energy, limits};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -31,6 +32,10 @@ mod _core {
         for metric in vff_core::simulation::METRICS {
             metrics.set_item(metric.name, (metric.unit, metric.meaning))?;
         }
-        module.add("METRICS", metrics)
+        module.add("METRICS", metrics)?;
+        let names = |names: &[&str]| PyTuple::new(module.py(), names);
+        module.add("OBJECTIVES", names(&limits::OBJECTIVES)?)?;
+        module.add("ENERGIES", names(&energy::ENERGIES)?)?;
+        module.add("PORTS", names(&energy::PORTS)?)
     }
 }

@@ -8,6 +8,8 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
+use vff_core::control::energy::{ENERGIES, PORTS};
+use vff_core::control::limits::OBJECTIVES;
 use vff_core::scenario::{self, Part, Scenario};
 use vff_core::simulation::{Record, Value};
 
@@ -89,6 +91,18 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
         dict.set_item(name, array2(py, values, [rows, columns])?)?;
     }
     dict.set_item("obstacles", PyArray1::from_vec(py, r.obstacles).reshape([rows, k, 2])?)?;
+    dict.set_item("energy", array2(py, r.energy, [rows, ENERGIES.len()])?)?;
+    dict.set_item("power", array2(py, r.power, [rows, PORTS.len()])?)?;
+    dict.set_item("manipulability", PyArray1::from_vec(py, r.manipulability))?;
+    // What the run does not have is None.
+    let given = |values: &Vec<f64>| !values.is_empty();
+    let granted = Some(r.granted).filter(given);
+    let granted = granted.map(|values| array2(py, values, [rows, OBJECTIVES.len()])).transpose()?;
+    dict.set_item("granted", granted)?;
+    for (name, values) in [("self_clearance", r.self_clearance), ("tank", r.tank)] {
+        let values = Some(values).filter(given);
+        dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;
+    }
     Ok(dict)
 }
 

@@ -141,7 +141,8 @@ pub fn evaluate<R: Robot<D>, const D: usize, const M: usize>(
     let ExtendedJacobian { z, n_m, j_e, mu, lambda_x, .. } = &extended;
     let r = z.ncols();
     let n = robot.dof();
-    let root_d = DMatrix::from_diagonal(&DVector::from_fn(n, |i, _| gains.null_damping.root(i)));
+    let root = |i| (gains.null_damping.get(i) + law.brake).sqrt();
+    let root_d = DMatrix::from_diagonal(&DVector::from_fn(n, |i, _| root(i)));
     let damping = &root_d * &matrices.mass * &root_d; // D_q = √d M √d
     let tau_sec = DVector::from_column_slice(tau_sec);
 

@@ -45,8 +45,10 @@ pub struct Law {
     pub bias: Vec<f64>,
     /// ½ (N q̇)ᵀ M N q̇ [J].
     pub null_energy: f64,
-    /// (N q̇)ᵀ D_q N q̇ [W].
+    /// (N q̇)ᵀ D_q N q̇ [W], `brake` included.
     pub damping_power: f64,
+    /// Additional damping of the null space [1/s], 0 unless a joint is near its speed limit (T37).
+    pub brake: f64,
     v: Vec<f64>,
     w: Vec<f64>,
 }
@@ -60,6 +62,7 @@ impl Law {
             bias: zeros(),
             null_energy: 0.0,
             damping_power: 0.0,
+            brake: 0.0,
             v: zeros(),
             w: zeros(),
         }
@@ -95,7 +98,7 @@ impl Law {
         }
         robot.mass_mul(v, w);
         self.null_energy = 0.5 * dot(v, w);
-        gains.null_damping.scale_momentum(robot, v, w, total);
+        gains.null_damping.scale_momentum(robot, self.brake, v, w, total);
         self.damping_power = dot(v, w);
 
         // Null-space torque before projection  y = J̇ᵀ Λẋ − Cᵀ J#ẋ + τ_sec − D_q N q̇         (T12)
@@ -104,11 +107,7 @@ impl Law {
         }
 
         // Projection  Nᵀ y = y − Jᵀ(Λ J M⁻¹ y)                                               (T4)
-        let leak = match gains.projection {
-            Projection::Dynamic => space.pinv_tr_mul(y),
-            Projection::Kinematic => kinematic_pinv_tr_mul(robot, y, v),
-            Projection::None => SVector::zeros(),
-        };
+        let leak = leak(robot, space, gains.projection, y, v);
 
         // τ = g + Jᵀ f + Nᵀ y                                                               (T11)
         robot.gravity_torque(task);
@@ -119,6 +118,35 @@ impl Law {
             y[i] -= column.dot(&leak);
             total[i] = task[i] + y[i];
         }
+    }
+
+    /// `y ← Nᵀ y` (T4).
+    pub fn project<R: Robot<D>, const D: usize, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        projection: Projection,
+        y: &mut [f64],
+    ) {
+        let leak = leak(robot, space, projection, y, &mut self.v);
+        for (i, y) in y.iter_mut().enumerate() {
+            *y -= robot.jacobian_column::<M>(i).dot(&leak);
+        }
+    }
+}
+
+/// The task force in a joint torque `y`, which the projector takes out.
+fn leak<R: Robot<D>, const D: usize, const M: usize>(
+    robot: &R,
+    space: &OperationalSpace<M>,
+    projection: Projection,
+    y: &[f64],
+    scratch: &mut [f64],
+) -> SVector<f64, M> {
+    match projection {
+        Projection::Dynamic => space.pinv_tr_mul(y),
+        Projection::Kinematic => kinematic_pinv_tr_mul(robot, y, scratch),
+        Projection::None => SVector::zeros(),
     }
 }
 

@@ -4,10 +4,14 @@
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have) and [`law`] or [`extended_jacobian`] (which torque does all of it).
 
+pub mod energy;
 pub mod extended_jacobian;
 pub mod law;
+pub mod limits;
 pub mod operational_space;
+pub mod sampling;
 pub mod settings;
+pub mod tank;
 pub mod task;
 pub mod virtual_forces;
 
@@ -15,11 +19,16 @@ use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
 use crate::world::Surroundings;
+use limits::Parts;
 use nalgebra::{DMatrix, SMatrix};
 
+pub use energy::{Energy, Power};
 pub use law::{Law, Torque};
+pub use limits::Granted;
 pub use operational_space::OperationalSpace;
-pub use settings::{Avoidance, Formulation, Gains, Projection, Settings, TaskKind};
+pub use sampling::StablePeriod;
+pub use settings::{Avoidance, Formulation, Gains, Projection, SelfCollision, Settings, TaskKind};
+pub use tank::Tank;
 pub use virtual_forces::VirtualForces;
 
 /// A torque controller for a robot `R` with a task of dimension `M`.
@@ -33,7 +42,18 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     space: OperationalSpace<M>,
     forces: VirtualForces<R::Wrench, D>,
     law: Law,
+    /// All repulsion: of obstacles, of other links, of joint limits.
+    repulsion: Vec<f64>,
+    /// τ_sec: what the tank lets through of it, and the posture spring.
     tau_sec: Vec<f64>,
+    joint_limit_potential: f64,
+    parts: Parts,
+    granted: Granted,
+    tank: Option<Tank>,
+    /// Share of the repulsion that the tank lets through.
+    share: f64,
+    /// What the tank and the torque limits change of the power into the null space [W].
+    scaling: f64,
     reference: Sample<M>,
     error: Vector<M>,
 }
@@ -46,7 +66,14 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
             space: OperationalSpace::new(n, gains.singularity / robot.total_mass()),
             forces: VirtualForces::new(n),
             law: Law::new(n),
+            repulsion: vec![0.0; n],
             tau_sec: vec![0.0; n],
+            joint_limit_potential: 0.0,
+            parts: Parts::new(n),
+            granted: limits::ALL,
+            tank: gains.tank.map(Tank::new),
+            share: 1.0,
+            scaling: 0.0,
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
             robot,
@@ -79,7 +106,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         &self.law.torque
     }
 
-    /// The secondary torque τ_sec = τ_vff + posture spring, before projection [N·m].
+    /// The secondary torque τ_sec = repulsion + posture spring, before projection [N·m].
     pub fn secondary_torque(&self) -> &[f64] {
         &self.tau_sec
     }
@@ -88,7 +115,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &impl Surroundings<D>) {
         self.robot.update(q, dq);
         self.space.refresh(&self.robot);
-        self.forces.refresh(&self.robot, &self.space, &self.gains.field, surroundings);
+        self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
     }
 
     /// The pose x of the end effector at the observed state.
@@ -110,10 +137,9 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
     pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
         self.reference = *reference;
         self.error = task::error(self.robot.pose(), reference.x);
-        let de = self.space.dx - reference.dx;
-        let ddx_c = task::commanded_acceleration(&self.gains, reference, self.error, de);
-        self.tau_sec.copy_from_slice(self.forces.torque());
-        self.gains.add_posture_torque(self.robot.configuration(), &mut self.tau_sec);
+        self.granted = limits::ALL;
+        let ddx_c = self.commanded_acceleration();
+        self.gather_secondary();
         match self.gains.formulation {
             Formulation::Recursive => {
                 self.law.evaluate(&self.robot, &self.space, &self.gains, &ddx_c, &self.tau_sec);
@@ -127,7 +153,83 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
                 &mut self.law,
             ),
         }
+        if self.gains.enforce_limits
+            && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
+        {
+            self.fit_torque(&ddx_c);
+        }
         &self.law.torque
+    }
+
+    /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37).
+    fn commanded_acceleration(&mut self) -> Vector<M> {
+        let Self { robot, space, gains, reference, error, .. } = self;
+        let speed = &robot.limits().velocity;
+        self.law.brake = 0.0;
+        if gains.enforce_limits && !speed.is_empty() {
+            // The task velocity that K and D ask for: ẍ_c = ẍ_r − D (ẋ − ẋ_d).
+            let pull = gains.stiffness.component_mul(error).component_div(&gains.damping);
+            let dx_d = reference.dx - pull;
+            let share = limits::speed_share(robot, space, &dx_d);
+            let brake = limits::brake(robot.velocity(), speed);
+            self.law.brake = brake;
+            if share < 1.0 || brake > 0.0 {
+                self.granted[limits::SPEED] = share;
+                let damping = gains.damping.add_scalar(brake);
+                return reference.ddx * share - damping.component_mul(&(space.dx - dx_d * share));
+            }
+        }
+        task::commanded_acceleration(gains, reference, *error, space.dx - reference.dx)
+    }
+
+    /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).
+    fn gather_secondary(&mut self) {
+        let Self { robot, space, gains, repulsion, tau_sec, .. } = self;
+        repulsion.copy_from_slice(self.forces.torque());
+        if let Some(field) = &gains.joint_limit_field {
+            self.joint_limit_potential = limits::add_joint_limit_torque(
+                field,
+                robot.limits(),
+                robot.configuration(),
+                repulsion,
+            );
+        }
+        tau_sec.copy_from_slice(repulsion);
+        (self.share, self.scaling) = (1.0, 0.0);
+        if let Some(tank) = &mut self.tank {
+            let injected = null_power(space, robot.velocity(), repulsion);
+            self.share = tank.share(injected);
+            self.scaling = (self.share - 1.0) * injected;
+            tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
+        }
+        gains.add_posture_torque(robot.configuration(), tau_sec);
+    }
+
+    /// Scales the objectives until every joint is within its torque limit (T34, T35).
+    #[cold]
+    fn fit_torque(&mut self, ddx_c: &Vector<M>) {
+        let Self { robot, space, gains, parts, law, .. } = self;
+        let dq = robot.velocity();
+        let Parts { posture, task, damping, avoidance, .. } = parts;
+        robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
+        // N q̇, its momentum, and D_q N q̇, with two of the parts as workspaces.
+        space.pinv_mul(&space.dx, posture);
+        posture.iter_mut().zip(dq).for_each(|(v, dq)| *v = dq - *v);
+        robot.mass_mul(posture, damping);
+        gains.null_damping.scale_momentum(robot, law.brake, posture, damping, avoidance);
+        damping.iter_mut().for_each(|tau| *tau = -*tau);
+        posture.fill(0.0);
+        gains.add_posture_torque(robot.configuration(), posture);
+        for (tau, repulsion) in avoidance.iter_mut().zip(&self.repulsion) {
+            *tau = self.share * repulsion;
+        }
+        for part in [posture, damping, avoidance] {
+            law.project(robot, space, gains.projection, part);
+        }
+        let before = null_power(space, dq, &law.torque.total);
+        let granted = parts.fit(&robot.limits().torque, &mut law.torque);
+        self.scaling += null_power(space, dq, &law.torque.total) - before;
+        self.granted[..limits::SPEED].copy_from_slice(&granted[..limits::SPEED]);
     }
 
     /// The null projector N of the chosen projection as a matrix, (n, n), for people.
@@ -159,28 +261,70 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.space.response(&self.law.torque.null).norm()
     }
 
-    /// V_n + U + posture energy [J], with the kinetic energy V_n = ½ νᵀΛ_nν of the null motion: the
-    /// storage function of the null space (T17).
-    pub fn null_storage(&self) -> f64 {
-        self.law.null_energy
-            + self.forces.potential()
-            + self.gains.posture_energy(self.robot.configuration())
+    /// Energies of the arm at the last command.
+    pub fn energy(&self) -> Energy {
+        let (dx, q) = (&self.space.dx, self.robot.configuration());
+        Energy {
+            kinetic: 0.5 * dx.dot(&(self.space.lambda * dx)) + self.law.null_energy,
+            gravitational: self.robot.potential_energy(),
+            null_storage: self.law.null_energy
+                + self.forces.potential()
+                + self.joint_limit_potential
+                + self.gains.posture_energy(q),
+        }
     }
 
-    /// What flows into [`null_storage`](Self::null_storage): −νᵀD_nν + νᵀZᵀτ_sec + U̇ + posture [W].
-    ///
-    /// With τ_sec = τ_vff this is −νᵀD_nν − ẋᵀJ#ᵀτ_vff + Σ F_i·v_obstacle.
-    pub fn null_supply(&self) -> f64 {
-        let dq = self.robot.velocity();
-        let along_task: f64 = self.space.dx.dot(&self.space.pinv_tr_mul(&self.tau_sec));
-        let posture = if self.gains.posture.is_empty() {
-            0.0
-        } else {
-            dot(dq, &self.tau_sec) - self.forces.power(dq)
-        };
-        dot(dq, &self.tau_sec) - along_task - self.law.damping_power + self.forces.potential_rate()
-            - posture
+    /// Powers through the ports of (T17) at the last command, and that of `applied`, the torque of the
+    /// motors [N·m].
+    pub fn power(&self, applied: &[f64]) -> Power {
+        let Self { robot, space, forces, law, .. } = self;
+        let mut along_task = space.dx.dot(&space.pinv_tr_mul(&self.tau_sec));
+        if self.share < 1.0 {
+            along_task += (1.0 - self.share) * space.dx.dot(&space.pinv_tr_mul(&self.repulsion));
+        }
+        Power {
+            actuators: dot(robot.velocity(), applied),
+            damping: -law.damping_power,
+            task: -along_task,
+            obstacles: forces.obstacle_power(),
+            approach: forces.approach_power(),
+            scaling: self.scaling,
+        }
     }
+
+    /// What was granted of each objective at the last command ([`limits::OBJECTIVES`]).
+    pub fn granted(&self) -> &Granted {
+        &self.granted
+    }
+
+    /// The energy tank, if there is one.
+    pub fn tank(&self) -> Option<&Tank> {
+        self.tank.as_ref()
+    }
+
+    /// Lets `dt` [s] pass under the last command: the tank fills or empties.
+    pub fn elapse(&mut self, dt: f64) {
+        if let Some(tank) = &mut self.tank {
+            let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
+            tank.elapse(dt, self.law.damping_power - self.share * injected);
+        }
+    }
+
+    /// The largest control period at which the null space is stable at the observed state (T32).
+    /// Allocates.
+    pub fn stable_period(&self, surroundings: &impl Surroundings<D>) -> StablePeriod {
+        sampling::stable_period(&self.robot, &self.space, &self.gains, surroundings)
+    }
+
+    /// The same for an obstacle that is still to come, at `speed` [m/s]. Allocates.
+    pub fn stable_period_against(&self, speed: f64) -> StablePeriod {
+        sampling::stable_period_against(&self.robot, &self.space, &self.gains, speed)
+    }
+}
+
+/// (N q̇)ᵀτ, the power of a joint torque into the null motion [W].
+fn null_power<const M: usize>(space: &OperationalSpace<M>, dq: &[f64], tau: &[f64]) -> f64 {
+    dot(dq, tau) - space.dx.dot(&space.pinv_tr_mul(tau))
 }
 
 /// `a · b`.

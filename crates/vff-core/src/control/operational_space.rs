@@ -18,6 +18,8 @@ pub struct OperationalSpace<const M: usize> {
     pub dx: SVector<f64, M>,
     /// Whether the damping was active.
     pub singular: bool,
+    /// √det(J Jᵀ), Yoshikawa's manipulability [m²; m² too with an orientation]; 0 in a singularity.
+    pub manipulability: f64,
     threshold: f64,
 }
 
@@ -31,6 +33,7 @@ impl<const M: usize> OperationalSpace<M> {
             lambda_damped: SMatrix::zeros(),
             dx: SVector::zeros(),
             singular: false,
+            manipulability: 0.0,
             threshold,
         }
     }
@@ -39,6 +42,12 @@ impl<const M: usize> OperationalSpace<M> {
     pub fn refresh<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let lambda_inv = robot.task_response(&mut self.y);
         self.dx = robot.task_velocity();
+        let mut gram = SMatrix::<f64, M, M>::zeros();
+        for i in 0..robot.dof() {
+            let column = robot.jacobian_column::<M>(i);
+            gram += column * column.transpose();
+        }
+        self.manipulability = determinant(gram).max(0.0).sqrt();
         // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
         // than the inverse.
         let regular = lambda_inv.try_inverse().filter(|l| {
@@ -98,6 +107,26 @@ impl<const M: usize> OperationalSpace<M> {
             *out = row.dot(&force);
         }
     }
+}
+
+/// The determinant of a small symmetric positive semidefinite matrix, by elimination: nalgebra's own
+/// needs bounds that a generic `M` cannot state.
+fn determinant<const M: usize>(mut a: SMatrix<f64, M, M>) -> f64 {
+    let mut product = 1.0;
+    for k in 0..M {
+        let pivot = a[(k, k)];
+        product *= pivot;
+        if pivot <= 0.0 {
+            return 0.0;
+        }
+        for i in k + 1..M {
+            let factor = a[(i, k)] / pivot;
+            for j in k + 1..M {
+                a[(i, j)] -= factor * a[(k, j)];
+            }
+        }
+    }
+    product
 }
 
 /// Eigenvalues and eigenvectors (columns) of a small symmetric matrix by cyclic Jacobi rotations.

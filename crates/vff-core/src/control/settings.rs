@@ -1,5 +1,6 @@
 //! What a user can set on a controller, and the same resolved for one robot.
 
+use super::tank::TankSettings;
 use crate::field::Field;
 use crate::math::Broadcast;
 use crate::robot::Robot;
@@ -37,6 +38,19 @@ pub enum Avoidance {
     /// The end effector's task always wins.
     #[default]
     NullSpace,
+}
+
+/// What is done about links that come near each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SelfCollision {
+    /// Nothing.
+    #[default]
+    Ignore,
+    /// Links that share no joint are measured against each other.
+    Report,
+    /// They are, and repel each other by the field.
+    Avoid,
 }
 
 /// The dimension of the task.
@@ -78,6 +92,15 @@ pub struct Settings {
     pub posture_stiffness: Broadcast,
     /// The virtual force field.
     pub field: Field,
+    /// What is done about links that come near each other.
+    pub self_collision: SelfCollision,
+    /// A field over the angle that is left to the joint limits; none by default. Its lengths are
+    /// angles [rad], its forces torques [N·m].
+    pub joint_limit_field: Option<Field>,
+    /// Whether the torque and the speed limits of the arm hold for the controller.
+    pub enforce_limits: bool,
+    /// The energy that avoidance may inject; unlimited by default.
+    pub tank: Option<TankSettings>,
     /// Which form of the law.
     pub formulation: Formulation,
     /// Which projector.
@@ -99,6 +122,10 @@ impl Default for Settings {
             posture: None,
             posture_stiffness: Broadcast::Uniform(0.0),
             field: Field::OFF,
+            self_collision: SelfCollision::Ignore,
+            joint_limit_field: None,
+            enforce_limits: true,
+            tank: None,
             formulation: Formulation::Recursive,
             projection: Projection::Dynamic,
             avoidance: Avoidance::NullSpace,
@@ -125,29 +152,31 @@ impl NullDamping {
         }
     }
 
-    /// √d of joint `i` [1/√s].
-    pub fn root(&self, i: usize) -> f64 {
+    /// d of joint `i` [1/s].
+    pub fn get(&self, i: usize) -> f64 {
         match self {
-            Self::Uniform(d) => d.sqrt(),
-            Self::Each(roots) => roots[i],
+            Self::Uniform(d) => *d,
+            Self::Each(roots) => roots[i] * roots[i],
         }
     }
 
-    /// Turns the momentum `M v` in `out` into `D_q v`.
+    /// Turns the momentum `M v` in `out` into `D_q v`, with `brake` added to every d.
     pub fn scale_momentum<R: Robot<D>, const D: usize>(
         &self,
         robot: &R,
+        brake: f64,
         v: &[f64],
         out: &mut [f64],
         scratch: &mut [f64],
     ) {
         match self {
-            Self::Uniform(d) => out.iter_mut().for_each(|p| *p *= d),
+            Self::Uniform(d) => out.iter_mut().for_each(|p| *p *= d + brake),
             Self::Each(roots) => {
+                let root = |root: &f64| (root * root + brake).sqrt();
                 let scaled = v.iter().zip(roots);
-                scratch.iter_mut().zip(scaled).for_each(|(s, (v, root))| *s = v * root);
+                scratch.iter_mut().zip(scaled).for_each(|(s, (v, r))| *s = v * root(r));
                 robot.mass_mul(scratch, out);
-                out.iter_mut().zip(roots).for_each(|(p, root)| *p *= root);
+                out.iter_mut().zip(roots).for_each(|(p, r)| *p *= root(r));
             }
         }
     }
@@ -166,6 +195,14 @@ pub struct Gains<const M: usize> {
     pub posture: Vec<(f64, f64)>,
     /// The virtual force field.
     pub field: Field,
+    /// What is done about links that come near each other.
+    pub self_collision: SelfCollision,
+    /// The field over the angle that is left to the joint limits.
+    pub joint_limit_field: Option<Field>,
+    /// Whether the torque and the speed limits of the arm hold for the controller.
+    pub enforce_limits: bool,
+    /// The energy that avoidance may inject.
+    pub tank: Option<TankSettings>,
     /// Which form of the law.
     pub formulation: Formulation,
     /// Which projector.
@@ -188,6 +225,10 @@ impl<const M: usize> Gains<M> {
                 .map(|(i, q)| (*q, settings.posture_stiffness.get(i)))
                 .collect(),
             field: settings.field,
+            self_collision: settings.self_collision,
+            joint_limit_field: settings.joint_limit_field,
+            enforce_limits: settings.enforce_limits,
+            tank: settings.tank,
             formulation: settings.formulation,
             projection: settings.projection,
             singularity: settings.singularity,

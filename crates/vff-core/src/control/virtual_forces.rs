@@ -1,8 +1,9 @@
 //! The push of the field: forces on the links, their torque, and the power they exchange.
 
-use super::{OperationalSpace, dot};
+use super::settings::SelfCollision;
+use super::{Gains, OperationalSpace, dot};
 use crate::field::{Field, Response};
-use crate::math::Vector;
+use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
 use crate::world::{Contact, Surroundings};
 
@@ -14,9 +15,15 @@ pub struct VirtualForces<W, const D: usize> {
     magnitude: Vec<f64>,
     torque: Vec<f64>,
     wrenches: Vec<W>,
+    /// J_cᵀn̂ of a contact, and a workspace.
     column: Vec<f64>,
+    scratch: Vec<f64>,
+    /// The links, gathered where they are measured against each other.
+    links: Vec<Capsule<D>>,
+    self_clearance: f64,
     potential: f64,
-    potential_rate: f64,
+    obstacle_power: f64,
+    approach_power: f64,
     /// Whether any pair is within the influence of the field.
     active: bool,
 }
@@ -31,8 +38,12 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             torque: vec![0.0; n],
             wrenches: vec![W::default(); n],
             column: vec![0.0; n],
+            scratch: vec![0.0; n],
+            links: Vec::with_capacity(n),
+            self_clearance: f64::INFINITY,
             potential: 0.0,
-            potential_rate: 0.0,
+            obstacle_power: 0.0,
+            approach_power: 0.0,
             active: false,
         }
     }
@@ -62,9 +73,20 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.potential
     }
 
-    /// U̇ [W], from the motion of the links and of the obstacles.
-    pub fn potential_rate(&self) -> f64 {
-        self.potential_rate
+    /// Σ F·v_obstacle, the power that moving obstacles push in through the field [W].
+    pub fn obstacle_power(&self) -> f64 {
+        self.obstacle_power
+    }
+
+    /// Σ F_d ḋ ≤ 0, the power that approach damping takes out [W] (T30).
+    pub fn approach_power(&self) -> f64 {
+        self.approach_power
+    }
+
+    /// Smallest signed surface distance of two links that share no joint [m]; ∞ where they are not
+    /// measured.
+    pub fn self_clearance(&self) -> f64 {
+        self.self_clearance
     }
 
     /// Sums the field over all pairs (T26): nearest-only would jump when another pair becomes nearest.
@@ -72,15 +94,16 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
-        field: &Field,
+        gains: &Gains<M>,
         surroundings: &impl Surroundings<D>,
     ) {
+        let field = &gains.field;
         if self.active {
             self.resultant.fill(Vector::zeros());
             self.magnitude.fill(0.0);
             self.wrenches.fill(W::default());
             self.torque.fill(0.0);
-            (self.potential, self.potential_rate) = (0.0, 0.0);
+            (self.potential, self.obstacle_power, self.approach_power) = (0.0, 0.0, 0.0);
         }
         self.active = false;
         self.clearance.fill(f64::INFINITY);
@@ -92,6 +115,11 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             self.push(robot, space, field, contact);
         });
         self.clearance = clearance;
+        if gains.self_collision != SelfCollision::Ignore {
+            let avoid = gains.self_collision == SelfCollision::Avoid;
+            let reach = if avoid { influence } else { f64::NEG_INFINITY };
+            self.measure_links(robot, space, field, reach);
+        }
         if self.active {
             robot.wrenches_tr_mul(&self.wrenches, &mut self.torque);
             for (magnitude, force) in self.magnitude.iter_mut().zip(&self.resultant) {
@@ -111,36 +139,101 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let Contact { link, point, normal, .. } = contact;
         let response = field.at(contact.distance);
         let closing = normal.dot(&(contact.velocity - robot.point_velocity(*link, point))); // −ḋ
-        self.potential += response.potential;
-        self.potential_rate += response.force * closing;
         let mut force = response.force;
         if field.approach_damping > 0.0 && closing > 0.0 {
-            force += self.approach_damping(robot, space, field, contact, response) * closing;
+            robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
+            let mobility = robot.point_mobility(*link, point, normal);
+            let damping = self.damping(robot, space, field, contact.distance, response, mobility);
+            force += damping * closing;
+            self.approach_power -= damping * closing * closing;
         }
+        self.potential += response.potential;
+        self.obstacle_power += force * normal.dot(&contact.velocity);
         let force = normal * force;
         self.resultant[*link] += force;
         robot.add_force(&mut self.wrenches, *link, point, &force);
     }
 
-    /// c = 2 ζ √(k m_n) h(d) [N·s/m], with the mass m_n that the null space shows along the normal,
-    /// 1/m_n = n̂ᵀ J_c N M⁻¹ J_cᵀ n̂ (T30).
-    fn approach_damping<R: Robot<D, Wrench = W>, const M: usize>(
+    /// Links that share no joint, each pair measured and, within `reach`, pushed apart like link and
+    /// obstacle.
+    fn measure_links<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
         field: &Field,
-        contact: &Contact<D>,
+        reach: f64,
+    ) {
+        self.self_clearance = f64::INFINITY;
+        let mut links = std::mem::take(&mut self.links);
+        links.clear();
+        links.extend((0..robot.dof()).map(|i| robot.link(i)));
+        let middle = |link: &Capsule<D>| link.start + link.direction * (0.5 * link.length);
+        for (j, b) in links.iter().enumerate().skip(2) {
+            for (i, a) in links[..j - 1].iter().enumerate() {
+                let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
+                if (middle(a) - middle(b)).norm() - size > self.self_clearance.max(reach) {
+                    continue;
+                }
+                let found = nearest(a, b);
+                self.self_clearance = self.self_clearance.min(found.distance);
+                if found.distance < reach {
+                    self.part(robot, space, field, [i, j], &found);
+                }
+            }
+        }
+        self.links = links;
+    }
+
+    /// Pushes two links apart.
+    fn part<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        links: [usize; 2],
+        found: &Nearest<D>,
+    ) {
+        self.active = true;
+        let Nearest { points, normal, distance } = found;
+        let response = field.at(*distance);
+        let velocity = |k: usize| robot.point_velocity(links[k], &points[k]);
+        let closing = normal.dot(&(velocity(1) - velocity(0)));
+        let mut force = response.force;
+        if field.approach_damping > 0.0 && closing > 0.0 {
+            robot.point_jacobian_tr_mul(links[1], &points[1], normal, &mut self.scratch);
+            robot.point_jacobian_tr_mul(links[0], &points[0], normal, &mut self.column);
+            self.column.iter_mut().zip(&self.scratch).for_each(|(a, b)| *a -= b);
+            robot.mass_solve(&self.column, &mut self.scratch);
+            let mobility = dot(&self.column, &self.scratch);
+            let damping = self.damping(robot, space, field, *distance, response, mobility);
+            force += damping * closing;
+            self.approach_power -= damping * closing * closing;
+        }
+        self.potential += response.potential;
+        let force = normal * force;
+        self.resultant[links[0]] += force;
+        self.resultant[links[1]] -= force;
+        robot.add_force(&mut self.wrenches, links[0], &points[0], &force);
+        robot.add_force(&mut self.wrenches, links[1], &points[1], &-force);
+    }
+
+    /// c = 2 ζ √(k m_n) h(d) [N·s/m], with the mass m_n that the null space shows along the normal,
+    /// 1/m_n = n̂ᵀ J_c N M⁻¹ J_cᵀ n̂ (T30); `column` holds J_cᵀn̂, `mobility` is n̂ᵀ J_c M⁻¹ J_cᵀ n̂.
+    fn damping<R: Robot<D, Wrench = W>, const M: usize>(
+        &self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        distance: f64,
         response: Response,
+        mobility: f64,
     ) -> f64 {
-        let Contact { link, point, normal, .. } = contact;
-        robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
         let along_task = space.response(&self.column);
-        let in_null_space = robot.point_mobility(*link, point, normal)
-            - along_task.dot(&(space.lambda * along_task));
+        let in_null_space = mobility - along_task.dot(&(space.lambda * along_task));
         // No more than the whole arm: a point that the null space cannot move, or at the base, would
         // otherwise show an infinite mass.
         let mass = (1.0 / in_null_space.max(f64::MIN_POSITIVE)).min(robot.total_mass());
-        let ratio = field.approach_damping * field.approach_window(contact.distance);
+        let ratio = field.approach_damping * field.approach_window(distance);
         2.0 * ratio * (response.stiffness * mass).sqrt()
     }
 
@@ -153,8 +246,8 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Settings;
     use crate::field::FieldKind;
-    use crate::math::Capsule;
     use crate::robot::{PlanarArm, planar::Link};
     use std::sync::Arc;
 
@@ -201,7 +294,8 @@ mod tests {
             acceleration: Vector::<2>::zeros(),
         };
         let mut forces = VirtualForces::new(4);
-        forces.refresh(&state, &space, &field, &Only(contact));
+        let settings = Settings { field, ..Settings::default() };
+        forces.refresh(&state, &space, &Gains::new(&settings), &Only(contact));
         assert!(forces.resultant()[0].norm() > field.at(0.3).force);
         assert!(forces.resultant()[0].norm().is_finite());
         assert_eq!(forces.torque(), [0.0; 4]);

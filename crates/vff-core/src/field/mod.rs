@@ -91,6 +91,20 @@ impl Field {
         }
     }
 
+    /// The distance [m] at which the potential has taken up `energy` [J]: how near something comes that
+    /// arrives with that much (T29). 0 if it comes to contact.
+    pub fn closest_approach(&self, energy: f64) -> f64 {
+        let (mut near, mut far) = (0.0, self.influence);
+        if self.at(near).potential <= energy {
+            return 0.0;
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (near + far);
+            if self.at(middle).potential > energy { near = middle } else { far = middle }
+        }
+        far
+    }
+
     /// How strongly approach is damped at distance `d`: rises smoothly from 0 at the influence
     /// distance to 1 at the floor.
     #[inline]
@@ -153,6 +167,19 @@ mod tests {
                     mid.stiffness
                 );
             }
+        }
+    }
+
+    /// Khatib's rule 1/d = 1/d_s + v √(m/η), and contact where the field is too weak (T29).
+    #[test]
+    fn closest_approach_takes_up_the_energy() {
+        let field = field(FieldKind::Khatib);
+        for (m, v) in [(1.0, 0.3), (4.0, 0.1), (0.5, 2.0)] {
+            let rule = 1.0 / (1.0 / 0.8 + v * f64::sqrt(m / 2.5));
+            assert!((field.closest_approach(0.5 * m * v * v) - rule).abs() < 1e-12);
+        }
+        for kind in KINDS {
+            assert_eq!(super::tests::field(kind).closest_approach(1e9), 0.0);
         }
     }
 

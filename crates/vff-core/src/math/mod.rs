@@ -1,9 +1,11 @@
 //! The few types that every layer shares.
 
 mod broadcast;
+mod nearest;
 mod sincos;
 
 pub use broadcast::Broadcast;
+pub use nearest::{Nearest, nearest};
 pub use sincos::sin_cos;
 
 use nalgebra::SVector;
@@ -36,6 +38,13 @@ impl<const D: usize> Capsule<D> {
     #[inline]
     pub fn end(&self) -> Vector<D> {
         self.start + self.direction * self.length
+    }
+
+    /// The point of the axis that is nearest to `point` [m].
+    #[inline]
+    pub fn clamp(&self, point: &Vector<D>) -> Vector<D> {
+        let along = self.direction.dot(&(point - self.start)).clamp(0.0, self.length);
+        self.start + self.direction * along
     }
 }
 

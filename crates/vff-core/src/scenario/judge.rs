@@ -5,7 +5,9 @@
 use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
 use crate::control::Settings;
+use crate::control::tank::TankSettings;
 use crate::field::{Field, FieldKind};
+use crate::robot::Limits;
 use crate::simulation::{Control, Options};
 use crate::world::{Motion, Obstacle, Shape, is_convex};
 use toml::Value;
@@ -71,7 +73,39 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
         None => {}
     }
     number("singularity", settings.singularity, positive)?;
+    if let Some(limits) = &settings.joint_limit_field {
+        field(limits).map_err(|error| error.inside("joint_limit_field"))?;
+    }
+    if let Some(tank) = &settings.tank {
+        self::tank(tank).map_err(|error| error.inside("tank"))?;
+    }
     field(&settings.field).map_err(|error| error.inside("field"))
+}
+
+/// `[controller.tank]`.
+fn tank(tank: &TankSettings) -> Judged {
+    number("capacity", tank.capacity, positive)?;
+    if let Some(initial) = tank.initial
+        && !(0.0..=tank.capacity).contains(&initial)
+    {
+        let requirement = format!("between 0 and the capacity {}", tank.capacity);
+        return Err(ScenarioError::out_of_range("initial", &requirement, initial));
+    }
+    number("floor", tank.floor, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
+}
+
+/// What a controller needs of the limits of its arm.
+pub fn controller_of(settings: &Settings, limits: &Limits) -> Judged {
+    if settings.joint_limit_field.is_some() && limits.joint.is_empty() {
+        let problem = Problem::Other("needs `arm.joint_limits`, the angles it keeps to".into());
+        return Err(ScenarioError::new("joint_limit_field", problem));
+    }
+    let damped = settings.damping.values().iter().all(|d| *d > 0.0);
+    if settings.enforce_limits && !limits.velocity.is_empty() && !damped {
+        let requirement = "greater than 0 with `arm.velocity_limits`";
+        return Err(ScenarioError::out_of_range("damping", requirement, settings.damping.values()));
+    }
+    Ok(())
 }
 
 /// `[controller.field]`.

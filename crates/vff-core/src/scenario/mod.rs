@@ -12,9 +12,9 @@ mod judge;
 pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
 
-use crate::control::{Gains, Settings, TaskKind};
+use crate::control::{Controller, Gains, Settings, TaskKind};
 use crate::math::Vector;
-use crate::robot::{PlanarArm, Robot};
+use crate::robot::{PlanarArm, PlanarState, Robot};
 use crate::simulation::{ClosedLoop, Control, Options, Outcome, Run, Snapshot};
 use crate::trajectory::{Reference, Trajectory};
 use crate::world::{Obstacle, World};
@@ -139,13 +139,14 @@ pub fn read_arm(document: &Table) -> Result<PlanarArm, ScenarioError> {
     read::<ArmSpec>(document)?.build()
 }
 
-/// Reads and judges the settings of a controller for `n` joints.
+/// Reads and judges the settings of a controller for an arm.
 ///
 /// # Errors
 /// With the name of the first setting that is wrong.
-pub fn read_settings(document: &Table, n: usize) -> Result<Settings, ScenarioError> {
+pub fn read_settings(document: &Table, arm: &PlanarArm) -> Result<Settings, ScenarioError> {
     let settings = read(document)?;
-    judge::controller(&settings, Some(n))?;
+    judge::controller(&settings, Some(arm.dof()))?;
+    judge::controller_of(&settings, arm.limits())?;
     Ok(settings)
 }
 
@@ -236,12 +237,22 @@ impl Scenario {
     fn judge(&self) -> Result<(), ScenarioError> {
         let n = self.arm.dof();
         arm::number("duration", self.duration, arm::positive)?;
-        self.arm.build().map_err(|error| error.inside("arm"))?;
+        let arm = self.arm.build().map_err(|error| error.inside("arm"))?;
         arm::length("q0", self.q0.len(), n)?;
         if let Some(dq0) = &self.dq0 {
             arm::length("dq0", dq0.len(), n)?;
         }
-        judge::controller(&self.controller, Some(n)).map_err(|error| error.inside("controller"))?;
+        judge::controller(&self.controller, Some(n))
+            .and_then(|()| judge::controller_of(&self.controller, arm.limits()))
+            .map_err(|error| error.inside("controller"))?;
+        if self.controller.tank.is_some() && self.simulation.control == Control::Continuous {
+            let problem = Problem::Other(
+                "fills and empties from sample to sample: it needs simulation.control = \"hold\" or \
+                 \"predictor\""
+                    .into(),
+            );
+            return Err(ScenarioError::new("controller.tank", problem));
+        }
         judge::simulation(&self.simulation).map_err(|error| error.inside("simulation"))?;
         if self.duration / self.simulation.dt > MAX_STEPS {
             let requirement = format!("at most {MAX_STEPS:e} steps of {} s", self.simulation.dt);
@@ -291,7 +302,16 @@ impl Scenario {
         let options = self.simulation.clone();
         let closed_loop =
             ClosedLoop::new(arm, gains, world, trajectory, options, self.q0.clone(), dq0);
-        let warnings = self.oddities(&closed_loop.snapshot());
+        let mut warnings = self.oddities(&closed_loop.snapshot());
+        if self.simulation.control != Control::Continuous {
+            let period = self.simulation.control_period();
+            warnings.extend(
+                sampling_bounds(&self.controller, period)
+                    .into_iter()
+                    .map(|warning| format!("controller.{warning}")),
+            );
+            warnings.extend(self.field_bound(closed_loop.controller()));
+        }
         let run = Run::new(closed_loop, &self.simulation, self.duration).map_err(|error| {
             ScenarioError::new(
                 "simulation.record_every",
@@ -355,40 +375,61 @@ impl Scenario {
                 self.duration, self.simulation.dt
             ));
         }
-        if self.simulation.control != Control::Continuous {
-            warnings.extend(self.sampling_bounds());
-        }
         warnings
     }
 
-    /// Gains that a torque held over the control period h makes unstable (T31, T32).
-    fn sampling_bounds(&self) -> Vec<String> {
+    /// A field too stiff for the control period, at the clearance that the fastest obstacle is to be
+    /// expected to come to (T29, T32).
+    fn field_bound<const M: usize>(
+        &self,
+        controller: &Controller<PlanarState, 2, M>,
+    ) -> Option<String> {
+        if self.controller.field.gain == 0.0 {
+            return None;
+        }
         let h = self.simulation.control_period();
-        let Settings { stiffness, damping, null_damping, task, .. } = &self.controller;
-        let mut warnings = vec![];
-        let strongest = null_damping.values().iter().copied().fold(0.0, f64::max);
-        if strongest * h >= 2.0 {
-            warnings.push(format!(
-                "controller.null_damping: {strongest} 1/s is unstable at a control period of {h} s; \
-                 below {} 1/s it is not",
-                2.0 / h
-            ));
-        }
-        let axis = (0..task.dimension()).map(|i| (stiffness.get(i), damping.get(i)));
-        if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
-            warnings.push(format!(
-                "controller.damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control \
-                 period of {h} s; above {} 1/s it is enough",
-                0.5 * h * k
-            ));
-        }
-        if let Some(d) = damping.values().iter().find(|d| **d * h >= 2.0) {
-            warnings.push(format!(
-                "controller.damping: {d} 1/s is unstable at a control period of {h} s; below {} 1/s \
-                 it is not",
-                2.0 / h
-            ));
-        }
-        warnings
+        let speed = self.obstacles.iter().map(|o| o.motion.top_speed()).fold(0.0, f64::max);
+        let now = controller.stable_period(&World::new(self.obstacles.clone()));
+        let worst = match controller.stable_period_against(speed) {
+            coming if speed > 0.0 && coming.period < now.period => coming,
+            _ => now,
+        };
+        (worst.stiffness > 0.0 && h >= worst.period).then(|| {
+            format!(
+                "controller.field: at a clearance of {:.3} m, which is to be expected, it has a \
+                 stiffness of {:.3} N/m, for which the null space is stable up to a control period of \
+                 {:.6} s; it is {h} s. More null_damping, a lower gain or a shorter period helps",
+                worst.clearance, worst.stiffness, worst.period
+            )
+        })
     }
+}
+
+/// Gains that a torque held over the control period `h` [s] makes unstable (T31, T32).
+pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
+    let Settings { stiffness, damping, null_damping, task, .. } = settings;
+    let mut warnings = vec![];
+    let strongest = null_damping.values().iter().copied().fold(0.0, f64::max);
+    if strongest * h >= 2.0 {
+        warnings.push(format!(
+            "null_damping: {strongest} 1/s is unstable at a control period of {h} s; below {} 1/s it \
+             is not",
+            2.0 / h
+        ));
+    }
+    let axis = (0..task.dimension()).map(|i| (stiffness.get(i), damping.get(i)));
+    if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
+        warnings.push(format!(
+            "damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control period of {h} s; \
+             above {} 1/s it is enough",
+            0.5 * h * k
+        ));
+    }
+    if let Some(d) = damping.values().iter().find(|d| **d * h >= 2.0) {
+        warnings.push(format!(
+            "damping: {d} 1/s is unstable at a control period of {h} s; below {} 1/s it is not",
+            2.0 / h
+        ));
+    }
+    warnings
 }

@@ -2,7 +2,7 @@
 
 use super::integrator::Stepper;
 use super::{Control, Options, Snapshot};
-use crate::control::{Controller, Gains, Torque};
+use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits};
 use crate::math::Vector;
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::Trajectory;
@@ -27,6 +27,7 @@ pub struct ClosedLoop<const M: usize> {
     /// (q, q̇) before the last step.
     before: [Vec<f64>; 2],
     held: Torque,
+    granted: Granted,
     null_acceleration: f64,
     /// Pose of the end effector, kept for the snapshot to borrow.
     x: Vector<M>,
@@ -80,6 +81,7 @@ impl<const M: usize> ClosedLoop<M> {
             dq,
             before: [zeros(), zeros()],
             held: Torque::zeros(n),
+            granted: limits::ALL,
             null_acceleration: 0.0,
             x: Vector::zeros(),
             bias: zeros(),
@@ -93,6 +95,11 @@ impl<const M: usize> ClosedLoop<M> {
     /// The steps taken so far.
     pub fn step_count(&self) -> usize {
         self.step
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &Controller<PlanarState, 2, M> {
+        &self.brain.controller
     }
 
     /// What the joints can do.
@@ -110,10 +117,16 @@ impl<const M: usize> ClosedLoop<M> {
         self.q.iter().all(|q| q.is_finite()) && self.dq.iter().all(|v| v.abs() < Self::MAX_SPEED)
     }
 
+    /// Whether torque or speed limits hold for the controller.
+    fn is_limited(&self) -> bool {
+        let Limits { velocity, torque, .. } = self.arm.limits();
+        self.brain.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
+    }
+
     /// The state and everything that the law made of it, at the present instant.
     pub fn snapshot(&self) -> Snapshot<'_> {
         let controller = &self.brain.controller;
-        let (forces, space) = (controller.forces(), controller.space());
+        let (forces, space, gains) = (controller.forces(), controller.space(), controller.gains());
         Snapshot {
             t: self.time(),
             q: &self.q,
@@ -128,8 +141,13 @@ impl<const M: usize> ClosedLoop<M> {
             clearance: forces.clearance(),
             world: &self.brain.world,
             null_acceleration: self.null_acceleration,
-            null_storage: controller.null_storage(),
-            null_supply: controller.null_supply(),
+            energy: controller.energy(),
+            power: controller.power(&self.held.total),
+            granted: self.is_limited().then_some(&self.granted),
+            tank: controller.tank().map(Tank::level),
+            self_clearance: (gains.self_collision != SelfCollision::Ignore)
+                .then(|| forces.self_clearance()),
+            manipulability: space.manipulability,
             singular: space.singular,
         }
     }
@@ -163,6 +181,7 @@ impl<const M: usize> ClosedLoop<M> {
         });
         if self.is_sane() {
             self.step += 1;
+            self.elapse();
             self.control();
             if self.is_defined() {
                 return true;
@@ -173,6 +192,14 @@ impl<const M: usize> ClosedLoop<M> {
         self.dq.copy_from_slice(&self.before[1]);
         self.control();
         false
+    }
+
+    /// Lets one plant step pass for what has a memory in the controller.
+    fn elapse(&mut self) {
+        self.brain.controller.elapse(self.options.dt);
+        if let Some(foresight) = &mut self.foresight {
+            foresight.controller.elapse(self.options.dt);
+        }
     }
 
     /// Whether everything that the law made of the present state is finite.
@@ -191,6 +218,7 @@ impl<const M: usize> ClosedLoop<M> {
         let period_begins = self.step.is_multiple_of(self.options.control_every);
         if period_begins {
             self.held.copy_from(torque);
+            self.granted = *self.brain.controller.granted();
         }
         self.x = self.brain.controller.pose();
         if period_begins {
@@ -216,6 +244,7 @@ impl<const M: usize> ClosedLoop<M> {
             *v += 0.5 * half * ddq;
         }
         self.held.copy_from(foresight.torque_at(t + half, q, dq));
+        self.granted = *foresight.controller.granted();
         self.null_acceleration = foresight.controller.null_acceleration();
     }
 }

@@ -54,6 +54,10 @@ pub const METRICS: &[Metric] = &[
     metric("max_null_acceleration", "m/s²", "largest ‖J M⁻¹ τ_null‖: what leaks into the task"),
     metric("passivity_residual", "J", "largest defect of the null-space energy balance"),
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
+    metric("min_manipulability", "m²", "smallest √det(J Jᵀ); 0 in a singularity"),
+    metric("min_self_clearance", "m", "smallest distance of two links that share no joint"),
+    metric("self_collision_time", "s", "first contact of two such links"),
+    metric("limited_steps", "", "steps in which limits took something from an objective"),
     metric("joint_limit_violation", "rad", "largest excess over the arm's joint limits"),
     metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
@@ -92,6 +96,10 @@ pub struct Metrics {
     last_supply: f64,
     passivity_residual: f64,
     singular_steps: usize,
+    min_manipulability: f64,
+    min_self_clearance: Option<f64>,
+    self_collision_time: Option<f64>,
+    limited_steps: Option<usize>,
     joint_limit_violation: f64,
     velocity_limit_ratio: f64,
     torque_limit_ratio: f64,
@@ -131,6 +139,10 @@ impl Metrics {
             last_supply: 0.0,
             passivity_residual: 0.0,
             singular_steps: 0,
+            min_manipulability: f64::INFINITY,
+            min_self_clearance: None,
+            self_collision_time: None,
+            limited_steps: None,
             joint_limit_violation: 0.0,
             velocity_limit_ratio: 0.0,
             torque_limit_ratio: 0.0,
@@ -169,6 +181,13 @@ impl Metrics {
         if nearest < 0.0 {
             self.collision_time.get_or_insert(s.t);
             self.intrusion_samples += 1;
+        }
+        if let Some(distance) = s.self_clearance {
+            let least = self.min_self_clearance.get_or_insert(f64::INFINITY);
+            *least = least.min(distance);
+            if distance <= 0.0 {
+                self.self_collision_time.get_or_insert(s.t);
+            }
         }
         let force = s.force.iter().copied().fold(0.0, f64::max);
         if force > self.max_repulsion {
@@ -233,13 +252,19 @@ impl Metrics {
     fn null_space(&mut self, s: &Snapshot<'_>) {
         self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
         self.singular_steps += usize::from(s.singular);
-        if self.samples == 0 {
-            self.storage_start = s.null_storage;
-        } else {
-            self.supplied += 0.5 * self.dt * (self.last_supply + s.null_supply);
+        self.min_manipulability = self.min_manipulability.min(s.manipulability);
+        if let Some(granted) = s.granted {
+            let limited = granted.iter().any(|share| *share < 1.0);
+            *self.limited_steps.get_or_insert(0) += usize::from(limited);
         }
-        self.last_supply = s.null_supply;
-        let defect = (s.null_storage - self.storage_start - self.supplied).abs();
+        let (storage, supply) = (s.energy.null_storage, s.power.into_null_space());
+        if self.samples == 0 {
+            self.storage_start = storage;
+        } else {
+            self.supplied += 0.5 * self.dt * (self.last_supply + supply);
+        }
+        self.last_supply = supply;
+        let defect = (storage - self.storage_start - self.supplied).abs();
         self.passivity_residual = self.passivity_residual.max(defect);
     }
 
@@ -288,6 +313,10 @@ impl Metrics {
             number(self.max_null_acceleration),
             number(self.passivity_residual),
             Value::Count(self.singular_steps),
+            number(self.min_manipulability),
+            optional(self.min_self_clearance.filter(|d| *d < f64::INFINITY)),
+            optional(self.self_collision_time),
+            self.limited_steps.map_or(Value::None, Value::Count),
             given(!self.limits.joint.is_empty(), self.joint_limit_violation),
             given(!self.limits.velocity.is_empty(), self.velocity_limit_ratio),
             given(!self.limits.torque.is_empty(), self.torque_limit_ratio),

@@ -1,8 +1,10 @@
 //! The record of a run: row-major arrays, allocated once, handed on without a copy.
 
 use super::Snapshot;
+use crate::control::{energy, limits};
 
-/// Every recorded quantity, one row per recorded instant (units as in [`Snapshot`]).
+/// Every recorded quantity, one row per recorded instant (units as in [`Snapshot`]). One that the run
+/// does not have stays empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Record {
     /// Number of rows T.
@@ -41,6 +43,18 @@ pub struct Record {
     pub clearance: Vec<f64>,
     /// (T, k, 2).
     pub obstacles: Vec<f64>,
+    /// (T, [`energy::ENERGIES`]).
+    pub energy: Vec<f64>,
+    /// (T, [`energy::PORTS`]).
+    pub power: Vec<f64>,
+    /// (T).
+    pub manipulability: Vec<f64>,
+    /// (T, [`limits::OBJECTIVES`]), or empty.
+    pub granted: Vec<f64>,
+    /// (T), or empty.
+    pub self_clearance: Vec<f64>,
+    /// (T), or empty.
+    pub tank: Vec<f64>,
 }
 
 /// The largest record that is accepted [bytes]: systems that promise more memory than they have
@@ -58,22 +72,18 @@ pub struct RecordTooLarge {
 }
 
 impl Record {
-    /// Room for `rows` rows.
+    /// Room for `rows` rows like `s`.
     ///
     /// # Errors
     /// If they take too much memory.
-    pub fn with_capacity(
-        rows: usize,
-        n: usize,
-        m: usize,
-        obstacles: usize,
-    ) -> Result<Self, RecordTooLarge> {
-        let mut record = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
-        let row_bytes = 8 * record.arrays().iter().map(|(_, width)| width).sum::<usize>();
+    pub fn with_capacity(rows: usize, s: &Snapshot<'_>) -> Result<Self, RecordTooLarge> {
+        let (joints, task, obstacles_count) = (s.q.len(), s.x.len(), s.world.len());
+        let mut record = Self { joints, task, obstacles_count, ..Self::default() };
+        let row_bytes = 8 * record.arrays(s).iter().map(|(_, width)| width).sum::<usize>();
         let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
         let reserve =
             |(array, width): (&mut Vec<f64>, usize)| array.try_reserve_exact(rows * width);
-        if fits && record.arrays().into_iter().try_for_each(reserve).is_ok() {
+        if fits && record.arrays(s).into_iter().try_for_each(reserve).is_ok() {
             return Ok(record);
         }
         #[expect(clippy::cast_precision_loss, reason = "a message")]
@@ -82,8 +92,9 @@ impl Record {
     }
 
     /// Every array with the length of its rows.
-    fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 14] {
+    fn arrays(&mut self, s: &Snapshot<'_>) -> [(&mut Vec<f64>, usize); 20] {
         let (n, m) = (self.joints, self.task);
+        let optional = |given: bool, width: usize| if given { width } else { 0 };
         [
             (&mut self.t, 1),
             (&mut self.q, n),
@@ -99,6 +110,12 @@ impl Record {
             (&mut self.force, n),
             (&mut self.clearance, n),
             (&mut self.obstacles, 2 * self.obstacles_count),
+            (&mut self.energy, energy::ENERGIES.len()),
+            (&mut self.power, energy::PORTS.len()),
+            (&mut self.manipulability, 1),
+            (&mut self.granted, optional(s.granted.is_some(), limits::OBJECTIVES.len())),
+            (&mut self.self_clearance, optional(s.self_clearance.is_some(), 1)),
+            (&mut self.tank, optional(s.tank.is_some(), 1)),
         ]
     }
 
@@ -121,5 +138,11 @@ impl Record {
         for position in s.obstacles() {
             self.obstacles.extend_from_slice(position.as_slice());
         }
+        self.energy.extend_from_slice(&s.energy.values());
+        self.power.extend_from_slice(&s.power.values());
+        self.manipulability.push(s.manipulability);
+        self.granted.extend_from_slice(s.granted.map_or(&[], |granted| granted));
+        self.self_clearance.extend(s.self_clearance);
+        self.tank.extend(s.tank);
     }
 }

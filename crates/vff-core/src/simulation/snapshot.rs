@@ -1,6 +1,6 @@
 //! Everything worth knowing of the closed loop at one instant, borrowed from it.
 
-use crate::control::Torque;
+use crate::control::{Energy, Granted, Power, Torque};
 use crate::math::Vector;
 use crate::world::World;
 
@@ -34,10 +34,18 @@ pub struct Snapshot<'a> {
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
     /// evaluated.
     pub null_acceleration: f64,
-    /// V_n + U + posture energy [J]: the storage function of the null space (T17).
-    pub null_storage: f64,
-    /// What flows into it through damping, task coupling and moving obstacles [W].
-    pub null_supply: f64,
+    /// Energies [J].
+    pub energy: Energy,
+    /// Powers [W] of the torque that acts, and into the null space.
+    pub power: Power,
+    /// What the limits let through of each objective of the torque that acts; `None` without limits.
+    pub granted: Option<&'a Granted>,
+    /// Energy in the tank [J]; `None` without one.
+    pub tank: Option<f64>,
+    /// Smallest surface distance of two links that share no joint [m]; `None` where not measured.
+    pub self_clearance: Option<f64>,
+    /// √det(J Jᵀ) [m²].
+    pub manipulability: f64,
     /// Whether the task force was damped because of a singularity.
     pub singular: bool,
 }

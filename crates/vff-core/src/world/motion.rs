@@ -68,6 +68,24 @@ impl Motion {
         matches!(self, Self::Static {})
     }
 
+    /// A speed that the obstacle never exceeds [m/s].
+    pub fn top_speed(&self) -> f64 {
+        match self {
+            Self::Static {} => 0.0,
+            Self::Linear { velocity } => Vector::from(*velocity).norm(),
+            Self::Sinusoid { amplitude, angular_frequency, .. } => {
+                Vector::from(*amplitude).norm() * angular_frequency.abs()
+            }
+            Self::Waypoints { times, points } => {
+                let leg = |i: usize| {
+                    let [from, to] = [points[i - 1], points[i]].map(Vector::<2>::from);
+                    (to - from).norm() / (times[i] - times[i - 1])
+                };
+                (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
+            }
+        }
+    }
+
     /// The state at time `t` [s] of an obstacle whose initial position is `position0` [m].
     pub fn at(&self, t: f64, position0: Vector<2>) -> MotionState {
         match self {

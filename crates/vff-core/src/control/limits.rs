@@ -1,0 +1,192 @@
+//! What is given up where the joints cannot do everything at once.
+//!
+//! Torque limits scale whole objectives, never the torque of one joint alone: that would bend the
+//! directions in which the arm accelerates. Objectives are given up in the order of [`OBJECTIVES`],
+//! each down to nothing before the next is touched (T34, T35). Speed limits slow the reference down
+//! before any of that (T36), and damp the null space (T37).
+
+use super::{OperationalSpace, Torque};
+use crate::field::Field;
+use crate::robot::{Limits, Robot};
+use nalgebra::SVector;
+
+/// What is given up, first to last, and the share of the reference's speed that is asked for.
+pub const OBJECTIVES: [&str; 6] =
+    ["posture", "task", "damping", "avoidance", "compensation", "speed"];
+
+/// The share in [0, 1] that each of [`OBJECTIVES`] was granted.
+pub type Granted = [f64; OBJECTIVES.len()];
+
+/// Everything, as long as no limit is in the way.
+pub const ALL: Granted = [1.0; OBJECTIVES.len()];
+
+/// Place of the reference's speed among [`OBJECTIVES`].
+pub const SPEED: usize = 5;
+
+/// The torque of each objective but the last, compensation, which is the rest.
+#[derive(Debug, Clone)]
+pub struct Parts {
+    /// Nᵀ K_v(q_d − q).
+    pub posture: Vec<f64>,
+    /// Jᵀ Λ ẍ_c.
+    pub task: Vec<f64>,
+    /// −Nᵀ D_q N q̇.
+    pub damping: Vec<f64>,
+    /// Nᵀ of all repulsion.
+    pub avoidance: Vec<f64>,
+    rest: Vec<f64>,
+}
+
+impl Parts {
+    /// For `n` joints.
+    pub fn new(n: usize) -> Self {
+        let zeros = || vec![0.0; n];
+        Self {
+            posture: zeros(),
+            task: zeros(),
+            damping: zeros(),
+            avoidance: zeros(),
+            rest: zeros(),
+        }
+    }
+
+    /// Scales the objectives of `torque` to the least sacrifice that keeps |τ_i| ≤ `limit`_i (T35).
+    pub fn fit(&mut self, limit: &[f64], torque: &mut Torque) -> Granted {
+        let Self { posture, task, damping, avoidance, rest } = self;
+        let n = rest.len();
+        for i in 0..n {
+            rest[i] = torque.total[i] - posture[i] - task[i] - damping[i] - avoidance[i];
+        }
+        let mut granted = ALL;
+        for (share, part) in granted.iter_mut().zip([&*posture, task, damping, avoidance, rest]) {
+            // Without this objective; then as much of it as fits.
+            torque.total.iter_mut().zip(part).for_each(|(total, part)| *total -= part);
+            let fits = largest_share(&torque.total, part, limit);
+            *share = fits.unwrap_or(0.0);
+            if fits.is_some() {
+                break;
+            }
+        }
+        let [of_posture, of_task, of_damping, of_avoidance, of_rest, _] = granted;
+        for i in 0..n {
+            let in_null = posture[i] + damping[i] + avoidance[i];
+            torque.task[i] = of_rest * (torque.task[i] - task[i]) + of_task * task[i];
+            torque.null[i] = of_rest * (torque.null[i] - in_null)
+                + of_posture * posture[i]
+                + of_damping * damping[i]
+                + of_avoidance * avoidance[i];
+            torque.total[i] = torque.task[i] + torque.null[i];
+        }
+        granted
+    }
+}
+
+/// The largest s ∈ [0, 1] with |rest + s part| ≤ limit at every joint, if there is one.
+fn largest_share(rest: &[f64], part: &[f64], limit: &[f64]) -> Option<f64> {
+    let (mut low, mut high) = (0.0_f64, 1.0_f64);
+    for ((rest, part), limit) in rest.iter().zip(part).zip(limit) {
+        if *part == 0.0 {
+            if rest.abs() > *limit {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = ((-limit - rest) / part, (limit - rest) / part);
+        low = low.max(a.min(b));
+        high = high.min(a.max(b));
+    }
+    (low <= high).then_some(high)
+}
+
+/// Whether every torque is within its limit.
+pub fn within(tau: &[f64], limit: &[f64]) -> bool {
+    tau.iter().zip(limit).all(|(tau, limit)| tau.abs() <= *limit)
+}
+
+/// The share of the wanted task velocity `dx_d` that keeps every joint within its speed limit, given
+/// what the null motion takes of it already; a tenth of the limit is always left to the task (T36).
+pub fn speed_share<R: Robot<D>, const D: usize, const M: usize>(
+    robot: &R,
+    space: &OperationalSpace<M>,
+    dx_d: &SVector<f64, M>,
+) -> f64 {
+    const LEAST: f64 = 0.1;
+    let (wanted, present) = (space.lambda * dx_d, space.lambda * space.dx);
+    let joints = space.y.iter().zip(robot.velocity()).zip(&robot.limits().velocity);
+    joints.fold(1.0, |share: f64, ((y, dq), limit)| {
+        let in_null = (dq - y.dot(&present)).abs();
+        let left = (limit - in_null).max(LEAST * limit);
+        share.min(left / y.dot(&wanted).abs().max(f64::MIN_POSITIVE))
+    })
+}
+
+/// Damping of the null space [1/s] near the speed limits: from nothing at 80 % of the fastest joint's
+/// limit, smoothly, to its full strength at the limit (T37).
+pub fn brake(dq: &[f64], limit: &[f64]) -> f64 {
+    const STRENGTH: f64 = 50.0;
+    let ratio = dq.iter().zip(limit).fold(0.0, |r: f64, (dq, limit)| r.max(dq.abs() / limit));
+    let s = ((ratio - 0.8) / 0.2).clamp(0.0, 1.0);
+    STRENGTH * s * s * (3.0 - 2.0 * s)
+}
+
+/// `out +=` the repulsion of the joint limits, each a field over the angle that is left; returns its
+/// potential [J] (T38).
+pub fn add_joint_limit_torque(field: &Field, limits: &Limits, q: &[f64], out: &mut [f64]) -> f64 {
+    let mut potential = 0.0;
+    for ((out, q), [lower, upper]) in out.iter_mut().zip(q).zip(&limits.joint) {
+        let (from_below, from_above) = (field.at(q - lower), field.at(upper - q));
+        *out += from_below.force - from_above.force;
+        potential += from_below.potential + from_above.potential;
+    }
+    potential
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector(n: usize) -> impl Strategy<Value = Vec<f64>> {
+        prop::collection::vec(-10.0..10.0, n)
+    }
+
+    proptest! {
+        /// Every joint is within its limit, no objective is touched before those ahead of it are gone, a
+        /// torque that fits is left alone, and one that does not is used up to a limit.
+        #[test]
+        fn least_sacrifice(parts in prop::collection::vec(vector(4), 6), limit in prop::collection::vec(0.5..30.0, 4)) {
+            let sum = |of: &[&Vec<f64>]| (0..4).map(|i| of.iter().map(|p| p[i]).sum()).collect::<Vec<f64>>();
+            let [posture, task, damping, avoidance, own, null] = parts.as_slice() else { unreachable!() };
+            let mut split = Parts::new(4);
+            (split.posture, split.task, split.damping, split.avoidance) =
+                (posture.clone(), task.clone(), damping.clone(), avoidance.clone());
+            let mut torque = Torque {
+                total: sum(&[posture, task, damping, avoidance, own, null]),
+                task: sum(&[task, own]),
+                null: sum(&[posture, damping, avoidance, null]),
+            };
+            let full = torque.clone();
+            let granted = split.fit(&limit, &mut torque);
+            for i in 0..4 {
+                prop_assert!(torque.total[i].abs() <= limit[i] * (1.0 + 1e-12) + 1e-12);
+            }
+            for k in 1..5 {
+                prop_assert!(granted[k] >= 1.0 || granted[k - 1] == 0.0);
+            }
+            if within(&full.total, &limit) {
+                prop_assert_eq!(granted, ALL);
+            } else {
+                let used = (0..4).map(|i| torque.total[i].abs() / limit[i]).fold(0.0, f64::max);
+                prop_assert!(used > 1.0 - 1e-9 || granted.contains(&0.0));
+            }
+        }
+    }
+
+    /// Nothing below 80 % of the limit, everything from the limit on.
+    #[test]
+    fn brake_sets_in_before_the_limit() {
+        assert_eq!(brake(&[0.4, -0.79], &[1.0, 1.0]), 0.0);
+        assert!(brake(&[0.0, -0.9], &[1.0, 1.0]) > 1.0);
+        assert_eq!(brake(&[1.0, 3.0], &[1.0, 1.0]), 50.0);
+    }
+}
