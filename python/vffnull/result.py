@@ -26,7 +26,7 @@ __all__ = ["Metrics", "Result", "Status"]
 
 Array = NDArray[np.float64]
 
-_FORMAT = 1  # of the file that `Result.save` writes
+_FORMAT = 2  # of the file that `Result.save` writes
 
 
 class Status(str, Enum):
@@ -268,10 +268,11 @@ class Result:
         try:
             with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull"]))
-                there = [name for name, q in QUANTITIES.items() if name in file or not q.optional]
-                arrays = {name: file[name] for name in ("t", *there)}
-            written = int(header["format"])
-            by = str(header["version"])
+                written = int(header["format"])
+                by = str(header["version"])
+                ours = ("t", *QUANTITIES) if written == _FORMAT else ()
+                optional = {name for name, quantity in QUANTITIES.items() if quantity.optional}
+                arrays = {name: file[name] for name in ours if name in file or name not in optional}
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
             raise InputError(f"{source}: not a result that vffnull has saved") from None
         if written != _FORMAT:

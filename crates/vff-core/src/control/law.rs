@@ -83,16 +83,19 @@ impl Law {
         let (total, task, y) = (&mut total[..n], &mut task[..n], &mut null[..n]);
         let (bias, v, w) = (&mut self.bias[..n], &mut self.v[..n], &mut self.w[..n]);
         let dq = &robot.velocity()[..n];
-        let momentum = space.lambda * space.dx; // Λ ẋ
+        let momentum = space.lambda_damped * space.dx; // Λ ẋ
 
         // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                        (T12)
         robot.coriolis_mul(dq, bias);
         let c_dq = space.response(bias);
         let f = space.lambda_damped * (ddx_c + c_dq - robot.task_bias_acceleration());
 
-        // Null motion N q̇ = q̇ − J#ẋ, its coupling Cᵀ J#ẋ and its damping D_q N q̇
-        space.pinv_mul(&space.dx, v);
+        // Coupling Cᵀ J#ẋ, null motion N q̇ = q̇ − J#ẋ and its damping D_q N q̇
+        space.response_mul(&momentum, v);
         robot.coriolis_tr_mul(v, y);
+        if space.singular {
+            space.pinv_mul(&space.dx, v); // the projector stays exact where the coupling is damped
+        }
         for i in 0..n {
             v[i] = dq[i] - v[i];
         }

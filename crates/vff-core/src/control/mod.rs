@@ -391,7 +391,7 @@ mod tests {
         let mut totals = vec![];
         for formulation in FORMULATIONS {
             let mut controller = sensed::<M>(c, &settings(formulation, projection));
-            prop_assume!(conditioning(&controller) > 1e-4);
+            prop_assume!(conditioning(&controller) > 1e-4 && !controller.space().singular);
             let sample = reference::<M>();
             let torque = controller.command(&sample).clone();
             let e = *controller.error();

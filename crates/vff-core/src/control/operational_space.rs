@@ -102,9 +102,14 @@ impl<const M: usize> OperationalSpace<M> {
     /// `out = J# v = Y Λ v`, the least-kinetic-energy joint velocity of a task velocity.
     #[inline]
     pub fn pinv_mul(&self, v: &SVector<f64, M>, out: &mut [f64]) {
-        let force = self.lambda * v;
+        self.response_mul(&(self.lambda * v), out);
+    }
+
+    /// `out = M⁻¹Jᵀ f = Y f`, the joint acceleration per task force.
+    #[inline]
+    pub fn response_mul(&self, force: &SVector<f64, M>, out: &mut [f64]) {
         for (row, out) in self.y.iter().zip(out) {
-            *out = row.dot(&force);
+            *out = row.dot(force);
         }
     }
 }

@@ -129,7 +129,7 @@ impl Default for Settings {
             formulation: Formulation::Recursive,
             projection: Projection::Dynamic,
             avoidance: Avoidance::NullSpace,
-            singularity: 1e-3,
+            singularity: 3e-2,
         }
     }
 }

@@ -378,8 +378,8 @@ impl Scenario {
         warnings
     }
 
-    /// A field too stiff for the control period, at the clearance that the fastest obstacle is to be
-    /// expected to come to (T29, T32).
+    /// A field too stiff for the control period: where the obstacles stand at the start, or at the
+    /// clearance that the fastest of them is to be expected to come to (T29, T32).
     fn field_bound<const M: usize>(
         &self,
         controller: &Controller<PlanarState, 2, M>,
@@ -390,15 +390,18 @@ impl Scenario {
         let h = self.simulation.control_period();
         let speed = self.obstacles.iter().map(|o| o.motion.top_speed()).fold(0.0, f64::max);
         let now = controller.stable_period(&World::new(self.obstacles.clone()));
-        let worst = match controller.stable_period_against(speed) {
-            coming if speed > 0.0 && coming.period < now.period => coming,
-            _ => now,
+        let (worst, when) = match controller.stable_period_against(speed) {
+            coming if speed > 0.0 && coming.period < now.period => {
+                (coming, "which is to be expected")
+            }
+            _ => (now, "as at the start"),
         };
-        (worst.stiffness > 0.0 && h >= worst.period).then(|| {
+        // One that stands inside the arm has its own warning.
+        (worst.stiffness > 0.0 && worst.clearance >= 0.0 && h >= worst.period).then(|| {
             format!(
-                "controller.field: at a clearance of {:.3} m, which is to be expected, it has a \
-                 stiffness of {:.3} N/m, for which the null space is stable up to a control period of \
-                 {:.6} s; it is {h} s. More null_damping, a lower gain or a shorter period helps",
+                "controller.field: at a clearance of {:.3} m, {when}, its stiffness is {:.3} N/m, for \
+                 which the null space is stable up to a control period of {:.6} s; it is {h} s. More \
+                 null_damping, a lower gain or a shorter period helps",
                 worst.clearance, worst.stiffness, worst.period
             )
         })

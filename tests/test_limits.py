@@ -1,0 +1,183 @@
+"""Limits: what is given up, in which order, and what holds on (docs/theory.md, T34 to T38)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import ScenarioError
+
+PAPER = ["paper-1", "paper-1-ramp", "paper-2", "paper-2-moving", "paper-2-printed"]
+POSTURE = {"controller.posture": [0.0] * 6, "controller.posture_stiffness": 20.0}
+
+
+def run(name: str, **keys: Any) -> vff.Result:
+    return vff.simulate(name, {key.replace("__", "."): value for key, value in keys.items()})
+
+
+@pytest.mark.parametrize("limit", [2.0, 20.0, 100.0])
+@pytest.mark.parametrize("control", ["hold", "continuous", "predictor"])
+def test_torque_stays_within_its_limits(limit: float, control: str) -> None:
+    keys = {"arm.torque_limits": limit, "simulation.control": control, "duration": 8.0}
+    result = vff.simulate("paper-1", keys)
+    assert np.abs(result.tau).max() <= limit * (1 + 1e-12)
+    assert np.abs(result.tau).max() == pytest.approx(limit)
+    assert result.metrics.torque_limit_ratio <= 1 + 1e-12
+    assert result.metrics.limited_steps == np.count_nonzero((result.granted < 1).any(axis=1))
+    assert result.metrics.limited_steps > 0
+    np.testing.assert_allclose(result.tau_task + result.tau_null, result.tau, atol=1e-12 * limit)
+
+
+def test_objectives_are_given_up_in_order() -> None:
+    """Each down to nothing before the next is touched: posture, task, damping, avoidance, compensation."""
+    keys = {"arm.torque_limits": 6.0, "arm.gravity": 0.0, "duration": 8.0, **POSTURE}
+    result = vff.simulate("paper-1", keys)
+    shares = result.granted[:, :5]
+    for k in range(1, 5):
+        touched = shares[:, k] < 1
+        assert (shares[touched, k - 1] == 0).all()
+    partly = ((shares > 0) & (shares < 1)).any(axis=0)
+    assert partly[0] and partly[1]
+
+
+def test_the_task_keeps_its_direction() -> None:
+    """With the share s of the task, the end effector accelerates by s ẍ_c: slower, not elsewhere (T34)."""
+    result = run("paper-1", arm__torque_limits=20.0)
+    arm = result.scenario.arm
+    partly = np.flatnonzero((result.granted[:, 1] < 0.999) & (result.granted[:, 2] == 1))
+    assert len(partly) > 100
+    for i in partly[::20]:
+        q, dq = result.q[i], result.dq[i]
+        ddq = arm.forward_dynamics(q, dq, result.tau[i])
+        ddx = arm.jacobian(q) @ ddq + arm.jacobian_dot(q, dq) @ dq
+        wanted = -8.0 * result.dx[i] - 16.0 * result.error[i]
+        np.testing.assert_allclose(ddx, result.granted[i, 1] * wanted, atol=1e-8)
+
+
+def test_limits_that_are_not_reached_change_nothing() -> None:
+    free = run("sweep-through")
+    held = run("sweep-through", arm__torque_limits=1e6, arm__velocity_limits=1e6)
+    assert (held.granted == 1).all() and held.metrics.limited_steps == 0
+    assert free.granted is None and free.metrics.limited_steps is None
+    np.testing.assert_array_equal(held.q, free.q)
+
+
+def test_limits_can_be_ignored() -> None:
+    free = run("paper-1", duration=2.0)
+    keys = {"arm__torque_limits": 20.0, "arm__velocity_limits": 0.5, "controller__enforce_limits": False}
+    ignored = run("paper-1", duration=2.0, **keys)
+    np.testing.assert_array_equal(ignored.tau, free.tau)
+    assert ignored.granted is None
+    assert ignored.metrics.torque_limit_ratio == pytest.approx(free.metrics.peak_torque / 20.0)
+    assert ignored.metrics.velocity_limit_ratio == pytest.approx(free.metrics.peak_speed / 0.5)
+
+
+@pytest.mark.parametrize("limit", [0.2, 0.5, 1.0, 2.0])
+def test_joint_speeds_stay_near_their_limits(limit: float) -> None:
+    """A step of 2.4 m at no more than the limit: the reference is slowed down, then reached (T36, T37).
+
+    The limit is kept by braking, not by a constraint, so a few per cent are exceeded.
+    """
+    free = run("paper-1")
+    result = run("paper-1", arm__velocity_limits=limit)
+    assert free.metrics.peak_speed > 6
+    assert result.metrics.velocity_limit_ratio < 1.05
+    assert result.granted[:, 5].min() < 0.5
+    assert result.metrics.max_null_acceleration < 1e-10
+    if limit >= 0.5:
+        assert result.metrics.max_error_tail < 1e-9
+
+
+def test_both_limits_at_once() -> None:
+    result = run("paper-1", arm__velocity_limits=1.0, arm__torque_limits=10.0)
+    assert result.status == "completed"
+    assert np.abs(result.tau).max() <= 10 * (1 + 1e-12)
+    assert result.metrics.max_error_tail < 1e-6
+
+
+LIMIT_FIELD = {"kind": "khatib", "gain": 0.02, "influence": 0.3}
+
+
+def test_joint_limits_repel_in_the_null_space() -> None:
+    """Null motion that would pass a limit stops before it, and the end effector feels nothing (T38)."""
+    keys = {"arm.joint_limits": [[-3.2, 3.2]] * 2 + [[-1.0, 3.2]] + [[-3.2, 3.2]] * 3}
+    free = vff.simulate("paper-2", keys)
+    held = vff.simulate("paper-2", {**keys, "controller.joint_limit_field": LIMIT_FIELD})
+    assert free.metrics.joint_limit_violation > 0.05
+    assert held.metrics.joint_limit_violation == 0
+    assert held.metrics.max_error_tail == pytest.approx(free.metrics.max_error_tail, abs=1e-9)
+    assert held.metrics.max_null_acceleration < 1e-10
+
+
+def gradient(controller: vff.Controller, q: np.ndarray, h: float = 1e-6) -> np.ndarray:
+    """∂U/∂q of everything that is stored in the null space at rest, by central differences."""
+
+    def stored(at: np.ndarray) -> float:
+        return float(controller.terms(at, np.zeros_like(at), [1.0, 1.0]).energy[2])
+
+    return np.array([(stored(q + step) - stored(q - step)) / (2 * h) for step in h * np.eye(len(q))])
+
+
+def test_joint_limit_torque_is_the_slope_of_its_potential() -> None:
+    arm = vff.Arm([1.0] * 4, 1.0, joint_limits=[-1.5, 1.5])
+    controller = vff.Controller(arm, {"joint_limit_field": LIMIT_FIELD | {"influence": 0.6}})
+    q = np.array([1.2, -1.3, 0.5, 1.45])
+    terms = controller.terms(q, np.zeros(4), [1.0, 1.0])
+    expected = -terms.N.T @ gradient(controller, q)
+    assert np.abs(expected).max() > 0.1
+    np.testing.assert_allclose(terms.tau_null, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_self_repulsion_is_the_slope_of_its_potential() -> None:
+    """Folded arms, links near each other and links that cross; neighbours do not count."""
+    field = {"kind": "khatib", "gain": 0.05, "influence": 0.7}
+    arm = vff.Arm([1.0, 0.8, 0.9, 0.7], 1.0, radius=0.03)
+    controller = vff.Controller(arm, {"field": field, "self_collision": "avoid"})
+    for q in ([0.1, 1.9, 1.5, 0.4], [0.0, 2.2, 2.0, 0.9], [0.3, -2.3, -2.3, -1.0]):
+        angles = np.array(q)
+        terms = controller.terms(angles, np.zeros(4), [1.0, 1.0])
+        assert np.abs(terms.tau_vff).max() > 1e-3
+        np.testing.assert_allclose(terms.tau_vff, -gradient(controller, angles), rtol=1e-4, atol=1e-5)
+    assert controller.terms([0.0, 2.2, 2.2, 2.0], np.zeros(4), [1.0, 1.0]).self_clearance < 0
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_the_paper_s_scenarios_with_self_collision(name: str) -> None:
+    """In its second scenario links cross; where they repel each other they do not."""
+    reported = run(name, controller__self_collision="report")
+    avoided = run(name, controller__self_collision="avoid")
+    plain = run(name)
+    np.testing.assert_array_equal(reported.q, plain.q)
+    assert plain.self_clearance is None and plain.metrics.min_self_clearance is None
+    crossed = reported.metrics.self_collision_time is not None
+    assert crossed == (reported.metrics.min_self_clearance <= 0) == name.startswith("paper-2")
+    assert reported.metrics.min_self_clearance == reported.self_clearance.min()
+    assert avoided.metrics.min_self_clearance > 0.3
+    assert avoided.metrics.max_null_acceleration < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("keys", "path", "words"),
+    [
+        ({"controller.joint_limit_field": LIMIT_FIELD}, "controller.joint_limit_field", "arm.joint_limits"),
+        ({"arm.velocity_limits": 1.0, "controller.damping": 0.0}, "controller.damping", "velocity_limits"),
+        ({"arm.velocity_limits": [1.0] * 5}, "arm.velocity_limits", "6"),
+        ({"arm.velocity_limits": -1.0}, "arm.velocity_limits", "greater than 0"),
+        ({"controller.self_collision": "yes"}, "controller.self_collision", "avoid"),
+        ({"controller.tank": {"capacity": 0.0}}, "controller.tank.capacity", "greater than 0"),
+        ({"controller.tank": {"capacity": 1.0, "floor": 0.0}}, "controller.tank.floor", "at most 1"),
+        ({"controller.tank": {"capacity": 1.0, "initial": 2.0}}, "controller.tank.initial", "capacity 1"),
+        (
+            {"controller.tank": {"capacity": 1.0}, "simulation.control": "continuous"},
+            "controller.tank",
+            "hold",
+        ),
+    ],
+)
+def test_bad_limits(keys: dict[str, Any], path: str, words: str) -> None:
+    with pytest.raises(ScenarioError, match=words) as caught:
+        vff.simulate("paper-1", keys)
+    assert caught.value.path == path
