@@ -9,22 +9,21 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from vffnull import _core
 from vffnull._record import AXES, QUANTITIES, unit
 from vffnull.errors import InputError
 from vffnull.scenario import Scenario
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas
     import xarray
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 __all__ = ["Metrics", "Result", "Status"]
-
-Array = NDArray[np.float64]
 
 _FORMAT = 1  # of the file that `Result.save` writes
 
@@ -40,6 +39,8 @@ class Status(str, Enum):
     """Stopped early: velocities or angles grew beyond all bounds."""
     INTERRUPTED = "interrupted"
     """Stopped early by Ctrl-C."""
+    FAILED = "failed"
+    """One of many, ended by a fault of vffnull itself; the others are not concerned."""
 
     def __str__(self) -> str:
         return self.value
@@ -204,6 +205,8 @@ class Result:
         """
         import json
 
+        import numpy as np
+
         target = npz_path(path)
         header = {
             "format": _FORMAT,
@@ -246,6 +249,8 @@ class Result:
         import zipfile
         import zlib
 
+        import numpy as np
+
         source = npz_path(path)
         try:
             with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
@@ -285,6 +290,8 @@ class Result:
         ImportError
             Without the extra ``vffnull[io]``.
         """
+        import numpy as np
+
         library = _extra("pandas")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
@@ -314,6 +321,8 @@ class Result:
         ImportError
             Without the extra ``vffnull[io]``.
         """
+        import numpy as np
+
         library = _extra("xarray")
         n, m, k = self.q.shape[1], self.x.shape[1], self.obstacles.shape[1]
         numbers = {"joint": np.arange(1, n + 1), "link": np.arange(1, n + 1), "obstacle": np.arange(1, k + 1)}

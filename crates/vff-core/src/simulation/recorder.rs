@@ -43,9 +43,9 @@ pub struct Record {
     pub obstacles: Vec<f64>,
 }
 
-/// The largest record that is accepted [bytes]: systems that promise more memory than they have
+/// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems that promise more memory than they have
 /// would otherwise end the process in the middle of a run.
-const MAX_BYTES: usize = 8_000_000_000;
+pub const MAX_BYTES: usize = 8_000_000_000;
 
 /// The record of a run would be too large.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -69,7 +69,7 @@ impl Record {
         obstacles: usize,
     ) -> Result<Self, RecordTooLarge> {
         let mut record = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
-        let row_bytes = 8 * record.arrays().iter().map(|(_, width)| width).sum::<usize>();
+        let row_bytes = Self::row_bytes(n, m, obstacles);
         let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
         let reserve =
             |(array, width): (&mut Vec<f64>, usize)| array.try_reserve_exact(rows * width);
@@ -79,6 +79,12 @@ impl Record {
         #[expect(clippy::cast_precision_loss, reason = "a message")]
         let gigabytes = 1e-9 * rows as f64 * row_bytes as f64;
         Err(RecordTooLarge { rows, gigabytes })
+    }
+
+    /// What one row takes [bytes].
+    pub fn row_bytes(n: usize, m: usize, obstacles: usize) -> usize {
+        let mut empty = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
+        8 * empty.arrays().iter().map(|(_, width)| width).sum::<usize>()
     }
 
     /// Every array with the length of its rows.
