@@ -17,8 +17,8 @@ from vffnull import _core
 from vffnull._simulate import prepare, progress_bar
 from vffnull._simulate import run as run_scenario
 from vffnull.errors import InputError, ScenarioError, VffNullError
-from vffnull.result import Result, Status, npz_path
 from vffnull.real_time import FIGURE_ENDINGS, RealTimeReport, measure
+from vffnull.result import Result, Status, npz_path
 from vffnull.scenario import Scenario, read, scenarios
 
 __all__ = ["main"]

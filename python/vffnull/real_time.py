@@ -180,11 +180,11 @@ class RealTimeReport:
     min_clearance : float or None
         Smallest distance between a link and an obstacle [m]; None without obstacles.
     latency : Histogram
-        From the instant at which a period should begin to when it did.
+        From the instant at which a period was due to begin to when it did.
     step : Histogram
         How long plant, law and obstacles took.
     response : Histogram
-        From the instant at which a period should begin to the end of its step.
+        From the instant at which a period was due to begin to the end of its step.
     jitter : Histogram
         How far the time between two beginnings was off the period.
     notes : tuple of str
@@ -216,7 +216,7 @@ class RealTimeReport:
         if not self.periods:
             return f"Nothing was measured at {self.rate:g} Hz."
         steps = "step" if self.periods == 1 else "steps"
-        worst = f"the slowest was done {_readable(self.response.max)} after its deadline began"
+        worst = f"the slowest ended {_readable(self.response.max)} after it was due to begin"
         if self.held:
             return (
                 f"{self.rate:g} Hz was held: all of {self.periods} {steps} ended in time; {worst}, "
@@ -226,8 +226,7 @@ class RealTimeReport:
         most = self.response.quantile(0.99)
         return (
             f"{self.rate:g} Hz was not held: {self.missed} of {self.periods} {steps} ({share:.2g} %) ended "
-            f"late; {worst}, 99 % within {_readable(most)}. Without such delays this machine would hold "
-            f"{_rate(most)}."
+            f"late; {worst}, 99 % within {_readable(most)}. At {_rate(most)}, 99 % of such steps would end in time."
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -294,10 +293,10 @@ class RealTimeReport:
 _QUANTILES = {"median": 0.5, "99 %": 0.99, "99.9 %": 0.999, "worst": 1.0}
 
 _MEANINGS = {
-    "latency": "wake-up after the deadline",
-    "step": "duration of a step",
-    "response": "end of the step after the deadline",
-    "jitter": "period, off its nominal length",
+    "latency": "wake-up, late by",
+    "step": "step, takes",
+    "response": "step, ends after it was due to begin",
+    "jitter": "period, off by",
 }
 
 

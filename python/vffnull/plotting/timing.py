@@ -22,6 +22,9 @@ __all__ = ["draw", "save"]
 PER_DECADE = 20
 """Bars per decade of time."""
 
+RESOLUTION = 1e-9
+"""What the clock can tell apart [s]."""
+
 
 def draw(report: RealTimeReport) -> Figure:
     """Wake-up, step and response, each over the same logarithmic time."""
@@ -40,15 +43,15 @@ def save(report: RealTimeReport, path: Path) -> Path:
 
 def _figure(report: RealTimeReport) -> Figure:
     parts = {
-        "wake-up after the deadline": report.latency,
-        "duration of a step": report.step,
-        "end of the step after the deadline": report.response,
+        "wake-up, late by": report.latency,
+        "step, takes": report.step,
+        "step, ends after it was due to begin": report.response,
     }
     figure = style.figure(4.2)
     axes = list(figure.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0])
     period = 1.0 / report.rate
-    all_values = np.concatenate([[period], *(part.values for part in parts.values())])
-    edges = _edges(float(all_values.min()), float(all_values.max()))
+    seen = np.concatenate([[period], *(part.values for part in parts.values())])
+    edges = _edges(max(float(seen.min()), RESOLUTION), float(seen.max()))
     colours = style.joint_colours(len(parts))
     for ax, (title, histogram), colour in zip(axes, parts.items(), colours, strict=True):
         _bars(ax, histogram, edges, colour)
@@ -85,7 +88,9 @@ def _bars(
     ax: Axes, histogram: Histogram, edges: np.ndarray[tuple[int], np.dtype[np.float64]], colour: str
 ) -> None:
     """Counts per bar, over logarithmic axes; one occurrence is still to be seen."""
-    counts, _ = np.histogram(histogram.values, bins=edges, weights=histogram.counts.astype(float))
+    counts, _ = np.histogram(
+        np.maximum(histogram.values, edges[0]), bins=edges, weights=histogram.counts.astype(float)
+    )
     ax.stairs(counts, edges, fill=True, color=colour)
     ax.set_xscale("log")
     ax.set_yscale("log")

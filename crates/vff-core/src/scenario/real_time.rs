@@ -59,7 +59,9 @@ impl RealTime {
         options.dt = dt;
         if (dt - given).abs() > 1e-9 * given {
             notes.push(format!(
-                "simulation.dt: {given} s does not divide the period of {period} s, {dt} s is used"
+                "simulation.dt: the plant takes {} of its steps per control period at {rate} Hz, which \
+                 are shorter than {given} s",
+                options.control_every
             ));
         }
         if options.control == Control::Continuous {
