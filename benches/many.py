@@ -34,7 +34,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--scenarios", type=int, default=64)
-    parser.add_argument("--duration", type=float, default=20.0, help="of each scenario [s]")
+    parser.add_argument("--duration", type=float, default=8.0, help="of each scenario [s]")
     parser.add_argument("--repeat", type=int, default=9)
     parser.add_argument("--record", action="store_true", help="with records instead of metrics alone")
     given = parser.parse_args()

@@ -215,18 +215,16 @@ class RealTimeReport:
         """What this machine could hold, in a sentence."""
         if not self.periods:
             return f"Nothing was measured at {self.rate:g} Hz."
-        steps = "step" if self.periods == 1 else "steps"
         worst = f"the slowest ended {_readable(self.response.max)} after it was due to begin"
         if self.held:
             return (
-                f"{self.rate:g} Hz was held: all of {self.periods} {steps} ended in time; {worst}, "
+                f"{self.rate:g} Hz was held: all of {self.periods} steps ended in time; {worst}, "
                 f"which leaves room up to {_rate(self.response.max)}."
             )
-        share = 100.0 * self.missed / self.periods
-        most = self.response.quantile(0.99)
         return (
-            f"{self.rate:g} Hz was not held: {self.missed} of {self.periods} {steps} ({share:.2g} %) ended "
-            f"late; {worst}, 99 % within {_readable(most)}. At {_rate(most)}, 99 % of such steps would end in time."
+            f"{self.rate:g} Hz was not held: {self.missed} of {self.periods} steps "
+            f"({100.0 * self.missed / self.periods:.2g} %) ended late; {worst}, which only "
+            f"{_rate(self.response.max)} or less would have allowed."
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -22,8 +22,8 @@ __all__ = ["draw", "save"]
 PER_DECADE = 20
 """Bars per decade of time."""
 
-RESOLUTION = 1e-9
-"""What the clock can tell apart [s]."""
+SHORTEST = 1e-8
+"""Shorter times [s] are no longer than reading the clock; they count as this."""
 
 
 def draw(report: RealTimeReport) -> Figure:
@@ -51,7 +51,7 @@ def _figure(report: RealTimeReport) -> Figure:
     axes = list(figure.subplots(len(parts), 1, sharex=True, squeeze=False)[:, 0])
     period = 1.0 / report.rate
     seen = np.concatenate([[period], *(part.values for part in parts.values())])
-    edges = _edges(max(float(seen.min()), RESOLUTION), float(seen.max()))
+    edges = _edges(max(float(seen.min()), SHORTEST), float(seen.max()))
     colours = style.joint_colours(len(parts))
     for ax, (title, histogram), colour in zip(axes, parts.items(), colours, strict=True):
         _bars(ax, histogram, edges, colour)
