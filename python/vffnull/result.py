@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -297,7 +298,7 @@ class Result:
         units: dict[str, str] = {}
         for name, quantity in QUANTITIES.items():
             values: Array = getattr(self, name)
-            flat = values.reshape(len(values), -1).T
+            flat = values.reshape(len(values), math.prod(values.shape[1:])).T
             for line, index in zip(flat, np.ndindex(values.shape[1:]), strict=True):
                 labels = [
                     AXES[i] if over in ("task", "plane") else str(i + 1)

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant};
 
 /// The last part of every wait is spent spinning: a sleep ends late by about that much.
 const SPIN: Duration = Duration::from_micros(150);
+/// A longer wait is made of several of this length, so that it can be ended.
+const SLEEP: Duration = Duration::from_millis(50);
 /// Longer than this is counted as this.
 const LONGEST: Duration = Duration::from_secs(100);
 
@@ -52,10 +54,7 @@ pub fn keep(
     let mut deadline = Instant::now() + period;
     let mut last_begin = None;
     for k in 0..count {
-        if stop.load(Ordering::Relaxed) {
-            return;
-        }
-        let begin = wait_until(deadline);
+        let Some(begin) = wait_until(deadline, stop) else { return };
         let goes_on = work();
         let end = Instant::now();
         timing.latency.saturating_record(nanoseconds(begin - deadline));
@@ -73,16 +72,22 @@ pub fn keep(
     }
 }
 
-/// Sleeps, then spins. Returns the instant of waking up.
-fn wait_until(deadline: Instant) -> Instant {
-    let mut now = Instant::now();
-    if let Some(sleep) = deadline.saturating_duration_since(now).checked_sub(SPIN) {
-        thread::sleep(sleep);
+/// Sleeps, then spins. Returns the instant of waking up, or none when `stop` is set.
+fn wait_until(deadline: Instant, stop: &AtomicBool) -> Option<Instant> {
+    loop {
+        if stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        let left = deadline.saturating_duration_since(Instant::now()).saturating_sub(SPIN);
+        if left.is_zero() {
+            break;
+        }
+        thread::sleep(left.min(SLEEP));
     }
     loop {
-        now = Instant::now();
+        let now = Instant::now();
         if now >= deadline {
-            return now;
+            return Some(now);
         }
         hint::spin_loop();
     }
@@ -137,7 +142,21 @@ mod tests {
         assert_eq!(done, 7);
         let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
         let stop = AtomicBool::new(true);
-        keep(&mut timing, Duration::from_millis(1), 5, &stop, &done, || true);
+        keep(&mut timing, Duration::from_secs(1000), 5, &stop, &done, || true);
         assert_eq!((done.into_inner(), timing.work.len()), (0, 0));
+    }
+
+    /// A wait of 1000 s ends when it is told to from another thread.
+    #[test]
+    fn a_long_wait_can_be_ended() {
+        let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                thread::sleep(Duration::from_millis(20));
+                stop.store(true, Ordering::Relaxed);
+            });
+            keep(&mut Timing::default(), Duration::from_secs(1000), 5, &stop, &done, || true);
+        });
+        assert_eq!(done.into_inner(), 0);
     }
 }
