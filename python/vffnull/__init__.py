@@ -6,8 +6,9 @@
 completed
 
 The arm follows its task to rounding while its links give way to moving obstacles. `simulate` runs a whole
-scenario; `Controller` is the torque law alone, for somebody else's loop; `Simulation` is the plant, for
-somebody else's controller. Units are SI, angles are radians, and arrays run (time, joint).
+scenario, `simulate_many` a list of them on all cores, `realtime` one against the clock; `Controller` is the
+torque law alone, for somebody else's loop; `Simulation` is the plant, for somebody else's controller. Units
+are SI, angles are radians, and arrays run (time, joint).
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ from vffnull._core import (
     Terms,
     __version__,
 )
+from vffnull._many import metrics_table, simulate_many
 from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
+from vffnull.real_time import Histogram, RealTimeReport, realtime
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
@@ -41,9 +44,11 @@ __all__ = [
     "Controller",
     "ExtendedJacobian",
     "Field",
+    "Histogram",
     "Metrics",
     "Motion",
     "Obstacle",
+    "RealTimeReport",
     "Result",
     "Scenario",
     "Simulation",
@@ -53,6 +58,9 @@ __all__ = [
     "VffNullError",
     "__version__",
     "errors",
+    "metrics_table",
+    "realtime",
     "scenarios",
     "simulate",
+    "simulate_many",
 ]

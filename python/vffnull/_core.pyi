@@ -1,6 +1,6 @@
 """The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, Protocol, final
 
 import numpy as np
@@ -21,7 +21,9 @@ __all__ = [
     "check",
     "format_toml",
     "parse_toml",
+    "real_time",
     "run",
+    "run_many",
     "schema",
 ]
 
@@ -242,7 +244,7 @@ class ExtendedJacobian:
 
 @final
 class Controller:
-    """The torque law alone, for a loop of your own.
+    """The torque law alone, for a loop of your own. Threads that share one take turns.
 
     Parameters
     ----------
@@ -495,6 +497,73 @@ def run(
     ------
     vffnull.errors.ScenarioError
         If the scenario cannot be run.
+    """
+
+def run_many(
+    documents: Iterable[_Document],
+    name: str = "scenarios",
+    threads: int | None = None,
+    record: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Run many scenario documents on several threads, with the GIL released.
+
+    Parameters
+    ----------
+    documents : iterable of Mapping
+        The scenarios.
+    name : str
+        What error messages call the list.
+    threads : int, optional
+        How many threads; as many as there are cores by default.
+    record : bool
+        Whether to record, or to keep nothing but the metrics.
+    progress : callable, optional
+        Gets the number of finished scenarios and the number of all about every 100 ms.
+
+    Returns
+    -------
+    list of dict
+        What `run` returns, in the order of the documents.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If a scenario cannot be run; nothing has been computed then.
+    vffnull.errors.InputError
+        If all records together are too large, or the threads cannot be started.
+    """
+
+def real_time(
+    document: Mapping[str, Any],
+    rate: float,
+    seconds: float,
+    priority: int | None = None,
+    core: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:
+    """Run a scenario document against the wall clock on a thread of its own, with the GIL released.
+
+    Parameters
+    ----------
+    document : Mapping
+        The scenario.
+    rate : float
+        Control periods per second [Hz].
+    seconds : float
+        How long [s].
+    priority : int, optional
+        Priority of SCHED_FIFO, 1 to 99.
+    core : int, optional
+        The core to stay on.
+    progress : callable, optional
+        Gets the number of periods done and the number of all about every 100 ms.
+
+    Returns
+    -------
+    dict
+        ``status``, ``rate`` [Hz], ``dt`` [s], ``periods``, ``missed``, ``restarts``, ``min_clearance`` [m],
+        ``notes``; ``latency``, ``step``, ``response``, ``jitter``: times [s] and how often each.
     """
 
 def check(

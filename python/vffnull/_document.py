@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
 from vffnull.errors import InputTypeError, ScenarioError
 
 Document = dict[str, Any]
@@ -22,6 +20,13 @@ class HasDocument(Protocol):
     def to_dict(self) -> Document:
         """The object as a part of a scenario document."""
         ...
+
+
+@runtime_checkable
+class _FromNumPy(Protocol):
+    """Arrays and scalars of NumPy, which need not be imported to know them."""
+
+    def tolist(self) -> object: ...
 
 
 def plain(value: object, path: str = "") -> Any:
@@ -51,7 +56,7 @@ def _plain(value: object, path: str) -> Any:
         return str(value)
     if isinstance(value, bool | int | float):
         return value
-    if isinstance(value, np.generic | np.ndarray):
+    if isinstance(value, _FromNumPy):
         return _plain(value.tolist(), path)
     if isinstance(value, HasDocument):
         return _plain(value.to_dict(), path)
@@ -69,7 +74,7 @@ def _plain(value: object, path: str) -> Any:
 
 def frozen(value: object) -> Any:
     """Arrays, lists and dictionaries as nested tuples of Python values: comparable, hashable, readable."""
-    if isinstance(value, np.generic | np.ndarray):
+    if isinstance(value, _FromNumPy):
         return frozen(value.tolist())
     if isinstance(value, list | tuple):
         return tuple(frozen(inner) for inner in value)

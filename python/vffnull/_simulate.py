@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from vffnull import _core
-from vffnull._document import plain, put
+from vffnull._document import Document, plain, put
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, ScenarioLike, read
@@ -67,8 +67,7 @@ def simulate(
     >>> result = simulate("paper-1", overrides={"controller.field.gain": 2.0, "duration": 5.0})
     >>> print(result.metrics)  # doctest: +SKIP
     """
-    if not (progress is None or isinstance(progress, bool) or callable(progress)):
-        raise InputTypeError(f"progress: expected True or a callable, not a {type(progress).__name__}")
+    check_progress(progress)
     if plant not in _PLANTS:
         raise InputError(f"plant: expected one of {', '.join(_PLANTS)}, not {plant!r}")
     ready = prepare(scenario, overrides)
@@ -82,21 +81,41 @@ def simulate(
     return result
 
 
+def check_progress(progress: object) -> None:
+    """Refuse what is neither a switch nor a callable."""
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise InputTypeError(f"progress: expected True or a callable, not a {type(progress).__name__}")
+
+
 def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
     """The scenario that is meant, with the overrides applied before anything is checked."""
+    check_overrides(overrides)
+    if isinstance(scenario, Scenario) and not overrides:
+        return scenario
+    return Scenario.from_dict(changed(document_of(scenario), overrides))
+
+
+def check_overrides(overrides: object) -> None:
+    """Refuse what is not a dictionary."""
     if overrides is not None and not isinstance(overrides, Mapping):
         raise InputTypeError(f"overrides: expected a dict of dotted names, not a {type(overrides).__name__}")
+
+
+def document_of(scenario: ScenarioLike) -> Document:
+    """The document of what is meant, unchecked, as a copy of its own."""
     if isinstance(scenario, Scenario):
-        if not overrides:
-            return scenario
-        document = scenario.to_dict()
-    elif isinstance(scenario, Mapping):
-        document = plain(scenario)
-    else:
-        document = _core.parse_toml(read(scenario), str(scenario))
+        return scenario.to_dict()
+    if isinstance(scenario, Mapping):
+        document: Document = plain(scenario)
+        return document
+    return _core.parse_toml(read(scenario), str(scenario))
+
+
+def changed(document: Document, overrides: Mapping[str, Any] | None) -> Document:
+    """The document itself, with other values for some keys."""
     for name, value in (overrides or {}).items():
         put(document, name, value)
-    return Scenario.from_dict(document)
+    return document
 
 
 def run(scenario: Scenario, progress: Progress | None = None, plant: str = "core") -> Result:
@@ -105,7 +124,11 @@ def run(scenario: Scenario, progress: Progress | None = None, plant: str = "core
         from vffnull import mujoco_plant
 
         return mujoco_plant.run(scenario, progress)
-    outcome = _core.run(scenario.to_dict(), progress)
+    return result_of(scenario, _core.run(scenario.to_dict(), progress))
+
+
+def result_of(scenario: Scenario, outcome: Mapping[str, Any]) -> Result:
+    """What the core hands back, as a result."""
     return Result(
         scenario=scenario,
         status=Status(outcome["status"]),

@@ -16,7 +16,8 @@ import click
 from vffnull import _core
 from vffnull._simulate import prepare, progress_bar
 from vffnull._simulate import run as run_scenario
-from vffnull.errors import ScenarioError, VffNullError
+from vffnull.errors import InputError, ScenarioError, VffNullError
+from vffnull.real_time import FIGURE_ENDINGS, RealTimeReport, measure
 from vffnull.result import Result, Status, npz_path
 from vffnull.scenario import Scenario, read, scenarios
 
@@ -66,6 +67,7 @@ def _commands() -> None:
     vffnull list                           what is bundled
     vffnull show paper-1 > mine.toml       a scenario to start from
     vffnull run mine.toml --json           run it, print the metrics for a script
+    vffnull realtime paper-1               run it against the clock
     """
 
 
@@ -124,6 +126,69 @@ def run(
     elif not quiet:
         _print(result, files)
     return _exit_code(result.status, strict)
+
+
+@_commands.command()
+@click.argument("scenario")
+@click.option(
+    "--rate", type=float, default=1000.0, show_default=True, help="Control periods per second [Hz]."
+)
+@click.option("--seconds", type=float, default=60.0, show_default=True, help="How long [s].")
+@click.option("--priority", type=int, metavar="N", help="Run under SCHED_FIFO with this priority, 1 to 99.")
+@click.option("--core", type=int, metavar="K", help="Stay on this core.")
+@click.option(
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change a key, by its dotted name; repeatable.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+@click.option(
+    "--plot", "plot_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the histograms as PNG."
+)
+@click.option("--strict", is_flag=True, help="Exit with 3 also if a deadline was missed.")
+def realtime(
+    scenario: str,
+    rate: float,
+    seconds: float,
+    priority: int | None,
+    core: int | None,
+    assignments: tuple[str, ...],
+    as_json: bool,
+    plot_to: Path | None,
+    strict: bool,
+) -> int:
+    """Run the closed loop against the wall clock, and say what rate this machine can hold.
+
+    \b
+    vffnull realtime sweep-through --rate 1000 --seconds 60
+    vffnull realtime paper-1 --rate 4000 --priority 80 --core 1 --plot timing.png
+
+    Plant and law run together once per period, at absolute deadlines; a scenario that is over begins
+    again. Systems grant --priority to few.
+
+    Exit codes: 0 fine, 2 wrong input, 3 the run diverged (or missed a deadline, under --strict), 130
+    interrupted.
+    """
+    ready = prepare(scenario, dict(_assignment(text) for text in assignments))
+    if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:  # find out before the run, not after it
+        raise InputError(f"--plot {plot_to}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
+    bar = sys.stderr.isatty() and not as_json
+    report = measure(ready, rate, seconds, priority, core, progress=bar)
+    for note in report.notes:
+        _say(f"warning: {note}", "yellow")
+    if plot_to is not None:
+        plot_to.parent.mkdir(parents=True, exist_ok=True)
+        report.plot(plot_to)
+    if as_json:
+        click.echo(json.dumps(report.to_dict() | {"version": _core.__version__}, ensure_ascii=False))
+    else:
+        _print_timing(report, plot_to)
+    if report.status is Status.INTERRUPTED:
+        return INTERRUPTED
+    failed = report.status is Status.DIVERGED or (strict and not report.held)
+    return FAILED if failed else FINE
 
 
 @_commands.command("list")
@@ -231,10 +296,18 @@ def _print(result: Result, files: list[Path]) -> None:
         click.echo(f"wrote {path}")
 
 
+def _print_timing(report: RealTimeReport, plot: Path | None) -> None:
+    click.echo(click.style(report.scenario.name or "scenario", bold=True), nl=False)
+    click.echo(f": {report.periods} periods at {report.rate:g} Hz, {report.status}\n")
+    click.echo(report)
+    if plot is not None:
+        click.echo(f"\nwrote {plot}")
+
+
 def _exit_code(status: Status, strict: bool) -> int:
     if status is Status.INTERRUPTED:
         return INTERRUPTED
-    failed = status is Status.DIVERGED or (strict and status is Status.COLLIDED)
+    failed = status in (Status.DIVERGED, Status.FAILED) or (strict and status is Status.COLLIDED)
     return FAILED if failed else FINE
 
 

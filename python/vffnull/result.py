@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,22 +10,21 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from vffnull import _core
 from vffnull._record import AXES, NAMES, QUANTITIES, unit
 from vffnull.errors import InputError
 from vffnull.scenario import Scenario
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas
     import xarray
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 __all__ = ["Metrics", "Result", "Status"]
-
-Array = NDArray[np.float64]
 
 _FORMAT = 2  # of the file that `Result.save` writes
 
@@ -40,6 +40,8 @@ class Status(str, Enum):
     """Stopped early: velocities or angles grew beyond all bounds."""
     INTERRUPTED = "interrupted"
     """Stopped early by Ctrl-C."""
+    FAILED = "failed"
+    """One of many, ended by a fault of vffnull itself; the others are not concerned."""
 
     def __str__(self) -> str:
         return self.value
@@ -222,6 +224,8 @@ class Result:
         """
         import json
 
+        import numpy as np
+
         target = npz_path(path)
         header = {
             "format": _FORMAT,
@@ -264,6 +268,8 @@ class Result:
         import zipfile
         import zlib
 
+        import numpy as np
+
         source = npz_path(path)
         try:
             with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
@@ -305,12 +311,14 @@ class Result:
         ImportError
             Without the extra ``vffnull[io]``.
         """
+        import numpy as np
+
         library = _extra("pandas")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
         for name, values in self.recorded().items():
             quantity = QUANTITIES[name]
-            flat = values.reshape(len(values), -1).T
+            flat = values.reshape(len(values), math.prod(values.shape[1:])).T
             for line, index in zip(flat, np.ndindex(values.shape[1:]), strict=True):
                 labels = [
                     NAMES[over][i] if over in NAMES else str(i + 1)
@@ -334,6 +342,8 @@ class Result:
         ImportError
             Without the extra ``vffnull[io]``.
         """
+        import numpy as np
+
         library = _extra("xarray")
         n, m, k = self.q.shape[1], self.x.shape[1], self.obstacles.shape[1]
         numbers = {"joint": np.arange(1, n + 1), "link": np.arange(1, n + 1), "obstacle": np.arange(1, k + 1)}

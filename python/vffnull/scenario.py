@@ -6,13 +6,14 @@ import copy
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
-
-from numpy.typing import ArrayLike
+from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
 from vffnull.errors import InputTypeError, ScenarioError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ["Scenario", "ScenarioLike", "read", "scenarios"]
 

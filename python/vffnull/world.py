@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Motion", "Obstacle"]
 
@@ -225,6 +226,8 @@ class Obstacle:
 
 def _points(given: object) -> NDArray[np.float64] | None:
     """Points as an array (k, 2), or None if they are none."""
+    import numpy as np
+
     try:
         points = np.asarray(given, dtype=float)
     except (TypeError, ValueError):

@@ -2,7 +2,9 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::scenario::Scenario;
+use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
 
 struct Counting;
@@ -105,6 +107,25 @@ fn no_step_allocates() {
             }
         }
     }
+}
+
+/// Nor does a period against the wall clock: 30 and 300 of them, which begin again and again,
+/// allocate the same few times before the first.
+#[test]
+fn no_period_allocates() {
+    let simulation = r#"control = "predictor""#;
+    let mut short =
+        scenario("position", r#"{ kind = "setpoint", point = [4, 1] }"#, simulation, "dynamic");
+    short.duration = 0.01;
+    let count = |periods| {
+        let real_time = RealTime::new(&short, 2000.0).unwrap();
+        let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        let mut restarts = 0;
+        let count = allocations(|| restarts = real_time.run(periods, &stop, &done).restarts);
+        assert_eq!((done.into_inner(), restarts), (periods, (periods - 1) / 20));
+        count
+    };
+    assert_eq!(count(30), count(300));
 }
 
 /// The test can fail: the explicit form of the law, which is dense, does allocate.

@@ -5,8 +5,12 @@ use crate::convert::{array1, document, matrix, named_document, number, read_vect
 use crate::errors::{self, InputError};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
+use pyo3::types::PyDict;
+use std::mem::replace;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use vff_core::control::energy::{ENERGIES, PORTS};
-use vff_core::control::{self, Gains, Granted, Tank, TaskKind};
+use vff_core::control::{self, Gains, Granted, Settings, Tank, TaskKind};
 use vff_core::math::Vector;
 use vff_core::robot::PlanarState;
 use vff_core::scenario;
@@ -15,42 +19,45 @@ use vff_core::world::World;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
-/// The torque law alone.
-#[pyclass(module = "vffnull")]
+/// The torque law alone. Threads that share one take turns.
+#[pyclass(frozen, module = "vffnull")]
 pub struct Controller {
     law: Law,
+}
+
+enum Law {
+    Position(Shared<2>),
+    Pose(Shared<3>),
+}
+
+/// A law of task dimension M for `n` joints.
+struct Shared<const M: usize> {
+    n: usize,
+    inner: Mutex<Inner<M>>,
+}
+
+struct Inner<const M: usize> {
+    law: control::Controller<PlanarState, 2, M>,
     world: World,
     /// The obstacles of `world`, as they were given: the same again need not be read again.
     obstacles: Vec<Py<PyAny>>,
-    q: Vec<f64>,
-    dq: Vec<f64>,
     /// The instant of the last call [s]: an energy tank fills and empties from one to the next.
     last: Option<f64>,
 }
 
-enum Law {
-    Position(control::Controller<PlanarState, 2, 2>),
-    Pose(control::Controller<PlanarState, 2, 3>),
-}
-
-macro_rules! either {
-    ($law:expr, $inner:ident => $body:expr) => {
-        match $law {
-            Law::Position($inner) => $body,
-            Law::Pose($inner) => $body,
-        }
-    };
-}
-
-/// The reference as it is given to a call.
-struct Reference<'a, 'py> {
+/// One call as it is given.
+struct Call<'a, 'py> {
+    q: &'a Bound<'py, PyAny>,
+    dq: &'a Bound<'py, PyAny>,
     x: &'a Bound<'py, PyAny>,
     dx: Option<&'a Bound<'py, PyAny>>,
     ddx: Option<&'a Bound<'py, PyAny>>,
+    obstacles: Option<&'a Bound<'py, PyAny>>,
+    t: Option<&'a Bound<'py, PyAny>>,
 }
 
-impl Reference<'_, '_> {
-    fn read<const M: usize>(&self) -> PyResult<Sample<M>> {
+impl Call<'_, '_> {
+    fn reference<const M: usize>(&self) -> PyResult<Sample<M>> {
         let read = |name, value: Option<&Bound<'_, PyAny>>| -> PyResult<Vector<M>> {
             let mut out = Vector::<M>::zeros();
             value.map_or(Ok(()), |value| read_vector(name, value, out.as_mut_slice()))?;
@@ -64,61 +71,113 @@ impl Reference<'_, '_> {
     }
 }
 
-impl Controller {
-    fn evaluate(
-        &mut self,
-        q: &Bound<'_, PyAny>,
-        dq: &Bound<'_, PyAny>,
-        reference: &Reference<'_, '_>,
-        obstacles: &Bound<'_, PyAny>,
-        t: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<()> {
-        let t = t.map_or(Ok(0.0), |t| number("t", t))?;
-        if !t.is_finite() {
-            return Err(InputError::new_err(format!("t must be finite, got {t}")));
-        }
-        read_vector("q", q, &mut self.q)?;
-        read_vector("dq", dq, &mut self.dq)?;
-        self.look_around(obstacles)?;
-        let Self { law, world, q, dq, last, .. } = self;
-        world.update(t);
-        let elapsed = last.replace(t).map_or(0.0, |last| (t - last).max(0.0));
-        either!(law, law => law.elapse(elapsed));
-        match law {
-            Law::Position(law) => {
-                law.observe(q, dq, world);
-                law.command(&reference.read()?);
-            }
-            Law::Pose(law) => {
-                law.observe(q, dq, world);
-                law.command(&reference.read()?);
-            }
-        }
-        Ok(())
+/// The time of a call [s], 0 if none is given.
+fn time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
+    let t = t.map_or(Ok(0.0), |t| number("t", t))?;
+    match t.is_finite() {
+        true => Ok(t),
+        false => Err(InputError::new_err(format!("t must be finite, got {t}"))),
+    }
+}
+
+fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    obstacles
+        .try_iter()
+        .map_err(|_| wrong_type("obstacles: expected a sequence of obstacles", obstacles))?
+        .collect()
+}
+
+impl<const M: usize> Shared<M> {
+    fn new(state: PlanarState, n: usize, settings: &Settings) -> Self {
+        let law = control::Controller::new(state, Gains::new(settings));
+        let inner = Inner { law, world: World::new(vec![]), obstacles: vec![], last: None };
+        Self { n, inner: Mutex::new(inner) }
     }
 
-    /// Takes over the obstacles, unless they are the very objects of the last call. Only `Obstacle`
-    /// is known not to change; a dict is read every time.
-    fn look_around(&mut self, obstacles: &Bound<'_, PyAny>) -> PyResult<()> {
-        let py = obstacles.py();
-        let given: Vec<Bound<'_, PyAny>> = obstacles
-            .try_iter()
-            .map_err(|_| wrong_type("obstacles: expected a sequence of obstacles", obstacles))?
-            .collect::<PyResult<_>>()?;
-        let same = given.len() == self.obstacles.len()
-            && given.iter().zip(&self.obstacles).all(|(new, old)| new.is(old.bind(py)));
-        if same && !given.iter().any(|o| o.is_instance_of::<pyo3::types::PyDict>()) {
-            return Ok(());
-        }
-        let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
-            let name = format!("obstacles[{j}]");
-            scenario::read_obstacle(&named_document(&name, obstacle)?)
-                .map_err(|error| errors::scenario(&error.inside(&name)))
-        };
-        self.world = World::new(given.iter().enumerate().map(read).collect::<PyResult<_>>()?);
-        self.obstacles = given.into_iter().map(Bound::unbind).collect();
-        Ok(())
+    /// Evaluates the law; `take` reads what it came to.
+    fn evaluate<T>(
+        &self,
+        py: Python<'_>,
+        call: &Call<'_, '_>,
+        take: impl FnOnce(&control::Controller<PlanarState, 2, M>) -> T,
+    ) -> PyResult<T> {
+        let t = time(call.t)?;
+        let mut state = vec![0.0; 2 * self.n];
+        let (q, dq) = state.split_at_mut(self.n);
+        read_vector("q", call.q, q)?;
+        read_vector("dq", call.dq, dq)?;
+        let reference = call.reference()?;
+        self.among(py, call.obstacles, t, |inner| {
+            let elapsed = inner.last.replace(t).map_or(0.0, |last| (t - last).max(0.0));
+            let Inner { law, world, .. } = inner;
+            law.elapse(elapsed);
+            law.observe(q, dq, world);
+            law.command(&reference);
+            take(law)
+        })
     }
+
+    /// Does something with the law among these obstacles at time `t`.
+    ///
+    /// Whatever may run Python code (arrays, obstacles) is read while the lock is not held: that
+    /// code may call this very controller.
+    fn among<T>(
+        &self,
+        py: Python<'_>,
+        obstacles: Option<&Bound<'_, PyAny>>,
+        t: f64,
+        act: impl FnOnce(&mut Inner<M>) -> T,
+    ) -> PyResult<T> {
+        let given = obstacles.map_or(Ok(vec![]), sequence)?;
+        let mut inner = self.lock(py);
+        let mut old = vec![];
+        if !inner.knows(py, &given) {
+            drop(inner);
+            let world = read_world(&given)?;
+            inner = self.lock(py);
+            inner.world = world;
+            old = replace(&mut inner.obstacles, given.into_iter().map(Bound::unbind).collect());
+        }
+        inner.world.update(t);
+        let done = act(&mut inner);
+        drop(inner);
+        drop(old); // which may run Python code, too
+        Ok(done)
+    }
+
+    /// Waits for its turn without holding the GIL. What a panic may leave behind is overwritten by
+    /// the next evaluation.
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Inner<M>> {
+        self.inner.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<const M: usize> Inner<M> {
+    /// Whether these are the very obstacles of the last call. Only `Obstacle` is known not to
+    /// change; a dict is read every time.
+    fn knows(&self, py: Python<'_>, given: &[Bound<'_, PyAny>]) -> bool {
+        given.len() == self.obstacles.len()
+            && given.iter().zip(&self.obstacles).all(|(new, old)| new.is(old.bind(py)))
+            && !given.iter().any(|o| o.is_instance_of::<PyDict>())
+    }
+}
+
+fn read_world(given: &[Bound<'_, PyAny>]) -> PyResult<World> {
+    let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
+        let name = format!("obstacles[{j}]");
+        scenario::read_obstacle(&named_document(&name, obstacle)?)
+            .map_err(|error| errors::scenario(&error.inside(&name)))
+    };
+    Ok(World::new(given.iter().enumerate().map(read).collect::<PyResult<_>>()?))
+}
+
+macro_rules! either {
+    ($law:expr, $inner:ident => $body:expr) => {
+        match $law {
+            Law::Position($inner) => $body,
+            Law::Pose($inner) => $body,
+        }
+    };
 }
 
 #[pymethods]
@@ -147,19 +206,10 @@ impl Controller {
         }
         let state = arm.arm.state();
         let law = match settings.task {
-            TaskKind::Position => {
-                Law::Position(control::Controller::new(state, Gains::new(&settings)))
-            }
-            TaskKind::Pose => Law::Pose(control::Controller::new(state, Gains::new(&settings))),
+            TaskKind::Position => Law::Position(Shared::new(state, n, &settings)),
+            TaskKind::Pose => Law::Pose(Shared::new(state, n, &settings)),
         };
-        Ok(Self {
-            law,
-            world: World::new(vec![]),
-            obstacles: vec![],
-            q: vec![0.0; n],
-            dq: vec![0.0; n],
-            last: None,
-        })
+        Ok(Self { law })
     }
 
     #[pyo3(
@@ -168,7 +218,7 @@ impl Controller {
     )]
     #[expect(clippy::too_many_arguments, reason = "state and reference")]
     fn torque<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
@@ -178,10 +228,11 @@ impl Controller {
         obstacles: Option<&Bound<'py, PyAny>>,
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array1<'py>> {
-        let reference = Reference { x: x_ref, dx: dx_ref, ddx: ddx_ref };
-        let none = pyo3::types::PyTuple::empty(py).into_any();
-        self.evaluate(q, dq, &reference, obstacles.unwrap_or(&none), t)?;
-        Ok(array1(py, either!(&self.law, law => &law.torque().total)))
+        let call = Call { q, dq, x: x_ref, dx: dx_ref, ddx: ddx_ref, obstacles, t };
+        let tau = either!(&self.law, shared => {
+            shared.evaluate(py, &call, |law| law.torque().total.clone())
+        });
+        Ok(array1(py, &tau?))
     }
 
     #[pyo3(
@@ -190,7 +241,7 @@ impl Controller {
     )]
     #[expect(clippy::too_many_arguments, reason = "state and reference")]
     fn terms<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
@@ -200,8 +251,8 @@ impl Controller {
         obstacles: Option<&Bound<'py, PyAny>>,
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Terms> {
-        self.torque(py, q, dq, x_ref, dx_ref, ddx_ref, obstacles, t)?;
-        Ok(either!(&self.law, law => Terms {
+        let call = Call { q, dq, x: x_ref, dx: dx_ref, ddx: ddx_ref, obstacles, t };
+        either!(&self.law, shared => shared.evaluate(py, &call, |law| Terms {
             tau: law.torque().total.clone(),
             tau_task: law.torque().task.clone(),
             tau_null: law.torque().null.clone(),
@@ -225,23 +276,22 @@ impl Controller {
         text_signature = "($self, q, obstacles=(), t=0.0)"
     )]
     fn stable_period(
-        &mut self,
+        &self,
         py: Python<'_>,
         q: &Bound<'_, PyAny>,
         obstacles: Option<&Bound<'_, PyAny>>,
         t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(f64, f64, f64)> {
-        let t = t.map_or(Ok(0.0), |t| number("t", t))?;
-        read_vector("q", q, &mut self.q)?;
-        let none = pyo3::types::PyTuple::empty(py).into_any();
-        self.look_around(obstacles.unwrap_or(&none))?;
-        let Self { law, world, q, dq, .. } = self;
-        world.update(t);
-        dq.fill(0.0);
-        let found = either!(law, law => {
-            law.observe(q, dq, world);
-            law.stable_period(world)
-        });
+        let t = time(t)?;
+        let found = either!(&self.law, shared => {
+            let mut state = vec![0.0; 2 * shared.n];
+            let (angles, rates) = state.split_at_mut(shared.n);
+            read_vector("q", q, angles)?;
+            shared.among(py, obstacles, t, |Inner { law, world, .. }| {
+                law.observe(angles, rates, world);
+                law.stable_period(world)
+            })
+        })?;
         Ok((found.period, found.stiffness, found.clearance))
     }
 }

@@ -4,8 +4,10 @@ mod arm;
 mod controller;
 mod convert;
 mod errors;
+mod real_time;
 mod run;
 mod simulation;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -17,7 +19,9 @@ mod _core {
     #[pymodule_export]
     use crate::controller::{Controller, Terms};
     #[pymodule_export]
-    use crate::run::{check, format_toml, parse_toml, run, schema};
+    use crate::real_time::real_time;
+    #[pymodule_export]
+    use crate::run::{check, format_toml, parse_toml, run, run_many, schema};
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
 

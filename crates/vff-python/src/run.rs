@@ -1,22 +1,21 @@
 //! Whole runs and the judgement of documents.
 #![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
-use crate::convert::{array2, document, table_to_dict};
-use crate::errors;
+use crate::convert::{array2, document, named_document, table_to_dict, wrong_type};
+use crate::errors::{self, InputError};
+use crate::watch::{PROGRESS, SIGNALS, Watch};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::time::{Duration, Instant};
+use std::num::NonZero;
+use std::thread::available_parallelism;
+use std::time::Instant;
 use vff_core::control::energy::{ENERGIES, PORTS};
 use vff_core::control::limits::OBJECTIVES;
+use vff_core::scenario::batch::{Batch, BatchError, Rollout};
 use vff_core::scenario::{self, Part, Scenario};
 use vff_core::simulation::{Record, Value};
-
-/// How often signals are looked at.
-const SIGNALS: Duration = Duration::from_millis(50);
-/// How often progress is told.
-const PROGRESS: Duration = Duration::from_millis(100);
 
 /// Runs a scenario, the GIL released. Ctrl-C ends it with what there is.
 #[pyfunction]
@@ -48,7 +47,45 @@ pub fn run<'py>(
         }
     }
     let wall_time = start.elapsed().as_secs_f64();
-    let outcome = run.outcome();
+    to_dict(py, Rollout { outcome: run.outcome(), warnings: ready.warnings, wall_time })
+}
+
+/// Runs many scenarios on several threads, the GIL released. Ctrl-C ends it with what there is.
+#[pyfunction]
+#[pyo3(signature = (documents, name="scenarios", threads=None, record=true, progress=None))]
+pub fn run_many<'py>(
+    py: Python<'py>,
+    documents: &Bound<'py, PyAny>,
+    name: &str,
+    threads: Option<usize>,
+    record: bool,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let read = |(i, value): (usize, PyResult<Bound<'py, PyAny>>)| {
+        named_document(&format!("{name}[{i}]"), &value?)
+    };
+    let items =
+        documents.try_iter().map_err(|_| wrong_type("documents: expected a list", documents))?;
+    let documents = items.enumerate().map(read).collect::<PyResult<Vec<_>>>()?;
+    let total = documents.len();
+    let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
+    let batch =
+        py.detach(|| Batch::new(&documents, record, threads)).map_err(|error| match error {
+            BatchError::Scenario { index, error } => {
+                errors::scenario(&error.inside(&format!("{name}[{index}]")))
+            }
+            other => InputError::new_err(format!("{name}: {other}")),
+        })?;
+    let mut watch = Watch::new(progress);
+    let look = |finished| watch.look(finished as u64, total as u64);
+    let rollouts = py.detach(|| batch.run(SIGNALS, look));
+    watch.end(py, total as u64, total as u64)?;
+    rollouts.into_iter().map(|rollout| to_dict(py, rollout)).collect()
+}
+
+/// An outcome as Python values.
+fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
+    let Rollout { outcome, warnings, wall_time } = rollout;
     let metrics = PyDict::new(py);
     for (metric, value) in &outcome.metrics {
         match value {
@@ -62,7 +99,7 @@ pub fn run<'py>(
     result.set_item("message", outcome.message)?;
     result.set_item("end_time", outcome.end_time)?;
     result.set_item("wall_time", wall_time)?;
-    result.set_item("warnings", ready.warnings)?;
+    result.set_item("warnings", warnings)?;
     result.set_item("metrics", metrics)?;
     result.set_item("record", arrays(py, outcome.record)?)?;
     Ok(result)
@@ -128,7 +165,7 @@ pub fn parse_toml<'py>(py: Python<'py>, text: &str, name: &str) -> PyResult<Boun
 /// Writes TOML.
 #[pyfunction]
 pub fn format_toml(#[pyo3(from_py_with = document)] document: toml::Table) -> PyResult<String> {
-    toml::to_string(&document).map_err(|error| errors::InputError::new_err(error.to_string()))
+    toml::to_string(&document).map_err(|error| InputError::new_err(error.to_string()))
 }
 
 /// Every key of a scenario.

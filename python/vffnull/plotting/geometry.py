@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vffnull.errors import InputError
+
 if TYPE_CHECKING:
     from vffnull.result import Result
 
@@ -17,6 +19,8 @@ Array = NDArray[np.float64]
 
 def drawable(result: Result) -> Result:
     """The result up to where its numbers end: a diverged run may leave NaN in its last rows."""
+    if not len(result.t):
+        raise InputError("nothing was recorded, so there is nothing to draw: run it with record=True")
     sound = np.all(np.isfinite(result.q) & np.isfinite(result.dq), axis=1)
     if sound.all():
         return result

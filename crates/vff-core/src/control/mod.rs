@@ -302,6 +302,11 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.tank.as_ref()
     }
 
+    /// Forgets what it remembers of the past: the tank is as full as at the start.
+    pub fn reset(&mut self) {
+        self.tank = self.gains.tank.map(Tank::new);
+    }
+
     /// Lets `dt` [s] pass under the last command: the tank fills or empties.
     pub fn elapse(&mut self, dt: f64) {
         if let Some(tank) = &mut self.tank {

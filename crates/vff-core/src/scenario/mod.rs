@@ -5,9 +5,11 @@
 //! one value and builds the run.
 
 pub mod arm;
+pub mod batch;
 mod document;
 mod error;
 mod judge;
+pub mod real_time;
 
 pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
@@ -15,7 +17,7 @@ pub use error::{Problem, ScenarioError};
 use crate::control::{Controller, Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::{PlanarArm, PlanarState, Robot};
-use crate::simulation::{ClosedLoop, Control, Options, Outcome, Run, Snapshot};
+use crate::simulation::{ClosedLoop, Control, Options, Outcome, Record, Run, Snapshot};
 use crate::trajectory::{Reference, Trajectory};
 use crate::world::{Obstacle, World};
 use serde::Deserialize;
@@ -198,6 +200,11 @@ impl AnyRun {
         either!(self, run => run.step())
     }
 
+    /// [`ClosedLoop::restart`], without record or metrics.
+    pub fn restart(&mut self) {
+        either!(self, run => run.closed_loop_mut().restart());
+    }
+
     /// [`Run::outcome`].
     pub fn outcome(self) -> Outcome {
         either!(self, run => (*run).outcome())
@@ -274,16 +281,25 @@ impl Scenario {
     /// If the reference does not fit the task or leaves the reach of the arm, or the record does not
     /// fit into memory.
     pub fn prepare(&self) -> Result<Ready, ScenarioError> {
+        self.prepare_recorded(true)
+    }
+
+    /// The same, with a record or with nothing but metrics.
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare).
+    pub fn prepare_recorded(&self, recorded: bool) -> Result<Ready, ScenarioError> {
         let arm = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
         match self.controller.task {
-            TaskKind::Position => self.prepare_for::<2>(&arm, AnyRun::Position),
-            TaskKind::Pose => self.prepare_for::<3>(&arm, AnyRun::Pose),
+            TaskKind::Position => self.prepare_for::<2>(&arm, recorded, AnyRun::Position),
+            TaskKind::Pose => self.prepare_for::<3>(&arm, recorded, AnyRun::Pose),
         }
     }
 
     fn prepare_for<const M: usize>(
         &self,
         arm: &Arc<PlanarArm>,
+        recorded: bool,
         wrap: impl Fn(Box<Run<M>>) -> AnyRun,
     ) -> Result<Ready, ScenarioError> {
         let n = arm.dof();
@@ -312,13 +328,22 @@ impl Scenario {
             );
             warnings.extend(self.field_bound(closed_loop.controller()));
         }
-        let run = Run::new(closed_loop, &self.simulation, self.duration).map_err(|error| {
-            ScenarioError::new(
-                "simulation.record_every",
-                Problem::Other(format!("{error}: record fewer of them")),
-            )
-        })?;
+        let run =
+            Run::new(closed_loop, &self.simulation, self.duration, recorded).map_err(|error| {
+                ScenarioError::new(
+                    "simulation.record_every",
+                    Problem::Other(format!("{error}: record fewer of them")),
+                )
+            })?;
         Ok(Ready { run: wrap(Box::new(run)), warnings })
+    }
+
+    /// What the record of a whole run takes [bytes].
+    #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
+    pub fn record_bytes(&self) -> f64 {
+        let (n, m) = (self.arm.dof(), self.controller.task.dimension());
+        let rows = self.simulation.rows(self.duration);
+        rows as f64 * Record::row_bytes(n, m, self.obstacles.len()) as f64
     }
 
     /// The whole reference lies where the arm can put its end effector.

@@ -24,6 +24,8 @@ pub struct ClosedLoop<const M: usize> {
     step: usize,
     q: Vec<f64>,
     dq: Vec<f64>,
+    /// (q, q̇) at t = 0.
+    start: [Vec<f64>; 2],
     /// (q, q̇) before the last step.
     before: [Vec<f64>; 2],
     held: Torque,
@@ -77,6 +79,7 @@ impl<const M: usize> ClosedLoop<M> {
             plant: arm.state(),
             stepper: Stepper::new(options.integrator, n),
             step: 0,
+            start: [q.clone(), dq.clone()],
             q,
             dq,
             before: [zeros(), zeros()],
@@ -90,6 +93,18 @@ impl<const M: usize> ClosedLoop<M> {
         };
         this.control();
         this
+    }
+
+    /// Goes back to t = 0.
+    pub fn restart(&mut self) {
+        self.step = 0;
+        self.brain.controller.reset();
+        if let Some(foresight) = &mut self.foresight {
+            foresight.controller.reset();
+        }
+        self.q.copy_from_slice(&self.start[0]);
+        self.dq.copy_from_slice(&self.start[1]);
+        self.control();
     }
 
     /// The steps taken so far.

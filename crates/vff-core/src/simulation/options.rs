@@ -62,6 +62,11 @@ impl Options {
         (duration / self.dt).round() as usize
     }
 
+    /// The number of recorded rows in `duration` [s].
+    pub fn rows(&self, duration: f64) -> usize {
+        self.steps(duration) / self.record_every + 1
+    }
+
     /// The time of step `k` [s].
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ steps")]
     pub fn time(&self, k: usize) -> f64 {

@@ -57,9 +57,9 @@ pub struct Record {
     pub tank: Vec<f64>,
 }
 
-/// The largest record that is accepted [bytes]: systems that promise more memory than they have
-/// would otherwise end the process in the middle of a run.
-const MAX_BYTES: usize = 8_000_000_000;
+/// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems
+/// that promise more memory than they have would otherwise end the process in the middle of a run.
+pub const MAX_BYTES: usize = 8_000_000_000;
 
 /// The record of a run would be too large.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -79,11 +79,11 @@ impl Record {
     pub fn with_capacity(rows: usize, s: &Snapshot<'_>) -> Result<Self, RecordTooLarge> {
         let (joints, task, obstacles_count) = (s.q.len(), s.x.len(), s.world.len());
         let mut record = Self { joints, task, obstacles_count, ..Self::default() };
-        let row_bytes = 8 * record.arrays(s).iter().map(|(_, width)| width).sum::<usize>();
+        let row_bytes = 8 * record.arrays(Some(s)).iter().map(|(_, width)| width).sum::<usize>();
         let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
         let reserve =
             |(array, width): (&mut Vec<f64>, usize)| array.try_reserve_exact(rows * width);
-        if fits && record.arrays(s).into_iter().try_for_each(reserve).is_ok() {
+        if fits && record.arrays(Some(s)).into_iter().try_for_each(reserve).is_ok() {
             return Ok(record);
         }
         #[expect(clippy::cast_precision_loss, reason = "a message")]
@@ -91,10 +91,18 @@ impl Record {
         Err(RecordTooLarge { rows, gigabytes })
     }
 
-    /// Every array with the length of its rows.
-    fn arrays(&mut self, s: &Snapshot<'_>) -> [(&mut Vec<f64>, usize); 20] {
+    /// The most that one row takes [bytes].
+    pub fn row_bytes(n: usize, m: usize, obstacles: usize) -> usize {
+        let mut empty = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
+        8 * empty.arrays(None).iter().map(|(_, width)| width).sum::<usize>()
+    }
+
+    /// Every array with the length of its rows: of a run like `s`, or of one that has everything.
+    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 20] {
         let (n, m) = (self.joints, self.task);
-        let optional = |given: bool, width: usize| if given { width } else { 0 };
+        let optional = |given: fn(&Snapshot<'_>) -> bool, width: usize| {
+            if s.is_none_or(given) { width } else { 0 }
+        };
         [
             (&mut self.t, 1),
             (&mut self.q, n),
@@ -113,9 +121,9 @@ impl Record {
             (&mut self.energy, energy::ENERGIES.len()),
             (&mut self.power, energy::PORTS.len()),
             (&mut self.manipulability, 1),
-            (&mut self.granted, optional(s.granted.is_some(), limits::OBJECTIVES.len())),
-            (&mut self.self_clearance, optional(s.self_clearance.is_some(), 1)),
-            (&mut self.tank, optional(s.tank.is_some(), 1)),
+            (&mut self.granted, optional(|s| s.granted.is_some(), limits::OBJECTIVES.len())),
+            (&mut self.self_clearance, optional(|s| s.self_clearance.is_some(), 1)),
+            (&mut self.tank, optional(|s| s.tank.is_some(), 1)),
         ]
     }
 

@@ -17,6 +17,8 @@ pub enum Status {
     Diverged,
     /// It was stopped from outside.
     Interrupted,
+    /// A fault of the program itself ended it; nothing of it is kept.
+    Failed,
 }
 
 impl Status {
@@ -27,6 +29,7 @@ impl Status {
             Self::Collided => "collided",
             Self::Diverged => "diverged",
             Self::Interrupted => "interrupted",
+            Self::Failed => "failed",
         }
     }
 }
@@ -53,12 +56,13 @@ pub struct Run<const M: usize> {
     record: Record,
     metrics: Metrics,
     steps: usize,
-    record_every: usize,
+    /// Plant steps per recorded row; nothing is recorded without.
+    record_every: Option<usize>,
     diverged: bool,
 }
 
 impl<const M: usize> Run<M> {
-    /// Prepares a run over `duration` [s].
+    /// Prepares a run over `duration` [s], recorded or not.
     ///
     /// # Errors
     /// If the record does not fit into memory.
@@ -66,13 +70,14 @@ impl<const M: usize> Run<M> {
         closed_loop: ClosedLoop<M>,
         options: &Options,
         duration: f64,
+        recorded: bool,
     ) -> Result<Self, RecordTooLarge> {
         let s = closed_loop.snapshot();
         let steps = options.steps(duration);
-        let rows = steps / options.record_every + 1;
+        let rows = if recorded { options.rows(duration) } else { 0 };
         let record = Record::with_capacity(rows, &s)?;
         let metrics = Metrics::new(s.q.len(), duration, options.dt, closed_loop.limits().clone());
-        let record_every = options.record_every;
+        let record_every = recorded.then_some(options.record_every);
         let diverged = !closed_loop.is_defined();
         let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged };
         run.take_in();
@@ -124,7 +129,8 @@ impl<const M: usize> Run<M> {
     fn take_in(&mut self) {
         let snapshot = self.closed_loop.snapshot();
         self.metrics.update(&snapshot);
-        if self.closed_loop.step_count().is_multiple_of(self.record_every) {
+        let step = self.closed_loop.step_count();
+        if self.record_every.is_some_and(|every| step.is_multiple_of(every)) {
             self.record.push(&snapshot);
         }
     }

@@ -1,0 +1,162 @@
+//! Work at a fixed rate against the wall clock, and how well it was kept.
+
+use hdrhistogram::Histogram;
+use std::hint;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The last part of every wait is spent spinning: a sleep ends late by about that much.
+const SPIN: Duration = Duration::from_micros(150);
+/// A longer wait is made of several of this length, so that it can be ended.
+const SLEEP: Duration = Duration::from_millis(50);
+/// Longer than this is counted as this.
+const LONGEST: Duration = Duration::from_secs(100);
+
+/// Times of every period, in histograms of three digits.
+#[derive(Debug, Clone)]
+pub struct Timing {
+    /// From the instant at which a period should begin to when it did [ns].
+    pub latency: Histogram<u64>,
+    /// How long the work took [ns].
+    pub work: Histogram<u64>,
+    /// From the instant at which a period should begin to the end of its work [ns].
+    pub response: Histogram<u64>,
+    /// How far the time between two beginnings was off the period [ns].
+    pub jitter: Histogram<u64>,
+    /// Periods whose work did not end before the next one should begin.
+    pub missed: u64,
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        let longest = nanoseconds(LONGEST);
+        let histogram =
+            || Histogram::new_with_bounds(1, longest, 3).expect("bounds that a histogram can have");
+        let (latency, work) = (histogram(), histogram());
+        Self { latency, work, response: histogram(), jitter: histogram(), missed: 0 }
+    }
+}
+
+/// Does `work` once per `period`, `count` times, until it returns false or `stop` is set, and
+/// counts in `done`.
+///
+/// The deadlines are absolute, so that delays do not add up. Work that is late is not left out:
+/// it is done at once until the clock is caught up with. Nothing allocates.
+pub fn keep(
+    timing: &mut Timing,
+    period: Duration,
+    count: u64,
+    stop: &AtomicBool,
+    done: &AtomicU64,
+    mut work: impl FnMut() -> bool,
+) {
+    let mut deadline = Instant::now() + period;
+    let mut last_begin = None;
+    for k in 0..count {
+        let Some(begin) = wait_until(deadline, stop) else { return };
+        let goes_on = work();
+        let end = Instant::now();
+        timing.latency.saturating_record(nanoseconds(begin - deadline));
+        timing.work.saturating_record(nanoseconds(end - begin));
+        timing.response.saturating_record(nanoseconds(end - deadline));
+        if let Some(last) = last_begin.replace(begin) {
+            timing.jitter.saturating_record(nanoseconds((begin - last).abs_diff(period)));
+        }
+        deadline += period;
+        timing.missed += u64::from(end > deadline);
+        done.store(k + 1, Ordering::Relaxed);
+        if !goes_on {
+            return;
+        }
+    }
+}
+
+/// Sleeps, then spins. Returns the instant of waking up, or none when `stop` is set.
+fn wait_until(deadline: Instant, stop: &AtomicBool) -> Option<Instant> {
+    loop {
+        if stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        let left = deadline.saturating_duration_since(Instant::now()).saturating_sub(SPIN);
+        if left.is_zero() {
+            break;
+        }
+        thread::sleep(left.min(SLEEP));
+    }
+    loop {
+        let now = Instant::now();
+        if now >= deadline {
+            return Some(now);
+        }
+        hint::spin_loop();
+    }
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn keep_for(count: u64, work: impl FnMut() -> bool) -> (Timing, u64) {
+        let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
+        keep(&mut timing, Duration::from_millis(2), count, &AtomicBool::new(false), &done, work);
+        (timing, done.into_inner())
+    }
+
+    /// Fifty periods of 2 ms take 100 ms, never less, and each is counted once.
+    #[test]
+    fn the_clock_is_kept() {
+        let start = Instant::now();
+        let (timing, done) = keep_for(50, || true);
+        assert!(start.elapsed() >= Duration::from_millis(100));
+        assert_eq!((done, timing.latency.len(), timing.work.len()), (50, 50, 50));
+        assert_eq!(timing.jitter.len(), 49);
+    }
+
+    /// Work of 5 ms in periods of 2 ms: every deadline is missed, by more and more; it is caught up
+    /// with at once, without waiting.
+    #[test]
+    fn too_much_work() {
+        let work = Duration::from_millis(5);
+        let (timing, _) = keep_for(10, || {
+            thread::sleep(work);
+            true
+        });
+        assert_eq!(timing.missed, 10);
+        let last = Duration::from_nanos(timing.response.max());
+        assert!(last >= 10 * work - 9 * Duration::from_millis(2), "{last:?}");
+    }
+
+    /// It ends when the work says so, and before it begins when stopped.
+    #[test]
+    fn it_can_be_ended() {
+        let mut left = 7;
+        let (_, done) = keep_for(50, || {
+            left -= 1;
+            left > 0
+        });
+        assert_eq!(done, 7);
+        let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
+        let stop = AtomicBool::new(true);
+        keep(&mut timing, Duration::from_secs(1000), 5, &stop, &done, || true);
+        assert_eq!((done.into_inner(), timing.work.len()), (0, 0));
+    }
+
+    /// A wait of 1000 s ends when it is told to from another thread.
+    #[test]
+    fn a_long_wait_can_be_ended() {
+        let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+        thread::scope(|scope| {
+            scope.spawn(|| {
+                thread::sleep(Duration::from_millis(20));
+                stop.store(true, Ordering::Relaxed);
+            });
+            keep(&mut Timing::default(), Duration::from_secs(1000), 5, &stop, &done, || true);
+        });
+        assert_eq!(done.into_inner(), 0);
+    }
+}

@@ -1,0 +1,136 @@
+//! The closed loop against the wall clock, on a thread of its own.
+#![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
+
+use crate::convert::document;
+use crate::errors::{self, InputError};
+use crate::watch::{SIGNALS, Watch};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::{panic, thread};
+use vff_core::scenario::real_time::{RealTime, Report};
+use vff_core::scenario::{Scenario, ScenarioError};
+
+/// Runs a scenario against the clock, the GIL released. Ctrl-C ends it with what there is.
+#[pyfunction]
+#[pyo3(signature = (document, rate, seconds, priority=None, core=None, progress=None))]
+pub fn real_time<'py>(
+    py: Python<'py>,
+    #[pyo3(from_py_with = document)] document: toml::Table,
+    rate: f64,
+    seconds: f64,
+    priority: Option<u8>,
+    core: Option<usize>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
+    // The rate and the seconds are no keys of the scenario.
+    let fault = |error: ScenarioError| match error.path.as_str() {
+        "rate" | "seconds" => InputError::new_err(error.to_string()),
+        _ => errors::scenario(&error),
+    };
+    let ready = RealTime::new(&scenario, rate).map_err(fault)?;
+    let count = ready.periods(seconds).map_err(fault)?;
+    let core = core.map(core_id).transpose()?;
+    let dt = ready.dt();
+    let mut notes = ready.notes.clone();
+
+    let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let mut watch = Watch::new(progress);
+    let (report, refused) = py.detach(|| {
+        let (over, is_over) = mpsc::channel::<()>();
+        let (stop, done) = (&stop, &done);
+        thread::scope(|scope| {
+            let worker = scope.spawn(move || {
+                let refused = privileges(priority, core);
+                let report = ready.run(count, stop, done);
+                drop(over);
+                (report, refused)
+            });
+            while is_over.recv_timeout(SIGNALS) == Err(mpsc::RecvTimeoutError::Timeout) {
+                if !watch.look(done.load(Ordering::Relaxed), count) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            }
+            worker.join().unwrap_or_else(|fault| panic::resume_unwind(fault))
+        })
+    });
+    let done = done.into_inner();
+    watch.end(py, done, count)?;
+    notes.extend(refused);
+
+    let Report { status, timing, restarts, min_clearance } = report;
+    let result = PyDict::new(py);
+    result.set_item("status", status.name())?;
+    result.set_item("rate", rate)?;
+    result.set_item("dt", dt)?;
+    result.set_item("periods", done)?;
+    result.set_item("missed", timing.missed)?;
+    result.set_item("restarts", restarts)?;
+    result.set_item("min_clearance", min_clearance.is_finite().then_some(min_clearance))?;
+    result.set_item("notes", notes)?;
+    let histograms = [
+        ("latency", timing.latency),
+        ("step", timing.work),
+        ("response", timing.response),
+        ("jitter", timing.jitter),
+    ];
+    for (name, histogram) in histograms {
+        #[expect(clippy::cast_precision_loss, reason = "times of three digits")]
+        let seconds = |value: u64| 1e-9 * value as f64;
+        let bins = || histogram.iter_recorded();
+        let values = PyArray1::from_iter(py, bins().map(|bin| seconds(bin.value_iterated_to())));
+        let counts = PyArray1::from_iter(py, bins().map(|bin| bin.count_at_value()));
+        result.set_item(name, (values, counts))?;
+    }
+    Ok(result)
+}
+
+/// The core of that number, if this process may use it.
+fn core_id(number: usize) -> PyResult<core_affinity::CoreId> {
+    let cores = core_affinity::get_core_ids().unwrap_or_default();
+    cores.iter().find(|core| core.id == number).copied().ok_or_else(|| {
+        let numbers: Vec<_> = cores.iter().map(|core| core.id.to_string()).collect();
+        let there = numbers.join(", ");
+        InputError::new_err(format!("core: {number} is not one of this machine's, {there}"))
+    })
+}
+
+/// Pins the calling thread and raises its priority; says what the system refused.
+fn privileges(priority: Option<u8>, core: Option<core_affinity::CoreId>) -> Vec<String> {
+    let mut refused = vec![];
+    if let Some(core) = core
+        && !core_affinity::set_for_current(core)
+    {
+        refused.push(format!("core: the system did not pin the thread to core {}", core.id));
+    }
+    if let Some(priority) = priority
+        && let Err(reason) = first_in_first_out(priority)
+    {
+        refused.push(format!("priority: the system refused {priority} ({reason})"));
+    }
+    refused
+}
+
+/// Real-time scheduling of the calling thread.
+#[cfg(unix)]
+fn first_in_first_out(priority: u8) -> Result<(), String> {
+    use thread_priority::{
+        Error, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue,
+        ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
+    };
+    let value = ThreadPriority::Crossplatform(ThreadPriorityValue::try_from(priority)?);
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), value, policy).map_err(|error| match error {
+        Error::OS(code) => std::io::Error::from_raw_os_error(code).to_string(),
+        other => other.to_string(),
+    })
+}
+
+/// Real-time scheduling of the calling thread.
+#[cfg(not(unix))]
+fn first_in_first_out(_: u8) -> Result<(), String> {
+    Err("this system has no SCHED_FIFO".into())
+}
