@@ -12,7 +12,11 @@
 //! and separating axes. parry's general routines are not used: GJK has no direction at
 //! contact, EPA allocates, and segment–segment errs by 3e-8 m on nearly parallel segments.
 
-use super::{Body, Contact, Shape, Surroundings, World, shape};
+mod crowd;
+
+pub(super) use crowd::Crowd;
+
+use super::{Body, Contact, MotionState, Shape, Surroundings, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 use parry2d_f64::query::PointQueryWithLocation;
@@ -38,7 +42,9 @@ impl World {
     #[inline]
     pub fn contact(&self, link: usize, capsule: &Capsule<2>, j: usize) -> Contact<2> {
         let body = &self.bodies[j];
-        body.contact(link, j, &body.nearest(&Axis::new(capsule)), capsule.radius)
+        let state = body.state_at(self.time);
+        let nearest = body.core.nearest(&Axis::new(capsule), to_glam(state.position));
+        body.core.contact(link, j, &nearest, capsule.radius, &state)
     }
 }
 
@@ -48,54 +54,60 @@ impl Surroundings<2> for World {
     /// See [`World::contact`] for what is expected of a link.
     #[inline]
     fn for_each_contact(
-        &self,
+        &mut self,
         links: impl IntoIterator<Item = Capsule<2>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<2>),
     ) {
-        if self.is_empty() {
+        let Self { bodies, crowd, time, .. } = self;
+        if bodies.is_empty() {
             return;
         }
         for (link, capsule) in links.into_iter().enumerate() {
             let axis = Axis::new(&capsule);
-            for (j, body) in self.bodies.iter().enumerate() {
-                let nearest = body.nearest(&axis);
-                let surface = nearest.distance - body.core.radius - capsule.radius;
-                distance(link, surface);
-                if surface < reach {
-                    visit(&body.contact(link, j, &nearest, capsule.radius));
+            let mut meet = |body: &Body, j: usize, nearest: &Nearest| {
+                visit(&body.core.contact(link, j, nearest, capsule.radius, &body.state));
+            };
+            let least = match crowd {
+                Some(crowd) => {
+                    crowd.for_each(bodies, *time, &axis, capsule.radius, reach, &mut meet)
                 }
-            }
+                None => for_each(bodies, &axis, capsule.radius, reach, &mut meet),
+            };
+            // Of 0 and −0 either may have been the first: + 0 makes them one.
+            distance(link, least + 0.0);
         }
     }
 }
 
-impl Body {
-    #[inline]
-    fn nearest(&self, axis: &Axis) -> Nearest {
-        let axis = axis.seen_from(to_glam(self.state.position));
-        match &self.core.solid {
-            Solid::Point(point) => axis.to_disc(*point),
-            Solid::Convex(faces) => axis.to_convex(faces),
+/// Calls `meet` with the bodies nearer than `reach` to a link of this `radius`, in their order.
+/// Returns the least distance [m].
+#[inline]
+fn for_each(
+    bodies: &[Body],
+    axis: &Axis,
+    radius: f64,
+    reach: f64,
+    mut meet: impl FnMut(&Body, usize, &Nearest),
+) -> f64 {
+    let mut least = f64::INFINITY;
+    for (j, body) in bodies.iter().enumerate() {
+        let (nearest, surface) = body.measure(axis, radius);
+        least = least.min(surface);
+        if surface < reach {
+            meet(body, j, &nearest);
         }
     }
+    least
+}
 
-    /// The contact of a link of this radius [m] with this obstacle, which is number `j`.
+impl Body {
+    /// The nearest points to a link of this `radius`, and the distance between the surfaces [m].
     #[inline]
-    fn contact(&self, link: usize, j: usize, nearest: &Nearest, radius: f64) -> Contact<2> {
-        let Nearest { distance, normal, point } = *nearest;
-        let point = to_glam(self.state.position) + point;
-        Contact {
-            link,
-            obstacle: j,
-            distance: distance - self.core.radius - radius,
-            normal: from_glam(normal),
-            point: from_glam(point),
-            witness: from_glam(point - normal * (distance - self.core.radius)),
-            velocity: self.state.velocity,
-            acceleration: self.state.acceleration,
-        }
+    fn measure(&self, axis: &Axis, radius: f64) -> (Nearest, f64) {
+        let nearest = self.core.nearest(axis, to_glam(self.state.position));
+        (nearest, nearest.distance - self.core.radius - radius)
     }
 }
 
@@ -151,6 +163,54 @@ impl Core {
             Shape::Polygon { vertices } => convex(&shape::counter_clockwise(vertices), 0.0),
         }
     }
+
+    /// The nearest points to an axis when the obstacle is at `position` [m], relative to it.
+    #[inline]
+    fn nearest(&self, axis: &Axis, position: Point) -> Nearest {
+        let axis = axis.seen_from(position);
+        match &self.solid {
+            Solid::Point(point) => axis.to_disc(*point),
+            Solid::Convex(faces) => axis.to_convex(faces),
+        }
+    }
+
+    /// The contact of link number `link` of this `radius` [m] with this core, which is that of
+    /// obstacle `j`.
+    #[inline]
+    fn contact(
+        &self,
+        link: usize,
+        j: usize,
+        nearest: &Nearest,
+        radius: f64,
+        state: &MotionState,
+    ) -> Contact<2> {
+        let Nearest { distance, normal, point } = *nearest;
+        let point = to_glam(state.position) + point;
+        Contact {
+            link,
+            obstacle: j,
+            distance: distance - self.radius - radius,
+            normal: from_glam(normal),
+            point: from_glam(point),
+            witness: from_glam(point - normal * (distance - self.radius)),
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }
+    }
+
+    /// Opposite corners of the box around the obstacle, relative to its position [m].
+    fn extent(&self) -> [Point; 2] {
+        let [low, high] = match &self.solid {
+            Solid::Point(point) => [*point; 2],
+            Solid::Convex(faces) => {
+                faces.iter().fold([Point::INFINITY, Point::NEG_INFINITY], |[low, high], face| {
+                    [low.min(face.start), high.max(face.start)]
+                })
+            }
+        };
+        [low - Point::splat(self.radius), high + Point::splat(self.radius)]
+    }
 }
 
 /// The edges of the polygon with these counter-clockwise corners, except those without length.
@@ -192,7 +252,7 @@ struct Axis {
 
 /// The nearest points of an axis and a core. The one on the core is
 /// `point − distance · normal`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Nearest {
     distance: f64,
     normal: Point,
