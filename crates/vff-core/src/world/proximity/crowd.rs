@@ -156,7 +156,7 @@ fn box_of(body: &Body, [t0, t1]: [f64; 2]) -> Aabb {
 struct Extent {
     low: Point,
     high: Point,
-    middle: Point,
+    start: Point,
     left: Point,
     /// Its radius and the margin [m].
     radius: f64,
@@ -172,7 +172,7 @@ impl Extent {
         inside.then(|| Self {
             low: start.min(end),
             high: start.max(end),
-            middle: start.midpoint(end),
+            start,
             left: axis.left(),
             radius: radius + MARGIN * size,
         })
@@ -188,9 +188,11 @@ impl Extent {
         if gap.length_squared() > distance * distance {
             return true;
         }
-        // An oblique axis leaves much of its own box empty.
-        let across = self.left.dot(low.midpoint(high) - self.middle).abs();
-        across - self.left.abs().dot(0.5 * (high - low)) > distance
+        // An oblique axis leaves much of its own box empty. (Measured from corner to corner: the
+        // middle of a box with one far side would have lost its last digits.)
+        let (a, b) = (self.left * (low - self.start), self.left * (high - self.start));
+        let (lowest, highest) = (a.min(b).element_sum(), a.max(b).element_sum());
+        lowest > distance || -highest > distance
     }
 }
 
