@@ -65,19 +65,29 @@ impl Body {
         }
     }
 
+    /// Whether the state is that at time `t` [s]. Compared as bits: only the very same instant is.
+    #[inline]
+    fn is_at(&self, t: f64) -> bool {
+        self.time.to_bits() == t.to_bits() || self.obstacle.motion.is_static()
+    }
+
     /// The state at time `t` [s].
+    #[inline]
     fn state_at(&self, t: f64) -> MotionState {
-        // Compared as bits: only the very same instant may be skipped.
-        if self.time.to_bits() == t.to_bits() || self.obstacle.motion.is_static() {
-            self.state
-        } else {
-            self.obstacle.motion.at(t, Vector::from(self.obstacle.position))
-        }
+        if self.is_at(t) { self.state } else { self.moved_to(t) }
     }
 
     /// Keeps the state at time `t` [s].
+    #[inline]
     fn move_to(&mut self, t: f64) {
-        (self.state, self.time) = (self.state_at(t), t);
+        if !self.is_at(t) {
+            (self.state, self.time) = (self.moved_to(t), t);
+        }
+    }
+
+    #[inline(never)]
+    fn moved_to(&self, t: f64) -> MotionState {
+        self.obstacle.motion.at(t, Vector::from(self.obstacle.position))
     }
 }
 

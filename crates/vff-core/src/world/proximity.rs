@@ -42,9 +42,15 @@ impl World {
     #[inline]
     pub fn contact(&self, link: usize, capsule: &Capsule<2>, j: usize) -> Contact<2> {
         let body = &self.bodies[j];
-        let state = body.state_at(self.time);
+        let moved;
+        let state = if body.is_at(self.time) {
+            &body.state
+        } else {
+            moved = body.moved_to(self.time);
+            &moved
+        };
         let nearest = body.core.nearest(&Axis::new(capsule), to_glam(state.position));
-        body.core.contact(link, j, &nearest, capsule.radius, &state)
+        body.core.contact(link, j, &nearest, capsule.radius, state)
     }
 }
 
@@ -66,40 +72,25 @@ impl Surroundings<2> for World {
         }
         for (link, capsule) in links.into_iter().enumerate() {
             let axis = Axis::new(&capsule);
-            let mut meet = |body: &Body, j: usize, nearest: &Nearest| {
-                visit(&body.core.contact(link, j, nearest, capsule.radius, &body.state));
+            // A crowd names the few that count, and the same is done with them as with all.
+            let near = match crowd {
+                Some(crowd) => crowd.near(bodies, *time, &axis, capsule.radius, reach),
+                None => None,
             };
-            let least = match crowd {
-                Some(crowd) => {
-                    crowd.for_each(bodies, *time, &axis, capsule.radius, reach, &mut meet)
+            let mut least = f64::INFINITY;
+            for k in 0..near.map_or(bodies.len(), <[usize]>::len) {
+                let j = near.map_or(k, |near| near[k]);
+                let body = &bodies[j];
+                let (nearest, surface) = body.measure(&axis, capsule.radius);
+                least = least.min(surface);
+                if surface < reach {
+                    visit(&body.core.contact(link, j, &nearest, capsule.radius, &body.state));
                 }
-                None => for_each(bodies, &axis, capsule.radius, reach, &mut meet),
-            };
+            }
             // Of 0 and −0 either may have been the first: + 0 makes them one.
             distance(link, least + 0.0);
         }
     }
-}
-
-/// Calls `meet` with the bodies nearer than `reach` to a link of this `radius`, in their order.
-/// Returns the least distance [m].
-#[inline]
-fn for_each(
-    bodies: &[Body],
-    axis: &Axis,
-    radius: f64,
-    reach: f64,
-    mut meet: impl FnMut(&Body, usize, &Nearest),
-) -> f64 {
-    let mut least = f64::INFINITY;
-    for (j, body) in bodies.iter().enumerate() {
-        let (nearest, surface) = body.measure(axis, radius);
-        least = least.min(surface);
-        if surface < reach {
-            meet(body, j, &nearest);
-        }
-    }
-    least
 }
 
 impl Body {
@@ -265,7 +256,7 @@ struct Axis {
 
 /// The nearest points of an axis and a core. The one on the core is
 /// `point − distance · normal`.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct Nearest {
     distance: f64,
     normal: Point,
@@ -344,17 +335,16 @@ impl Axis {
         let (at_c, at_d) = (left.dot(c - a), left.dot(d - a));
         let (along_c, along_d) = (self.forward.dot(c - a), self.forward.dot(d - a));
 
-        // The greater gap of the two sides, and the end that it is measured at.
+        // The greater gap of the two sides, and the end that it is measured at: by selection, for
+        // no processor can foresee the branches.
         let gap = |first: f64, second: f64, normal: Point, ends: [Point; 2]| {
-            let (low, low_end, high, high_end) = if first < second {
-                (first, ends[0], second, ends[1])
-            } else {
-                (second, ends[1], first, ends[0])
-            };
-            if low >= -high {
-                Nearest { distance: low, normal, point: low_end }
-            } else {
-                Nearest { distance: -high, normal: -normal, point: high_end }
+            let (low, high) = (first.min(second), first.max(second));
+            let side = if low >= -high { 1.0 } else { -1.0 };
+            let first_is_nearer = side * first <= side * second;
+            Nearest {
+                distance: low.max(-high),
+                normal: normal * side,
+                point: if first_is_nearer { ends[0] } else { ends[1] },
             }
         };
         let face = gap(at_a, at_b, core.normal, [a, b]);

@@ -2,13 +2,13 @@
 //!
 //! What is found is what asking every obstacle would find, to the last bit. A box only ever says
 //! that its obstacles are too far to matter, with a margin above all rounding; the others are
-//! measured as always, and met in their order.
+//! measured as always, in their order.
 //!
 //! The box of a moving obstacle holds it for a span of time, so that most updates do nothing. The
 //! span finds its own length: wide boxes are measured in vain, narrow ones are renewed often, and
 //! the two should cost about the same.
 
-use super::{Axis, Body, Nearest, Point, to_glam};
+use super::{Axis, Body, Point, to_glam};
 use parry2d_f64::bounding_volume::Aabb;
 use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace, TraversalAction};
 use std::fmt;
@@ -28,13 +28,13 @@ pub(in crate::world) struct Crowd {
     renewals: usize,
     /// An obstacle that is likely to be near the next link: the one nearest to the last.
     likely: usize,
-    /// Room for what one link meets: as long as there are obstacles.
-    met: Vec<(usize, Nearest)>,
+    /// Room for what is near one link: as long as there are obstacles.
+    met: Vec<usize>,
 }
 
 impl Crowd {
     /// From so many obstacles on, asking the hierarchy is faster than asking all.
-    pub(in crate::world) const LEAST: usize = 24;
+    pub(in crate::world) const LEAST: usize = 20;
 
     /// Bounds of the span [s]: what no run will notice, and what it can still recover from.
     const SPAN: [f64; 2] = [1e-6, 1e6];
@@ -56,7 +56,7 @@ impl Crowd {
             in_vain: 0,
             renewals: 0,
             likely: 0,
-            met: vec![(0, Nearest::default()); bodies.len()],
+            met: vec![0; bodies.len()],
         }
     }
 
@@ -81,21 +81,22 @@ impl Crowd {
         self.moving.renew(bodies, self.valid, regroup);
     }
 
-    /// Calls `meet` with the bodies nearer than `reach` to a link of this `radius` at time `t`, in
-    /// their order. Returns the least distance [m].
-    pub(super) fn for_each(
+    /// The bodies nearer than `reach` to a link of this `radius` at time `t`, in their order; if
+    /// there are none, the nearest one. They have been moved to `t`. None means that all of them
+    /// must be asked, and all have been moved.
+    #[inline(never)]
+    pub(super) fn near(
         &mut self,
         bodies: &mut [Body],
         t: f64,
         axis: &Axis,
         radius: f64,
         reach: f64,
-        mut meet: impl FnMut(&Body, usize, &Nearest),
-    ) -> f64 {
+    ) -> Option<&[usize]> {
         let Self { fixed, moving, in_vain, likely, met, .. } = self;
         let Some(link) = Extent::of_link(axis, radius) else {
             bodies.iter_mut().for_each(|body| body.move_to(t));
-            return super::for_each(bodies, axis, radius, reach, meet);
+            return None;
         };
         bodies[*likely].move_to(t);
         let mut least = f64::INFINITY.min(bodies[*likely].measure(axis, radius).1);
@@ -105,9 +106,9 @@ impl Crowd {
             let measured = tree.for_each_within(&link, least.max(reach), |j| {
                 let body = &mut bodies[j];
                 body.move_to(t);
-                let (nearest, surface) = body.measure(axis, radius);
+                let surface = body.measure(axis, radius).1;
                 if surface < reach {
-                    met[count] = (j, nearest);
+                    met[count] = j;
                     count += 1;
                     useful += 1;
                 }
@@ -121,12 +122,12 @@ impl Crowd {
                 *in_vain += usize::saturating_sub(measured, useful);
             }
         }
-        let met = &mut met[..count];
-        met.sort_unstable_by_key(|&(j, _)| j);
-        for (j, nearest) in met {
-            meet(&bodies[*j], *j, nearest);
+        if count == 0 {
+            (met[0], count) = (*likely, 1);
         }
-        least
+        let met = &mut met[..count];
+        met.sort_unstable();
+        Some(met)
     }
 }
 
@@ -146,10 +147,12 @@ fn box_of(body: &Body, [t0, t1]: [f64; 2]) -> Aabb {
     let (low, high) = (low + rear, high + front);
     let size = [low, high, rear, front].map(Point::abs).into_iter().fold(Point::ONE, |a, b| a + b);
     let margin = MARGIN * (size.x + size.y);
-    // In this order what is not a number becomes everywhere.
-    let low = (low - margin).to_array().map(|x| x.max(-HORIZON).min(HORIZON));
-    let high = (high + margin).to_array().map(|x| x.min(HORIZON).max(-HORIZON));
-    Aabb::new(low.into(), high.into())
+    // What is not a number is everywhere.
+    let cut = |x: f64, or: f64| if x.is_nan() { or } else { x.clamp(-HORIZON, HORIZON) };
+    Aabb::new(
+        (low - margin).to_array().map(|x| cut(x, -HORIZON)).into(),
+        (high + margin).to_array().map(|x| cut(x, HORIZON)).into(),
+    )
 }
 
 /// Where a link is, and how far around it rounding may reach.
