@@ -44,15 +44,17 @@ impl Crowd {
     const REGROUP: usize = 16;
 
     pub(in crate::world) fn new(bodies: &[Body]) -> Self {
+        let span = 1e-2;
+        let valid = [0.0, span];
         let [fixed, moving] = [true, false].map(|is_static| {
             let of_this_kind = |&j: &usize| bodies[j].obstacle.motion.is_static() == is_static;
-            Tree::new((0..bodies.len()).filter(of_this_kind).collect(), bodies)
+            Tree::new((0..bodies.len()).filter(of_this_kind).collect(), bodies, valid)
         });
         Self {
             fixed,
             moving,
-            valid: [0.0; 2],
-            span: 1e-2,
+            valid,
+            span,
             in_vain: 0,
             renewals: 0,
             likely: 0,
@@ -209,13 +211,13 @@ struct Tree {
 }
 
 impl Tree {
-    fn new(members: Vec<usize>, bodies: &[Body]) -> Self {
-        let boxes: Vec<Aabb> = members.iter().map(|&j| box_of(&bodies[j], [0.0; 2])).collect();
+    fn new(members: Vec<usize>, bodies: &[Body], time: [f64; 2]) -> Self {
+        let boxes: Vec<Aabb> = members.iter().map(|&j| box_of(&bodies[j], time)).collect();
         let hierarchy = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
         let mut tree = Self { members, hierarchy, workspace: BvhWorkspace::default() };
         // Twice, and the workspace has all the room that it will ever need.
         for _ in 0..2 {
-            tree.renew(bodies, [0.0; 2], true);
+            tree.renew(bodies, time, true);
         }
         tree
     }
