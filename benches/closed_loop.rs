@@ -16,6 +16,28 @@ const STEPS: u64 = 2000;
 /// A scene of the same size whatever the number of joints: 6 m and 6 kg of arm, its tip on a
 /// circle, `obstacles` discs that swing beside the links.
 fn scene(n: usize, obstacles: usize, simulation: &str) -> Scenario {
+    let places = |joints: &[[f64; 2]]| beside(joints).into_iter().take(obstacles).collect();
+    furnished(n, places, true, simulation)
+}
+
+/// The same with 6 joints, 5 of the discs in the field and all others beyond it. Only the first
+/// and the last row are recorded: a row holds the position of every disc.
+fn crowd(discs: usize, moving: bool) -> Scenario {
+    let places = |joints: &[[f64; 2]]| {
+        let mut places = beside(joints);
+        places.truncate(5);
+        places.extend(beyond(joints).into_iter().take(discs - 5));
+        places
+    };
+    furnished(6, places, moving, &format!("{EULER}, record_every = {STEPS}"))
+}
+
+fn furnished(
+    n: usize,
+    places: impl Fn(&[[f64; 2]]) -> Vec<[f64; 2]>,
+    moving: bool,
+    simulation: &str,
+) -> Scenario {
     let length = 6.0 / n as f64;
     let angle = |i: usize| if i == 0 { 1.2 } else { -2.0 / (n - 1) as f64 };
     let (mut theta, mut joints) = (0.0, vec![[0.0, 0.0]]);
@@ -39,35 +61,53 @@ fn scene(n: usize, obstacles: usize, simulation: &str) -> Scenario {
         lengths = vec![length; n],
         center = x - 0.2,
     );
-    for (j, [x, y]) in beside(&joints).into_iter().take(obstacles).enumerate() {
+    for (j, [x, y]) in places(&joints).into_iter().enumerate() {
         let _ = write!(
             text,
             "[[obstacles]]\n\
              shape = {{ kind = 'circle', radius = 0.1 }}\n\
-             position = [{x}, {y}]\n\
-             motion = {{ kind = 'sinusoid', amplitude = [0.03, 0.05], angular_frequency = 2.0, \
-                         phase = {j} }}\n"
+             position = [{x}, {y}]\n"
         );
+        if moving {
+            let _ = writeln!(
+                text,
+                "motion = {{ kind = 'sinusoid', amplitude = [0.03, 0.05], \
+                             angular_frequency = 2.0, phase = {j} }}"
+            );
+        }
     }
     Scenario::from_toml(&text).expect("a scene that can be run")
 }
 
-/// Places of a grid that keep 0.4 m from the axis of the arm, the nearest first.
-fn beside(joints: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let distance = |[x, y]: [f64; 2]| {
-        let to_link = |pair: &[[f64; 2]]| {
-            let ([ax, ay], [bx, by]) = (pair[0], pair[1]);
-            let (dx, dy) = (bx - ax, by - ay);
-            let s = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy);
-            let s = s.clamp(0.0, 1.0);
-            f64::hypot(x - ax - s * dx, y - ay - s * dy)
-        };
-        joints.windows(2).map(to_link).fold(f64::INFINITY, f64::min)
+/// Distance from a place to the axis of the arm.
+fn distance(joints: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
+    let to_link = |pair: &[[f64; 2]]| {
+        let ([ax, ay], [bx, by]) = (pair[0], pair[1]);
+        let (dx, dy) = (bx - ax, by - ay);
+        let s = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy);
+        let s = s.clamp(0.0, 1.0);
+        f64::hypot(x - ax - s * dx, y - ay - s * dy)
     };
-    let grid = (0..40).flat_map(|i| (0..40).map(move |k| [0.3 * i as f64, 0.3 * k as f64 - 5.0]));
-    let mut places: Vec<_> = grid.filter(|place| distance(*place) > 0.4).collect();
-    places.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+    joints.windows(2).map(to_link).fold(f64::INFINITY, f64::min)
+}
+
+/// The places of a grid of `side` × `side` that keep `gap` from the axis of the arm, the nearest
+/// first.
+fn grid(joints: &[[f64; 2]], side: u32, gap: f64, corner: [f64; 2]) -> Vec<[f64; 2]> {
+    let at = |i: u32, k: u32| [corner[0] + 0.3 * f64::from(i), corner[1] + 0.3 * f64::from(k)];
+    let all = (0..side).flat_map(|i| (0..side).map(move |k| at(i, k)));
+    let mut places: Vec<_> = all.filter(|place| distance(joints, *place) > gap).collect();
+    places.sort_by(|a, b| distance(joints, *a).total_cmp(&distance(joints, *b)));
     places
+}
+
+fn beside(joints: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    grid(joints, 40, 0.4, [0.0, -5.0])
+}
+
+/// Out of the reach of the field, whatever the arm does in a run.
+fn beyond(joints: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    grid(joints, 110, 1.5, [-13.0, -16.0])
 }
 
 fn prepare(scenario: &Scenario) -> AnyRun {
@@ -77,10 +117,13 @@ fn prepare(scenario: &Scenario) -> AnyRun {
 /// The run reaches its end, and the field works in it.
 fn check(scenario: &Scenario) {
     let mut run = prepare(scenario);
-    while run.step() {}
+    let mut taken = 0;
+    while run.step() {
+        taken += 1;
+    }
+    assert_eq!(taken, STEPS);
     let outcome = run.outcome();
     assert_eq!(outcome.status.name(), "completed", "{}", outcome.message);
-    assert_eq!(outcome.record.rows as u64, STEPS + 1);
     assert!(outcome.record.force.iter().any(|f| *f > 0.1), "no force worth the name");
 }
 
@@ -122,6 +165,10 @@ fn closed_loop(c: &mut Criterion) {
     }
     for obstacles in [1, 10, 100] {
         measure("euler-hold/obstacles", obstacles, &scene(6, obstacles, EULER));
+    }
+    for discs in [10, 100, 1000, 10_000] {
+        measure("euler-hold/static", discs, &crowd(discs, false));
+        measure("euler-hold/moving", discs, &crowd(discs, true));
     }
     group.finish();
 }

@@ -147,7 +147,7 @@ fn law(c: &mut Criterion) {
         ] {
             let settings = Settings { formulation, ..Settings::default() };
             let mut controller = Controller::<_, 2, 2>::new(arm(n), Gains::new(&settings));
-            controller.observe(robot.configuration(), robot.velocity(), &World::new(vec![]));
+            controller.observe(robot.configuration(), robot.velocity(), &mut World::new(vec![]));
             group.bench_function(BenchmarkId::new(name, n), |b| {
                 b.iter(|| controller.command(black_box(&reference)).total[0]);
             });

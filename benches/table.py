@@ -47,6 +47,10 @@ def closed_loop(times: dict[str, float]) -> None:
     body += [(f"6 joints, {k} discs", readable(t)) for k, t in obstacles.items() if k > 1]
     body += [(f"{n} joints, 1 disc, {name}", readable(t)) for name, by in one.items() for n, t in by.items()]
     rows(("one step of the closed loop", "time"), body)
+    crowds = [by_number(times, f"{STEP}/euler-hold/{kind}/") for kind in ("static", "moving")]
+    if all(crowds):
+        body = [(str(k), *(readable(crowd[k]) for crowd in crowds)) for k in crowds[0] if k in crowds[1]]
+        rows(("6 joints, discs (5 of them near)", "static", "moving"), body)
     if 10 in joints and 100 in joints:
         print(f"From 10 to 100 joints the step takes {joints[100] / joints[10]:.1f} times as long.\n")
 

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::scenario::Scenario;
 use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
+use vff_core::world::{Motion, Obstacle, Shape};
 
 struct Counting;
 
@@ -126,6 +127,34 @@ fn no_period_allocates() {
         count
     };
     assert_eq!(count(30), count(300));
+}
+
+/// A crowd that is sorted anew many times while it drifts, half of it standing still.
+#[test]
+fn no_step_allocates_in_a_crowd() {
+    for simulation in [
+        r#"control = "hold", integrator = "semi_implicit_euler""#,
+        r#"control = "predictor""#,
+        r#"control = "continuous", dt = 5e-3"#,
+    ] {
+        let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+        let mut scenario = scenario("position", reference, simulation, "dynamic");
+        for j in 0..1000 {
+            let (x, y) = (f64::from(j % 40), f64::from(j / 40));
+            let velocity = [0.4 * (y - 12.0), 0.3 * (20.0 - x)];
+            scenario.obstacles.push(Obstacle {
+                shape: Shape::Circle { radius: 0.02 },
+                position: [0.5 * (x - 20.0), 0.5 * (y - 12.0)],
+                angle: 0.0,
+                motion: if j % 2 == 0 { Motion::Linear { velocity } } else { Motion::default() },
+            });
+        }
+        let mut run = scenario.prepare().unwrap().run;
+        let count = allocations(|| while run.step() {});
+        assert_eq!(count, 0, "{simulation}");
+        let outcome = run.outcome();
+        assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+    }
 }
 
 /// The test can fail: the explicit form of the law, which is dense, does allocate.

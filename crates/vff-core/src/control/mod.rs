@@ -112,7 +112,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
     }
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.
-    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &impl Surroundings<D>) {
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl Surroundings<D>) {
         self.robot.update(q, dq);
         self.space.refresh(&self.robot);
         self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
@@ -317,7 +317,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
 
     /// The largest control period at which the null space is stable at the observed state (T32).
     /// Allocates.
-    pub fn stable_period(&self, surroundings: &impl Surroundings<D>) -> StablePeriod {
+    pub fn stable_period(&self, surroundings: &mut impl Surroundings<D>) -> StablePeriod {
         sampling::stable_period(&self.robot, &self.space, &self.gains, surroundings)
     }
 
@@ -373,8 +373,8 @@ mod tests {
             angle: 0.0,
             motion: Motion::Linear { velocity },
         };
-        let world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);
-        controller.observe(&c.q, &c.dq, &world);
+        let mut world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);
+        controller.observe(&c.q, &c.dq, &mut world);
         controller
     }
 

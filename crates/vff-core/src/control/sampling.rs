@@ -23,7 +23,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
     robot: &R,
     space: &OperationalSpace<M>,
     gains: &Gains<M>,
-    surroundings: &impl Surroundings<D>,
+    surroundings: &mut impl Surroundings<D>,
 ) -> StablePeriod {
     let n = robot.dof();
     let mut springs: Vec<Spring> = vec![];

@@ -95,7 +95,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot: &R,
         space: &OperationalSpace<M>,
         gains: &Gains<M>,
-        surroundings: &impl Surroundings<D>,
+        surroundings: &mut impl Surroundings<D>,
     ) {
         let field = &gains.field;
         if self.active {
@@ -110,7 +110,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
         let links = (0..robot.dof()).map(|i| robot.link(i));
         let mut clearance = std::mem::take(&mut self.clearance);
-        let nearest = |link: usize, d: f64| clearance[link] = clearance[link].min(d);
+        let nearest = |link: usize, d: f64| clearance[link] = d;
         surroundings.for_each_contact(links, influence, nearest, |contact| {
             self.push(robot, space, field, contact);
         });
@@ -256,7 +256,7 @@ mod tests {
 
     impl Surroundings<2> for Only {
         fn for_each_contact(
-            &self,
+            &mut self,
             _links: impl IntoIterator<Item = Capsule<2>>,
             _reach: f64,
             _distance: impl FnMut(usize, f64),
@@ -295,7 +295,7 @@ mod tests {
         };
         let mut forces = VirtualForces::new(4);
         let settings = Settings { field, ..Settings::default() };
-        forces.refresh(&state, &space, &Gains::new(&settings), &Only(contact));
+        forces.refresh(&state, &space, &Gains::new(&settings), &mut Only(contact));
         assert!(forces.resultant()[0].norm() > field.at(0.3).force);
         assert!(forces.resultant()[0].norm().is_finite());
         assert_eq!(forces.torque(), [0.0; 4]);

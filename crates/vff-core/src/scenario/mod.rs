@@ -414,7 +414,7 @@ impl Scenario {
         }
         let h = self.simulation.control_period();
         let speed = self.obstacles.iter().map(|o| o.motion.top_speed()).fold(0.0, f64::max);
-        let now = controller.stable_period(&World::new(self.obstacles.clone()));
+        let now = controller.stable_period(&mut World::new(self.obstacles.clone()));
         let (worst, when) = match controller.stable_period_against(speed) {
             coming if speed > 0.0 && coming.period < now.period => {
                 (coming, "which is to be expected")

@@ -2,7 +2,8 @@
 //!
 //! A scenario describes [`Obstacle`]s. A [`World`] holds them ready for queries: one
 //! [`World::update`] per instant, then any number of contacts. Nothing allocates after
-//! [`World::new`].
+//! [`World::new`]. Among many obstacles the cost of both grows with what is near, not with what
+//! exists; the results do not depend on it.
 
 mod contact;
 mod motion;
@@ -16,15 +17,15 @@ pub use obstacle::Obstacle;
 pub use shape::{Shape, counter_clockwise, is_convex};
 
 use crate::math::{Capsule, Vector};
-use proximity::Core;
+use proximity::{Core, Crowd};
 
 /// What a controller asks of the world around the arm: the nearest points of every link to
 /// everything that it knows of.
 pub trait Surroundings<const D: usize> {
-    /// Calls `distance` with every link's index and its signed distance to everything around [m],
-    /// and `visit` with the contacts nearer than `reach` [m].
+    /// Calls `visit` with the contacts nearer than `reach` [m], and `distance` with the index of
+    /// every link and its signed distance to whatever is nearest, however far [m].
     fn for_each_contact(
-        &self,
+        &mut self,
         links: impl IntoIterator<Item = Capsule<D>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
@@ -36,22 +37,56 @@ pub trait Surroundings<const D: usize> {
 #[derive(Debug, Clone)]
 pub struct World {
     bodies: Vec<Body>,
-    /// Indices of the obstacles that are not static: all that an update has to visit.
+    /// Indices of the obstacles that are not static.
     moving: Vec<usize>,
-    /// The instant that the states belong to [s].
+    /// The present instant [s].
     time: f64,
+    /// Which obstacles may be near, where they are too many to ask each.
+    crowd: Option<Crowd>,
 }
 
-/// An obstacle with what is computed once (`core`) and once per instant (`state`).
+/// An obstacle with what is computed once (`core`) and when it is needed (`state`).
 #[derive(Debug, Clone)]
 struct Body {
     obstacle: Obstacle,
     core: Core,
     state: MotionState,
+    /// The instant that the state belongs to [s]; any, if the obstacle is static.
+    time: f64,
 }
 
 impl Body {
+    fn new(obstacle: Obstacle) -> Self {
+        Self {
+            core: Core::new(&obstacle.shape, obstacle.angle),
+            state: obstacle.motion.at(0.0, Vector::from(obstacle.position)),
+            time: 0.0,
+            obstacle,
+        }
+    }
+
+    /// Whether the state is that at time `t` [s]. Compared as bits: only the very same instant is.
+    #[inline]
+    fn is_at(&self, t: f64) -> bool {
+        self.time.to_bits() == t.to_bits() || self.obstacle.motion.is_static()
+    }
+
+    /// The state at time `t` [s].
+    #[inline]
     fn state_at(&self, t: f64) -> MotionState {
+        if self.is_at(t) { self.state } else { self.moved_to(t) }
+    }
+
+    /// Keeps the state at time `t` [s].
+    #[inline]
+    fn move_to(&mut self, t: f64) {
+        if !self.is_at(t) {
+            (self.state, self.time) = (self.moved_to(t), t);
+        }
+    }
+
+    #[inline(never)]
+    fn moved_to(&self, t: f64) -> MotionState {
         self.obstacle.motion.at(t, Vector::from(self.obstacle.position))
     }
 }
@@ -62,17 +97,11 @@ impl World {
     /// Their values must have been judged before (see [`Shape`] and [`Motion`] for what is
     /// expected): unusable ones do not panic, but distances to them mean nothing.
     pub fn new(obstacles: Vec<Obstacle>) -> Self {
-        let bodies: Vec<Body> = obstacles
-            .into_iter()
-            .map(|obstacle| Body {
-                core: Core::new(&obstacle.shape, obstacle.angle),
-                state: obstacle.motion.at(0.0, Vector::from(obstacle.position)),
-                obstacle,
-            })
-            .collect();
+        let bodies: Vec<Body> = obstacles.into_iter().map(Body::new).collect();
         let moving =
             (0..bodies.len()).filter(|&j| !bodies[j].obstacle.motion.is_static()).collect();
-        Self { bodies, moving, time: 0.0 }
+        let crowd = (bodies.len() >= Crowd::LEAST).then(|| Crowd::new(&bodies));
+        Self { bodies, moving, time: 0.0, crowd }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
@@ -87,15 +116,17 @@ impl World {
     }
 
     /// Moves all obstacles to time `t` [s]. Free of cost when they are there already.
+    ///
+    /// In a crowd only the obstacles that may be near are moved, when they are asked for.
     pub fn update(&mut self, t: f64) {
-        // Compared as bits: only the very same instant may be skipped.
         if t.to_bits() == self.time.to_bits() {
             return;
         }
-        self.time = t;
-        for &j in &self.moving {
-            self.bodies[j].state = self.bodies[j].state_at(t);
+        match &mut self.crowd {
+            Some(crowd) => crowd.update(&self.bodies, self.time, t),
+            None => self.moving.iter().for_each(|&j| self.bodies[j].move_to(t)),
         }
+        self.time = t;
     }
 
     /// The instant of the last update [s]; 0 before the first.
@@ -111,19 +142,19 @@ impl World {
     /// Position of obstacle `j` [m].
     #[inline]
     pub fn position(&self, j: usize) -> Vector<2> {
-        self.bodies[j].state.position
+        self.bodies[j].state_at(self.time).position
     }
 
     /// Velocity of obstacle `j` [m/s].
     #[inline]
     pub fn velocity(&self, j: usize) -> Vector<2> {
-        self.bodies[j].state.velocity
+        self.bodies[j].state_at(self.time).velocity
     }
 
     /// Acceleration of obstacle `j` [m/s²].
     #[inline]
     pub fn acceleration(&self, j: usize) -> Vector<2> {
-        self.bodies[j].state.acceleration
+        self.bodies[j].state_at(self.time).acceleration
     }
 }
 
@@ -175,8 +206,8 @@ mod tests {
         );
         let pairs: Vec<_> = found.iter().map(|c| (c.link, c.obstacle)).collect();
         assert_eq!(pairs, [(0, 0), (0, 1), (1, 0), (1, 1)]);
-        for (contact, distance) in found.iter().zip(distances) {
-            assert_eq!((contact.link, contact.distance), distance);
+        assert_eq!(distances, [(0, found[1].distance), (1, found[3].distance)]);
+        for contact in &found {
             let capsule = links.clone().nth(contact.link).unwrap();
             assert_eq!(*contact, world.contact(contact.link, &capsule, contact.obstacle));
         }

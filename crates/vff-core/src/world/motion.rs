@@ -110,6 +110,45 @@ impl Motion {
             Self::Waypoints { times, points } => along(times, points, t, position0),
         }
     }
+
+    /// Opposite corners of a box that holds the obstacle from `t0` to `t1` [s], `t0` ≤ `t1`: every
+    /// position that [`at`](Self::at) returns, rounding included [m].
+    pub fn extent(&self, t0: f64, t1: f64, position0: Vector<2>) -> [Vector<2>; 2] {
+        let ends = [self.at(t0, position0).position, self.at(t1, position0).position];
+        match self {
+            // Monotone in t along each axis, rounding included: the ends hold the rest.
+            Self::Static {} | Self::Linear { .. } => hull(ends),
+            Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
+                let middle = omega * (0.5 * (t0 + t1)) + phase;
+                let rounding =
+                    1e-12 + 1e-15 * (middle.abs() + (omega * (t1 - t0)).abs() + phase.abs());
+                let change = (0.5 * omega * (t1 - t0)).abs() + rounding;
+                let sin = middle.sin();
+                let amplitude = Vector::from(*amplitude);
+                hull(
+                    [(sin - change).max(-1.0), (sin + change).min(1.0)]
+                        .map(|sin| position0 + amplitude * sin),
+                )
+            }
+            Self::Waypoints { times, points } => {
+                let n = times.len().min(points.len());
+                let (times, points) = (&times[..n], &points[..n]);
+                let first = times.partition_point(|&time| time <= t0).max(1);
+                let last = times.partition_point(|&time| time < t1);
+                (first..n.min(last + 1))
+                    .flat_map(|next| {
+                        let (start, end) = (times[next - 1].max(t0), times[next].min(t1));
+                        [start, end].map(|t| leg(times, points, next, t).position)
+                    })
+                    .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
+            }
+        }
+    }
+}
+
+/// Opposite corners of the box around two points, the lower ones first.
+fn hull([a, b]: [Vector<2>; 2]) -> [Vector<2>; 2] {
+    [a.inf(&b), a.sup(&b)]
 }
 
 /// The state at time `t` on the polyline through `points`; at rest at `fallback` without points.
@@ -120,13 +159,17 @@ fn along(times: &[f64], points: &[[f64; 2]], t: f64, fallback: Vector<2>) -> Mot
     let Some(next) = points.get(passed) else {
         return MotionState::at_rest(points.last().map_or(fallback, |&last| Vector::from(last)));
     };
-    let next = Vector::from(*next);
     if passed == 0 {
-        return MotionState::at_rest(next);
+        return MotionState::at_rest(Vector::from(*next));
     }
-    let (start, duration) = (times[passed - 1], times[passed] - times[passed - 1]);
-    let previous = Vector::from(points[passed - 1]);
-    let velocity = (next - previous) / duration;
+    leg(times, points, passed, t)
+}
+
+/// The state at time `t` on the way to point `next` > 0.
+fn leg(times: &[f64], points: &[[f64; 2]], next: usize, t: f64) -> MotionState {
+    let (start, duration) = (times[next - 1], times[next] - times[next - 1]);
+    let previous = Vector::from(points[next - 1]);
+    let velocity = (Vector::from(points[next]) - previous) / duration;
     MotionState {
         position: previous + velocity * (t - start),
         velocity,
@@ -180,6 +223,35 @@ mod tests {
             let found = motion.at(t, Vector::zeros()).position;
             prop_assert!((found - expected).norm() < 1e-14);
             check_derivatives(&motion, t, Vector::zeros());
+        }
+
+        #[test]
+        fn every_position_is_inside_the_extent(
+            vectors in prop::collection::vec(two(), 6), numbers in [-3.0..3.0, -3.0..3.0],
+            exponent in 0i32..3, t0 in -5.0..5.0, duration in 0.0..4.0, fraction in 0.0..=1.0,
+        ) {
+            // Coordinates from human to astronomical size.
+            let scale = 10f64.powi(40 * exponent);
+            let [position0, amplitude] = [0, 1].map(|i| vectors[i].map(|x| scale * x));
+            let [angular_frequency, phase] = numbers.map(|x| scale * x);
+            let position0 = Vector::from(position0);
+            let points = vectors.iter().map(|v| v.map(|x| scale * x)).collect();
+            let (t0, t1) = (t0, t0 + duration);
+            for motion in [
+                Motion::default(),
+                Motion::Linear { velocity: amplitude },
+                Motion::Sinusoid { amplitude, angular_frequency, phase },
+                Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
+                Motion::Waypoints { times: vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points },
+                Motion::Waypoints { times: vec![], points: vec![] },
+            ] {
+                let [low, high] = motion.extent(t0, t1, position0);
+                for t in [t0, t0 + fraction * duration, t1, 0.5f64.clamp(t0, t1)] {
+                    let p = motion.at(t, position0).position;
+                    prop_assert!(t > t1 || p.inf(&low) == low && p.sup(&high) == high,
+                        "{p} at {t} is not in [{low}, {high}]");
+                }
+            }
         }
     }
 

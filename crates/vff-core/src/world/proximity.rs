@@ -1,4 +1,5 @@
-//! Signed distance between a link and an obstacle: the only file that names parry and glam.
+//! Signed distance between a link and an obstacle: only this file and the one below it name parry
+//! and glam.
 //!
 //! A link is queried as its axis and an obstacle as its *core*: what remains when the radius
 //! is taken away (circle → point, capsule → segment, box and polygon → themselves). The radii
@@ -8,15 +9,18 @@
 //!
 //! Distances are exact to rounding. In the plane, two convex bodies that do not overlap are
 //! nearest at a vertex of one of them; if they overlap, the shortest way out is along a normal
-//! of one of them. Both need only projections of points: parry's projection onto a segment,
-//! and separating axes. parry's general routines are not used: GJK has no direction at
-//! contact, EPA allocates, and segment–segment errs by 3e-8 m on nearly parallel segments.
+//! of one of them. Both need only projections of points. Points and segments, by far the most
+//! frequent, have closed forms. parry's general routines are not used: GJK has no direction at
+//! contact, EPA allocates, and segment–segment errs by 3e-8 m on nearly parallel segments. Its
+//! hierarchy of boxes ([`crowd`]) finds what is near among many.
 
-use super::{Body, Contact, Shape, Surroundings, World, shape};
+mod crowd;
+
+pub(super) use crowd::Crowd;
+
+use super::{Body, Contact, MotionState, Shape, Surroundings, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
-use parry2d_f64::query::PointQueryWithLocation;
-use parry2d_f64::shape::{Segment, SegmentPointLocation};
 
 /// Separations up to this [m] count as touching: the difference of two points that near is
 /// mostly rounding and has no direction, whereas a separating axis always has one.
@@ -38,7 +42,15 @@ impl World {
     #[inline]
     pub fn contact(&self, link: usize, capsule: &Capsule<2>, j: usize) -> Contact<2> {
         let body = &self.bodies[j];
-        body.contact(link, j, &body.nearest(&Axis::new(capsule)), capsule.radius)
+        let moved;
+        let state = if body.is_at(self.time) {
+            &body.state
+        } else {
+            moved = body.moved_to(self.time);
+            &moved
+        };
+        let nearest = body.core.nearest(&Axis::new(capsule), to_glam(state.position));
+        body.core.contact(link, j, &nearest, capsule.radius, state)
     }
 }
 
@@ -48,54 +60,45 @@ impl Surroundings<2> for World {
     /// See [`World::contact`] for what is expected of a link.
     #[inline]
     fn for_each_contact(
-        &self,
+        &mut self,
         links: impl IntoIterator<Item = Capsule<2>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<2>),
     ) {
-        if self.is_empty() {
+        let Self { bodies, crowd, time, .. } = self;
+        if bodies.is_empty() {
             return;
         }
         for (link, capsule) in links.into_iter().enumerate() {
             let axis = Axis::new(&capsule);
-            for (j, body) in self.bodies.iter().enumerate() {
-                let nearest = body.nearest(&axis);
-                let surface = nearest.distance - body.core.radius - capsule.radius;
-                distance(link, surface);
+            // A crowd names the few that count, and the same is done with them as with all.
+            let near = match crowd {
+                Some(crowd) => crowd.near(bodies, *time, &axis, capsule.radius, reach),
+                None => None,
+            };
+            let mut least = f64::INFINITY;
+            for k in 0..near.map_or(bodies.len(), <[usize]>::len) {
+                let j = near.map_or(k, |near| near[k]);
+                let body = &bodies[j];
+                let (nearest, surface) = body.measure(&axis, capsule.radius);
+                least = least.min(surface);
                 if surface < reach {
-                    visit(&body.contact(link, j, &nearest, capsule.radius));
+                    visit(&body.core.contact(link, j, &nearest, capsule.radius, &body.state));
                 }
             }
+            // Of 0 and −0 either may have been the first: + 0 makes them one.
+            distance(link, least + 0.0);
         }
     }
 }
 
 impl Body {
+    /// The nearest points to a link of this `radius`, and the distance between the surfaces [m].
     #[inline]
-    fn nearest(&self, axis: &Axis) -> Nearest {
-        let axis = axis.seen_from(to_glam(self.state.position));
-        match &self.core.solid {
-            Solid::Point(point) => axis.to_disc(*point),
-            Solid::Convex(faces) => axis.to_convex(faces),
-        }
-    }
-
-    /// The contact of a link of this radius [m] with this obstacle, which is number `j`.
-    #[inline]
-    fn contact(&self, link: usize, j: usize, nearest: &Nearest, radius: f64) -> Contact<2> {
-        let Nearest { distance, normal, point } = *nearest;
-        let point = to_glam(self.state.position) + point;
-        Contact {
-            link,
-            obstacle: j,
-            distance: distance - self.core.radius - radius,
-            normal: from_glam(normal),
-            point: from_glam(point),
-            witness: from_glam(point - normal * (distance - self.core.radius)),
-            velocity: self.state.velocity,
-            acceleration: self.state.acceleration,
-        }
+    fn measure(&self, axis: &Axis, radius: f64) -> (Nearest, f64) {
+        let nearest = self.core.nearest(axis, to_glam(self.state.position));
+        (nearest, nearest.distance - self.core.radius - radius)
     }
 }
 
@@ -111,8 +114,9 @@ pub(super) struct Core {
 #[derive(Debug, Clone)]
 enum Solid {
     Point(Point),
-    /// The edges of a convex polygon, counter-clockwise. A segment is one with two edges,
-    /// there and back. Never empty.
+    /// With the normal to its right.
+    Segment(Face),
+    /// The edges of a convex polygon, counter-clockwise. Never empty.
     Convex(Vec<Face>),
 }
 
@@ -134,10 +138,12 @@ impl Core {
             let vertices: Vec<Point> =
                 vertices.iter().map(|&vertex| turn.rotate(vertex.into())).collect();
             let faces = faces(&vertices);
-            let solid = if faces.is_empty() {
-                Solid::Point(vertices.into_iter().find(|v| v.is_finite()).unwrap_or_default())
-            } else {
-                Solid::Convex(faces)
+            let solid = match (&faces[..], &vertices[..]) {
+                ([], _) => {
+                    Solid::Point(vertices.into_iter().find(|v| v.is_finite()).unwrap_or_default())
+                }
+                ([there, _back], [_, _]) => Solid::Segment(*there),
+                _ => Solid::Convex(faces),
             };
             Self { solid, radius }
         };
@@ -150,6 +156,59 @@ impl Core {
             }
             Shape::Polygon { vertices } => convex(&shape::counter_clockwise(vertices), 0.0),
         }
+    }
+
+    /// The nearest points to an axis when the obstacle is at `position` [m], relative to it.
+    #[inline]
+    fn nearest(&self, axis: &Axis, position: Point) -> Nearest {
+        let axis = axis.seen_from(position);
+        match &self.solid {
+            Solid::Point(point) => axis.to_disc(*point),
+            Solid::Segment(face) => axis.to_segment(face),
+            Solid::Convex(faces) => axis.to_convex(faces),
+        }
+    }
+
+    /// The contact of link number `link` of this `radius` [m] with this core, which is that of
+    /// obstacle `j`.
+    #[inline]
+    fn contact(
+        &self,
+        link: usize,
+        j: usize,
+        nearest: &Nearest,
+        radius: f64,
+        state: &MotionState,
+    ) -> Contact<2> {
+        let Nearest { distance, normal, point } = *nearest;
+        let point = to_glam(state.position) + point;
+        Contact {
+            link,
+            obstacle: j,
+            distance: distance - self.radius - radius,
+            normal: from_glam(normal),
+            point: from_glam(point),
+            witness: from_glam(point - normal * (distance - self.radius)),
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }
+    }
+
+    /// Opposite corners of the box around the obstacle, relative to its position [m].
+    fn extent(&self) -> [Point; 2] {
+        let [low, high] = match &self.solid {
+            Solid::Point(point) => [*point; 2],
+            Solid::Segment(face) => {
+                let (a, b) = (face.start, face.end());
+                [a.min(b), a.max(b)]
+            }
+            Solid::Convex(faces) => {
+                faces.iter().fold([Point::INFINITY, Point::NEG_INFINITY], |[low, high], face| {
+                    [low.min(face.start), high.max(face.start)]
+                })
+            }
+        };
+        [low - Point::splat(self.radius), high + Point::splat(self.radius)]
     }
 }
 
@@ -168,6 +227,11 @@ fn faces(vertices: &[Point]) -> Vec<Face> {
 }
 
 impl Face {
+    #[inline]
+    fn end(&self) -> Point {
+        self.start + self.normal.perp() * self.length
+    }
+
     /// Signed distance of `point` from the line through the edge, positive outside.
     #[inline]
     fn height(&self, point: Point) -> f64 {
@@ -246,22 +310,6 @@ impl Axis {
         }
     }
 
-    /// Distance to a vertex.
-    #[inline]
-    fn to_point(self, core: Point) -> Nearest {
-        let segment = Segment::new(self.start, self.end());
-        let (projection, location) = segment.project_local_point_and_get_location(core, true);
-        let point = projection.point;
-        if let SegmentPointLocation::OnVertex(_) = location {
-            let offset = point - core;
-            let distance = offset.length();
-            if distance > 0.0 {
-                return Nearest { distance, normal: offset / distance, point };
-            }
-        }
-        self.beside(self.start - core, point)
-    }
-
     /// The foot `point` of the perpendicular lies between the ends: the normal of the axis is known
     /// exactly, whereas the difference of the two points would lose its direction close to the core.
     /// `offset` leads from the core to the start.
@@ -270,6 +318,50 @@ impl Axis {
         let left = self.left();
         let height = left.dot(offset);
         Nearest { distance: height.abs(), normal: if height >= 0.0 { left } else { -left }, point }
+    }
+
+    /// Signed distance to a segment: [`to_convex`](Self::to_convex) for a polygon with two edges,
+    /// there and back.
+    #[inline]
+    fn to_segment(self, core: &Face) -> Nearest {
+        let (a, b, c, d) = (self.start, self.end(), core.start, core.end());
+        let left = self.left();
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
+        if !(a.is_finite() && b.is_finite()) {
+            return undefined;
+        }
+        // How far the ends of each lie to one side of the other, and of the core along the axis.
+        let (at_a, at_b) = (core.height(a), core.height(b));
+        let (at_c, at_d) = (left.dot(c - a), left.dot(d - a));
+        let (along_c, along_d) = (self.forward.dot(c - a), self.forward.dot(d - a));
+
+        // The greater gap of the two sides, and the end that it is measured at: by selection, for
+        // no processor can foresee the branches.
+        let gap = |first: f64, second: f64, normal: Point, ends: [Point; 2]| {
+            let (low, high) = (first.min(second), first.max(second));
+            let side = if low >= -high { 1.0 } else { -1.0 };
+            let first_is_nearer = side * first <= side * second;
+            Nearest {
+                distance: low.max(-high),
+                normal: normal * side,
+                point: if first_is_nearer { ends[0] } else { ends[1] },
+            }
+        };
+        let face = gap(at_a, at_b, core.normal, [a, b]);
+        let flank = gap(at_c, at_d, -left, [c - left * at_c, d - left * at_d]);
+        let lengthwise = (-along_c.max(along_d)).max(along_c.min(along_d) - self.length);
+        let overlapping = if face.distance >= flank.distance { face } else { flank };
+        if overlapping.distance.max(lengthwise) <= TOUCHING {
+            return overlapping;
+        }
+
+        // Apart: nearest at an end of the link or at an end of the core.
+        let beyond = |along: f64| (-along).max(along - self.length).max(0.0);
+        let (beyond_c, beyond_d) = (beyond(along_c), beyond(along_d));
+        let c_is_nearer = at_c * at_c + beyond_c * beyond_c <= at_d * at_d + beyond_d * beyond_d;
+        let vertex = self.to_disc(if c_is_nearer { c } else { d });
+        let faces_edge = face.distance > 0.0 && core.is_below(face.point);
+        if faces_edge && face.distance <= vertex.distance { face } else { vertex }
     }
 
     /// Signed distance to a convex polygon.
@@ -335,7 +427,7 @@ impl Axis {
         }
         // Apart: nearest between an end of the axis and the inside of an edge, which then is
         // the edge with the greatest gap, or at a vertex of the polygon.
-        let vertex = self.to_point(near_vertex);
+        let vertex = self.to_disc(near_vertex);
         if faces_edge && face.distance <= vertex.distance { face } else { vertex }
     }
 }
@@ -355,6 +447,7 @@ mod tests {
     use super::*;
     use crate::math::perp;
     use crate::world::{Motion, Obstacle};
+    use parry2d_f64::shape::Segment;
     use proptest::prelude::*;
     use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
@@ -438,6 +531,17 @@ mod tests {
         Capsule::new(start.into(), end.into(), radius)
     }
 
+    /// The point of an axis nearest to (x, y) as parry has it.
+    fn projected(axis: &Axis, x: f64, y: f64) -> Nearest {
+        use parry2d_f64::query::PointQuery;
+        let centre = Point::new(x, y);
+        let segment = Segment::new(axis.start, axis.end());
+        let point = segment.project_local_point(centre, true).point;
+        let offset = point - centre;
+        let distance = offset.length();
+        Nearest { distance, normal: offset / distance, point }
+    }
+
     fn any_link() -> impl Strategy<Value = Capsule<2>> {
         (-2.0..2.0, -2.0..2.0, 0.05..3.0, 0.0..TAU, 0.0..0.3).prop_map(
             |(x, y, length, angle, radius)| {
@@ -484,11 +588,36 @@ mod tests {
         /// The closed form for discs and parry's projection, to 1e-12.
         #[test]
         fn disc_agrees_with_parry(link in any_link(), x in -4.0..4.0, y in -4.0..4.0) {
-            let (axis, centre) = (Axis::new(&link), Point::new(x, y));
-            let (closed, parry) = (axis.to_disc(centre), axis.to_point(centre));
-            prop_assert!((closed.distance - parry.distance).abs() < 1e-12);
-            prop_assert!((closed.point - parry.point).length() < 1e-12);
-            prop_assert!((closed.normal - parry.normal).length() * closed.distance < 1e-12);
+            let axis = Axis::new(&link);
+            let (found, expected) = (axis.to_disc(Point::new(x, y)), projected(&axis, x, y));
+            prop_assert!((found.distance - expected.distance).abs() < 1e-12);
+            prop_assert!((found.point - expected.point).length() < 1e-12);
+            prop_assert!((found.normal - expected.normal).length() * found.distance < 1e-12);
+        }
+
+        /// The closed form for segments and parry's, to 1e-12 (not nearly parallel, where parry's
+        /// errs, see `nearly_parallel_segments_are_exact`), and the general form, to rounding.
+        #[test]
+        fn segment_agrees_with_parry_and_with_the_general_form(
+            link in any_link(), other in any_link(),
+        ) {
+            use parry2d_f64::{math::Pose, query};
+            let (axis, core) = (Axis::new(&link), Axis::new(&other));
+            let there_and_back = faces(&[core.start, core.end()]);
+            let found = axis.to_segment(&there_and_back[0]);
+            let general = axis.to_convex(&there_and_back);
+            prop_assert!((found.distance - general.distance).abs() < 1e-14);
+            prop_assert!((found.point - general.point).length() < 1e-13);
+            prop_assert!((found.normal - general.normal).length() < 1e-12);
+
+            prop_assume!(axis.forward.perp_dot(core.forward).abs() > 1e-3);
+            let segment = |axis: &Axis| Segment::new(axis.start, axis.end());
+            let expected =
+                query::distance(&Pose::IDENTITY, &segment(&axis), &Pose::IDENTITY, &segment(&core))
+                    .unwrap()
+                    .distance;
+            prop_assert!((found.distance.max(0.0) - expected).abs() < 1e-12,
+                "{found:?} is not {expected}");
         }
 
         #[test]
