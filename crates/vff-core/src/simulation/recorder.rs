@@ -41,6 +41,14 @@ pub struct Record {
     pub clearance: Vec<f64>,
     /// (T, k, 2).
     pub obstacles: Vec<f64>,
+    /// (T, n), or empty without `[measurement]`.
+    pub q_measured: Vec<f64>,
+    /// (T, n), or empty without `[measurement]`.
+    pub dq_measured: Vec<f64>,
+    /// (T, n), or empty without `[actuator]`.
+    pub tau_applied: Vec<f64>,
+    /// Whether there are measurements, and drives.
+    optional: [bool; 2],
 }
 
 /// The largest record that is accepted [bytes]: systems that promise more memory than they have
@@ -58,17 +66,18 @@ pub struct RecordTooLarge {
 }
 
 impl Record {
-    /// Room for `rows` rows.
+    /// Room for `rows` rows like this one.
     ///
     /// # Errors
     /// If they take too much memory.
-    pub fn with_capacity(
-        rows: usize,
-        n: usize,
-        m: usize,
-        obstacles: usize,
-    ) -> Result<Self, RecordTooLarge> {
-        let mut record = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
+    pub fn with_capacity(rows: usize, row: &Snapshot<'_>) -> Result<Self, RecordTooLarge> {
+        let mut record = Self {
+            joints: row.q.len(),
+            task: row.x.len(),
+            obstacles_count: row.world.len(),
+            optional: [!row.q_measured.is_empty(), !row.tau_applied.is_empty()],
+            ..Self::default()
+        };
         let row_bytes = 8 * record.arrays().iter().map(|(_, width)| width).sum::<usize>();
         let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
         let reserve =
@@ -82,8 +91,9 @@ impl Record {
     }
 
     /// Every array with the length of its rows.
-    fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 14] {
+    fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 17] {
         let (n, m) = (self.joints, self.task);
+        let [measured, applied] = self.optional.map(|given| if given { n } else { 0 });
         [
             (&mut self.t, 1),
             (&mut self.q, n),
@@ -99,6 +109,9 @@ impl Record {
             (&mut self.force, n),
             (&mut self.clearance, n),
             (&mut self.obstacles, 2 * self.obstacles_count),
+            (&mut self.q_measured, measured),
+            (&mut self.dq_measured, measured),
+            (&mut self.tau_applied, applied),
         ]
     }
 
@@ -121,5 +134,8 @@ impl Record {
         for position in s.obstacles() {
             self.obstacles.extend_from_slice(position.as_slice());
         }
+        self.q_measured.extend_from_slice(s.q_measured);
+        self.dq_measured.extend_from_slice(s.dq_measured);
+        self.tau_applied.extend_from_slice(s.tau_applied);
     }
 }

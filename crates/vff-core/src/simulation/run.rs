@@ -68,11 +68,10 @@ impl<const M: usize> Run<M> {
         duration: f64,
     ) -> Result<Self, RecordTooLarge> {
         let s = closed_loop.snapshot();
-        let (n, obstacles) = (s.q.len(), s.world.len());
         let steps = options.steps(duration);
         let rows = steps / options.record_every + 1;
-        let record = Record::with_capacity(rows, n, M, obstacles)?;
-        let metrics = Metrics::new(n, duration, options.dt, closed_loop.limits().clone());
+        let record = Record::with_capacity(rows, &s)?;
+        let metrics = Metrics::new(s.q.len(), duration, options.dt, closed_loop.limits().clone());
         let record_every = options.record_every;
         let diverged = !closed_loop.is_defined();
         let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged };
