@@ -436,6 +436,15 @@ def run(
         If the scenario cannot be run.
     """
 
+def plant(document: Mapping[str, Any]) -> Arm:
+    """The physical arm of a scenario document, payload included.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be used.
+    """
+
 def check(
     kind: Literal["scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation"],
     document: Mapping[str, Any],

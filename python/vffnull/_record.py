@@ -31,7 +31,13 @@ QUANTITIES: dict[str, Quantity] = {
     "force": Quantity("N", "repulsion on the link", ("link",)),
     "clearance": Quantity("m", "distance to the nearest obstacle", ("link",)),
     "obstacles": Quantity("m", "obstacle position", ("obstacle", "plane")),
+    "q_measured": Quantity("rad", "measured joint angle", ("joint",)),
+    "dq_measured": Quantity("rad/s", "measured joint velocity", ("joint",)),
+    "tau_applied": Quantity("N·m", "torque of the drive", ("joint",)),
 }
+
+OPTIONAL = ("q_measured", "dq_measured", "tau_applied")
+"""What only a scenario with sensors or drives records; None in the result of another."""
 
 AXES = ("x", "y", "phi")
 """Names of the task's axes; a position has the first two, a pose all three."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
-from vffnull._record import AXES, QUANTITIES, unit
+from vffnull._record import AXES, OPTIONAL, QUANTITIES, Quantity, unit
 from vffnull.errors import InputError
 from vffnull.scenario import Scenario
 
@@ -146,6 +146,12 @@ class Result:
         Signed distance of each link's surface to the nearest obstacle's [m]; negative in contact.
     obstacles : (T, k, 2) ndarray
         Positions of the obstacles [m].
+    q_measured, dq_measured : (T, n) ndarray or None
+        What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
+        has sensors, a table ``[measurement]``. Everything else is of the true state.
+    tau_applied : (T, n) ndarray or None
+        Torque of the drives [N·m], where `tau` is the commanded one; None unless the scenario has drives, a
+        table ``[actuator]``.
 
     Examples
     --------
@@ -177,12 +183,22 @@ class Result:
     force: Array
     clearance: Array
     obstacles: Array
+    q_measured: Array | None = None
+    dq_measured: Array | None = None
+    tau_applied: Array | None = None
 
     def __repr__(self) -> str:
         return (
             f"<Result of {self.scenario.name or 'a scenario'}: {self.status} at {self.end_time:g} s, "
             f"{len(self.t)} instants>"
         )
+
+    def recorded(self) -> Iterator[tuple[str, Quantity, Array]]:
+        """Name, meaning and values of every quantity that was recorded, time apart."""
+        for name, quantity in QUANTITIES.items():
+            values: Array | None = getattr(self, name)
+            if values is not None:
+                yield name, quantity, values
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the result with its scenario and version to one ``.npz`` file; nothing is rounded.
@@ -216,7 +232,7 @@ class Result:
             "warnings": list(self.warnings),
             "metrics": dict(self.metrics),
         }
-        arrays = {name: getattr(self, name) for name in ("t", *QUANTITIES)}
+        arrays = {"t": self.t} | {name: values for name, _, values in self.recorded()}
         draft = target.with_name(f".{target.name}.part")  # a crash never leaves half a file under the name
         try:
             with draft.open("wb") as file:
@@ -250,7 +266,8 @@ class Result:
         try:
             with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull"]))
-                arrays = {name: file[name] for name in ("t", *QUANTITIES)}
+                absent = [name for name in OPTIONAL if name not in file]
+                arrays = {name: file[name] for name in ("t", *QUANTITIES) if name not in absent}
             written = int(header["format"])
             by = str(header["version"])
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
@@ -288,8 +305,7 @@ class Result:
         library = _extra("pandas")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
-        for name, quantity in QUANTITIES.items():
-            values: Array = getattr(self, name)
+        for name, quantity, values in self.recorded():
             flat = values.reshape(len(values), -1).T
             for line, index in zip(flat, np.ndindex(values.shape[1:]), strict=True):
                 labels = [
@@ -318,11 +334,11 @@ class Result:
         n, m, k = self.q.shape[1], self.x.shape[1], self.obstacles.shape[1]
         numbers = {"joint": np.arange(1, n + 1), "link": np.arange(1, n + 1), "obstacle": np.arange(1, k + 1)}
         data = {}
-        for name, quantity in QUANTITIES.items():
+        for name, quantity, values in self.recorded():
             pose = "task" in quantity.over and m == 3
             units = f"{quantity.unit}, {unit(name, 'phi')}" if pose else quantity.unit
             labels = {"units": units, "long_name": quantity.meaning}
-            data[name] = (("t", *quantity.over), getattr(self, name), labels)
+            data[name] = (("t", *quantity.over), values, labels)
         dataset: xarray.Dataset = library.Dataset(
             data,
             coords={

@@ -88,6 +88,18 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     for (name, values, columns) in tables {
         dict.set_item(name, array2(py, values, [rows, columns])?)?;
     }
+    let optional = [
+        ("q_measured", r.q_measured),
+        ("dq_measured", r.dq_measured),
+        ("tau_applied", r.tau_applied),
+    ];
+    for (name, values) in optional {
+        if values.is_empty() {
+            dict.set_item(name, py.None())?;
+        } else {
+            dict.set_item(name, array2(py, values, [rows, n])?)?;
+        }
+    }
     dict.set_item("obstacles", PyArray1::from_vec(py, r.obstacles).reshape([rows, k, 2])?)?;
     Ok(dict)
 }

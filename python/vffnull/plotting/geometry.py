@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vffnull._record import QUANTITIES
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -23,8 +22,8 @@ def drawable(result: Result) -> Result:
     if sound.all():
         return result
     rows = int(np.argmin(sound))
-    cut = {name: getattr(result, name)[:rows] for name in ("t", *QUANTITIES)}
-    return dataclasses.replace(result, **cut)
+    cut = {name: values[:rows] for name, _, values in result.recorded()}
+    return dataclasses.replace(result, t=result.t[:rows], **cut)
 
 
 def joints(result: Result) -> Array:

@@ -295,6 +295,15 @@ impl Scenario {
         })
     }
 
+    /// The physical arm, payload included.
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault.
+    pub fn plant_arm(&self) -> Result<Arc<PlanarArm>, ScenarioError> {
+        let model = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
+        Ok(self.reality(&model)?.plant.arm)
+    }
+
     /// Builds the run.
     ///
     /// # Errors

@@ -230,7 +230,8 @@ impl<const M: usize> ClosedLoop<M> {
             Integrator::Rk4 => 0.5,
             Integrator::SemiImplicitEuler => 1.0,
         };
-        plant.settle(&self.before, q, dq, [options.dt, weight]);
+        let tau = if continuous { &brain.controller.torque().total } else { held };
+        plant.settle(tau, &self.before, q, dq, [options.dt, weight]);
         if self.is_sane() {
             self.step += 1;
             if let Some(measurement) = &mut self.measurement {

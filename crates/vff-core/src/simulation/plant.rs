@@ -1,6 +1,7 @@
 //! The physical arm: what the torque meets, whatever the controller believes.
 
 use super::impulses::Impulses;
+use crate::control::dot;
 use crate::robot::{PlanarArm, PlanarState, Robot};
 use std::sync::Arc;
 
@@ -88,28 +89,34 @@ impl Plant {
         model.accelerate(tau, bias, scratch, ddq);
     }
 
-    /// Completes a step of `dt` [s] from `before` to (q, q̇) by what does not act continuously:
-    /// joints stop at their stops, without bouncing, and dry friction takes its share (T45).
+    /// Completes a step of `dt` [s] under the torque `tau` from `before` to (q, q̇) by what does not
+    /// act continuously: joints stop at their stops, without bouncing, and dry friction takes its
+    /// share (T45).
     ///
     /// The impulses act as a constant torque would: `weight` of their change of velocity, ½ or what
     /// the integrator uses, counts for the positions at the end of the step.
     pub fn settle(
         &mut self,
+        tau: &[f64],
         before: &[Vec<f64>; 2],
         q: &mut [f64],
         dq: &mut [f64],
         [dt, weight]: [f64; 2],
     ) {
-        let Self { physics, state, impulses, change, .. } = self;
-        let stops = &physics.stops;
+        let stops = &self.physics.stops;
         let beyond = |(q, [lower, upper]): (&f64, &[f64; 2])| q <= lower || upper <= q;
-        if physics.coulomb.is_empty() && !q.iter().zip(stops).any(beyond) {
+        if self.physics.coulomb.is_empty() && !q.iter().zip(stops).any(beyond) {
             return;
         }
+        self.state.update(q, dq);
+        let [kinetic, potential] = self.energies();
+        let mut allowed = kinetic + potential - dot(tau, q);
+
+        let Self { physics, state, impulses, change, .. } = self;
         for i in 0..q.len() {
             let friction = dt * physics.coulomb.get(i).copied().unwrap_or(0.0);
             let (mut lower, mut upper) = (-friction, friction);
-            if let Some([least, most]) = stops.get(i) {
+            if let Some([least, most]) = physics.stops.get(i) {
                 if q[i] <= *least {
                     (q[i], upper) = (*least, f64::INFINITY);
                 } else if q[i] >= *most {
@@ -130,9 +137,26 @@ impl Plant {
             change[i] = if stands || stopped { 0.0 } else { dq[i] - change[i] };
         }
         physics.arm.integrate(q, change, weight * dt);
-        for (q, [lower, upper]) in q.iter_mut().zip(stops) {
+        for (q, [lower, upper]) in q.iter_mut().zip(&physics.stops) {
             *q = q.clamp(*lower, *upper);
         }
+
+        // Putting joints back has changed the energy, by little, but the wrong way as easily as the
+        // right one: what there is too much of is taken out of the motion (T46).
+        state.update(q, dq);
+        let [kinetic, potential] = self.energies();
+        allowed = (allowed + dot(tau, q) - potential).max(0.0);
+        if kinetic > allowed {
+            let slower = (allowed / kinetic).sqrt();
+            dq.iter_mut().for_each(|v| *v *= slower);
+        }
+    }
+
+    /// Kinetic and potential energy [J] at the state of the last [`update`](Self::update).
+    fn energies(&mut self) -> [f64; 2] {
+        let Self { state, scratch, .. } = self;
+        state.mass_mul(state.velocity(), scratch);
+        [0.5 * dot(scratch, state.velocity()), state.potential_energy()]
     }
 }
 
