@@ -9,13 +9,14 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 
 import vffnull as vff
 from vffnull.plotting import style
 
 SCENARIO = "sweep-through"
-MASS = np.linspace(-30, 30, 13)  # %, what the links weigh more than the model
+MASS = 30 * np.sinh(np.linspace(-4, 4, 41)) / np.sinh(4)  # %, more than the model; dense round 0
 DELAY = [0, 2, 4, 6, 8, 10]  # ms
 
 
@@ -36,14 +37,16 @@ def main(target: Path) -> None:
         fig = style.figure(2.6, style.PAGE)
         axes = fig.subplots(1, 2)
         colours = np.linspace(0.85, 0.0, len(DELAY))
-        for ax, values, label in zip(
-            axes, np.moveaxis(table, -1, 0), ("largest tracking error [mm]", "smallest clearance [mm]"), strict=True
-        ):
+        labels = "largest tracking error [mm]", "smallest clearance [mm]"
+        for ax, values, label in zip(axes, np.moveaxis(table, -1, 0), labels, strict=True):
             for line, delay, shade in zip(values, DELAY, colours, strict=True):
-                ax.plot(MASS, line, color=style.matplotlib.colormaps["viridis"](shade), label=f"{delay} ms")
-            ax.set_xlabel("mass of the links against the model [%]")
+                ax.plot(MASS, line, color=matplotlib.colormaps["viridis"](shade), label=f"{delay} ms")
+            ax.set_xlabel("mass of the links, relative to the model [%]")
             ax.set_ylabel(label)
+            ax.xaxis.set_major_formatter(lambda x, _: f"{x:+.0f}" if x else "0")
         axes[0].set_yscale("log")
+        axes[0].yaxis.set_major_formatter("{x:g}")
+        axes[1].yaxis.get_major_locator().set_params(integer=True)
         fig.legend(*axes[0].get_legend_handles_labels(), title="delay", loc="outside right center")
         fig.savefig(target)
 

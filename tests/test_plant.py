@@ -27,7 +27,9 @@ TABLES: dict[str, dict[str, Any]] = {
 }
 
 
-def rod(q0: float = 0.0, dq0: float = 0.0, arm: dict[str, Any] | None = None, **tables: Any) -> vff.Simulation:
+def rod(
+    q0: float = 0.0, dq0: float = 0.0, arm: dict[str, Any] | None = None, **tables: Any
+) -> vff.Simulation:
     """One link of 1 m and 1 kg, to be moved by hand."""
     return vff.Simulation(
         {
@@ -81,7 +83,9 @@ def test_tables_of_zeros_change_no_bit(control: str, integrator: str) -> None:
 
 
 def test_stops_that_are_not_reached_change_no_bit() -> None:
-    plain, stopped = (vff.simulate("sweep-through", changes) for changes in ({}, {"arm.joint_limits": [-3, 3]}))
+    plain, stopped = (
+        vff.simulate("sweep-through", changes) for changes in ({}, {"arm.joint_limits": [-3, 3]})
+    )
     for name, _, values in plain.recorded():
         np.testing.assert_array_equal(values, getattr(stopped, name), err_msg=name)
     assert stopped.metrics.joint_limit_violation == 0.0
@@ -100,18 +104,20 @@ def test_dry_friction_stops_a_rod_in_finite_time(sense: int) -> None:
     q, dq = drive(rod(dq0=sense * speed, plant={"coulomb_friction": friction}), 1000, [0.0])
     t = DT * np.arange(1001)
     end = speed * INERTIA / friction
-    np.testing.assert_allclose(
-        dq[:, 0], sense * np.maximum(0.0, speed - friction / INERTIA * t), atol=1e-12
-    )
+    np.testing.assert_allclose(dq[:, 0], sense * np.maximum(0.0, speed - friction / INERTIA * t), atol=1e-12)
     stopped = t > end + DT
     assert (dq[stopped] == 0.0).all() and np.unique(q[stopped]).size == 1
-    assert q[-1, 0] == pytest.approx(sense * speed**2 * INERTIA / (2 * friction), abs=friction / INERTIA * DT**2)
+    assert q[-1, 0] == pytest.approx(
+        sense * speed**2 * INERTIA / (2 * friction), abs=friction / INERTIA * DT**2
+    )
 
 
 @pytest.mark.parametrize("integrator", ["rk4", "semi_implicit_euler"])
 def test_dry_friction_holds_an_arm_against_gravity(integrator: str) -> None:
-    """It needs 24 N·m to be held: with more friction than that in each joint it stands still, to the last bit."""
-    scenario = chain(plant={"coulomb_friction": 25.0}, simulation={"integrator": integrator}) | {"dq0": [0.0] * 3}
+    """It needs 24 N·m to be held: with more friction in every joint nothing moves, to the last bit."""
+    scenario = chain(plant={"coulomb_friction": 25.0}, simulation={"integrator": integrator}) | {
+        "dq0": [0.0] * 3
+    }
     assert np.abs(vff.Scenario.from_dict(scenario).arm.gravity_torque(scenario["q0"])).max() < 25.0
     q, dq = drive(vff.Simulation(scenario), 1000, [0.0] * 3)
     assert (dq == 0.0).all() and (q == q[0]).all()
@@ -155,7 +161,12 @@ def test_a_payload_is_a_last_link_that_carries_it() -> None:
 
 def test_the_plant_moves_by_its_own_masses() -> None:
     """Under the same torque as an arm that is the plant in every respect; the controller's has no say."""
-    other = {"masses": [3.0, 2.0, 1.0], "com": [0.1, [0.2, 0.05], 0.3], "inertias": 0.1, "gravity": [1.0, -3.0]}
+    other = {
+        "masses": [3.0, 2.0, 1.0],
+        "com": [0.1, [0.2, 0.05], 0.3],
+        "inertias": 0.1,
+        "gravity": [1.0, -3.0],
+    }
     wrong = chain(plant=other)
     right = chain() | {"arm": chain()["arm"] | other}
     tau = [3.0, -1.0, 0.5]
@@ -215,42 +226,43 @@ def test_a_rod_that_falls_on_a_stop_stays_there(integrator: str) -> None:
     assert np.diff(energy(arm, q, dq)).max() < (1e-9 if integrator == "rk4" else 0.03)
 
 
-def test_stops_take_energy_and_never_give_any() -> None:
-    """Chains that fall on their stops, again and again: the worst rise over a step, a bound of its order."""
+@pytest.mark.parametrize(("dt", "drift"), [(1e-3, 1e-7), (2.5e-4, 1e-10)])
+def test_stops_take_energy_and_never_give_any(dt: float, drift: float) -> None:
+    """Chains that fall from stop to stop and lose joules: in no step does the energy rise.
+
+    Apart from what RK4 itself makes of it, 1e-8 J in the worst step of 1 ms, which falls with Δt⁵.
+    """
     rng = np.random.default_rng(3)
-    worst = {}
-    for dt in (1e-3, 2.5e-4):
-        worst[dt] = 0.0
-        for n in (2, 3, 5):
-            for _ in range(3):
-                limits = np.sort(rng.uniform(-1.5, 1.5, (n, 2)), axis=1) + [-0.1, 0.1]
-                scenario = chain(n, simulation={"dt": dt})
-                scenario["arm"] |= {"joint_limits": limits.tolist()}
-                scenario |= {"q0": limits.mean(axis=1).tolist(), "dq0": rng.uniform(-2, 2, n).tolist()}
-                arm = vff.Scenario.from_dict(scenario).arm
-                q, dq = drive(vff.Simulation(scenario), round(1.0 / dt), [0.0] * n)
-                assert (q >= limits[:, 0]).all() and (q <= limits[:, 1]).all()
-                e = energy(arm, q, dq)
-                assert (e[0] - e[-1]) > 0.1  # they did hit
-                print(n, dt, np.diff(e).max(), np.maximum(0, np.diff(e)).sum(), e[0]-e[-1])
-                worst[dt] = max(worst[dt], np.diff(e).max())
-    print(worst)
+    for n in (2, 2, 2, 3, 3, 3, 5, 5, 5):
+        limits = np.sort(rng.uniform(-1.5, 1.5, (n, 2)), axis=1) + np.array([-0.1, 0.1])
+        scenario = chain(n, simulation={"dt": dt})
+        scenario["arm"] |= {"joint_limits": limits.tolist()}
+        scenario |= {"q0": limits.mean(axis=1).tolist(), "dq0": rng.uniform(-2, 2, n).tolist()}
+        q, dq = drive(vff.Simulation(scenario), round(1.0 / dt), [0.0] * n)
+        assert (q >= limits[:, 0]).all() and (q <= limits[:, 1]).all()
+        change = np.diff(energy(vff.Scenario.from_dict(scenario).arm, q, dq))
+        assert change.sum() < -1.0
+        assert change.max() < drift
 
 
 def test_stops_can_be_taken_away() -> None:
-    q, _ = drive(rod(arm={"gravity": 9.81, "joint_limits": [-1.0, 1.0]}, plant={"joint_stops": False}), 1000, [0.0])
+    q, _ = drive(
+        rod(arm={"gravity": 9.81, "joint_limits": [-1.0, 1.0]}, plant={"joint_stops": False}), 1000, [0.0]
+    )
     assert q.min() < -2.0
 
 
 def test_a_start_beyond_a_stop_is_warned_of() -> None:
     scenario = chain()
     scenario["arm"] |= {"joint_limits": [-0.45, 1.0]}
-    with pytest.warns(vff.errors.ScenarioWarning, match=r"q0\[2\]: -0.5 rad is beyond the stops .* -0.45 and 1"):
+    with pytest.warns(
+        vff.errors.ScenarioWarning, match=r"q0\[2\]: -0.5 rad is beyond the stops .* -0.45 and 1"
+    ):
         vff.simulate(scenario)
 
 
 def test_stops_end_what_a_controller_wants() -> None:
-    """The tip cannot come where a stop forbids it, and the metric of joint limits says that none is exceeded."""
+    """The tip cannot come where a stop forbids it, and the metric says that no limit is exceeded."""
     scenario = vff.Scenario.load("sweep-through").replace(
         **{"arm.joint_limits": [[1.1, 1.3], *[[-1.0, 1.0]] * 5], "reference.point": [1.0, 3.0]}
     )
@@ -291,7 +303,7 @@ def errors(**overrides: Any) -> tuple[Array, Array]:
 
 
 def test_noise_has_the_deviation_that_was_asked_for() -> None:
-    """4001 numbers a joint: mean and deviation within 4 standard errors, and no correlation in time or space."""
+    """4001 numbers a joint: mean and deviation within 4 standard errors, and no correlation."""
     for noise, deviation in zip(
         errors(measurement=NOISE), (NOISE["position_noise"], [1e-3] * 6), strict=True
     ):
@@ -337,7 +349,7 @@ def test_readings_are_multiples_of_the_resolution() -> None:
 
 
 def test_delay_shifts_the_readings() -> None:
-    """By whole steps, rounded up, joint by joint, to the last bit; before the start the arm stood at the start."""
+    """By whole steps, rounded up, joint by joint, to the last bit; before t = 0 it is the start."""
     delay = [0.0, 1e-3, 2e-3, 0.0025, 7e-3, 3e-3]
     with pytest.warns(vff.errors.ScenarioWarning, match=r"measurement.delay: 0.0025 s .* 0.003 s old"):
         result = vff.simulate("sweep-through", {"measurement": {"delay": delay}})
@@ -433,7 +445,9 @@ def test_bad_input_is_named(key: str, value: Any, message: str) -> None:
 
 @pytest.mark.parametrize("table", ["measurement", "actuator"])
 def test_sensors_and_drives_need_a_sampled_controller(table: str) -> None:
-    with pytest.raises(vff.errors.ScenarioError, match=f"{table}: needs a sampled controller.*hold.*predictor"):
+    with pytest.raises(
+        vff.errors.ScenarioError, match=f"{table}: needs a sampled controller.*hold.*predictor"
+    ):
         vff.simulate("sweep-through", {"simulation.control": "continuous", table: {}})
     with pytest.raises(vff.errors.ScenarioError, match=f"{table}: MuJoCo as the plant has none"):
         vff.simulate("sweep-through", {table: {}}, plant="mujoco")
@@ -447,8 +461,14 @@ def test_keyword_arguments_of_a_scenario() -> None:
 
 def test_mujoco_moves_the_same_plant() -> None:
     """Other masses, a payload and viscous friction, to rounding."""
-    plant = {"masses": [1.2, 0.8, 1.1, 0.9, 1.0, 1.3], "payload": 0.3, "viscous_friction": [0.1, 0.2, 0, 0, 0.3, 0]}
-    ours, theirs = (vff.simulate("sweep-through", {"plant": plant}, plant=name) for name in ("core", "mujoco"))
+    plant = {
+        "masses": [1.2, 0.8, 1.1, 0.9, 1.0, 1.3],
+        "payload": 0.3,
+        "viscous_friction": [0.1, 0.2, 0, 0, 0.3, 0],
+    }
+    ours, theirs = (
+        vff.simulate("sweep-through", {"plant": plant}, plant=name) for name in ("core", "mujoco")
+    )
     np.testing.assert_allclose(theirs.q, ours.q, atol=1e-9)
     assert np.abs(ours.q - vff.simulate("sweep-through").q).max() > 1e-3
 

@@ -76,14 +76,17 @@ class MuJoCoPlant:
         for table in ("measurement", "actuator"):
             if table in document:
                 raise ScenarioError(
-                    f"{table}: MuJoCo as the plant has none; remove the table, or simulate with the core", table
+                    f"{table}: MuJoCo as the plant has none; remove the table, or simulate with the core",
+                    table,
                 )
         self._obstacles = document.get("obstacles", [])
         physics = document.get("plant", {})
         numerics = document.get("simulation", {})
         try:
             with _alone(mujoco):
-                self.model = mujoco.MjModel.from_xml_string(to_mjcf(scenario.plant, obstacles=self._obstacles))
+                self.model = mujoco.MjModel.from_xml_string(
+                    to_mjcf(scenario.plant, obstacles=self._obstacles)
+                )
         except ValueError as error:
             raise ScenarioError(f"not for MuJoCo: {error}") from None
         options, disable, integrator = self.model.opt, mujoco.mjtDisableBit, mujoco.mjtIntegrator
