@@ -232,7 +232,7 @@ class Result:
             "warnings": list(self.warnings),
             "metrics": dict(self.metrics),
         }
-        arrays = {"t": self.t} | {name: values for name, _, values in self.recorded()}
+        arrays: dict[str, Any] = {"t": self.t} | {name: values for name, _, values in self.recorded()}
         draft = target.with_name(f".{target.name}.part")  # a crash never leaves half a file under the name
         try:
             with draft.open("wb") as file:

@@ -21,7 +21,7 @@ def drawable(result: Result) -> Result:
     if sound.all():
         return result
     rows = int(np.argmin(sound))
-    cut = {name: values[:rows] for name, _, values in result.recorded()}
+    cut: dict[str, Any] = {name: values[:rows] for name, _, values in result.recorded()}
     return dataclasses.replace(result, t=result.t[:rows], **cut)
 
 
