@@ -2,6 +2,7 @@
 //! in the record of a run that has not diverged. 10⁵ texts are read, and 40 000 of them run.
 
 use proptest::collection::vec;
+use proptest::option::of;
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::time::{Duration, Instant};
@@ -484,8 +485,7 @@ fn realities(n: usize, sampled: bool) -> impl Strategy<Value = String> {
         });
     let drives =
         each(n, between(0.0, 1e-2)).prop_map(|lag| format!("[actuator]\ntime_constant = {lag}\n"));
-    let maybe = proptest::option::of;
-    (maybe(physics), maybe(sensors), maybe(drives)).prop_map(move |(physics, sensors, drives)| {
+    (of(physics), of(sensors), of(drives)).prop_map(move |(physics, sensors, drives)| {
         let parts = if sampled { vec![physics, sensors, drives] } else { vec![physics] };
         parts.into_iter().flatten().collect()
     })

@@ -56,8 +56,8 @@ impl Arm {
 
 /// The physical arm of a scenario, payload included.
 #[pyfunction]
-#[pyo3(signature = (document))]
-pub fn plant(#[pyo3(from_py_with = crate::convert::document)] document: Table) -> PyResult<Arm> {
+pub fn plant(document: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    let document = crate::convert::document(document)?;
     let arm = Scenario::from_document(&document)
         .and_then(|scenario| scenario.plant_arm())
         .map_err(|error| errors::scenario(&error))?;

@@ -97,7 +97,7 @@ impl Impulses {
     fn admit(&mut self) {
         for (side, (lower, upper)) in self.sides.iter_mut().zip(self.lower.iter().zip(&self.upper))
         {
-            if lower == upper {
+            if upper <= lower {
                 *side = Side::Lower;
             } else if *side == Side::Lower && lower.is_infinite()
                 || *side == Side::Upper && upper.is_infinite()
@@ -157,7 +157,7 @@ impl Impulses {
     fn opposite(&self, i: usize) -> Option<Side> {
         let (p, v, lower, upper) = (self.p[i], self.v[i], self.lower[i], self.upper[i]);
         match self.sides[i] {
-            _ if lower == upper => None,
+            _ if upper <= lower => None,
             Side::Lower => (v < -ROUNDING).then_some(Side::Still),
             Side::Upper => (v > ROUNDING).then_some(Side::Still),
             Side::Still if p < lower => Some(Side::Lower),

@@ -113,14 +113,14 @@ impl Plant {
         let mut allowed = kinetic + potential - dot(tau, q);
 
         let Self { physics, state, impulses, change, .. } = self;
-        for i in 0..q.len() {
+        for (i, q) in q.iter_mut().enumerate() {
             let friction = dt * physics.coulomb.get(i).copied().unwrap_or(0.0);
             let (mut lower, mut upper) = (-friction, friction);
             if let Some([least, most]) = physics.stops.get(i) {
-                if q[i] <= *least {
-                    (q[i], upper) = (*least, f64::INFINITY);
-                } else if q[i] >= *most {
-                    (q[i], lower) = (*most, f64::NEG_INFINITY);
+                if *q <= *least {
+                    (*q, upper) = (*least, f64::INFINITY);
+                } else if *q >= *most {
+                    (*q, lower) = (*most, f64::NEG_INFINITY);
                 }
             }
             (impulses.lower[i], impulses.upper[i]) = (lower, upper);
