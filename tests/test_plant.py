@@ -274,8 +274,10 @@ def test_stops_end_what_a_controller_wants() -> None:
 def test_a_drive_follows_with_its_time_constant() -> None:
     """τ = τ_c (1 − e^(−t/T)) from rest, seen in the velocity of a rod: its integral over I, exactly."""
     lag = 0.02
-    _, dq = drive(rod(actuator={"time_constant": lag}), 200, [1.0])
+    simulation = rod(actuator={"time_constant": lag})
+    _, dq = drive(simulation, 200, [1.0])
     t = DT * np.arange(201)
+    np.testing.assert_allclose(simulation.state.tau_applied, 1 - np.exp(-t[-1:] / lag), rtol=1e-12)
     np.testing.assert_allclose(dq[:, 0], (t + lag * np.expm1(-t / lag)) / INERTIA, atol=1e-13)
 
 
@@ -358,6 +360,16 @@ def test_delay_shifts_the_readings() -> None:
         for joint, late in enumerate([0, 1, 2, 3, 7, 3]):
             expected = np.concatenate([np.repeat(true[:1, joint], late), true[: len(true) - late, joint]])
             np.testing.assert_array_equal(measured[:, joint], expected)
+
+
+def test_a_controller_of_one_s_own_sees_the_sensors() -> None:
+    """Two steps late; the state itself is the true one. Without sensors there is nothing to see."""
+    simulation = rod(dq0=1.0, measurement={"delay": 2e-3})
+    q, _ = drive(simulation, 10, [0.5])
+    np.testing.assert_array_equal(simulation.state.q_measured, q[-3])
+    np.testing.assert_array_equal(simulation.state.q, q[-1])
+    plain = rod().state
+    assert plain.q_measured is None and plain.dq_measured is None and plain.tau_applied is None
 
 
 def test_the_record_is_of_the_true_state() -> None:
