@@ -263,8 +263,8 @@ impl<const M: usize> ClosedLoop<M> {
         finite(total) && finite(&self.held.total) && finite(forces.magnitude())
     }
 
-    /// Evaluates the law at the present state, as far as it is known, and, at the beginning of a control period, takes over
-    /// its torque.
+    /// Evaluates the law at the present state, as far as it is known, and, at the beginning of a
+    /// control period, takes over its torque.
     fn control(&mut self) {
         let t = self.time();
         let [q, dq] = self.measurement.as_ref().map_or([&self.q[..], &self.dq], Measurement::seen);

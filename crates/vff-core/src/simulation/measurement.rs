@@ -201,3 +201,52 @@ impl Measurement {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sensors(delay: f64, noise: f64) -> Measurement {
+        let settings = MeasurementSettings {
+            position_noise: Broadcast::Uniform(noise),
+            delay: Broadcast::Each(vec![0.0, delay]),
+            ..MeasurementSettings::default()
+        };
+        let mut sensors = Measurement::new(&settings, 5, 2, 1e-3);
+        sensors.start(&[0.0, 10.0], &[0.0, 0.0]);
+        sensors
+    }
+
+    /// A step that is taken back leaves what was seen before it, to the last bit.
+    #[test]
+    fn undo() {
+        for delay in [0.0, 1e-3, 3e-3] {
+            let mut sensors = sensors(delay, 0.1);
+            for k in 1..12 {
+                let before = sensors.seen().map(<[f64]>::to_vec);
+                sensors.advance(&[1e3, 1e3], &[1e3, 1e3]);
+                assert_ne!(sensors.seen().map(<[f64]>::to_vec), before);
+                sensors.undo();
+                assert_eq!(sensors.seen().map(<[f64]>::to_vec), before, "{delay} {k}");
+                let x = f64::from(k);
+                sensors.advance(&[x, 10.0 + x], &[x, x]);
+            }
+        }
+    }
+
+    /// Delays are rounded up to whole steps, and a multiple that is not exact in binary stays one.
+    #[test]
+    fn delays_in_steps() {
+        for (delay, steps) in
+            [(0.0, 0.0), (1e-3, 1.0), (3.0 * 1e-3, 3.0), (3.1e-3, 4.0), (1e-9, 1.0)]
+        {
+            assert!((MeasurementSettings::steps(delay, 1e-3) - steps).abs() < 0.5, "{delay}");
+        }
+        let mut sensors = sensors(2e-3, 0.0);
+        for k in 1..5 {
+            let x = f64::from(k);
+            sensors.advance(&[x, 10.0 + x], &[x, x]);
+            assert_eq!(sensors.seen()[0], [x, 10.0 + (x - 2.0).max(0.0)]);
+        }
+    }
+}
