@@ -74,6 +74,17 @@ def test_schema_names_every_key() -> None:
         "com",
         "inertias",
         "dq0",
+        "seed",
+        "payload",
+        "viscous_friction",
+        "coulomb_friction",
+        "joint_stops",
+        "position_noise",
+        "velocity_noise",
+        "position_resolution",
+        "velocity_resolution",
+        "delay",
+        "time_constant",
     }
     assert {key for key in used if key not in printed} == set()
 

@@ -103,7 +103,8 @@ LIMIT_FIELD = {"kind": "khatib", "gain": 0.02, "influence": 0.3}
 
 def test_joint_limits_repel_in_the_null_space() -> None:
     """Null motion that would pass a limit stops before it, and the end effector feels nothing (T38)."""
-    keys = {"arm.joint_limits": [[-3.2, 3.2]] * 2 + [[-1.0, 3.2]] + [[-3.2, 3.2]] * 3}
+    ranges = [[-3.2, 3.2]] * 2 + [[-1.0, 3.2]] + [[-3.2, 3.2]] * 3
+    keys = {"arm.joint_limits": ranges, "plant.joint_stops": False}
     free = vff.simulate("paper-2", keys)
     held = vff.simulate("paper-2", {**keys, "controller.joint_limit_field": LIMIT_FIELD})
     assert free.metrics.joint_limit_violation > 0.05

@@ -26,7 +26,7 @@ SHAPES: dict[str, dict[str, Any]] = {
 }
 
 # A pose under gravity on a line of its own start, links of unequal thickness, every shape, every motion,
-# limits that both plants ignore, a torque every third step and a row every fourth.
+# limits that nothing enforces, a torque every third step and a row every fourth.
 EVERYTHING: dict[str, Any] = {
     "duration": 1.5,
     "q0": [0.9, -0.4, 0.5, 0.3, -0.7],
@@ -72,6 +72,7 @@ EVERYTHING: dict[str, Any] = {
         {"shape": SHAPES["polygon"]} | {"position": [0.4, 1.8]},
     ],
     "simulation": {"control_every": 3, "record_every": 4},
+    "plant": {"joint_stops": False},
 }
 
 

@@ -21,6 +21,7 @@ __all__ = [
     "check",
     "format_toml",
     "parse_toml",
+    "plant",
     "real_time",
     "run",
     "run_many",
@@ -425,6 +426,15 @@ class State:
     @property
     def obstacles(self) -> _Array:
         """Positions of the obstacles, (k, 2) [m]."""
+    @property
+    def q_measured(self) -> _Array | None:
+        """Joint angles as measured, for a controller of your own, (n,) [rad]; None without sensors."""
+    @property
+    def dq_measured(self) -> _Array | None:
+        """Joint velocities as measured, (n,) [rad/s]; None without sensors."""
+    @property
+    def tau_applied(self) -> _Array | None:
+        """Torque of the drives, (n,) [N·m]; None without drives."""
 
 @final
 class Simulation:
@@ -497,6 +507,15 @@ def run(
     ------
     vffnull.errors.ScenarioError
         If the scenario cannot be run.
+    """
+
+def plant(document: Mapping[str, Any]) -> Arm:
+    """The physical arm of a scenario document, payload included.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be used.
     """
 
 def run_many(

@@ -1,8 +1,8 @@
 """MuJoCo as the plant: our controller, their physics, contacts included.
 
 The law, the distances and the field are the core's, asked through `vffnull.Controller`; the arm moves by
-MuJoCo's dynamics and integrator, and an obstacle that reaches a link pushes it. The arm is the one that the
-controller believes in: no friction, no joint stops, no limits of torque.
+MuJoCo's dynamics and integrator, and an obstacle that reaches a link pushes it. The arm is the one of the
+table ``[plant]``, friction and joint stops included; sensors and drives are ideal.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ class MuJoCoPlant:
 
     Links touch obstacles, without friction, and never each other. Obstacles are moved before a step to where
     they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a link
-    that is held, a disc at 0.35 m/s sinks in by 14 mm. Joint limits and torque limits do not act, as in
-    the core.
+    that is held, a disc at 0.35 m/s sinks in by 14 mm. So are joint stops and dry friction: a joint goes a
+    little beyond a stop, and creeps where it should stick. Torque limits do not act.
 
     While a step is taken, MuJoCo's global callbacks for control and warnings are in use: take steps from one
     thread only.
@@ -64,7 +64,8 @@ class MuJoCoPlant:
     Raises
     ------
     vffnull.errors.ScenarioError
-        If MuJoCo cannot simulate the arm, a link without inertia of its own for instance.
+        If MuJoCo cannot simulate the arm, a link without inertia of its own for instance, or if the scenario
+        has a table ``[measurement]`` or ``[actuator]``.
     ImportError
         Without the extra ``vffnull[mujoco]``.
     """
@@ -72,11 +73,20 @@ class MuJoCoPlant:
     def __init__(self, scenario: Scenario) -> None:
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
+        for table in ("measurement", "actuator"):
+            if table in document:
+                raise ScenarioError(
+                    f"{table}: MuJoCo as the plant has none; remove the table, or simulate with the core",
+                    table,
+                )
         self._obstacles = document.get("obstacles", [])
+        physics = document.get("plant", {})
         numerics = document.get("simulation", {})
         try:
             with _alone(mujoco):
-                self.model = mujoco.MjModel.from_xml_string(to_mjcf(scenario.arm, obstacles=self._obstacles))
+                self.model = mujoco.MjModel.from_xml_string(
+                    to_mjcf(scenario.plant, obstacles=self._obstacles)
+                )
         except ValueError as error:
             raise ScenarioError(f"not for MuJoCo: {error}") from None
         options, disable, integrator = self.model.opt, mujoco.mjtDisableBit, mujoco.mjtIntegrator
@@ -84,7 +94,15 @@ class MuJoCoPlant:
         # MuJoCo's Euler is semi-implicit; `eulerdamp` would integrate joint damping implicitly as well.
         rk4 = numerics.get("integrator", "rk4") == "rk4"
         options.integrator = integrator.mjINT_RK4 if rk4 else integrator.mjINT_EULER
-        options.disableflags |= disable.mjDSBL_EULERDAMP | disable.mjDSBL_LIMIT | disable.mjDSBL_AUTORESET
+        options.disableflags |= disable.mjDSBL_EULERDAMP | disable.mjDSBL_AUTORESET
+        if not physics.get("joint_stops", True):
+            options.disableflags |= disable.mjDSBL_LIMIT
+        self.model.jnt_solref[:] = 2 * options.timestep, 1.0  # as hard as MuJoCo's joint stops can be
+        self.model.jnt_solimp[:, :2] = 0.9999, 0.9999
+        self.model.dof_solref[:] = 2 * options.timestep, 1.0  # and its dry friction
+        self.model.dof_solimp[:, :2] = 0.9999, 0.9999
+        self.model.dof_damping[:] = physics.get("viscous_friction", 0.0)
+        self.model.dof_frictionloss[:] = physics.get("coulomb_friction", 0.0)
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = document["q0"]
         self.data.qvel[:] = document.get("dq0", 0.0)
@@ -145,7 +163,8 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     Raises
     ------
     vffnull.errors.ScenarioError
-        If the reference is of another kind, or if MuJoCo cannot simulate the arm.
+        If the reference is of another kind, if MuJoCo cannot simulate the arm, or if the scenario has
+        sensors or drives, which it has not.
     ImportError
         Without the extra ``vffnull[mujoco]``.
     """

@@ -160,6 +160,12 @@ class Result:
         Signed distance [m] of the nearest two links that share no joint; None where it is not measured.
     tank : (T,) ndarray or None
         Energy in the tank [J]; None without one.
+    q_measured, dq_measured : (T, n) ndarray or None
+        What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
+        has sensors, a table ``[measurement]``. Everything else is of the true state.
+    tau_applied : (T, n) ndarray or None
+        Torque of the drives [N·m], where `tau` is the commanded one; None unless the scenario has drives, a
+        table ``[actuator]``.
 
     Examples
     --------
@@ -197,6 +203,9 @@ class Result:
     granted: Array | None = None
     self_clearance: Array | None = None
     tank: Array | None = None
+    q_measured: Array | None = None
+    dq_measured: Array | None = None
+    tau_applied: Array | None = None
 
     def __repr__(self) -> str:
         return (

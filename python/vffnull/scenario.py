@@ -43,6 +43,15 @@ class Scenario:
         For lists and titles.
     dq0 : (n,) array_like, optional
         Joint velocities at the start [rad/s]; at rest by default.
+    plant : dict, optional
+        What the physical arm is where it differs from `arm`, the controller's model: masses, payload,
+        friction, stops.
+    measurement : dict, optional
+        Noise, resolution and delay of the controller's sensors; by default it knows the state.
+    actuator : dict, optional
+        Lag of the drives; by default the torque acts as commanded.
+    seed : int, optional
+        Where the random numbers come from; 0 by default.
 
     Raises
     ------
@@ -80,6 +89,10 @@ class Scenario:
         name: str | None = None,
         description: str | None = None,
         dq0: ArrayLike | None = None,
+        plant: Mapping[str, Any] | None = None,
+        measurement: Mapping[str, Any] | None = None,
+        actuator: Mapping[str, Any] | None = None,
+        seed: int | None = None,
     ) -> None:
         self._document = plain(
             {
@@ -93,6 +106,10 @@ class Scenario:
                 "reference": reference,
                 "obstacles": list(obstacles) or None,
                 "simulation": simulation,
+                "plant": plant,
+                "measurement": measurement,
+                "actuator": actuator,
+                "seed": seed,
             }
         )
         _core.check("scenario", self._document)
@@ -155,8 +172,13 @@ class Scenario:
 
     @property
     def arm(self) -> _core.Arm:
-        """The arm."""
+        """The arm, as the controller knows it."""
         return _core.Arm(**self._document["arm"])
+
+    @property
+    def plant(self) -> _core.Arm:
+        """The physical arm: `arm` with what ``[plant]`` changes of it, payload included."""
+        return _core.plant(self._document)
 
     def to_dict(self) -> Document:
         """The document, as a copy of its own."""

@@ -2,6 +2,7 @@
 //! in the record of a run that has not diverged. 10⁵ texts are read, and 40 000 of them run.
 
 use proptest::collection::vec;
+use proptest::option::of;
 use proptest::prelude::*;
 use proptest::sample::select;
 use std::time::{Duration, Instant};
@@ -26,6 +27,7 @@ const EVERYTHING: &str = r#"
 duration = 0.05
 q0 = [0.6, -0.4, 0.5, 0.3]
 dq0 = [0.1, 0.0, -0.1, 0.2]
+seed = 7
 [arm]
 lengths = [1.0, 0.9, 0.8, 0.7]
 masses = [2.0, 1.5, 1.0, 0.5]
@@ -75,6 +77,23 @@ integrator = "semi_implicit_euler"
 control = "predictor"
 control_every = 2
 record_every = 3
+[plant]
+masses = [2.1, 1.4, 1.2, 0.4]
+com = [[0.4, 0.1], 0.3, 0.3, [0.3, -0.1]]
+inertias = 0.1
+gravity = 9.7
+payload = 0.3
+viscous_friction = 0.1
+coulomb_friction = [0.5, 0.0, 0.2, 0.1]
+joint_stops = true
+[measurement]
+position_noise = 1e-4
+velocity_noise = [1e-3, 0.0, 1e-3, 2e-3]
+position_resolution = 1e-3
+velocity_resolution = 1e-2
+delay = [0.0, 2e-3, 1e-3, 0.0]
+[actuator]
+time_constant = 5e-3
 "#;
 
 /// What may stand in the place of a number.
@@ -317,6 +336,9 @@ fn judge(outcome: &Outcome) {
         ("error", &record.error),
         ("force", &record.force),
         ("obstacles", &record.obstacles),
+        ("q_measured", &record.q_measured),
+        ("dq_measured", &record.dq_measured),
+        ("tau_applied", &record.tau_applied),
     ];
     assert!(record.rows >= 1);
     assert_ne!(outcome.status, Status::Interrupted, "it was run to its end");
@@ -433,6 +455,42 @@ fn arms(n: usize) -> impl Strategy<Value = String> {
         })
 }
 
+/// A plant that is not the arm, sensors and drives; the last two under a sampled controller only.
+fn realities(n: usize, sampled: bool) -> impl Strategy<Value = String> {
+    let physics = (
+        each(n, between(0.1, 5.0)),
+        between(0.0, 3.0),
+        each(n, between(0.0, 2.0)),
+        each(n, between(0.0, 10.0)),
+        any::<bool>(),
+    )
+        .prop_map(|(masses, payload, viscous, coulomb, stops)| {
+            format!(
+                "[plant]\nmasses = {masses}\npayload = {payload}\nviscous_friction = {viscous}\n\
+                 coulomb_friction = {coulomb}\njoint_stops = {stops}\n"
+            )
+        });
+    let sensors = (
+        each(n, between(0.0, 1e-2)),
+        each(n, between(0.0, 1e-1)),
+        each(n, between(0.0, 1e-2)),
+        each(n, between(0.0, 1e-1)),
+        each(n, between(0.0, 1e-2)),
+    )
+        .prop_map(|(q, dq, q_step, dq_step, delay)| {
+            format!(
+                "[measurement]\nposition_noise = {q}\nvelocity_noise = {dq}\n\
+                 position_resolution = {q_step}\nvelocity_resolution = {dq_step}\ndelay = {delay}\n"
+            )
+        });
+    let drives =
+        each(n, between(0.0, 1e-2)).prop_map(|lag| format!("[actuator]\ntime_constant = {lag}\n"));
+    (of(physics), of(sensors), of(drives)).prop_map(move |(physics, sensors, drives)| {
+        let parts = if sampled { vec![physics, sensors, drives] } else { vec![physics] };
+        parts.into_iter().flatten().collect()
+    })
+}
+
 fn controllers(n: usize, m: usize) -> impl Strategy<Value = String> {
     let field = (
         words(&["khatib", "cubic", "bounded"]),
@@ -540,11 +598,12 @@ fn valid() -> impl Strategy<Value = String> {
     let numerics = (simulation, words(&["rk4", "semi_implicit_euler"]), 1..5_usize);
     (4..9_usize, 2..=3_usize, numerics).prop_flat_map(|(n, m, (control, integrator, record))| {
         let angles = || list(n, between(-3.0, 3.0));
-        let parts = (arms(n), controllers(n, m), references(m), vec(obstacles(), 0..4));
-        (angles(), angles(), parts).prop_map(move |(q0, dq0, (arm, controller, reference, obstacles))| {
+        let reality = realities(n, !control.contains("continuous"));
+        let parts = (arms(n), controllers(n, m), references(m), vec(obstacles(), 0..4), reality);
+        (angles(), angles(), parts).prop_map(move |(q0, dq0, (arm, controller, reference, obstacles, reality))| {
             format!(
                 "duration = 0.05\nq0 = {q0}\ndq0 = {dq0}\n{arm}{controller}{reference}{}[simulation]\n\
-                 {control}integrator = {integrator}\nrecord_every = {record}\n",
+                 {control}integrator = {integrator}\nrecord_every = {record}\n{reality}",
                 obstacles.concat()
             )
         })

@@ -39,8 +39,8 @@ fn allocations(of: impl FnOnce()) -> usize {
 }
 
 /// An arm among every kind of obstacle, some of them moving through it, axis and all.
-fn scenario(task: &str, reference: &str, simulation: &str, projection: &str) -> Scenario {
-    let text = format!(
+fn text(task: &str, reference: &str, simulation: &str, projection: &str) -> String {
+    format!(
         r#"
         duration = 2.0
         q0 = [0.6, -0.4, 0.5, 0.3, -0.7, 0.4]
@@ -75,8 +75,11 @@ fn scenario(task: &str, reference: &str, simulation: &str, projection: &str) -> 
         shape = {{ kind = "capsule", a = [0, 0], b = [0.5, 0.5], radius = 0.1 }}
         position = [0.5, 1.5]
         "#
-    );
-    Scenario::from_toml(&text).unwrap()
+    )
+}
+
+fn scenario(task: &str, reference: &str, simulation: &str, projection: &str) -> Scenario {
+    Scenario::from_toml(&text(task, reference, simulation, projection)).unwrap()
 }
 
 #[test]
@@ -154,6 +157,34 @@ fn no_step_allocates_in_a_crowd() {
         assert_eq!(count, 0, "{simulation}");
         let outcome = run.outcome();
         assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+    }
+}
+
+/// Neither do friction, stops, sensors and drives, in whatever combination of sticking and sliding.
+#[test]
+fn no_step_of_a_real_plant_allocates() {
+    let reality = r#"
+        plant = { masses = 1.2, payload = 0.5, viscous_friction = 0.1, coulomb_friction = 4.0 }
+        measurement = { position_noise = 1e-3, velocity_resolution = 1e-3, delay = 3e-3 }
+        actuator = { time_constant = 5e-3 }
+        "#;
+    let plant = r#"plant = { payload = 0.5, coulomb_friction = 0.5 }"#;
+    let setpoint = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    for (simulation, tables) in [
+        (r#"control = "hold", control_every = 3"#, reality),
+        (r#"control = "predictor", integrator = "semi_implicit_euler""#, reality),
+        (r#"control = "continuous""#, plant),
+    ] {
+        let text = text("position", setpoint, simulation, "dynamic")
+            .replace("gravity = 9.81", "gravity = 9.81, joint_limits = [-0.8, 0.9]");
+        let scenario = Scenario::from_toml(&format!("{tables}\n{text}")).unwrap();
+        let mut run = scenario.prepare().unwrap().run;
+        let count = allocations(|| while run.step() {});
+        assert_eq!(count, 0, "{simulation}");
+        let outcome = run.outcome();
+        assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+        let stands = outcome.record.dq.iter().filter(|v| **v == 0.0).count();
+        assert!(stands > 0 && stands < outcome.record.dq.len(), "{stands}");
     }
 }
 

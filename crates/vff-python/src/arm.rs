@@ -14,7 +14,7 @@ use toml::{Table, Value};
 use vff_core::control::extended_jacobian;
 use vff_core::robot::planar::Link;
 use vff_core::robot::{Matrices, PlanarArm, PlanarState, Robot};
-use vff_core::scenario;
+use vff_core::scenario::{self, Scenario};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
@@ -52,6 +52,24 @@ impl Arm {
     fn per_link<'py>(&self, py: Python<'py>, value: impl Fn(&Link) -> f64) -> Array1<'py> {
         PyArray1::from_iter(py, self.arm.links().iter().map(value))
     }
+}
+
+/// The physical arm of a scenario, payload included.
+#[pyfunction]
+pub fn plant(document: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    let document = crate::convert::document(document)?;
+    let arm = Scenario::from_document(&document)
+        .and_then(|scenario| scenario.plant_arm())
+        .map_err(|error| errors::scenario(&error))?;
+    let list = |values: &mut dyn Iterator<Item = Value>| Value::Array(values.collect());
+    let pair = |v: nalgebra::Vector2<f64>| Value::Array(vec![Value::Float(v.x), Value::Float(v.y)]);
+    let links = || arm.links().iter();
+    let mut given = document["arm"].as_table().cloned().unwrap_or_default();
+    given.insert("masses".into(), list(&mut links().map(|link| Value::Float(link.mass))));
+    given.insert("com".into(), list(&mut links().map(|link| pair(link.com))));
+    given.insert("inertias".into(), list(&mut links().map(|link| Value::Float(link.inertia))));
+    given.insert("gravity".into(), pair(arm.gravity()));
+    Ok(Arm { arm, document: given })
 }
 
 #[pymethods]

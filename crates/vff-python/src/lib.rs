@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use crate::arm::{Arm, ExtendedJacobian};
+    use crate::arm::{Arm, ExtendedJacobian, plant};
     #[pymodule_export]
     use crate::controller::{Controller, Terms};
     #[pymodule_export]

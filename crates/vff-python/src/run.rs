@@ -133,9 +133,17 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     dict.set_item("manipulability", PyArray1::from_vec(py, r.manipulability))?;
     // What the run does not have is None.
     let given = |values: &Vec<f64>| !values.is_empty();
-    let granted = Some(r.granted).filter(given);
-    let granted = granted.map(|values| array2(py, values, [rows, OBJECTIVES.len()])).transpose()?;
-    dict.set_item("granted", granted)?;
+    let optional = [
+        ("q_measured", r.q_measured, n),
+        ("dq_measured", r.dq_measured, n),
+        ("tau_applied", r.tau_applied, n),
+        ("granted", r.granted, OBJECTIVES.len()),
+    ];
+    for (name, values, columns) in optional {
+        let values = Some(values).filter(given);
+        let table = values.map(|values| array2(py, values, [rows, columns])).transpose()?;
+        dict.set_item(name, table)?;
+    }
     for (name, values) in [("self_clearance", r.self_clearance), ("tank", r.tank)] {
         let values = Some(values).filter(given);
         dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;

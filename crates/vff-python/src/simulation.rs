@@ -100,6 +100,9 @@ pub struct State {
     clearance: Vec<f64>,
     tau: Vec<f64>,
     obstacles: Vec<f64>,
+    q_measured: Vec<f64>,
+    dq_measured: Vec<f64>,
+    tau_applied: Vec<f64>,
 }
 
 impl From<Snapshot<'_>> for State {
@@ -114,6 +117,9 @@ impl From<Snapshot<'_>> for State {
             clearance: s.clearance.to_vec(),
             tau: s.torque.total.clone(),
             obstacles: s.obstacles().flat_map(|p| [p.x, p.y]).collect(),
+            q_measured: s.q_measured.to_vec(),
+            dq_measured: s.dq_measured.to_vec(),
+            tau_applied: s.tau_applied.to_vec(),
         }
     }
 }
@@ -165,7 +171,27 @@ impl State {
         array2(py, self.obstacles.clone(), [self.obstacles.len() / 2, 2])
     }
 
+    #[getter]
+    fn q_measured<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        given(py, &self.q_measured)
+    }
+
+    #[getter]
+    fn dq_measured<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        given(py, &self.dq_measured)
+    }
+
+    #[getter]
+    fn tau_applied<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        given(py, &self.tau_applied)
+    }
+
     fn __repr__(&self) -> String {
         format!("<State: t = {} s>", self.t)
     }
+}
+
+/// What only a scenario with sensors or drives has.
+fn given<'py>(py: Python<'py>, values: &[f64]) -> Option<Array1<'py>> {
+    (!values.is_empty()).then(|| array1(py, values))
 }

@@ -42,6 +42,17 @@ impl Link {
             radius: 0.0,
         }
     }
+
+    /// The same link with a point mass [kg] at its far end.
+    #[must_use]
+    pub fn with_payload(self, payload: f64) -> Self {
+        let tip = Vector::<2>::new(self.length, 0.0);
+        let mass = self.mass + payload;
+        let com = self.com + (tip - self.com) * (payload / mass);
+        let about = |point: Vector<2>, mass: f64| mass * (point - com).norm_squared();
+        let inertia = self.inertia + about(self.com, self.mass) + about(tip, payload);
+        Self { mass, com, inertia, ..self }
+    }
 }
 
 /// The immutable parameters of a planar arm, shared by every state.

@@ -8,7 +8,7 @@ use crate::control::Settings;
 use crate::control::tank::TankSettings;
 use crate::field::{Field, FieldKind};
 use crate::robot::Limits;
-use crate::simulation::{Control, Options};
+use crate::simulation::{ActuatorSettings, Control, Measurement, MeasurementSettings, Options};
 use crate::world::{Motion, Obstacle, Shape, is_convex};
 use toml::Value;
 
@@ -52,6 +52,40 @@ pub fn simulation(options: &Options) -> Judged {
         ));
     }
     Ok(())
+}
+
+/// `[measurement]` of n joints, with plant steps of `dt` [s]; `sampled` unless control is continuous.
+pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: bool) -> Judged {
+    needs_sampling(sampled, "sees every instant")?;
+    let MeasurementSettings { position_noise, velocity_noise, .. } = settings;
+    each("position_noise", position_noise, n, not_negative)?;
+    each("velocity_noise", velocity_noise, n, not_negative)?;
+    each("position_resolution", &settings.position_resolution, n, not_negative)?;
+    each("velocity_resolution", &settings.velocity_resolution, n, not_negative)?;
+    each("delay", &settings.delay, n, not_negative)?;
+    let longest = settings.delay.values().iter().copied().fold(0.0, f64::max);
+    if MeasurementSettings::steps(longest, dt) > Measurement::MAX_DELAY {
+        let requirement = format!("at most {:e} steps of {dt} s", Measurement::MAX_DELAY);
+        return Err(ScenarioError::out_of_range("delay", &requirement, longest));
+    }
+    Ok(())
+}
+
+/// `[actuator]` of n joints; `sampled` unless control is continuous.
+pub fn actuator(settings: &ActuatorSettings, n: usize, sampled: bool) -> Judged {
+    needs_sampling(sampled, "acts at every instant")?;
+    each("time_constant", &settings.time_constant, n, not_negative)
+}
+
+fn needs_sampling(sampled: bool, otherwise: &str) -> Judged {
+    if sampled {
+        return Ok(());
+    }
+    let problem = Problem::Other(format!(
+        "needs a sampled controller, simulation.control = \"hold\" or \"predictor\": with \
+         \"continuous\" it {otherwise}"
+    ));
+    Err(ScenarioError::new("", problem))
 }
 
 /// `[controller]` on its own, for n joints where the arm is known.

@@ -9,15 +9,20 @@ pub mod batch;
 mod document;
 mod error;
 mod judge;
+pub mod plant;
 pub mod real_time;
 
 pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
+pub use plant::PlantSpec;
 
 use crate::control::{Controller, Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::{PlanarArm, PlanarState, Robot};
-use crate::simulation::{ClosedLoop, Control, Options, Outcome, Record, Run, Snapshot};
+use crate::simulation::{
+    Actuator, ActuatorSettings, ClosedLoop, Control, Measurement, MeasurementSettings, Options,
+    Outcome, Reality, Record, Run, Snapshot,
+};
 use crate::trajectory::{Reference, Trajectory};
 use crate::world::{Obstacle, World};
 use serde::Deserialize;
@@ -62,6 +67,18 @@ pub struct Scenario {
     /// How time advances.
     #[serde(default)]
     pub simulation: Options,
+    /// The physical arm, where it is not the controller's model.
+    #[serde(default)]
+    pub plant: PlantSpec,
+    /// The sensors; none if the controller knows the state.
+    #[serde(default)]
+    pub measurement: Option<MeasurementSettings>,
+    /// The drives; none if the torque acts as commanded.
+    #[serde(default)]
+    pub actuator: Option<ActuatorSettings>,
+    /// Where the random numbers come from.
+    #[serde(default)]
+    pub seed: u64,
 }
 
 /// Reads TOML text as a document, whatever it contains.
@@ -244,13 +261,13 @@ impl Scenario {
     fn judge(&self) -> Result<(), ScenarioError> {
         let n = self.arm.dof();
         arm::number("duration", self.duration, arm::positive)?;
-        let arm = self.arm.build().map_err(|error| error.inside("arm"))?;
+        let model = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
         arm::length("q0", self.q0.len(), n)?;
         if let Some(dq0) = &self.dq0 {
             arm::length("dq0", dq0.len(), n)?;
         }
         judge::controller(&self.controller, Some(n))
-            .and_then(|()| judge::controller_of(&self.controller, arm.limits()))
+            .and_then(|()| judge::controller_of(&self.controller, model.limits()))
             .map_err(|error| error.inside("controller"))?;
         if self.controller.tank.is_some() && self.simulation.control == Control::Continuous {
             let problem = Problem::Other(
@@ -269,10 +286,40 @@ impl Scenario {
             let requirement = format!("at least one step of {} s", self.simulation.dt);
             return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
         }
+        self.reality(&model).map(drop)?;
         for (j, obstacle) in self.obstacles.iter().enumerate() {
             judge::obstacle(obstacle).map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
         }
         Ok(())
+    }
+
+    /// The physical arm, the sensors and the drives.
+    fn reality(&self, model: &Arc<PlanarArm>) -> Result<Reality, ScenarioError> {
+        let (n, dt) = (model.dof(), self.simulation.dt);
+        let plant = self.plant.build(&self.arm, model).map_err(|error| error.inside("plant"))?;
+        let sampled = self.simulation.control != Control::Continuous;
+        if let Some(settings) = &self.measurement {
+            judge::measurement(settings, n, dt, sampled)
+                .map_err(|error| error.inside("measurement"))?;
+        }
+        if let Some(settings) = &self.actuator {
+            judge::actuator(settings, n, sampled).map_err(|error| error.inside("actuator"))?;
+        }
+        let measurement = self.measurement.as_ref();
+        Ok(Reality {
+            plant,
+            measurement: measurement.map(|given| Measurement::new(given, self.seed, n, dt)),
+            actuator: self.actuator.as_ref().map(|given| Actuator::new(given, n, dt)),
+        })
+    }
+
+    /// The physical arm, payload included.
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault.
+    pub fn plant_arm(&self) -> Result<Arc<PlanarArm>, ScenarioError> {
+        let model = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
+        Ok(self.reality(&model)?.plant.arm)
     }
 
     /// Builds the run.
@@ -316,9 +363,11 @@ impl Scenario {
         let gains = Gains::<M>::new(&self.controller);
         let world = World::new(self.obstacles.clone());
         let options = self.simulation.clone();
-        let closed_loop =
-            ClosedLoop::new(arm, gains, world, trajectory, options, self.q0.clone(), dq0);
-        let mut warnings = self.oddities(&closed_loop.snapshot());
+        let reality = self.reality(arm)?;
+        let stops = reality.plant.stops.clone();
+        let start = [self.q0.clone(), dq0];
+        let closed_loop = ClosedLoop::new(arm, gains, world, trajectory, options, reality, start);
+        let mut warnings = self.oddities(&closed_loop.snapshot(), &stops);
         if self.simulation.control != Control::Continuous {
             let period = self.simulation.control_period();
             warnings.extend(
@@ -382,13 +431,21 @@ impl Scenario {
     }
 
     /// What is allowed but probably not meant.
-    fn oddities(&self, start: &Snapshot<'_>) -> Vec<String> {
+    fn oddities(&self, start: &Snapshot<'_>, stops: &[[f64; 2]]) -> Vec<String> {
         let mut warnings = vec![];
         for (link, clearance) in start.clearance.iter().enumerate() {
             if *clearance < 0.0 {
                 warnings.push(format!(
                     "obstacles: link {link} is {:.4} m inside an obstacle at t = 0",
                     -clearance
+                ));
+            }
+        }
+        for (i, (q, [lower, upper])) in start.q.iter().zip(stops).enumerate() {
+            if q < lower || upper < q {
+                warnings.push(format!(
+                    "q0[{i}]: {q} rad is beyond the stops of the joint at {lower} and {upper}; the first \
+                     step puts it there (plant.joint_stops = false takes them away)"
                 ));
             }
         }
@@ -399,6 +456,17 @@ impl Scenario {
                 "duration: {} s is no multiple of simulation.dt = {} s; the run ends at {end} s",
                 self.duration, self.simulation.dt
             ));
+        }
+        let delays = self.measurement.iter().flat_map(|given| given.delay.values());
+        let dt = self.simulation.dt;
+        for delay in delays {
+            let late = MeasurementSettings::steps(*delay, dt) * dt;
+            if (late - delay).abs() > 1e-6 * dt {
+                warnings.push(format!(
+                    "measurement.delay: {delay} s is no multiple of simulation.dt = {dt} s; readings are \
+                     {late} s old"
+                ));
+            }
         }
         warnings
     }

@@ -1,13 +1,27 @@
 //! Plant and controller, one plant step at a time.
 
+use super::actuator::Actuator;
 use super::integrator::Stepper;
-use super::{Control, Options, Snapshot};
-use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits};
+use super::measurement::Measurement;
+use super::plant::{Physics, Plant};
+use super::{Control, Integrator, Options, Snapshot};
+use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits, task};
 use crate::math::Vector;
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::Trajectory;
-use crate::world::World;
+use crate::world::{Surroundings, World};
 use std::sync::Arc;
+
+/// Where the world is not as the controller believes.
+#[derive(Debug, Clone)]
+pub struct Reality {
+    /// The physical arm.
+    pub plant: Physics,
+    /// What the controller gets to know of the state; None if everything.
+    pub measurement: Option<Measurement>,
+    /// What becomes of its torque; None if all of it acts at once.
+    pub actuator: Option<Actuator>,
+}
 
 /// An arm under control among obstacles. Nothing allocates after construction.
 #[derive(Debug, Clone)]
@@ -18,8 +32,11 @@ pub struct ClosedLoop<const M: usize> {
     brain: Brain<M>,
     /// Evaluates it at the predicted state, in predictor mode.
     foresight: Option<Brain<M>>,
-    /// The physical arm. It owns its state, which need not be the controller's model of it.
-    plant: PlanarState,
+    plant: Plant,
+    measurement: Option<Measurement>,
+    actuator: Option<Actuator>,
+    /// What is so, where the controller does not see it.
+    truth: Option<Truth<M>>,
     stepper: Stepper,
     step: usize,
     q: Vec<f64>,
@@ -35,6 +52,28 @@ pub struct ClosedLoop<const M: usize> {
     x: Vector<M>,
     bias: Vec<f64>,
     predicted: [Vec<f64>; 3],
+}
+
+/// What a controller with perfect sensors knows, taken from the plant.
+#[derive(Debug, Clone)]
+struct Truth<const M: usize> {
+    dx: Vector<M>,
+    error: Vector<M>,
+    clearance: Vec<f64>,
+}
+
+impl<const M: usize> Truth<M> {
+    fn new(n: usize) -> Self {
+        Self { dx: Vector::zeros(), error: Vector::zeros(), clearance: vec![f64::INFINITY; n] }
+    }
+
+    fn refresh(&mut self, plant: &PlanarState, reference: Vector<M>, world: &mut World) {
+        self.dx = plant.task_velocity();
+        self.error = task::error(plant.pose(), reference);
+        let links = (0..plant.dof()).map(|i| plant.link(i));
+        let nearest = |link: usize, d: f64| self.clearance[link] = d;
+        world.for_each_contact(links, f64::NEG_INFINITY, nearest, |_| {});
+    }
 }
 
 /// The controller with what it perceives and what it is told.
@@ -66,17 +105,25 @@ impl<const M: usize> ClosedLoop<M> {
         world: World,
         trajectory: Trajectory<M>,
         options: Options,
-        q: Vec<f64>,
-        dq: Vec<f64>,
+        reality: Reality,
+        [q, dq]: [Vec<f64>; 2],
     ) -> Self {
         let n = arm.dof();
         let zeros = || vec![0.0; n];
+        let Reality { plant, mut measurement, actuator } = reality;
+        let imperfect = measurement.as_mut().is_some_and(|measurement| {
+            measurement.start(&q, &dq);
+            !measurement.is_perfect()
+        });
         let brain = Brain { controller: Controller::new(arm.state(), gains), world, trajectory };
         let mut this = Self {
             arm: Arc::clone(arm),
             foresight: (options.control == Control::Predictor).then(|| brain.clone()),
             brain,
-            plant: arm.state(),
+            plant: Plant::new(plant),
+            measurement,
+            actuator,
+            truth: imperfect.then(|| Truth::new(n)),
             stepper: Stepper::new(options.integrator, n),
             step: 0,
             start: [q.clone(), dq.clone()],
@@ -104,6 +151,12 @@ impl<const M: usize> ClosedLoop<M> {
         }
         self.q.copy_from_slice(&self.start[0]);
         self.dq.copy_from_slice(&self.start[1]);
+        if let Some(measurement) = &mut self.measurement {
+            measurement.start(&self.q, &self.dq);
+        }
+        if let Some(actuator) = &mut self.actuator {
+            actuator.start();
+        }
         self.control();
     }
 
@@ -138,26 +191,42 @@ impl<const M: usize> ClosedLoop<M> {
         self.brain.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
     }
 
+    /// Whether the controller stands at the state of the plant, with a model that is the plant.
+    fn is_ideal(&self) -> bool {
+        self.truth.is_none() && Arc::ptr_eq(self.plant.arm(), &self.arm)
+    }
+
     /// The state and everything that the law made of it, at the present instant.
     pub fn snapshot(&self) -> Snapshot<'_> {
         let controller = &self.brain.controller;
         let (forces, space, gains) = (controller.forces(), controller.space(), controller.gains());
+        let [q_measured, dq_measured] =
+            self.measurement.as_ref().map_or([&[][..]; 2], Measurement::seen);
+        let (dx, error, clearance) = match &self.truth {
+            Some(truth) => (&truth.dx, &truth.error, truth.clearance.as_slice()),
+            None => (&space.dx, controller.error(), forces.clearance()),
+        };
+        let tau_applied = self.actuator.as_ref().map_or(&[][..], Actuator::torque);
+        let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
         Snapshot {
             t: self.time(),
             q: &self.q,
             dq: &self.dq,
+            q_measured,
+            dq_measured,
             torque: &self.held,
+            tau_applied,
             tau_vff: forces.torque(),
             x: self.x.as_slice(),
-            dx: space.dx.as_slice(),
+            dx: dx.as_slice(),
             x_ref: controller.reference().x.as_slice(),
-            error: controller.error().as_slice(),
+            error: error.as_slice(),
             force: forces.magnitude(),
-            clearance: forces.clearance(),
+            clearance,
             world: &self.brain.world,
             null_acceleration: self.null_acceleration,
             energy: controller.energy(),
-            power: controller.power(&self.held.total),
+            power: controller.power(acting),
             granted: self.is_limited().then_some(&self.granted),
             tank: controller.tank().map(Tank::level),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
@@ -175,33 +244,51 @@ impl<const M: usize> ClosedLoop<M> {
         let t = self.time();
         self.before[0].copy_from_slice(&self.q);
         self.before[1].copy_from_slice(&self.dq);
-        let Self { brain, plant, stepper, bias, held, options, arm, q, dq, .. } = self;
+        let ideal = self.is_ideal();
+        let Self { brain, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
         let held = external.unwrap_or(&held.total);
+        let held = match actuator {
+            Some(actuator) => actuator.advance(held),
+            None => held,
+        };
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
         stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
             if continuous && !stage.first {
                 brain.torque_at(t + stage.offset, q, dq);
             }
-            if continuous || stage.first {
-                // The controller stands at this very state: what it has factorised serves the
-                // plant too, as long as its model is the plant.
-                let controller = &brain.controller;
-                let tau = if continuous { &controller.torque().total } else { held };
-                controller.robot().accelerate(tau, controller.bias(), bias, ddq);
+            let controller = &brain.controller;
+            let tau = if continuous { &controller.torque().total } else { held };
+            if ideal && (continuous || stage.first) {
+                plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
             } else {
                 plant.update(q, dq);
-                plant.forward_dynamics(held, bias, ddq);
+                plant.accelerate(tau, ddq);
             }
         });
+        let weight = match options.integrator {
+            Integrator::Rk4 => 0.5,
+            Integrator::SemiImplicitEuler => 1.0,
+        };
+        let tau = if continuous { &brain.controller.torque().total } else { held };
+        plant.settle(tau, &self.before, q, dq, [options.dt, weight]);
         if self.is_sane() {
             self.step += 1;
             self.elapse();
+            if let Some(measurement) = &mut self.measurement {
+                measurement.advance(&self.q, &self.dq);
+            }
             self.control();
             if self.is_defined() {
                 return true;
             }
             self.step -= 1;
+            if let Some(measurement) = &mut self.measurement {
+                measurement.undo();
+            }
+        }
+        if let Some(actuator) = &mut self.actuator {
+            actuator.undo();
         }
         self.q.copy_from_slice(&self.before[0]);
         self.dq.copy_from_slice(&self.before[1]);
@@ -225,20 +312,32 @@ impl<const M: usize> ClosedLoop<M> {
         finite(total) && finite(&self.held.total) && finite(forces.magnitude())
     }
 
-    /// Evaluates the law at the present state and, at the beginning of a control period, takes over
-    /// its torque.
+    /// Evaluates the law at the present state, as far as it is known, and, at the beginning of a
+    /// control period, takes over its torque.
     fn control(&mut self) {
         let t = self.time();
-        let torque = self.brain.torque_at(t, &self.q, &self.dq);
+        let [q, dq] = self.measurement.as_ref().map_or([&self.q[..], &self.dq], Measurement::seen);
+        let torque = self.brain.torque_at(t, q, dq);
         let period_begins = self.step.is_multiple_of(self.options.control_every);
         if period_begins {
             self.held.copy_from(torque);
             self.granted = *self.brain.controller.granted();
         }
-        self.x = self.brain.controller.pose();
+        self.x = match &mut self.truth {
+            Some(truth) => {
+                self.plant.update(&self.q, &self.dq);
+                let state = self.plant.state();
+                truth.refresh(state, self.brain.controller.reference().x, &mut self.brain.world);
+                state.pose()
+            }
+            None => self.brain.controller.pose(),
+        };
         if period_begins {
             self.null_acceleration = self.brain.controller.null_acceleration();
             self.predict(t);
+            if let Some(actuator) = &mut self.actuator {
+                actuator.command(&self.held.total);
+            }
         }
     }
 
@@ -250,10 +349,10 @@ impl<const M: usize> ClosedLoop<M> {
         let controller = &self.brain.controller;
         let robot = controller.robot();
         robot.accelerate(&self.held.total, controller.bias(), &mut self.bias, ddq);
-        for (v, (dq, ddq)) in dq.iter_mut().zip(self.dq.iter().zip(ddq.iter())) {
+        for (v, (dq, ddq)) in dq.iter_mut().zip(robot.velocity().iter().zip(ddq.iter())) {
             *v = dq + 0.5 * half * ddq;
         }
-        q.copy_from_slice(&self.q);
+        q.copy_from_slice(robot.configuration());
         robot.integrate(q, dq, half);
         for (v, ddq) in dq.iter_mut().zip(ddq.iter()) {
             *v += 0.5 * half * ddq;

@@ -1,17 +1,24 @@
 //! The closed loop over time: plant, controller, world, record and metrics.
 
+mod actuator;
 mod closed_loop;
+mod impulses;
 mod integrator;
+mod measurement;
 mod metrics;
 mod options;
 pub mod pace;
+mod plant;
 mod recorder;
 mod run;
 mod snapshot;
 
-pub use closed_loop::ClosedLoop;
+pub use actuator::{Actuator, ActuatorSettings};
+pub use closed_loop::{ClosedLoop, Reality};
+pub use measurement::{Measurement, MeasurementSettings};
 pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
+pub use plant::Physics;
 pub use recorder::{MAX_BYTES, Record, RecordTooLarge};
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;

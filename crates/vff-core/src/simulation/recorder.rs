@@ -43,6 +43,12 @@ pub struct Record {
     pub clearance: Vec<f64>,
     /// (T, k, 2).
     pub obstacles: Vec<f64>,
+    /// (T, n), or empty without `[measurement]`.
+    pub q_measured: Vec<f64>,
+    /// (T, n), or empty without `[measurement]`.
+    pub dq_measured: Vec<f64>,
+    /// (T, n), or empty without `[actuator]`.
+    pub tau_applied: Vec<f64>,
     /// (T, [`energy::ENERGIES`]).
     pub energy: Vec<f64>,
     /// (T, [`energy::PORTS`]).
@@ -98,7 +104,7 @@ impl Record {
     }
 
     /// Every array with the length of its rows: of a run like `s`, or of one that has everything.
-    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 20] {
+    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 23] {
         let (n, m) = (self.joints, self.task);
         let optional = |given: fn(&Snapshot<'_>) -> bool, width: usize| {
             if s.is_none_or(given) { width } else { 0 }
@@ -118,6 +124,9 @@ impl Record {
             (&mut self.force, n),
             (&mut self.clearance, n),
             (&mut self.obstacles, 2 * self.obstacles_count),
+            (&mut self.q_measured, optional(|s| !s.q_measured.is_empty(), n)),
+            (&mut self.dq_measured, optional(|s| !s.dq_measured.is_empty(), n)),
+            (&mut self.tau_applied, optional(|s| !s.tau_applied.is_empty(), n)),
             (&mut self.energy, energy::ENERGIES.len()),
             (&mut self.power, energy::PORTS.len()),
             (&mut self.manipulability, 1),
@@ -146,6 +155,9 @@ impl Record {
         for position in s.obstacles() {
             self.obstacles.extend_from_slice(position.as_slice());
         }
+        self.q_measured.extend_from_slice(s.q_measured);
+        self.dq_measured.extend_from_slice(s.dq_measured);
+        self.tau_applied.extend_from_slice(s.tau_applied);
         self.energy.extend_from_slice(&s.energy.values());
         self.power.extend_from_slice(&s.power.values());
         self.manipulability.push(s.manipulability);

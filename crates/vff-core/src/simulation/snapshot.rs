@@ -13,8 +13,14 @@ pub struct Snapshot<'a> {
     pub q: &'a [f64],
     /// Joint velocity q̇ [rad/s], (n).
     pub dq: &'a [f64],
-    /// Torque that acts from now on [N·m], (n) each.
+    /// What the controller takes them for; empty without `[measurement]`.
+    pub q_measured: &'a [f64],
+    /// See `q_measured`.
+    pub dq_measured: &'a [f64],
+    /// Torque that is commanded from now on [N·m], (n) each.
     pub torque: &'a Torque,
+    /// Torque of the drives at this instant [N·m]; empty without `[actuator]`.
+    pub tau_applied: &'a [f64],
     /// Σ JᵀF of the virtual forces, unprojected [N·m], (n).
     pub tau_vff: &'a [f64],
     /// Pose of the end effector [m, rad], (m).
