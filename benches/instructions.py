@@ -20,10 +20,9 @@ import tempfile
 from collections import Counter, defaultdict
 from pathlib import Path
 
+import vffnull as vff
 from report import rows, write_section
 from scene import DT, scene
-
-import vffnull as vff
 
 ROOT = Path(__file__).resolve().parents[1]
 BASELINE = ROOT / "benches" / "instructions.json"
@@ -154,7 +153,7 @@ def profile(costs: dict[str, dict[str, float]]) -> str:
     body = [row(f"`{f}`", {n: counts[f] for n, counts in by_name.items()}) for f in named]
     table = rows(head, [*body, row("everything else", rest), row("one step", totals)])
     return (
-        "Instructions of one step of the closed loop, recorded and measured as in `simulate`, by the function that\n"
+        "Instructions of one step of the closed loop, record and metrics included, by the function that\n"
         "executes them. What the compiler has inlined counts for its caller.\n\n"
         f"{table}\n{compiler()}, callgrind. Written by `python benches/instructions.py --profile`.\n"
     )

@@ -148,7 +148,7 @@ def test_agreement(engine: str) -> None:
 
 
 def test_urdf_with_joint_limits_only() -> None:
-    """URDF wants an effort and a velocity beside the limits of a joint, and urdfdom takes no `inf` for them."""
+    """URDF wants an effort and a velocity beside the limits of a joint, and takes no `inf` for them."""
     arm = vff.Arm([1.0] * 3, 1.0, joint_limits=[-2.0, 1.5])
     pinocchio_model = pinocchio.buildModelFromXML(arm.to_urdf())
     np.testing.assert_array_equal(pinocchio_model.lowerPositionLimit, [-2.0] * 3)
