@@ -1,9 +1,9 @@
 """An operational-space controller as abr_control has it: another law, written here from its formulas.
 
 abr_control is not on PyPI. As in its ``OSC`` with ``Damping`` and ``AvoidObstacles``: M is inverted, the
-inertia of the end effector by ``pinv``, no Coriolis terms; every link near an obstacle is pushed by a force that
-is scaled with the inertia felt at its nearest point; a filter keeps push and damping out of the task. MuJoCo
-supplies matrices and plant. The trajectory is not ours.
+inertia of the end effector by ``pinv``, no Coriolis terms; every link near an obstacle is pushed by a force
+that is scaled with the inertia felt at its nearest point; a filter keeps push and damping out of the task.
+MuJoCo supplies matrices and plant. The trajectory is not ours.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ PEERS = (
     Peer("MuJoCo, `mj_step` alone", "the plant without a controller", ("mujoco",), Plant, same=False),
     Peer(
         "MuJoCo + NumPy",
-        "`mj_fullM`, `mj_jac`, `mj_jacDot`; plant by `mj_step`",
+        "`mj_fullM`, `mj_jac`, `mj_jacDot` and the dense law; plant by `mj_step`",
         ("mujoco", "numpy"),
         Controlled,
     ),

@@ -45,7 +45,7 @@ class Pinocchio(Loop):
 PEERS = (
     Peer(
         "Pinocchio + NumPy",
-        "`crba`, `computeCoriolisMatrix`; plant by `aba`",
+        "`crba`, `computeCoriolisMatrix` and the dense law; plant by `aba`",
         ("pin", "numpy"),
         Pinocchio,
         largest=200,  # for 500 joints its data take 8 GB
