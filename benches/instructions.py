@@ -155,7 +155,7 @@ def profile(costs: dict[str, dict[str, float]]) -> str:
     return (
         "Instructions of one step of the closed loop, record and metrics included, by the function that\n"
         "executes them. What the compiler has inlined counts for its caller.\n\n"
-        f"{table}\n{compiler()}, callgrind. Written by `python benches/instructions.py --profile`.\n"
+        f"{table}\n{compiler()}, callgrind.\n"
     )
 
 

@@ -6,18 +6,17 @@ import numpy as np
 
 from peers.law import Task, cholesky
 from peers.peer import Loop, Peer
-from scene import DT
 
 
 class Dense(Loop):
-    def __init__(self, n: int) -> None:
-        self.task = Task(n)
+    def __init__(self, task: Task) -> None:
+        self.task, n = task, task.n
         arm = self.task.shape
         self.below = np.tri(n)
         self.masses, self.lengths, self.com = arm.masses[:, None], arm.lengths, arm.com[:, 0]
         carried = np.cumsum(arm.inertias[::-1])[::-1]
         self.spin = carried[np.maximum.outer(np.arange(n), np.arange(n))]
-        self.q, self.dq, self.k = self.task.q0, np.zeros(n), 0
+        self.q, self.dq, self.k = task.q0, task.dq0, 0
 
     def step(self) -> None:
         q, dq, below = self.q, self.dq, self.below
@@ -38,9 +37,9 @@ class Dense(Loop):
         J_dot = np.stack([vy0 - vy[-1], vx[-1] - vx0])
         p = np.stack([np.concatenate([[0.0], px]), np.concatenate([[0.0], py])], axis=1)
         C_dq, solve = C @ dq, cholesky(M)
-        tau = self.task.torque(self.k * DT, dq, p, J, J_dot, M, C_dq, lambda u: C.T @ u, solve)
-        self.dq = dq + DT * solve(tau - C_dq)
-        self.q = q + DT * self.dq
+        tau = self.task.torque(self.k * self.task.dt, dq, p, J, J_dot, M, C_dq, lambda u: C.T @ u, solve)
+        self.dq = dq + self.task.dt * solve(tau - C_dq)
+        self.q = q + self.task.dt * self.dq
         self.k += 1
 
 

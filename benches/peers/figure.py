@@ -45,29 +45,31 @@ def draw(everybody: list[Peer], times: dict[str, dict[int, list[float]]], path: 
         ax.set_xticks(sizes, [str(n) for n in sizes])
         ax.minorticks_off()
         ax.set_xlim(sizes[0] * 0.93, sizes[-1] * 1.04)
-        growth(ax, sizes, np.median(1e6 * np.array([times[ours][n] for n in sizes]), axis=1))
+        complete = [y for n, y, _, colour in ends if n == sizes[-1] and colour != OURS]
+        guide(ax, sizes, ends[0][1], 1, "∝ $n$")
+        if complete:
+            guide(ax, sizes, min(complete), 3, "∝ $n^3$")
+        note = "dashed: other work than ours\nband: from least to most"
+        ax.text(0.02, 0.98, note, transform=ax.transAxes, va="top", color=style.MUTED, fontsize=7)
         names(ax, ends)
         fig.savefig(path)
     print(path.name)
 
 
-def growth(ax: Axes, sizes: Array, ours: Array) -> None:
-    """Two guides for the eye, from our step: in proportion to n and to n³."""
-    start = len(sizes) // 2
-    for power, text in ((1, "∝ $n$"), (3, "∝ $n^3$")):
-        n = sizes[start:]
-        guide = 0.45 * ours[start] * (n / n[0]) ** float(power)
-        ax.plot(n, guide, color=style.MUTED, linewidth=0.7, linestyle=(0, (1, 2)), zorder=1)
-        ax.annotate(
-            text,
-            (n[-1], guide[-1]),
-            xytext=(-3, -3),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            color=style.MUTED,
-            fontsize=7,
-        )
+def guide(ax: Axes, sizes: Array, end: float, power: int, text: str) -> None:
+    """A dotted line of that growth, a little below a curve that ends there."""
+    n = sizes[-3:]
+    y = 0.4 * end * (n / n[-1]) ** float(power)
+    ax.plot(n, y, color=style.MUTED, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
+    ax.annotate(
+        text,
+        (n[1], y[1]),
+        xytext=(3, -3),
+        textcoords="offset points",
+        va="top",
+        color=style.MUTED,
+        fontsize=7.5,
+    )
 
 
 def names(ax: Axes, ends: list[tuple[int, float, str, str]]) -> None:
@@ -80,6 +82,7 @@ def names(ax: Axes, ends: list[tuple[int, float, str, str]]) -> None:
     for i in range(1, len(heights)):
         heights[i] = max(heights[i], heights[i - 1] + GAP)
     heights -= max(0.0, heights[-1] - 1.0)
+    leader = {"arrowstyle": "-", "linewidth": 0.5, "linestyle": ":", "shrinkA": 1, "shrinkB": 2}
     for (n, y, name, colour), height in zip(ends, heights, strict=True):
         ax.annotate(
             name,
@@ -89,6 +92,6 @@ def names(ax: Axes, ends: list[tuple[int, float, str, str]]) -> None:
             va="center",
             color=colour,
             fontsize=7,
-            arrowprops={"arrowstyle": "-", "color": colour, "linewidth": 0.4, "shrinkA": 1, "shrinkB": 2},
+            arrowprops=leader | {"color": colour},
             annotation_clip=False,
         )

@@ -6,8 +6,9 @@ the reference come from the tests' NumPy prototype.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
@@ -15,25 +16,30 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 import oracle
 import vffnull as vff
 from peers.peer import Array
-from scene import DT, scene
-
-STEPS = 2000  # of the scene
 
 
 class Task:
-    """The scene for so many links, with the law that acts in it."""
+    """What a scenario document asks for, with the law that does it.
 
-    def __init__(self, n: int) -> None:
-        self.document = scene(n, STEPS * DT)
-        control = self.document["controller"]
-        self.q0 = np.array(self.document["q0"])
-        self.arm = vff.Arm(self.document["arm"]["lengths"], self.document["arm"]["masses"])
-        self.shape = oracle.Arm.from_dict(self.document["arm"])
-        self.reference = oracle.reference(self.document["reference"], np.zeros(2))
-        self.radii = np.array([o["shape"]["radius"] for o in self.document["obstacles"]])
+    Discs only, no gravity, centres of mass on the links' axes, the law held over every step.
+    """
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        control = document["controller"]
+        self.document = dict(document)
+        self.arm = vff.Arm(**document["arm"])
+        self.shape = oracle.Arm.from_dict(document["arm"])
+        self.n, self.dt = self.arm.n, document["simulation"]["dt"]
+        self.q0 = np.array(document["q0"], dtype=float)
+        self.dq0 = np.array(document.get("dq0", np.zeros(self.n)), dtype=float)
+        tip = self.arm.forward_kinematics(self.q0)[-1]
+        self.reference = oracle.reference(document["reference"], tip)
+        self.radii = np.array([o["shape"]["radius"] for o in document["obstacles"]])
         self.stiffness, self.damping = control["stiffness"], control["damping"]
         self.null_damping = control["null_damping"]
         self.field = oracle.Field(**control["field"])
+        if self.shape.gravity.any() or self.shape.com[:, 1].any():
+            raise ValueError("the peers know neither gravity nor centres of mass beside the link's axis")
 
     def discs(self, t: float) -> Array:
         """Centres (k, 2) of the obstacles [m]."""

@@ -11,14 +11,15 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from peers.law import Task
 from peers.peer import Array, Peer
 from peers.with_mujoco import Plant
-from scene import DT
 
 
 class OperationalSpace(Plant):
-    def __init__(self, n: int) -> None:
-        super().__init__(n)
+    def __init__(self, task: Task) -> None:
+        super().__init__(task)
+        n = task.n
         self.first = self.model.nbody - n
         self.to_tip = np.array([self.task.shape.lengths[-1], 0.0, 0.0])
         self.M, self.identity = np.zeros((n, n)), np.eye(n)
@@ -34,7 +35,7 @@ class OperationalSpace(Plant):
         J, dq = self.J[:2], data.qvel
         M_inv = np.linalg.inv(self.M)
         Mx = np.linalg.pinv(J @ M_inv @ J.T, rcond=0.04)
-        t = self.k * DT
+        t = self.k * self.task.dt
         x_r, dx_r, _ = task.reference(t)
         u_task = -task.stiffness * (tip[:2] - x_r) - task.damping * (J @ dq - dx_r)
         null_filter = self.identity - J.T @ (Mx @ J @ M_inv)

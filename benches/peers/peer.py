@@ -6,9 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from peers.law import Task
 
 Array = NDArray[Any]
 
@@ -20,7 +23,7 @@ class Loop(ABC):
 
     @abstractmethod
     def step(self) -> None:
-        """Advance by `scene.DT`."""
+        """Advance by one period of control."""
 
     def run(self, steps: int) -> float:
         """Take so many steps; the time they took [s]."""
@@ -38,6 +41,6 @@ class Peer:
     name: str
     work: str  # what one step consists of
     packages: tuple[str, ...]  # distributions whose versions matter
-    prepare: Callable[[int], Loop]  # for so many links
+    prepare: Callable[[Task], Loop]
     same: bool = True  # whether it has to make our trajectory
     largest: int = 1000  # number of links beyond which it is not tried

@@ -1,6 +1,6 @@
 """Check, time and draw our closed loop beside that of other libraries: `python benches/peers/run.py`.
 
-Needs ``pip install ".[peers]"`` and a few minutes; writes into docs/speed.md and draws docs/figures/peers.png.
+Needs ``pip install ".[peers]"`` and a few minutes; writes docs/speed.md and draws docs/figures/peers.png.
 ``--quick`` takes three sizes and only prints.
 """
 
@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 import peers  # noqa: E402
 import vffnull as vff  # noqa: E402
 from peers.figure import draw  # noqa: E402
-from peers.law import STEPS  # noqa: E402
+from peers.law import Task  # noqa: E402
 from peers.peer import Loop, Peer  # noqa: E402
 from report import readable, rows, write_section  # noqa: E402
 from scene import DT, scene  # noqa: E402
@@ -32,7 +32,8 @@ from scene import DT, scene  # noqa: E402
 SIZES = (6, 12, 24, 50, 100, 200, 500, 1000)
 QUICK = (6, 24, 100)
 TABLE = (6, 24, 100, 1000)  # numbers of links that get a column
-REPETITIONS = 5
+STEPS = 2000  # of the scene
+REPETITIONS = 9
 BURST = 0.1  # s, what one measurement should take
 
 # Rounding alone drives two right solutions apart where M is ill-conditioned: its condition number is 3e8 for
@@ -40,6 +41,10 @@ BURST = 0.1  # s, what one measurement should take
 FEW, MANY = (STEPS, 1e-8), (10, 1e-5)
 
 Times = dict[str, dict[int, list[float]]]
+
+
+def task(n: int) -> Task:
+    return Task(scene(n, STEPS * DT))
 
 
 def bound(n: int) -> tuple[int, float]:
@@ -57,7 +62,7 @@ def deviation(loop: Loop, ours: np.ndarray, steps: int) -> float:
 
 def check(peer: Peer, n: int) -> float:
     """The peer's deviation from our trajectory; ends the program if it is another trajectory."""
-    loop = peer.prepare(n)
+    loop = peer.prepare(task(n))
     steps, allowed = bound(n)
     found = deviation(loop, trajectory(n), steps)
     print(f"  {peer.name}: n = {n}, {steps} steps, max |q - q_ours| = {found:.1e} rad", flush=True)
@@ -79,7 +84,7 @@ def trajectory(n: int) -> np.ndarray:
 
 def measure(everybody: list[Peer], sizes: tuple[int, ...]) -> Times:
     """Seconds per step of every peer and size, the repetitions interleaved."""
-    loops = {(p.name, n): p.prepare(n) for n in sizes for p in everybody if n <= p.largest}
+    loops = {(p.name, n): p.prepare(task(n)) for n in sizes for p in everybody if n <= p.largest}
     counts = {key: fitting(loop) for key, loop in loops.items()}
     times: Times = {peer.name: {} for peer in everybody}
     for repetition in range(REPETITIONS):
@@ -116,23 +121,22 @@ def report(everybody: list[Peer], times: Times, deviations: dict[str, dict[int, 
             apart.append([peer.name, *(f"{found[n]:.0e}" if n in found else "–" for n in sizes)])
     packages = sorted({package for peer in everybody for package in peer.packages})
     versions = ", ".join(f"{package} {version(package)}" for package in packages)
-    return "\n".join(
-        [
-            f"One step of the closed loop: median of {REPETITIONS} interleaved repetitions, ± half of what lies",
-            "between the least and the most.\n",
-            rows(["time", *head], seconds),
-            rows(["multiple of ours", *head], ratios[1:]),
-            *(f"- **{peer.name}**: {peer.work}." for peer in everybody),
-            "\nWhoever does our work has to make our trajectory before it is timed. Largest deviation of any joint",
-            f"over {FEW[0]} steps up to 100 links, where {FEW[1]:.0e} rad are allowed, and over {MANY[0]} steps",
-            f"beyond, where {MANY[1]:.0e} rad are: the inertia matrix is so ill-conditioned there that rounding",
-            "alone drives two solutions apart.\n",
-            rows(["deviation [rad]", *head], apart[1:]),
-            f"{versions}; Python {platform.python_version()}.",
-            f"One thread each; {os.cpu_count()} cores, {platform.machine()}.",
-            "Written by `python benches/peers/run.py`.\n",
-        ]
-    )
+    works = "".join(f"- **{peer.name}**: {peer.work}.\n" for peer in everybody)
+    deviation = rows(["largest deviation [rad]", *head], apart[1:])
+    return f"""\
+Medians of {REPETITIONS} interleaved repetitions, ± half of the distance from the least to the most. One
+thread each; {os.cpu_count()} cores, {platform.machine()}.
+
+{rows(["one step of the closed loop", *head], seconds)}
+{rows(["multiple of ours", *head], ratios[1:])}
+{works}
+Whoever does our work has to make our trajectory before it is timed: every joint within
+{FEW[1]:.0e} rad over {FEW[0]} steps up to 100 links, within {MANY[1]:.0e} rad over {MANY[0]} steps beyond,
+where the inertia matrix is so ill-conditioned that rounding alone drives two solutions apart.
+
+{deviation}
+{versions}; Python {platform.python_version()}.
+"""
 
 
 def with_noise(seconds: list[float]) -> str:

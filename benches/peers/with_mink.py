@@ -12,13 +12,12 @@ import numpy as np
 
 from peers.law import Task
 from peers.peer import Loop, Peer
-from scene import DT
 from vffnull.export import to_mjcf
 
 
 class Mink(Loop):
-    def __init__(self, n: int) -> None:
-        self.task = Task(n)
+    def __init__(self, task: Task) -> None:
+        self.task, n = task, task.n
         self.model = mujoco.MjModel.from_xml_string(
             to_mjcf(self.task.arm, obstacles=self.task.document["obstacles"])
         )
@@ -36,15 +35,15 @@ class Mink(Loop):
         self.q, self.k = self.configuration.q, 0
 
     def step(self) -> None:
-        t = self.k * DT
+        t = self.k * self.task.dt
         self.configuration.data.mocap_pos[0, :2] = self.task.discs(t)[0]
         self.configuration.update()
-        self.target[4:6] = self.task.reference(t + DT)[0]
+        self.target[4:6] = self.task.reference(t + self.task.dt)[0]
         self.tip.set_target(mink.SE3(self.target.copy()))
         velocity = mink.solve_ik(
-            self.configuration, [self.tip], DT, solver="daqp", damping=1e-6, limits=[self.limit]
+            self.configuration, [self.tip], self.task.dt, solver="daqp", damping=1e-6, limits=[self.limit]
         )
-        self.configuration.integrate_inplace(velocity, DT)
+        self.configuration.integrate_inplace(velocity, self.task.dt)
         self.q = self.configuration.q
         self.k += 1
 

@@ -7,21 +7,20 @@ import numpy as np
 
 from peers.law import Task
 from peers.peer import Loop, Peer
-from scene import DT
 
 
 class Plant(Loop):
     """The arm without control, without contacts."""
 
-    def __init__(self, n: int) -> None:
-        self.task = Task(n)
+    def __init__(self, task: Task) -> None:
+        self.task = task
         # URDF lists its links one after the other; MJCF nests them, which ends at 500.
-        self.model = mujoco.MjModel.from_xml_string(self.task.arm.to_urdf())
+        self.model = mujoco.MjModel.from_xml_string(task.arm.to_urdf())
         self.model.opt.gravity[:] = 0.0
-        self.model.opt.timestep = DT
+        self.model.opt.timestep = task.dt
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         self.data = mujoco.MjData(self.model)
-        self.data.qpos[:] = self.task.q0
+        self.data.qpos[:], self.data.qvel[:] = task.q0, task.dq0
         self.q, self.k = self.data.qpos, 0
 
     def step(self) -> None:
@@ -31,8 +30,9 @@ class Plant(Loop):
 class Controlled(Plant):
     """C = Σ m JᵀJ̇ over the centres of mass, as MuJoCo has no Coriolis matrix."""
 
-    def __init__(self, n: int) -> None:
-        super().__init__(n)
+    def __init__(self, task: Task) -> None:
+        super().__init__(task)
+        n = task.n
         self.bodies = range(self.model.nbody - n, self.model.nbody)
         self.masses = np.repeat(self.model.body_mass[-n:], 3)
         self.to_tip = np.array([self.task.shape.lengths[-1], 0.0, 0.0])
@@ -54,7 +54,7 @@ class Controlled(Plant):
         moving, turning = self.J_com.reshape(-1, n), self.dJ_com.reshape(-1, n)
         p = np.vstack([data.xanchor, tip])[:, :2]
         data.qfrc_applied[:] = self.task.torque(
-            self.k * DT,
+            self.k * self.task.dt,
             data.qvel,
             p,
             self.J[:2],

@@ -8,22 +8,20 @@ import pinocchio as pin
 import vffnull as vff
 from peers.law import Task
 from peers.peer import Loop, Peer
-from scene import DT
 
 AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class Pinocchio(Loop):
-    def __init__(self, n: int) -> None:
-        self.task = Task(n)
-        arm = self.task.document["arm"]
+    def __init__(self, task: Task) -> None:
+        self.task = task
         # With limits, never reached, a joint has its angle as coordinate, else its cosine and sine.
-        limited = vff.Arm(arm["lengths"], arm["masses"], joint_limits=[-1e3, 1e3])
+        limited = vff.Arm(**task.document["arm"] | {"joint_limits": [-1e3, 1e3]})
         self.model = pin.buildModelFromXML(limited.to_urdf())
         self.model.gravity.setZero()
         self.data = self.model.createData()
         self.tip = self.model.getFrameId("tip", pin.FrameType.BODY)
-        self.q, self.dq, self.k = self.task.q0, np.zeros(n), 0
+        self.q, self.dq, self.k = task.q0, task.dq0, 0
 
     def step(self) -> None:
         model, data, q, dq = self.model, self.data, self.q, self.dq
@@ -36,9 +34,9 @@ class Pinocchio(Loop):
         M = upper + np.triu(upper, 1).T
         places = [data.oMi[i].translation for i in range(1, model.njoints)]
         p = np.array([*places, data.oMf[self.tip].translation])[:, :2]
-        tau = self.task.torque(self.k * DT, dq, p, J, J_dot, M, C @ dq, lambda u: C.T @ u)
-        self.dq = dq + DT * pin.aba(model, data, q, dq, tau)
-        self.q = q + DT * self.dq
+        tau = self.task.torque(self.k * self.task.dt, dq, p, J, J_dot, M, C @ dq, lambda u: C.T @ u)
+        self.dq = dq + self.task.dt * pin.aba(model, data, q, dq, tau)
+        self.q = q + self.task.dt * self.dq
         self.k += 1
 
 
