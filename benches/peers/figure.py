@@ -63,8 +63,8 @@ def guide(ax: Axes, sizes: Array, end: float, power: int, text: str) -> None:
     ax.plot(n, y, color=style.MUTED, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
     ax.annotate(
         text,
-        (n[1], y[1]),
-        xytext=(3, -3),
+        (n[0], y[0]),
+        xytext=(4, -3),
         textcoords="offset points",
         va="top",
         color=style.MUTED,

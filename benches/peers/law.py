@@ -54,7 +54,8 @@ class Task:
     def repulsion(self, t: float, p: Array) -> Array:
         """τ_vff (n,) of all pairs, for joints at `p` (n+1, 2), the tip last."""
         axis = np.diff(p, axis=0) / self.shape.lengths[:, None]
-        near = oracle.contacts(self.shape, SimpleNamespace(p=p, axis=axis), self.discs(t), self.radii)
+        links = SimpleNamespace(p=p, axis=axis)  # all of a posture that matters here
+        near = oracle.contacts(self.shape, links, self.discs(t), self.radii)  # type: ignore[arg-type]
         force = self.field.force(near.distance)[:, :, None] * near.normal
         moment = cross(near.point, force).sum(axis=1)
         # Joint j feels what acts on its own link and on all further out.
