@@ -64,8 +64,9 @@ def guide(ax: Axes, sizes: Array, end: float, power: int, text: str) -> None:
     ax.annotate(
         text,
         (n[0], y[0]),
-        xytext=(12, 2),
+        xytext=(-4, 0),
         textcoords="offset points",
+        ha="right",
         va="center",
         color=style.MUTED,
         fontsize=7.5,
