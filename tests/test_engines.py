@@ -147,6 +147,16 @@ def test_agreement(engine: str) -> None:
     assert seen >= set(ours(case(0))) - {"C"}
 
 
+def test_urdf_with_joint_limits_only() -> None:
+    """URDF wants an effort and a velocity beside the limits of a joint, and takes no `inf` for them."""
+    arm = vff.Arm([1.0] * 3, 1.0, joint_limits=[-2.0, 1.5])
+    pinocchio_model = pinocchio.buildModelFromXML(arm.to_urdf())
+    np.testing.assert_array_equal(pinocchio_model.lowerPositionLimit, [-2.0] * 3)
+    np.testing.assert_array_equal(pinocchio_model.upperPositionLimit, [1.5] * 3)
+    mujoco_model = mujoco.MjModel.from_xml_string(arm.to_urdf())
+    np.testing.assert_array_equal(mujoco_model.jnt_range, [[-2.0, 1.5]] * 3)
+
+
 def table() -> str:
     """The largest deviation per quantity and engine, as Markdown."""
     worst: dict[str, dict[str, float]] = defaultdict(dict)

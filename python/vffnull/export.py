@@ -18,6 +18,7 @@ from vffnull._core import Arm
 
 __all__ = ["to_mjcf", "to_urdf"]
 
+_BOUNDLESS = float(np.finfo(float).max)  # readers of URDF take no infinity
 _THIN = 0.01  # m; what a link without thickness looks like
 _TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
 
@@ -147,10 +148,9 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
             continue
         SubElement(joint, "axis", xyz="0 0 1")
         if ranges is not None or limits is not None or speeds is not None:
-            effort = _numbers(np.inf if limits is None else limits[i])
-            limit = SubElement(
-                joint, "limit", effort=effort, velocity=_numbers(np.inf if speeds is None else speeds[i])
-            )
+            effort = _BOUNDLESS if limits is None else limits[i]
+            speed = _BOUNDLESS if speeds is None else speeds[i]
+            limit = SubElement(joint, "limit", effort=_numbers(effort), velocity=_numbers(speed))
             if ranges is not None:
                 limit.attrib |= {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
     return _text(root)
