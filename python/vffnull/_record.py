@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 Dimension = Literal["joint", "link", "task", "obstacle", "plane"]
 
@@ -40,3 +43,38 @@ AXES = ("x", "y", "phi")
 def unit(name: str, axis: str) -> str:
     """The unit of a quantity along one axis: the orientation of a pose counts in radians."""
     return QUANTITIES[name].unit.replace("m", "rad") if axis == "phi" else QUANTITIES[name].unit
+
+
+def label(over: Dimension, index: int) -> str:
+    """What an entry along a dimension is called: x, y, phi for axes, numbers from 1 for all else."""
+    return AXES[index] if over in ("task", "plane") else str(index + 1)
+
+
+def recorded(source: object) -> dict[str, NDArray[Any]]:
+    """The quantities that a result or a state has; one that does not apply is None and left out."""
+    found = {name: getattr(source, name, None) for name in QUANTITIES}
+    return {name: np.asarray(values) for name, values in found.items() if values is not None}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One number per instant: an entry of a quantity, as a table shows it."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+def columns(name: str, shape: tuple[int, ...]) -> list[Column]:
+    """The columns of a quantity whose values at one instant have this shape, in row-major order.
+
+    They are called ``q_1``, ``x_x``, ``obstacles_1_x``, and like the quantity itself if it is a single number.
+    """
+    quantity = QUANTITIES[name]
+    found = []
+    for index in np.ndindex(shape):
+        labels = [label(over, i) for over, i in zip(quantity.over, index, strict=True)]
+        axis = labels[-1] if labels else ""
+        meaning = " ".join([quantity.meaning, *labels])
+        found.append(Column("_".join([name, *labels]), unit(name, axis), meaning))
+    return found
