@@ -86,7 +86,7 @@ class Metrics(Mapping[str, float | int | None]):
         return f"Metrics({self._values!r})"
 
     def __str__(self) -> str:
-        rows = [(name, _readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
+        rows = [(name, readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
         if not rows:
             return "(no metrics)"
         wide = [max(len(row[column]) for row in rows) for column in range(3)]
@@ -96,7 +96,8 @@ class Metrics(Mapping[str, float | int | None]):
         )
 
 
-def _readable(value: float | int | None) -> str:
+def readable(value: float | int | None) -> str:
+    """A metric with as many digits as one reads; a dash if it does not apply."""
     return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
 
 
