@@ -17,6 +17,8 @@ from vffnull._core import Arm, Controller, ExtendedJacobian, Simulation, State, 
 from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
+from vffnull.logs.stream import StreamRecorder
+from vffnull.report import compare
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
@@ -35,9 +37,11 @@ __all__ = [
     "Simulation",
     "State",
     "Status",
+    "StreamRecorder",
     "Terms",
     "VffNullError",
     "__version__",
+    "compare",
     "errors",
     "scenarios",
     "simulate",

@@ -68,7 +68,7 @@ class Column:
 def columns(name: str, shape: tuple[int, ...]) -> list[Column]:
     """The columns of a quantity whose values at one instant have this shape, in row-major order.
 
-    They are called ``q_1``, ``x_x``, ``obstacles_1_x``, and like the quantity itself if it is a single number.
+    They are called ``q_1``, ``x_x``, ``obstacles_1_x``, and like the quantity itself if it is one number.
     """
     quantity = QUANTITIES[name]
     found = []

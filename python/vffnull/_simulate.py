@@ -121,7 +121,7 @@ def run(scenario: Scenario, progress: Progress | None = None, plant: str = "core
 
 @contextmanager
 def progress_bar(total: float, delay: float = 0.0, counts: str = ".1f s simulated") -> Iterator[Progress]:
-    """A bar on stderr that appears after `delay` [s]; `counts` is the format and the name of what it counts."""
+    """A bar on stderr that appears after `delay` [s]; `counts` gives format and name of the numbers."""
     from tqdm import tqdm
 
     digits, _, what = counts.partition(" ")

@@ -51,7 +51,7 @@ def arm(shown: Arm) -> str:
         ("lengths", f"{_range(shown.lengths)} m"),
         ("masses", f"{_range(shown.masses)} kg"),
         ("radius", f"{_range(shown.radius)} m"),
-        ("gravity", f"({shown.gravity[0]:.4g}, {shown.gravity[1]:.4g}) m/s²"),
+        ("gravity", f"({shown.gravity[0] + 0.0:.4g}, {shown.gravity[1] + 0.0:.4g}) m/s²"),
     ]
     return _card(_svg(low, high, [_base(), *_arm(joints, radii, _ARM, 1.0)]), "Arm", "", rows)
 
@@ -96,11 +96,16 @@ def result(shown: Result) -> str:
     for order, row in enumerate(rows, start=1):
         faint = 0.2 + 0.8 * (order / len(rows)) ** 2
         places = sound.obstacles[row]
-        marks += [_polygon(points + at, _OBSTACLE, faint) for points, at in zip(outlines, places, strict=True)]
+        marks += [
+            _polygon(points + at, _OBSTACLE, faint) for points, at in zip(outlines, places, strict=True)
+        ]
         marks += _arm(joints[row], radii, _ARM, faint)
     metrics = [(name, shown.metrics.get(name)) for name in _MAIN]
     table = [
-        (f'<span title="{escape(_core.METRICS[name][1])}">{name}</span>', f"{value:.4g} {_core.METRICS[name][0]}")
+        (
+            f'<span title="{escape(_core.METRICS[name][1])}">{name}</span>',
+            f"{value:.4g} {_core.METRICS[name][0]}",
+        )
         for name, value in metrics
         if value is not None
     ]
@@ -112,7 +117,8 @@ def result(shown: Result) -> str:
 def _card(drawing: str, title: str, text: str, rows: Iterable[tuple[str, str]]) -> str:
     cell = "padding:1px 14px 1px 0;text-align:left;border:0;background:none;color:inherit"
     table = "".join(
-        f'<tr style="background:none"><td style="{cell};opacity:.7">{name}</td><td style="{cell}">{value}</td></tr>'
+        f'<tr style="background:none"><td style="{cell};opacity:.7">{name}</td>'
+        f'<td style="{cell}">{value}</td></tr>'
         for name, value in rows
     )
     return (
@@ -151,8 +157,9 @@ def _arm(joints: Array, radii: Array, colour: str, opacity: float) -> list[str]:
         if radius > 0.0
     ]
     line = (
-        f'<polyline points="{_points(joints)}" fill="none" stroke="{colour}" stroke-width="3" opacity="{opacity:.2f}" '
-        'stroke-linecap="round" stroke-linejoin="round" vector-effect="non-scaling-stroke"/>'
+        f'<polyline points="{_points(joints)}" fill="none" stroke="{colour}" stroke-width="3" '
+        f'opacity="{opacity:.2f}" stroke-linecap="round" stroke-linejoin="round" '
+        'vector-effect="non-scaling-stroke"/>'
     )
     dots = [  # a line of no length with a round end is a dot of a size in pixels
         f'<path d="M{x:.5g} {y:.5g}h0" stroke="{shade}" stroke-width="{size}" stroke-linecap="round" '

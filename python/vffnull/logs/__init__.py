@@ -15,7 +15,7 @@ from vffnull.errors import InputError
 if TYPE_CHECKING:
     from vffnull.result import Result
 
-__all__ = ["check_path", "extra", "load", "save"]
+__all__ = ["READABLE", "check_path", "extra", "load", "save"]
 
 _WRITERS = {
     ".npz": "npz",
@@ -25,7 +25,7 @@ _WRITERS = {
     ".mcap": "mcap",
     ".rrd": "rerun",
 }
-_READERS = {".npz": "npz", ".parquet": "parquet", ".arrow": "arrow", ".csv": "csv"}
+READABLE = {".npz": "npz", ".parquet": "parquet", ".arrow": "arrow", ".csv": "csv"}
 
 
 def save(result: Result, path: str | os.PathLike[str]) -> Path:
@@ -46,9 +46,9 @@ def load(path: str | os.PathLike[str], kind: type[Result]) -> Result:
     from vffnull.logs.header import restore
 
     source = Path(path)
-    if source.suffix not in _READERS:
-        raise InputError(f"{source}: a result is read from {_listed(_READERS)}, not {_ending(source)}")
-    header, arrays = _module(_READERS[source.suffix]).read(source)
+    if source.suffix not in READABLE:
+        raise InputError(f"{source}: a result is read from {_listed(READABLE)}, not {_ending(source)}")
+    header, arrays = _module(READABLE[source.suffix]).read(source)
     return restore(kind, header, arrays, source)
 
 

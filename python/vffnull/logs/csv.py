@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vffnull.errors import InputError
 from vffnull.logs import arrow, header
 
 if TYPE_CHECKING:
@@ -41,8 +42,8 @@ def read(path: Path) -> tuple[header.Header, header.Arrays]:
             names = file.readline().rstrip("\n").split(",")
             rows = np.loadtxt(file, delimiter=",", ndmin=2)
         columns = dict(zip(names, rows.T, strict=True))
-    except (UnicodeDecodeError, ValueError) as error:
-        if isinstance(error, header.InputError):
-            raise
+    except InputError:
+        raise
+    except ValueError:  # also of text that is not UTF-8
         raise header.foreign(path) from None
     return found, header.split(found, columns, path)

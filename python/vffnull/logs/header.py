@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +25,8 @@ _FORMAT = 1
 
 def pack(result: Result) -> str:
     """The header of a result, with the type and the shape at one instant of every array."""
-    from vffnull._document import plain
-
-    values = {name: plain(getattr(result, name), name) for name in _beside(type(result))}
+    values = {name: getattr(result, name) for name in _beside(type(result))}
+    values |= {"scenario": result.scenario.to_dict(), "metrics": dict(result.metrics)}
     arrays = {name: [array.dtype.str, array.shape[1:]] for name, array in recorded(result).items()}
     return json.dumps({"format": _FORMAT, **values, "arrays": arrays}, ensure_ascii=False)
 
@@ -58,7 +57,12 @@ def restore(kind: type[Result], header: Header, arrays: Arrays, source: Path) ->
     from vffnull.result import Metrics, Status
     from vffnull.scenario import Scenario
 
-    made = {"scenario": Scenario._of, "status": Status, "metrics": Metrics, "warnings": tuple}
+    made: dict[str, Callable[[Any], Any]] = {
+        "scenario": Scenario._of,
+        "status": Status,
+        "metrics": Metrics,
+        "warnings": tuple,
+    }
     try:
         values = {
             name: made[name](header[name]) if name in made else header[name]

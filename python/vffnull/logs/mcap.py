@@ -63,5 +63,8 @@ def _schema(arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
 
 def _plain(values: NDArray[Any]) -> list[Any]:
     sound = np.isfinite(values)
-    rows: list[Any] = (values if sound.all() else np.where(sound, values, None)).tolist()
+    if not sound.all():
+        values = values.astype(object)
+        values[~sound] = None
+    rows: list[Any] = values.tolist()
     return rows

@@ -15,7 +15,9 @@ def write(result: Result, path: Path) -> None:
     """Write a result; the bytes of smooth doubles are split before compression, which saves a third."""
     parquet = extra("pyarrow.parquet", "io")
     content = arrow.table(result)
-    parquet.write_table(content, str(path), compression="zstd", use_dictionary=False, use_byte_stream_split=True)
+    parquet.write_table(
+        content, str(path), compression="zstd", use_dictionary=False, use_byte_stream_split=True
+    )
 
 
 def read(path: Path) -> tuple[header.Header, header.Arrays]:

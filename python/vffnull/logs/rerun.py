@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vffnull import _record
 from vffnull.logs import extra, header
@@ -45,6 +46,6 @@ def write(result: Result, path: Path) -> None:
         log.flush()
 
 
-def _flat(points: _record.NDArray[np.float64]) -> _record.NDArray[np.float64]:
+def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of the plane in space."""
     return np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)

@@ -69,7 +69,10 @@ class StreamRecorder:
         if not interval > 0.0:
             raise InputError(f"interval: must be positive, got {interval}")
         self._arrow, self._ipc = extra("pyarrow", "io"), extra("pyarrow.ipc", "io")
-        about = {"version": _core.__version__, "scenario": scenario.to_dict() if scenario is not None else None}
+        about = {
+            "version": _core.__version__,
+            "scenario": scenario.to_dict() if scenario is not None else None,
+        }
         self._metadata = {"vffnull": json.dumps(about)}
         self._file = self.path.open("wb", buffering=0)
         self._stream: Any = None
@@ -157,7 +160,9 @@ class StreamRecorder:
             try:
                 stream = ipc.open_stream(file)
             except (library.ArrowInvalid, OSError):
-                raise InputError(f"{path}: not a stream that vffnull has recorded, or one without a row") from None
+                raise InputError(
+                    f"{path}: not a stream that vffnull has recorded, or one without a row"
+                ) from None
             batches = []
             try:
                 for batch in stream:

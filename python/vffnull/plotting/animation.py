@@ -110,7 +110,8 @@ class _Picture:
         height = strobe.natural_height(result, _WIDTH)
         self._figure = style.figure(height, _WIDTH)
         self._figure.set_dpi(_DPI)
-        self._canvas: Any = self._figure.canvas  # Agg's blitting has no types
+        canvas: Any = self._figure.canvas  # Agg's blitting has no types
+        self._canvas = canvas
         ax = self._axes = self._figure.subplots()
         strobe.stage(ax, result, height, _WIDTH)
         left, right = ax.get_xlim()
@@ -155,7 +156,9 @@ class _Picture:
             zorder=4,
         )
         (self._trail,) = ax.plot([], [], color="#009E73", linewidth=1.4, zorder=4.5)
-        (self._target,) = ax.plot([], [], color=style.INK, marker="x", linestyle="none", markersize=6, zorder=6)
+        (self._target,) = ax.plot(
+            [], [], color=style.INK, marker="x", linestyle="none", markersize=6, zorder=6
+        )
         self._clock = ax.text(1.0, 1.015, "", transform=ax.transAxes, ha="right", va="bottom")
         ax.text(0.0, 1.015, result.scenario.name, transform=ax.transAxes, ha="left", va="bottom")
         self._moving: list[Artist] = [
@@ -171,8 +174,8 @@ class _Picture:
         ]
         for artist in self._moving:
             artist.set_animated(True)
-        self._canvas.draw()
-        self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+        canvas.draw()
+        self._background = canvas.copy_from_bbox(self._figure.bbox)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -206,4 +209,5 @@ class _Picture:
         self._arrows.set_segments(list(np.stack([tails, tips], axis=1)))
         along = shafts / lengths * np.minimum(0.5 * lengths, 0.02 * self._wide)
         across = 0.5 * along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-        self._heads.set_verts(np.stack([tips + 0.4 * along, tips - along + across, tips - along - across], 1))
+        heads = np.stack([tips + 0.4 * along, tips - along + across, tips - along - across], axis=1)
+        self._heads.set_verts(list(heads))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vffnull._record import QUANTITIES
+from vffnull._record import recorded
+from vffnull.errors import InputError
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -18,13 +19,21 @@ Array = NDArray[np.float64]
 
 
 def drawable(result: Result) -> Result:
-    """The result up to where its numbers end: a diverged run may leave NaN in its last rows."""
+    """The result up to where its numbers end: a diverged run may leave NaN in its last rows.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If nothing is left to draw.
+    """
     sound = np.all(np.isfinite(result.q) & np.isfinite(result.dq), axis=1)
-    if sound.all():
+    if sound.size and sound.all():
         return result
-    rows = int(np.argmin(sound))
-    cut = {name: getattr(result, name)[:rows] for name in ("t", *QUANTITIES)}
-    return dataclasses.replace(result, **cut)
+    rows = int(np.argmin(sound)) if sound.size else 0
+    if not rows:
+        raise InputError("result: there is no recorded instant to draw")
+    cut = {name: values[:rows] for name, values in recorded(result).items()}
+    return dataclasses.replace(result, t=result.t[:rows], **cut)  # type: ignore[arg-type]
 
 
 def joints(result: Result) -> Array:
@@ -39,7 +48,8 @@ def link_radii(result: Result) -> Array:
 
 def cores(result: Result) -> list[tuple[Array, float]]:
     """Every obstacle as the corners of its convex core, (·, 2) [m] relative to its position, and the radius
-    [m] of what surrounds the core."""
+    [m] of what surrounds the core.
+    """
     document = result.scenario.to_dict()
     return [core(each["shape"], each.get("angle", 0.0)) for each in document.get("obstacles", [])]
 
@@ -50,7 +60,7 @@ def obstacle_outlines(result: Result, margin: float = 0.0) -> list[Array]:
 
 
 def core(shape: Mapping[str, Any], angle: float = 0.0) -> tuple[Array, float]:
-    """Corners of a shape's core in an obstacle's frame that is turned by `angle`, and the radius around it."""
+    """Corners of a shape's core in an obstacle's frame turned by `angle`, and the radius around it."""
     match shape["kind"]:
         case "circle":
             corners = np.zeros((1, 2))
@@ -74,7 +84,8 @@ def rounded(corners: Array, radius: float) -> Array:
     if from_first[:, 0] @ edges[:, 1] < from_first[:, 1] @ edges[:, 0] and len(corners) > 2:  # clockwise
         return rounded(corners[::-1], radius)
     if not edges.any():
-        return corners[0] + radius * _circle(0.0, 2 * np.pi)
+        ring: Array = corners[0] + radius * _circle(0.0, 2 * np.pi)
+        return ring
     normals = np.arctan2(-edges[:, 0], edges[:, 1])
     turns = (normals - np.roll(normals, 1)) % (2 * np.pi)
     arcs = zip(corners, normals - turns, turns, strict=True)

@@ -77,7 +77,9 @@ def check_path(path: str | os.PathLike[str]) -> Path:
     """The path, if a page can be written under such a name."""
     target = Path(path)
     if target.suffix != ".html":
-        raise InputError(f"{target}: a report is written as .html, not {target.suffix or 'without an ending'}")
+        raise InputError(
+            f"{target}: a report is written as .html, not {target.suffix or 'without an ending'}"
+        )
     return target
 
 

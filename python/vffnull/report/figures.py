@@ -102,8 +102,8 @@ def arm(result: Result, index: int, count: int) -> figure:
                 line_color=_OBSTACLE, line_alpha=0.45, line_dash="1 4")  # fmt: skip
     fig.patches("xs", "ys", source=empty("solids", "xs", "ys"), fill_color=_OBSTACLE, fill_alpha=0.22,
                 line_color=_OBSTACLE, line_width=1.5)  # fmt: skip
-    fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour", fill_alpha=0.25,
-                line_color="colour", line_width=1.2)  # fmt: skip
+    fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
+                fill_alpha=0.25, line_color="colour", line_width=1.2)  # fmt: skip
     fig.scatter([0.0], [0.0], marker="square", size=13, color=style.INK)
     thick = bool(geometry.link_radii(result).max() > 0.0)
     fig.multi_line("xs", "ys", source=empty("links", "xs", "ys", "colour"), line_color="colour",
@@ -134,15 +134,16 @@ def plots(runs: list[Result], names: list[str]) -> list[figure]:
             values = pick(runs[0])[rows[0]]
             shades = [colour for _, colour in link_key(runs[0])]
             return [
-                (f"{noun} {i + 1}", shades[i], runs[0].t[rows[0]], values[:, i]) for i in range(values.shape[1])
+                (f"{noun} {i + 1}", shades[i], runs[0].t[rows[0]], values[:, i])
+                for i in range(values.shape[1])
             ]
         return [
             (name, colour, run.t[row], reduce(pick(run)[row]))
             for name, colour, run, row in zip(names, colours, runs, rows, strict=True)
         ]
 
-    error = _error([(run.t[row], error_magnitude(run)[row]) for run, row in zip(runs, rows, strict=True)],
-                   names if not alone else ["error"], colours, time)  # fmt: skip
+    found = [(run.t[row], error_magnitude(run)[row]) for run, row in zip(runs, rows, strict=True)]
+    error = _error(found, ["error"] if alone else names, [style.INK] if alone else colours, time)
     made = [error]
     if obstacles:
         made.append(_clearance(lines(lambda run: run.clearance, lambda v: v.min(axis=1), "link"), runs, time))
@@ -179,7 +180,9 @@ def _frame(label: str, time: Range1d, **how: Any) -> figure:
     return fig
 
 
-def _panel(label: str, lines: list[tuple[str, str, Array, Array]], time: Range1d, unit: str, **how: Any) -> figure:
+def _panel(
+    label: str, lines: list[tuple[str, str, Array, Array]], time: Range1d, unit: str, **how: Any
+) -> figure:
     fig = _frame(label, time, **how)
     for name, colour, t, values in lines:
         drawable = np.where(np.isfinite(values), values, np.nan).astype(np.float32)
@@ -190,9 +193,7 @@ def _panel(label: str, lines: list[tuple[str, str, Array, Array]], time: Range1d
     return fig
 
 
-def _error(
-    found: list[tuple[Array, Array]], names: list[str], colours: list[str], time: Range1d
-) -> figure:
+def _error(found: list[tuple[Array, Array]], names: list[str], colours: list[str], time: Range1d) -> figure:
     """The error's magnitude on a logarithmic scale; a zero has no place there and leaves a gap."""
     lines, positive = [], [values[values > 0] for _, values in found]
     for name, colour, (t, values) in zip(names, colours, found, strict=True):
@@ -206,8 +207,8 @@ def _error(
     fig.yaxis.formatter = CustomJSTickFormatter(
         code="""
         const power = Math.round(Math.log10(tick))
-        const small = {'-': '⁻', 0: '⁰', 1: '¹', 2: '²', 3: '³', 4: '⁴', 5: '⁵', 6: '⁶', 7: '⁷', 8: '⁸', 9: '⁹'}
-        return Math.abs(Math.log10(tick) - power) < 1e-6 ? '10' + [...String(power)].map(c => small[c]).join('') : ''
+        if (Math.abs(Math.log10(tick) - power) > 1e-6) return ''
+        return '10' + [...String(power)].map(c => c === '-' ? '⁻' : '⁰¹²³⁴⁵⁶⁷⁸⁹'[c]).join('')
         """
     )
     return fig

@@ -31,9 +31,11 @@ def render(results: list[Result], names: list[str]) -> str:
     colours = figures.run_colours(len(runs))
     arms = [figures.arm(run, i, len(runs)) for i, run in enumerate(runs)]
     key = figures.link_key(runs[0])
-    links = [[colour for _, colour in key]] if len(runs) == 1 else [
-        [colour] * run.q.shape[1] for run, colour in zip(runs, colours, strict=True)
-    ]
+    links = (
+        [[colour for _, colour in key]]
+        if len(runs) == 1
+        else [[colour] * run.q.shape[1] for run, colour in zip(runs, colours, strict=True)]
+    )
     plots = figures.plots(runs, names)
     script, slots = components([*arms, *plots])
     template = Environment(
@@ -52,7 +54,9 @@ def render(results: list[Result], names: list[str]) -> str:
         metrics=list(_metrics(results)),
         differences=list(_differences(results)),
         scenarios=[(name, str(run.scenario)) for run, name in zip(results, names, strict=True)],
-        assumptions=list(dict.fromkeys(line for run in results for line in _assumptions(run.scenario.to_dict()))),
+        assumptions=list(
+            dict.fromkeys(line for run in results for line in _assumptions(run.scenario.to_dict()))
+        ),
         warnings=[message for run in results for message in run.warnings],
         version=results[0].version,
         versions=sorted({run.version for run in results}),
@@ -76,7 +80,9 @@ def _for_script(value: object) -> str:
 def _title(results: list[Result], names: list[str]) -> str:
     if len(results) == 1:
         return results[0].scenario.name or "A run"
-    return f"{len(names)} runs of {results[0].scenario.name}" if _same_scenario(results) else " · ".join(names)
+    return (
+        f"{len(names)} runs of {results[0].scenario.name}" if _same_scenario(results) else " · ".join(names)
+    )
 
 
 def _same_scenario(results: list[Result]) -> bool:
@@ -136,13 +142,15 @@ def _assumptions(document: Document) -> list[str]:
     """What the run takes for granted, so that nobody has to guess."""
     simulation = document.get("simulation", {})
     dt, control = simulation.get("dt", 1e-3), simulation.get("control", "hold")
-    integrator = {"semi_implicit_euler": "semi-implicit Euler"}.get(simulation.get("integrator"), "Runge–Kutta 4")
+    integrator = {"semi_implicit_euler": "semi-implicit Euler"}.get(
+        simulation.get("integrator"), "Runge–Kutta 4"
+    )
     return [
         "Rigid links in the plane, ideal revolute joints without friction, ideal torque sources.",
         f"The plant is integrated by {integrator} with steps of {dt:g} s; {_LAWS.get(control, control)}.",
         "The controller's model of the arm is exact.",
         "Obstacles move as the scenario says and do not feel the arm.",
         "Links do not avoid one another, and clearance is measured between links and obstacles only.",
-        "Clearance is signed: below zero a link is inside an obstacle. The metrics use every step of the plant.",
+        "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
         "Arrows show the recorded magnitude of the repulsion on a link, at its point nearest to an obstacle.",
     ]

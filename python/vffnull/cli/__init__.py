@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import json
 import math
-import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,15 +13,25 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
-from vffnull._simulate import prepare, progress_bar
-from vffnull._simulate import run as run_scenario
+from vffnull._simulate import prepare
+from vffnull.cli import results
+from vffnull.cli.common import (
+    FINE,
+    INTERRUPTED,
+    WRONG_INPUT,
+    assigned,
+    complete_scenario,
+    exit_code,
+    run_with_bar,
+    say,
+    set_option,
+)
 from vffnull.errors import ScenarioError, VffNullError
-from vffnull.result import Result, Status, npz_path
-from vffnull.scenario import Scenario, read, scenarios
+from vffnull.logs import check_path
+from vffnull.result import Result, Status
+from vffnull.scenario import read, scenarios
 
 __all__ = ["main"]
-
-FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
 
 
 def main() -> NoReturn:
@@ -34,8 +43,11 @@ def main() -> NoReturn:
         code = WRONG_INPUT
     except (click.Abort, KeyboardInterrupt):
         code = INTERRUPTED
-    except (VffNullError, OSError, ImportError) as error:
-        _say(f"error: {error}", "red")
+    except OSError as error:
+        say(f"error: {error.filename}: {error.strerror}" if error.filename else f"error: {error}", "red")
+        code = WRONG_INPUT
+    except (VffNullError, ImportError) as error:
+        say(f"error: {error}", "red")
         code = WRONG_INPUT
     sys.exit(code or FINE)
 
@@ -66,23 +78,29 @@ def _commands() -> None:
     vffnull list                           what is bundled
     vffnull show paper-1 > mine.toml       a scenario to start from
     vffnull run mine.toml --json           run it, print the metrics for a script
+    vffnull animate paper-1 paper-1.gif    film it
+    vffnull report paper-1 paper-1.html    everything about it on one page
+
+    Names of commands, options and scenarios complete by the Tab key once your shell's start file has this
+    line (zsh_source for zsh; for fish, fish_source and "| source"):
+
+    \b
+    eval "$(_VFFNULL_COMPLETE=bash_source vffnull)"
     """
 
 
+for _command in (results.animate, results.report, results.compare):
+    _commands.add_command(_command)
+
+
 @_commands.command()
-@click.argument("scenario")
-@click.option(
-    "--set",
-    "assignments",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Change a key, by its dotted name; repeatable.",
-)
+@click.argument("scenario", shell_complete=complete_scenario)
+@set_option
 @click.option(
     "--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures as PNG."
 )
 @click.option(
-    "--save", "save_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the result as .npz."
+    "--save", "save_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the result; see below."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 @click.option("--strict", is_flag=True, help="Exit with 3 also if a link touched an obstacle.")
@@ -104,16 +122,16 @@ def run(
     vffnull run sweep-through --set controller.projection=none --json
     vffnull run paper-1 --set "obstacles.0.position=[1.5, 1.8]" --set duration=5
 
+    --save writes .npz or .csv; with extras also .parquet, .arrow, .mcap or .rrd, by the ending of FILE.
+
     Exit codes: 0 fine, 2 wrong input, 3 the run diverged (or collided, under --strict), 130 interrupted.
     """
-    ready = prepare(scenario, dict(_assignment(text) for text in assignments))
+    ready = prepare(scenario, assigned(assignments))
     if save_to is not None:  # find out before the run, not after it
-        npz_path(save_to)
+        check_path(save_to)
     if plot_to is not None:
         plot_to.mkdir(parents=True, exist_ok=True)
-    result = _run(ready, bar=sys.stderr.isatty() and not quiet)
-    for message in result.warnings:
-        _say(f"warning: {message}", "yellow")
+    result = run_with_bar(ready, quiet)
     files: list[Path] = []
     if save_to is not None:
         files.append(result.save(save_to))
@@ -123,82 +141,72 @@ def run(
         click.echo(json.dumps(_report(result, files), ensure_ascii=False))
     elif not quiet:
         _print(result, files)
-    return _exit_code(result.status, strict)
+    return exit_code(result.status, strict)
 
 
 @_commands.command("list")
-def list_() -> None:
-    """List the bundled scenarios."""
-    names = scenarios()
-    wide = max(map(len, names))
-    for name in names:
-        click.echo(f"{name:<{wide}}  {_core.parse_toml(read(name), name).get('description', '')}")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
+def list_(as_json: bool) -> None:
+    """List the bundled scenarios.
+
+    \b
+    vffnull list
+    vffnull list --json
+    """
+    found = {name: _core.parse_toml(read(name), name).get("description", "") for name in scenarios()}
+    if as_json:
+        rows = [{"name": name, "description": text} for name, text in found.items()]
+        click.echo(json.dumps(rows, ensure_ascii=False))
+        return
+    wide = max(map(len, found))
+    for name, text in found.items():
+        click.echo(f"{name:<{wide}}  {text}")
 
 
 @_commands.command()
-@click.argument("scenario")
-def show(scenario: str) -> None:
+@click.argument("scenario", shell_complete=complete_scenario)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of TOML.")
+def show(scenario: str, as_json: bool) -> None:
     """Print a scenario as TOML, comments included.
 
     \b
     vffnull show paper-1 > mine.toml
+    vffnull show paper-1 --json
     """
-    click.echo(read(scenario), nl=False)
+    text = read(scenario)
+    if as_json:
+        text = json.dumps(_core.parse_toml(text, scenario), ensure_ascii=False) + "\n"
+    click.echo(text, nl=False)
 
 
 @_commands.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
-def validate(files: tuple[str, ...]) -> int:
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
+def validate(files: tuple[str, ...], as_json: bool) -> int:
     """Check scenario files without running them.
 
     \b
     vffnull validate mine.toml
-    vffnull validate scenes/*.toml
+    vffnull validate scenes/*.toml --json
     """
-    code = FINE
+    judged = []
     for file in files:
         try:
             warnings = _core.check("scenario", _core.parse_toml(read(file), file))
+            judged.append({"file": file, "error": None, "warnings": warnings})
         except ScenarioError as error:
-            _say(_with_name(file, error), "red")
-            code = WRONG_INPUT
-            continue
-        for message in warnings:
-            _say(f"{file}: warning: {message}", "yellow")
-        click.echo(f"{file}: fine")
-    return code
+            judged.append({"file": file, "error": _with_name(file, error), "warnings": []})
+    if as_json:
+        click.echo(json.dumps(judged, ensure_ascii=False))
+    else:
+        _print_judgement(judged)
+    return WRONG_INPUT if any(each["error"] for each in judged) else FINE
 
 
 @_commands.command()
 def schema() -> None:
     """Print every key: unit, default, meaning."""
     click.echo(_core.schema().rstrip())
-
-
-def _assignment(text: str) -> tuple[str, Any]:
-    """Split KEY=VALUE; the value is TOML, and a bare word is a string."""
-    key, equals, value = (part.strip() for part in text.partition("="))
-    if not (key and equals and value):
-        raise click.UsageError(f"--set {text}: expected KEY=VALUE, as in --set controller.field.gain=2.0")
-    try:
-        parsed = _core.parse_toml(f"value = {value}", "--set")
-    except ScenarioError:
-        if re.fullmatch(r"[A-Za-z_][\w-]*", value):
-            return key, value
-        raise click.UsageError(
-            f"--set {key}: {value!r} is not a TOML value; 2.0, [1, 2], true and 'text' are"
-        ) from None
-    if set(parsed) != {"value"}:
-        raise click.UsageError(f"--set {key}: one value expected, not {value!r}")
-    return key, parsed["value"]
-
-
-def _run(ready: Scenario, bar: bool) -> Result:
-    """Run, with a progress bar once it takes longer than a second."""
-    if not bar:
-        return run_scenario(ready)
-    with progress_bar(ready.duration, delay=1.0) as report:
-        return run_scenario(ready, report)
 
 
 def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:
@@ -231,18 +239,15 @@ def _print(result: Result, files: list[Path]) -> None:
         click.echo(f"wrote {path}")
 
 
-def _exit_code(status: Status, strict: bool) -> int:
-    if status is Status.INTERRUPTED:
-        return INTERRUPTED
-    failed = status is Status.DIVERGED or (strict and status is Status.COLLIDED)
-    return FAILED if failed else FINE
+def _print_judgement(judged: list[dict[str, Any]]) -> None:
+    for each in judged:
+        if each["error"]:
+            say(each["error"], "red")
+            continue
+        for message in each["warnings"]:
+            say(f"{each['file']}: warning: {message}", "yellow")
+        click.echo(f"{each['file']}: fine")
 
 
 def _with_name(file: str, error: ScenarioError) -> str:
     return str(error) if file in str(error) else f"{file}: {error}"
-
-
-def _say(text: str, colour: str) -> None:
-    """Write to stderr, the first word in colour on a terminal."""
-    head, separator, rest = text.partition(": ")
-    click.echo(f"{click.style(head, fg=colour)}{separator}{rest}", err=True)
