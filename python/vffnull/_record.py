@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -54,6 +55,11 @@ def recorded(source: object) -> dict[str, NDArray[Any]]:
     """The quantities that a result or a state has; one that does not apply is None and left out."""
     found = {name: getattr(source, name, None) for name in QUANTITIES}
     return {name: np.asarray(values) for name, values in found.items() if values is not None}
+
+
+def flat(values: NDArray[Any]) -> NDArray[Any]:
+    """The values of a quantity with one row per instant, also of nothing."""
+    return values.reshape(len(values), math.prod(values.shape[1:]))
 
 
 @dataclass(frozen=True)

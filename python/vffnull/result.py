@@ -297,7 +297,7 @@ class Result:
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
         for name, values in recorded(self).items():
-            flat = values.reshape(len(values), -1).T
+            flat = _record.flat(values).T
             for column, line in zip(_record.columns(name, values.shape[1:]), flat, strict=True):
                 columns[column.name] = line
                 units[column.name] = column.unit

@@ -57,7 +57,7 @@ def parts(content: pyarrow.Table, source: Path) -> tuple[header.Header, header.A
 def lines(result: Result) -> Iterator[tuple[_record.Column, NDArray[Any]]]:
     """Every column of the record beside time, with its values."""
     for name, values in _record.recorded(result).items():
-        flat = values.reshape(len(values), -1).T
+        flat = _record.flat(values).T
         yield from zip(_record.columns(name, values.shape[1:]), flat, strict=True)
 
 

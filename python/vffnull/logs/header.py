@@ -87,7 +87,7 @@ def split(header: Header, columns: Mapping[str, NDArray[Any]], source: Path) -> 
             values = np.empty((len(arrays["t"]), len(labels)), dtype=dtype)
             for i, column in enumerate(labels):
                 values[:, i] = columns[column]
-            arrays[name] = values.reshape(-1, *shape)
+            arrays[name] = values.reshape(len(values), *shape)
     except (KeyError, ValueError, TypeError):
         raise foreign(source) from None
     return arrays

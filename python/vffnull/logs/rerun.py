@@ -31,13 +31,13 @@ def write(result: Result, path: Path) -> None:
         log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
         time = [rr.TimeColumn("t", duration=result.t)]
         for name, values in _record.recorded(result).items():
-            rows = values.reshape(len(values), -1)
+            rows = _record.flat(values)
             if rows.shape[1]:
                 labels = [f"{each.name} [{each.unit}]" for each in _record.columns(name, values.shape[1:])]
                 log.log(f"record/{name}", rr.SeriesLines(names=labels), static=True)
                 log.send_columns(f"record/{name}", time, rr.Scalars.columns(scalars=rows.astype(float)))
         arm = _flat(geometry.joints(result))
-        log.send_columns("scene/arm", time, rr.LineStrips3D.columns(strips=list(arm[:, None])))
+        log.send_columns("scene/arm", time, rr.LineStrips3D.columns(strips=list(arm)))
         for i, outline in enumerate(geometry.obstacle_outlines(result)):
             closed = _flat(np.vstack([outline, outline[:1]]))
             log.log(f"scene/obstacle_{i + 1}", rr.LineStrips3D([closed]), static=True)

@@ -73,6 +73,7 @@ class StreamRecorder:
             "version": _core.__version__,
             "scenario": scenario.to_dict() if scenario is not None else None,
         }
+        self._arrow.array(np.zeros(1))  # now, because the first array makes Arrow import more, for half a second
         self._metadata = {"vffnull": json.dumps(about)}
         self._file = self.path.open("wb", buffering=0)
         self._stream: Any = None
@@ -106,7 +107,13 @@ class StreamRecorder:
             raise InputError(f"{self.path}: the recorder has been closed")
         if not self._names:
             self._names = list(_record.recorded(state))
-        row = [state.t, *(getattr(state, name) for name in self._names)]  # type: ignore[attr-defined]
+            self._row(state)
+            self._flush()  # the file is readable from the first instant on
+            return
+        self._row(state)
+
+    def _row(self, state: Any) -> None:
+        row = [state.t, *(getattr(state, name) for name in self._names)]
         with self._lock:
             self._rows.append(row)
 
@@ -190,7 +197,7 @@ class StreamRecorder:
         }
         if self._stream is None:
             self._stream = self._ipc.new_stream(self._file, self._schema(arrays))
-        lines = [line for values in arrays.values() for line in values.reshape(len(rows), -1).T]
+        lines = [line for values in arrays.values() for line in _record.flat(values).T]
         columns = [self._arrow.array(np.ascontiguousarray(line)) for line in lines]
         self._stream.write_batch(self._arrow.record_batch(columns, schema=self._stream_schema))
 

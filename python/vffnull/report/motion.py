@@ -46,7 +46,7 @@ def pack(result: Result, colours: list[str]) -> dict[str, Any]:
 def _quantity(name: str, values: NDArray[Any]) -> dict[str, Any]:
     """A recorded quantity for the panel in which the reader chooses; one row for each column."""
     about = _record.QUANTITIES[name]
-    flat = values.reshape(len(values), -1).T
+    flat = _record.flat(values).T
     return {
         "name": name,
         "label": f"{about.meaning} [{about.unit}]",
