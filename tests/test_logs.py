@@ -24,8 +24,11 @@ LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
 
 
 def awkward() -> vff.Result:
-    """A result with everything that gets lost in careless formats: infinities, −0, subnormal numbers, the last
-    bit, no obstacles (an array without columns), a metric that is None, and a comma in a text."""
+    """A result with everything that careless formats lose.
+
+    Infinities, NaN, −0, a subnormal number, the last bit, an array without columns, a metric that is None,
+    and a text with a comma, quotes and a line break.
+    """
     result = vff.simulate("paper-1", {"obstacles": None, "duration": 0.02, "description": 'a, "b"\nµ'})
     result.q[0] = [-0.0, 5e-324, 1 / 3, np.nextafter(1.0, 2.0), 1e308, -np.inf]
     result.q[1, 0] = np.nan
@@ -225,7 +228,7 @@ def test_stream_recorder(tmp_path: Path) -> None:
 
 
 def test_a_killed_recording_loses_less_than_a_second(tmp_path: Path) -> None:
-    """SIGKILL gives the process no chance to write anything; yet what it had recorded a second before is there.
+    """SIGKILL gives the process no chance to write anything; yet what it recorded a second before is there.
 
     The process says how far it has come and then rests for a second, so that a busy machine changes nothing.
     """

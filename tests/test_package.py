@@ -15,6 +15,8 @@ CONTRACT = {
     vff: (
         "simulate",
         "scenarios",
+        "compare",
+        "StreamRecorder",
         "Arm",
         "Obstacle",
         "Motion",
@@ -49,7 +51,7 @@ CONTRACT = {
     vff.Terms: ("tau", "tau_task", "tau_null", "tau_vff", "force", "clearance", "N"),
     vff.Simulation: ("step", "state", "reset"),
     vff.Scenario: ("load", "from_dict", "to_dict", "save", "replace"),
-    vff.Result: ("plot", "animate", "save", "load", "to_pandas", "to_xarray"),
+    vff.Result: ("plot", "animate", "report", "save", "load", "to_pandas", "to_xarray", "to_arrow"),
 }
 
 
@@ -128,7 +130,7 @@ def test_stubs_match_the_compiled_module() -> None:
 
 def test_import_is_light() -> None:
     """matplotlib, pandas and the like are loaded when used, not by `import vffnull` (ARCHITECTURE.md)."""
-    heavy = ["matplotlib", "pandas", "xarray", "click", "tqdm", "PIL", "scipy"]
+    heavy = ["matplotlib", "pandas", "pyarrow", "xarray", "bokeh", "click", "tqdm", "PIL", "scipy"]
     code = f"import sys, vffnull; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "[]", done.stdout + done.stderr
