@@ -30,7 +30,7 @@ _WIDTH, _DPI = 5.4, 120  # [in], dots per inch: 648 dots across
 _ARM = "#0072B2"
 _OBSTACLE = "#D55E00"
 _FORCE = "#B2182B"
-_LONGEST = 0.14  # of the picture's width, the arrow of the greatest force
+_LONGEST = 0.11  # of the picture's width, the arrow of the greatest force
 
 Progress = Callable[[float, float], None]
 Rows = NDArray[np.intp]

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 _INSTANTS = 1500
 _OBSTACLE, _FORCE, _TRAIL = "#D55E00", "#B2182B", "#222222"
-_LONGEST = 0.15  # of the picture's width, the arrow of the greatest force
+_LONGEST = 0.12  # of the picture's width, the arrow of the greatest force
 _SEEK = "window.vffnullSeek && window.vffnullSeek(cb_obj.x)"
 
 
