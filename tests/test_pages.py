@@ -261,7 +261,7 @@ def test_notebooks_show_a_picture_and_a_table(make: Any) -> None:
 
 
 def test_what_notebooks_say(short: vff.Result) -> None:
-    assert "9.81" in vff.Arm.uniform(2, gravity=9.81)._repr_html_()  # type: ignore[attr-defined]
+    assert "9.81" in vff.Arm.uniform(2, gravity=9.81)._repr_html_()
     assert (
         "completed" in short._repr_html_()
         and f"{short.metrics['peak_torque']:.4g} N·m" in short._repr_html_()

@@ -73,7 +73,9 @@ class StreamRecorder:
             "version": _core.__version__,
             "scenario": scenario.to_dict() if scenario is not None else None,
         }
-        self._arrow.array(np.zeros(1))  # now, because the first array makes Arrow import more, for half a second
+        self._arrow.array(
+            np.zeros(1)
+        )  # the first one makes Arrow import more, for half a second: now, not later
         self._metadata = {"vffnull": json.dumps(about)}
         self._file = self.path.open("wb", buffering=0)
         self._stream: Any = None
