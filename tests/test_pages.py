@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import re
 import shutil
@@ -150,6 +151,18 @@ def test_reports_of_odd_results(overrides: dict[str, Any], tmp_path: Path) -> No
         assert overrides["description"] in page.text
     assert "<svg" in result._repr_html_() and "<b>&amp;" not in result._repr_html_()
     result.animate(tmp_path / "run.gif", fps=10)
+
+
+def test_assumptions_are_those_of_the_run(short: vff.Result, tmp_path: Path) -> None:
+    """The bundled scenario is held at 1 kHz and integrated by RK4; under MuJoCo neither integrator nor
+    passing through obstacles is true."""
+    text = squeezed(Page(short.report(tmp_path / "core.html")).text)
+    assert "Runge–Kutta 4 with steps of 0.001 s; the law acts once per control period" in text
+    assert "passes through them" in text and "MuJoCo" not in text
+    other = dataclasses.replace(short, plant="mujoco")
+    text = squeezed(Page(other.report(tmp_path / "mujoco.html")).text)
+    assert "MuJoCo moves the arm with steps of 0.001 s" in text
+    assert "Runge–Kutta" not in text and "passes through" not in text
 
 
 def test_report_of_a_diverged_run(tmp_path: Path) -> None:

@@ -146,6 +146,8 @@ class Result:
         Signed distance of each link's surface to the nearest obstacle's [m]; negative in contact.
     obstacles : (T, k, 2) ndarray
         Positions of the obstacles [m].
+    plant : {"core", "mujoco"}
+        What moved the arm.
 
     Examples
     --------
@@ -177,6 +179,7 @@ class Result:
     force: Array
     clearance: Array
     obstacles: Array
+    plant: str = "core"
 
     def __repr__(self) -> str:
         return (

@@ -42,8 +42,10 @@ def read(path: Path) -> tuple[header.Header, header.Arrays]:
             names = file.readline().rstrip("\n").split(",")
             rows = np.loadtxt(file, delimiter=",", ndmin=2)
         columns = dict(zip(names, rows.T, strict=True))
+        if len(rows) != found["instants"]:
+            raise InputError(f"{path}: cut off after {len(rows)} of {found['instants']} rows")
     except InputError:
         raise
-    except ValueError:  # also of text that is not UTF-8
+    except (KeyError, ValueError):  # also of text that is not UTF-8
         raise header.foreign(path) from None
     return found, header.split(found, columns, path)

@@ -28,7 +28,9 @@ def pack(result: Result) -> str:
     values = {name: getattr(result, name) for name in _beside(type(result))}
     values |= {"scenario": result.scenario.to_dict(), "metrics": dict(result.metrics)}
     arrays = {name: [array.dtype.str, array.shape[1:]] for name, array in recorded(result).items()}
-    return json.dumps({"format": _FORMAT, **values, "arrays": arrays}, ensure_ascii=False)
+    return json.dumps(
+        {"format": _FORMAT, **values, "instants": len(result.t), "arrays": arrays}, ensure_ascii=False
+    )
 
 
 def unpack(text: str | bytes, source: Path) -> Header:

@@ -14,7 +14,6 @@ from bokeh.resources import Resources
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vffnull import _core
-from vffnull._document import Document
 from vffnull.plotting import geometry
 from vffnull.report import figures, motion
 from vffnull.result import Result, readable
@@ -54,9 +53,7 @@ def render(results: list[Result], names: list[str]) -> str:
         metrics=list(_metrics(results)),
         differences=list(_differences(results)),
         scenarios=[(name, str(run.scenario)) for run, name in zip(results, names, strict=True)],
-        assumptions=list(
-            dict.fromkeys(line for run in results for line in _assumptions(run.scenario.to_dict()))
-        ),
+        assumptions=list(dict.fromkeys(line for run in results for line in _assumptions(run))),
         warnings=[message for run in results for message in run.warnings],
         version=results[0].version,
         versions=sorted({run.version for run in results}),
@@ -138,18 +135,25 @@ _LAWS = {
 }
 
 
-def _assumptions(document: Document) -> list[str]:
+def _assumptions(result: Result) -> list[str]:
     """What the run takes for granted, so that nobody has to guess."""
-    simulation = document.get("simulation", {})
+    simulation = result.scenario.to_dict().get("simulation", {})
     dt, control = simulation.get("dt", 1e-3), simulation.get("control", "hold")
     integrator = {"semi_implicit_euler": "semi-implicit Euler"}.get(
         simulation.get("integrator"), "Runge–Kutta 4"
     )
+    law = _LAWS.get(control, control)
+    if result.plant == "core":
+        plant = f"The plant is integrated by {integrator} with steps of {dt:g} s; {law}."
+        contact = "the arm passes through them without a contact force"
+    else:
+        plant = f"MuJoCo moves the arm with steps of {dt:g} s; {law}."
+        contact = "contacts push the arm, by MuJoCo's soft model"
     return [
         "Rigid links in the plane, ideal revolute joints without friction, ideal torque sources.",
-        f"The plant is integrated by {integrator} with steps of {dt:g} s; {_LAWS.get(control, control)}.",
+        plant,
         "The controller's model of the arm is exact.",
-        "Obstacles move as the scenario says and do not feel the arm.",
+        f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
         "Links do not avoid one another, and clearance is measured between links and obstacles only.",
         "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
         "Arrows show the recorded magnitude of the repulsion on a link, at its point nearest to an obstacle.",
