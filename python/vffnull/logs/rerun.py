@@ -24,8 +24,9 @@ def write(result: Result, path: Path) -> None:
     rr = extra("rerun", "rerun")
     from vffnull.plotting import geometry
 
-    with rr.RecordingStream("vffnull", recording_id=result.scenario.name or None) as log:
+    with rr.RecordingStream("vffnull") as log:
         log.save(str(path))
+        log.send_recording_name(result.scenario.name or "run")
         log.log("scenario", rr.TextDocument(str(result.scenario)), static=True)
         log.log("header", rr.TextDocument(header.pack(result)), static=True)
         log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
