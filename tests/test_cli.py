@@ -208,7 +208,7 @@ def test_plot_and_save(tmp_path: Path) -> None:
 
 def test_wrong_output_is_found_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    vffnull("run", "paper-1", "--save", tmp_path / "run.csv", code=2)
+    vffnull("run", "paper-1", "--save", tmp_path / "run.xlsx", code=2)
     vffnull("run", "paper-1", "--plot", tmp_path / "file", code=2)
     vffnull("run", "paper-1", "--set", "duration=0.1", "--save", tmp_path / "missing" / "run.npz", code=2)
 
@@ -221,6 +221,14 @@ ERRORS = [
     (["run"], "SCENARIO"),
     (["run", "paper-1", "--plott", "x"], "--plot"),
     (["run", "missing.toml"], "missing.toml"),
+    (["animate", "paper1", "a.gif"], "'paper-1'"),
+    (["animate", "paper-1", "a.avi"], ".mp4"),
+    (["animate", "missing.npz", "a.gif"], "missing.npz: No such file"),
+    (["animate", "run.npz", "a.gif", "--set", "duration=1"], "--set"),
+    (["report", "crowds", "a.html"], "'crowd'"),
+    (["report", "crowd", "a.pdf"], ".html"),
+    (["compare", "crowd", "a.txt"], ".html"),
+    (["repotr", "crowd", "a.html"], "'report'"),
     (["validate", "missing.toml"], "missing.toml"),
     (["validate"], "FILE"),
 ]
@@ -273,9 +281,57 @@ def test_warnings_go_to_stderr() -> None:
 
 
 def test_help() -> None:
-    for arguments in (["--help"], ["-h"], ["run", "--help"]):
-        assert "Usage" in vffnull(*arguments).stdout
+    """Every command shows how it is used."""
+    assert "Usage" in vffnull("-h").stdout and "_VFFNULL_COMPLETE=bash_source" in vffnull("--help").stdout
+    for command in ("run", "list", "show", "validate", "animate", "report", "compare"):
+        printed = vffnull(command, "--help").stdout
+        assert "Usage" in printed and f"  vffnull {command}" in printed
     assert "130" in vffnull("run", "--help").stdout
+
+
+def test_completion() -> None:
+    """click's protocol, as the line in the help sets it up: commands, options, names of scenarios."""
+
+    def offered(words: str) -> set[str]:
+        asked = {"_VFFNULL_COMPLETE": "bash_complete", "COMP_WORDS": f"vffnull {words}"}
+        asked["COMP_CWORD"] = str(len(words.split()))
+        command = [sys.executable, "-m", "vffnull"]
+        done = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, timeout=60)
+        return {line.split(",", 1)[1] for line in done.stdout.splitlines() if line.startswith("plain")}
+
+    assert offered("re") == {"report"}
+    assert offered("run --pl") == {"--plot"}
+    names = {"paper-2", "paper-2-moving", "paper-2-printed"}
+    assert offered("run paper-2") == offered("animate paper-2") == names
+
+
+def test_results_from_a_file_or_from_a_scenario(tmp_path: Path) -> None:
+    """`animate`, `report` and `compare` take both; `run --save` writes what they read."""
+    file = tmp_path / "run.parquet"
+    vffnull("run", "sweep-through", "--set", "duration=0.1", "--save", file, "-q")
+    printed = vffnull("report", file, tmp_path / "run.html", "--json").stdout
+    assert json.loads(printed) == {
+        "runs": [{"scenario": "sweep-through", "status": "completed"}],
+        "files": [str(tmp_path / "run.html")],
+    }
+    assert "run.gif" in vffnull("animate", file, tmp_path / "run.gif", "--fps", "10").stdout
+    assert vffnull("animate", "crowd", tmp_path / "c.gif", "--set", "duration=0.2", "-q").stdout == ""
+    vffnull("compare", file, "sweep-through", tmp_path / "both.html")
+    for name in ("run.html", "run.gif", "c.gif", "both.html"):
+        assert (tmp_path / name).stat().st_size > 10_000
+
+
+def test_json_of_the_other_commands(tmp_path: Path) -> None:
+    listed = json.loads(vffnull("list", "--json").stdout)
+    assert [each["name"] for each in listed] == vff.scenarios()
+    assert all(each["description"] for each in listed)
+    shown = json.loads(vffnull("show", "paper-1", "--json").stdout)
+    assert vff.Scenario.from_dict(shown) == vff.Scenario.load("paper-1")
+    good = tmp_path / "good.toml"
+    vff.Scenario.load("paper-1").save(good)
+    judged = json.loads(vffnull("validate", good, "missing.toml", "--json", code=2).stdout)
+    assert judged[0] == {"file": str(good), "error": None, "warnings": []}
+    assert "missing.toml" in judged[1]["error"]
 
 
 def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:

@@ -18,6 +18,8 @@ CONTRACT = {
         "metrics_table",
         "realtime",
         "scenarios",
+        "compare",
+        "StreamRecorder",
         "Arm",
         "Obstacle",
         "Motion",
@@ -53,7 +55,7 @@ CONTRACT = {
     vff.Simulation: ("step", "state", "reset"),
     vff.Scenario: ("load", "from_dict", "to_dict", "save", "replace"),
     vff.RealTimeReport: ("verdict", "held", "plot", "to_dict"),
-    vff.Result: ("plot", "animate", "save", "load", "to_pandas", "to_xarray"),
+    vff.Result: ("plot", "animate", "report", "save", "load", "to_pandas", "to_xarray", "to_arrow"),
 }
 
 
@@ -130,7 +132,7 @@ def test_stubs_match_the_compiled_module() -> None:
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
 
 
-HEAVY = ("numpy", "matplotlib", "pandas", "xarray", "tqdm", "PIL", "scipy", "mujoco", "pyarrow")
+HEAVY = ("numpy", "bokeh", "matplotlib", "pandas", "xarray", "tqdm", "PIL", "scipy", "mujoco", "pyarrow")
 
 
 @pytest.mark.parametrize(

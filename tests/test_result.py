@@ -185,7 +185,7 @@ def test_save_and_load_keep_every_bit(make: Any, tmp_path: Path) -> None:
     assert rerun.q.tobytes() == result.q.tobytes()
 
 
-@pytest.mark.parametrize("name", ["run.npy", "run", "run.npz.gz", "run.csv"])
+@pytest.mark.parametrize("name", ["run.npy", "run", "run.npz.gz", "run.xlsx"])
 def test_wrong_endings(short: vff.Result, name: str, tmp_path: Path) -> None:
     for call in (short.save, vff.Result.load):
         with pytest.raises(InputError, match=r"\.npz"):
@@ -424,13 +424,53 @@ def test_animate(short: vff.Result, tmp_path: Path) -> None:
     path = short.animate(tmp_path / "arm.gif", fps=10)
     with Image.open(path) as film:
         assert film.format == "GIF"
-        assert getattr(film, "n_frames", 1) == pytest.approx(5, abs=1)  # 0.5 s at 10 frames per second
+        assert getattr(film, "n_frames", 1) == 6  # 0.5 s at 10 frames per second, first and last included
+        duration = 0
+        for frame in range(6):
+            film.seek(frame)
+            duration += film.info["duration"]
+        assert duration == 5 * 100 + 1000  # ms; the last picture stays for a second
+
+
+def test_animate_shows_what_moves(tmp_path: Path) -> None:
+    """Arm and disc in every frame, arrows once the disc is near: their colours are there, or are not."""
+    from PIL import Image
+
+    result = vff.simulate("sweep-through")
+    done: list[tuple[float, float]] = []
+    path = result.animate(tmp_path / "arm.gif", fps=5, progress=lambda *given: done.append(given))
+    assert done == [(i + 1, 21) for i in range(21)]
+
+    def share(film: Image.Image, frame: int, colour: tuple[int, int, int]) -> float:
+        film.seek(frame)
+        dots = np.asarray(film.convert("RGB")).astype(int)
+        return float((np.abs(dots - colour).max(axis=2) < 40).mean())
+
+    arm, disc, force = (0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00), (0xB2, 0x18, 0x2B)
+    with Image.open(path) as film:
+        for frame in (0, 10, 20):
+            assert share(film, frame, arm) > 0.002 and share(film, frame, disc) > 0.0001
+        strongest = round(result.metrics["max_repulsion_time"] * 5)
+        assert share(film, strongest, force) > 0.0005
+        assert share(film, 0, force) == 0.0 == result.force[0].max()
+
+
+def test_animate_writes_mp4(short: vff.Result, tmp_path: Path) -> None:
+    """H.264 of the run's length."""
+    import imageio_ffmpeg
+
+    path = short.animate(tmp_path / "arm.mp4", fps=10, speed=0.5)
+    count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    assert count == 11 and seconds == pytest.approx(1.1)  # 0.5 s at half speed, the last one included
+    content = path.read_bytes()
+    assert b"avc1" in content and b"ftypisom" in content[:16]
 
 
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("arm.mp4", {}),
+        ("arm.avi", {}),
+        ("arm", {}),
         ("arm.gif", {"fps": 0}),
         ("arm.gif", {"speed": -1.0}),
         ("arm.gif", {"fps": float("nan")}),

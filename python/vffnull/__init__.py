@@ -13,6 +13,8 @@ are SI, angles are radians, and arrays run (time, joint).
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from vffnull import errors
 from vffnull._core import (
     ENERGIES,
@@ -31,9 +33,13 @@ from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
 from vffnull.real_time import Histogram, RealTimeReport, realtime
+from vffnull.report import compare
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
+
+if TYPE_CHECKING:
+    from vffnull.logs.stream import StreamRecorder
 
 __all__ = [
     "ENERGIES",
@@ -54,9 +60,11 @@ __all__ = [
     "Simulation",
     "State",
     "Status",
+    "StreamRecorder",
     "Terms",
     "VffNullError",
     "__version__",
+    "compare",
     "errors",
     "metrics_table",
     "realtime",
@@ -64,3 +72,12 @@ __all__ = [
     "simulate",
     "simulate_many",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """`StreamRecorder` brings NumPy along, so it is loaded when it is asked for."""
+    if name == "StreamRecorder":
+        from vffnull.logs.stream import StreamRecorder
+
+        return StreamRecorder
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

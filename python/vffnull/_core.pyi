@@ -207,6 +207,8 @@ class Arm:
     def to_dict(self) -> dict[str, Any]:
         """The arm as a part of a scenario document."""
 
+    def _repr_html_(self) -> str: ...
+
 @final
 class ExtendedJacobian:
     """Task and null space of an arm at one state; r = n − 2.

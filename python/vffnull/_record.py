@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from vffnull import _core
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 Dimension = Literal["joint", "link", "task", "obstacle", "plane", "store", "port", "objective"]
 
@@ -62,3 +67,45 @@ NAMES: dict[Dimension, tuple[str, ...]] = {
 def unit(name: str, axis: str) -> str:
     """The unit of a quantity along one axis: the orientation of a pose counts in radians."""
     return QUANTITIES[name].unit.replace("m", "rad") if axis == "phi" else QUANTITIES[name].unit
+
+
+def label(over: Dimension, index: int) -> str:
+    """What an entry along a dimension is called: its name if it has one, a number from 1 otherwise."""
+    return NAMES[over][index] if over in NAMES else str(index + 1)
+
+
+def recorded(source: object) -> dict[str, NDArray[Any]]:
+    """The quantities that a result or a state has; one that does not apply is None and left out."""
+    import numpy as np
+
+    found = {name: getattr(source, name, None) for name in QUANTITIES}
+    return {name: np.asarray(values) for name, values in found.items() if values is not None}
+
+
+def flat(values: NDArray[Any]) -> NDArray[Any]:
+    """The values of a quantity with one row per instant, also of nothing."""
+    return values.reshape(len(values), math.prod(values.shape[1:]))
+
+
+@dataclass(frozen=True)
+class Column:
+    """One number per instant: an entry of a quantity, as a table shows it."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+def columns(name: str, shape: tuple[int, ...]) -> list[Column]:
+    """The columns of a quantity whose values at one instant have this shape, in row-major order.
+
+    They are called ``q_1``, ``x_x``, ``obstacles_1_x``, and like the quantity itself if it is one number.
+    """
+    quantity = QUANTITIES[name]
+    found = []
+    for index in itertools.product(*map(range, shape)):
+        labels = [label(over, i) for over, i in zip(quantity.over, index, strict=True)]
+        axis = labels[-1] if labels else ""
+        meaning = " ".join([quantity.meaning, *labels])
+        found.append(Column("_".join([name, *labels]), unit(name, axis), meaning))
+    return found

@@ -143,14 +143,16 @@ def result_of(scenario: Scenario, outcome: Mapping[str, Any]) -> Result:
 
 
 @contextmanager
-def progress_bar(duration: float, delay: float = 0.0) -> Iterator[Progress]:
-    """A bar on stderr that counts simulated seconds; it appears after `delay` [s]."""
+def progress_bar(total: float, delay: float = 0.0, counts: str = ".1f s simulated") -> Iterator[Progress]:
+    """A bar on stderr that appears after `delay` [s]; `counts` gives format and name of the numbers."""
     from tqdm import tqdm
 
-    form = "{percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s simulated [{elapsed}<{remaining}]"
-    with tqdm(total=duration, delay=delay, bar_format=form, leave=False) as bar:
+    digits, _, what = counts.partition(" ")
+    numbers = f"{{n:{digits}}}/{{total:{digits}}} {what}"
+    form = f"{{percentage:3.0f}}%|{{bar}}| {numbers} [{{elapsed}}<{{remaining}}]"
+    with tqdm(total=total, delay=delay, bar_format=form, leave=False) as bar:
 
-        def report(t: float, _duration: float) -> None:
-            bar.update(t - bar.n)
+        def report(done: float, _total: float) -> None:
+            bar.update(done - bar.n)
 
         yield report

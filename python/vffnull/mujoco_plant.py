@@ -232,6 +232,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
         warnings=tuple(warnings),
         metrics=Metrics(metrics),
         version=_core.__version__,
+        plant="mujoco",
         t=times[::every],
         **{name: np.ascontiguousarray(record[name][::every]) for name in QUANTITIES if name in record},
     )

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vffnull import _core
-from vffnull._record import AXES, NAMES, QUANTITIES, unit
-from vffnull.errors import InputError
+from vffnull import _core, _record
+from vffnull._record import NAMES, QUANTITIES, recorded, unit
+from vffnull.logs import extra
 from vffnull.scenario import Scenario
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas
+    import pyarrow
     import xarray
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 __all__ = ["Metrics", "Result", "Status"]
-
-_FORMAT = 2  # of the file that `Result.save` writes
 
 
 class Status(str, Enum):
@@ -89,7 +87,7 @@ class Metrics(Mapping[str, float | int | None]):
         return f"Metrics({self._values!r})"
 
     def __str__(self) -> str:
-        rows = [(name, _readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
+        rows = [(name, readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
         if not rows:
             return "(no metrics)"
         wide = [max(len(row[column]) for row in rows) for column in range(3)]
@@ -99,7 +97,8 @@ class Metrics(Mapping[str, float | int | None]):
         )
 
 
-def _readable(value: float | int | None) -> str:
+def readable(value: float | int | None) -> str:
+    """A metric with as many digits as one reads; a dash if it does not apply."""
     return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
 
 
@@ -166,6 +165,8 @@ class Result:
     tau_applied : (T, n) ndarray or None
         Torque of the drives [N·m], where `tau` is the commanded one; None unless the scenario has drives, a
         table ``[actuator]``.
+    plant : {"core", "mujoco"}
+        What moved the arm.
 
     Examples
     --------
@@ -206,6 +207,7 @@ class Result:
     q_measured: Array | None = None
     dq_measured: Array | None = None
     tau_applied: Array | None = None
+    plant: str = "core"
 
     def __repr__(self) -> str:
         return (
@@ -213,13 +215,30 @@ class Result:
             f"{len(self.t)} instants>"
         )
 
+    def recorded(self) -> dict[str, Array]:
+        """Every recorded quantity that this run has, by name; time is not among them."""
+        return recorded(self)
+
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the result with its scenario and version to one ``.npz`` file; nothing is rounded.
+        """Write the result with its scenario and version to one file; the ending says which kind.
+
+        ========== ===================================================== ==========
+        ending     kind                                                  needs
+        ========== ===================================================== ==========
+        .npz       NumPy's archive; `load` reads it                      –
+        .csv       text, one row per instant; `load` reads it            –
+        .parquet   small, for data tools; `load` reads it                ``[io]``
+        .arrow     Arrow IPC (Feather), mapped quickly; `load` reads it  ``[io]``
+        .mcap      for Foxglove and PlotJuggler                          ``[mcap]``
+        .rrd       for the Rerun viewer                                  ``[rerun]``
+        ========== ===================================================== ==========
+
+        Nothing is rounded in the kinds that `load` reads: the arrays come back bit by bit.
 
         Parameters
         ----------
         path : str or path
-            A path that ends in ``.npz``.
+            A path with one of these endings.
 
         Returns
         -------
@@ -230,32 +249,12 @@ class Result:
         ------
         vffnull.errors.InputError
             If the path ends otherwise.
+        ImportError
+            Without the extra that this kind of file needs.
         """
-        import json
+        from vffnull import logs
 
-        import numpy as np
-
-        target = npz_path(path)
-        header = {
-            "format": _FORMAT,
-            "version": self.version,
-            "scenario": self.scenario.to_dict(),
-            "status": self.status.value,
-            "message": self.message,
-            "end_time": self.end_time,
-            "wall_time": self.wall_time,
-            "warnings": list(self.warnings),
-            "metrics": dict(self.metrics),
-        }
-        arrays = {"t": self.t, **self.recorded()}
-        draft = target.with_name(f".{target.name}.part")  # a crash never leaves half a file under the name
-        try:
-            with draft.open("wb") as file:
-                np.savez(file, vffnull=np.array(json.dumps(header)), **arrays)
-            draft.replace(target)
-        finally:
-            draft.unlink(missing_ok=True)
-        return target
+        return logs.save(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:
@@ -264,7 +263,7 @@ class Result:
         Parameters
         ----------
         path : str or path
-            A path that ends in ``.npz``.
+            A path that ends in ``.npz``, ``.parquet``, ``.arrow`` or ``.csv``.
 
         Raises
         ------
@@ -272,42 +271,51 @@ class Result:
             If the file was not written by `save`, or by a version with another format.
         FileNotFoundError
             If there is no such file.
+        ImportError
+            Without the extra that this kind of file needs.
         """
-        import json
-        import zipfile
-        import zlib
+        from vffnull import logs
 
-        import numpy as np
+        return logs.load(path, cls)
 
-        source = npz_path(path)
-        try:
-            with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                header = json.loads(str(file["vffnull"]))
-                written = int(header["format"])
-                by = str(header["version"])
-                ours = ("t", *QUANTITIES) if written == _FORMAT else ()
-                optional = {name for name, quantity in QUANTITIES.items() if quantity.optional}
-                arrays = {name: file[name] for name in ours if name in file or name not in optional}
-        except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
-            raise InputError(f"{source}: not a result that vffnull has saved") from None
-        if written != _FORMAT:
-            raise InputError(
-                f"{source}: written by vffnull {by} in format {written}; this version reads format {_FORMAT}"
-            )
-        try:
-            return cls(
-                scenario=Scenario._of(header["scenario"]),
-                status=Status(header["status"]),
-                message=header["message"],
-                end_time=header["end_time"],
-                wall_time=header["wall_time"],
-                warnings=tuple(header["warnings"]),
-                metrics=Metrics(header["metrics"]),
-                version=by,
-                **arrays,
-            )
-        except (KeyError, ValueError, TypeError):
-            raise InputError(f"{source}: its header is not the one that vffnull {by} writes") from None
+    def to_arrow(self) -> pyarrow.Table:
+        """The record as an Arrow table, one row per instant, without a copy of what is contiguous.
+
+        Columns are called as in `to_pandas`, time is ``t``. Every field's metadata holds ``unit`` and
+        ``long_name``; the schema's holds scenario, metrics and version as JSON under ``vffnull``.
+        Libraries that speak Arrow's C interface (Polars, DuckDB, …) take the result itself for a table.
+
+        Raises
+        ------
+        ImportError
+            Without the extra ``vffnull[io]``.
+        """
+        from vffnull.logs import arrow
+
+        return arrow.table(self)
+
+    @classmethod
+    def from_arrow(cls, table: pyarrow.Table) -> Result:
+        """The result that `to_arrow` has made a table of, bit by bit.
+
+        Parameters
+        ----------
+        table : pyarrow.Table
+            With the metadata that `to_arrow` gave it.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the table is another one.
+        """
+        from vffnull.logs import arrow
+        from vffnull.logs.header import restore
+
+        source = Path("table")
+        return restore(cls, *arrow.parts(table, source), source)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
 
     def to_pandas(self) -> pandas.DataFrame:
         """The record as a table, one row per instant.
@@ -320,22 +328,14 @@ class Result:
         ImportError
             Without the extra ``vffnull[io]``.
         """
-        import numpy as np
-
-        library = _extra("pandas")
+        library = extra("pandas", "io")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
-        for name, values in self.recorded().items():
-            quantity = QUANTITIES[name]
-            flat = values.reshape(len(values), math.prod(values.shape[1:])).T
-            for line, index in zip(flat, np.ndindex(values.shape[1:]), strict=True):
-                labels = [
-                    NAMES[over][i] if over in NAMES else str(i + 1)
-                    for over, i in zip(quantity.over, index, strict=True)
-                ]
-                column = "_".join([name, *labels])
-                columns[column] = line
-                units[column] = unit(name, labels[-1] if labels else "")
+        for name, values in recorded(self).items():
+            flat = _record.flat(values).T
+            for column, line in zip(_record.columns(name, values.shape[1:]), flat, strict=True):
+                columns[column.name] = line
+                units[column.name] = column.unit
         table: pandas.DataFrame = library.DataFrame(columns, index=library.Index(self.t, name="t"))
         table.attrs = {"units": {"t": "s", **units}, **self._attributes()}
         return table
@@ -351,34 +351,29 @@ class Result:
         ImportError
             Without the extra ``vffnull[io]``.
         """
-        import numpy as np
-
-        library = _extra("xarray")
-        n, m, k = self.q.shape[1], self.x.shape[1], self.obstacles.shape[1]
-        numbers = {"joint": np.arange(1, n + 1), "link": np.arange(1, n + 1), "obstacle": np.arange(1, k + 1)}
+        library = extra("xarray", "io")
+        pose = self.x.shape[1] == 3
+        sizes: dict[_record.Dimension, int] = {}
         data = {}
-        for name, values in self.recorded().items():
+        for name, values in recorded(self).items():
             quantity = QUANTITIES[name]
-            pose = "task" in quantity.over and m == 3
-            units = f"{quantity.unit}, {unit(name, 'phi')}" if pose else quantity.unit
+            mixed = pose and "task" in quantity.over
+            units = f"{quantity.unit}, {unit(name, 'phi')}" if mixed else quantity.unit
             labels = {"units": units, "long_name": quantity.meaning}
             data[name] = (("t", *quantity.over), values, labels)
+            sizes |= dict(zip(quantity.over, values.shape[1:], strict=True))
         dataset: xarray.Dataset = library.Dataset(
             data,
             coords={
                 "t": ("t", self.t, {"units": "s", "long_name": "time"}),
-                **{dimension: list(names) for dimension, names in NAMES.items()},
-                "task": list(AXES[:m]),
-                **numbers,
+                **{
+                    over: list(NAMES[over][:size]) if over in NAMES else list(range(1, size + 1))
+                    for over, size in sizes.items()
+                },
             },
             attrs=self._attributes(),
         )
         return dataset
-
-    def recorded(self) -> dict[str, Array]:
-        """Every recorded quantity that this run has, by name; time not among them."""
-        values = {name: getattr(self, name) for name in QUANTITIES}
-        return {name: value for name, value in values.items() if value is not None}
 
     def _attributes(self) -> dict[str, Any]:
         measured = {f"metric_{name}": value for name, value in self.metrics.items() if value is not None}
@@ -407,17 +402,28 @@ class Result:
 
         return plotting.draw(self) if directory is None else plotting.save(self, Path(directory))
 
-    def animate(self, path: str | os.PathLike[str], *, fps: float = 25.0, speed: float = 1.0) -> Path:
-        """Show the arm in motion as an animated GIF.
+    def animate(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fps: float = 25.0,
+        speed: float = 1.0,
+        progress: bool | Callable[[float, float], None] | None = None,
+    ) -> Path:
+        """Show the arm in motion: obstacles and how far their fields reach, forces, the tip's trail, time.
+
+        An arrow shows the repulsion on a link, at its point nearest to an obstacle and away from that.
 
         Parameters
         ----------
         path : str or path
-            A path that ends in ``.gif``.
+            A path that ends in ``.gif`` or, with the extra ``vffnull[video]``, in ``.mp4``.
         fps : float, optional
             Frames per second of the film. GIF counts in hundredths of a second: 50, 25, 20, 10 are exact.
         speed : float, optional
             Seconds of the run per second of the film.
+        progress : bool or callable, optional
+            True shows a progress bar; a callable gets the number of frames done and of all.
 
         Returns
         -------
@@ -428,28 +434,49 @@ class Result:
         ------
         vffnull.errors.InputError
             If the path ends otherwise, or if `fps` or `speed` is not positive.
+        ImportError
+            If a film needs the extra ``vffnull[video]`` and it is missing.
         """
-        from vffnull.plotting.animation import animate
+        from vffnull._simulate import progress_bar
+        from vffnull.plotting.animation import animate, frames
 
-        return animate(self, Path(path), fps=fps, speed=speed)
+        if progress is not True:
+            return animate(self, Path(path), fps=fps, speed=speed, progress=progress or None)
+        with progress_bar(len(frames(self, fps, speed)), delay=1.0, counts=".0f frames") as report:
+            return animate(self, Path(path), fps=fps, speed=speed, progress=report)
 
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write everything about the run into one HTML file that needs nothing else, not even a network.
 
-def npz_path(path: str | os.PathLike[str]) -> Path:
-    """The path, if it ends in ``.npz``; an InputError that names the alternatives otherwise."""
-    target = Path(path)
-    if target.suffix != ".npz":
-        raise InputError(
-            f"{target}: a result is saved as .npz, not {target.suffix or 'without an ending'}; "
-            "for tables use result.to_pandas() or result.to_xarray()"
-        )
-    return target
+        The arm in motion with a time slider that is linked to the plots, the metrics, the scenario, the
+        assumptions and the version.
 
+        Parameters
+        ----------
+        path : str or path
+            A path that ends in ``.html``.
 
-def _extra(module: str) -> Any:
-    """Import a package of the extra ``[io]``."""
-    import importlib
+        Returns
+        -------
+        Path
+            Where it was written.
 
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise ImportError(f'{module} is missing: pip install "vffnull[io]"') from error
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the path ends otherwise.
+        ImportError
+            Without the extra ``vffnull[report]``.
+
+        See Also
+        --------
+        vffnull.compare : several runs side by side.
+        """
+        from vffnull.report import write
+
+        return write([self], path)
+
+    def _repr_html_(self) -> str:
+        from vffnull import notebook
+
+        return notebook.result(self)

@@ -222,6 +222,11 @@ class Scenario:
     def __str__(self) -> str:
         return _core.format_toml(self._document)
 
+    def _repr_html_(self) -> str:
+        from vffnull import notebook
+
+        return notebook.scenario(self)
+
     def __repr__(self) -> str:
         parts = [
             f"{len(self._document['q0'])} joints",

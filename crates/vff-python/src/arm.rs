@@ -291,6 +291,11 @@ impl Arm {
         export.call_method1("to_urdf", (slf, name))?.extract()
     }
 
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
+        let notebook = slf.py().import("vffnull.notebook")?;
+        notebook.call_method1("arm", (slf,))?.extract()
+    }
+
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         table_to_dict(py, &self.document)
     }

@@ -1,0 +1,255 @@
+"""The command ``vffnull``."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import click
+
+from vffnull import _core
+from vffnull._simulate import prepare
+from vffnull.cli import results
+from vffnull.cli.common import (
+    FINE,
+    INTERRUPTED,
+    WRONG_INPUT,
+    assigned,
+    complete_scenario,
+    exit_code,
+    run_with_bar,
+    say,
+    set_option,
+)
+from vffnull.cli.realtime import realtime
+from vffnull.errors import ScenarioError, VffNullError
+from vffnull.logs import check_path
+from vffnull.result import Result, Status
+from vffnull.scenario import read, scenarios
+
+__all__ = ["main"]
+
+
+def main() -> NoReturn:
+    """Run the command line and exit: 0 fine, 2 wrong input, 3 the run failed, 130 interrupted."""
+    try:
+        code = _commands.main(prog_name="vffnull", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        code = WRONG_INPUT
+    except (click.Abort, KeyboardInterrupt):
+        code = INTERRUPTED
+    except OSError as error:
+        say(f"error: {error.filename}: {error.strerror}" if error.filename else f"error: {error}", "red")
+        code = WRONG_INPUT
+    except (VffNullError, ImportError) as error:
+        say(f"error: {error}", "red")
+        code = WRONG_INPUT
+    sys.exit(code or FINE)
+
+
+class _Helpful(click.Group):
+    """A group of commands that suggests the nearest one."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            known = self.list_commands(ctx)
+            near = difflib.get_close_matches(args[0], known, n=1)
+            if not near and args[0] in scenarios():
+                near = [f"run {args[0]}"]
+            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known)}."
+            raise click.UsageError(f"no command {args[0]!r}; {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(cls=_Helpful, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(_core.__version__, prog_name="vffnull", message="%(prog)s %(version)s")
+def _commands() -> None:
+    """Torque-level obstacle avoidance for redundant planar arms.
+
+    \b
+    vffnull run paper-1 --plot figures/    run a bundled scenario, draw the figures
+    vffnull list                           what is bundled
+    vffnull show paper-1 > mine.toml       a scenario to start from
+    vffnull run mine.toml --json           run it, print the metrics for a script
+    vffnull realtime paper-1               run it against the clock
+    vffnull animate paper-1 paper-1.gif    film it
+    vffnull report paper-1 paper-1.html    everything about it on one page
+
+    Names of commands, options and scenarios complete by the Tab key once your shell's start file has this
+    line (zsh_source for zsh; for fish, fish_source and "| source"):
+
+    \b
+    eval "$(_VFFNULL_COMPLETE=bash_source vffnull)"
+    """
+
+
+for _command in (realtime, results.animate, results.report, results.compare):
+    _commands.add_command(_command)
+
+
+@_commands.command()
+@click.argument("scenario", shell_complete=complete_scenario)
+@set_option
+@click.option(
+    "--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures as PNG."
+)
+@click.option(
+    "--save", "save_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the result; see below."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+@click.option("--strict", is_flag=True, help="Exit with 3 also if a link touched an obstacle.")
+@click.option("--quiet", "-q", is_flag=True, help="Print nothing but warnings and errors.")
+def run(
+    scenario: str,
+    assignments: tuple[str, ...],
+    plot_to: Path | None,
+    save_to: Path | None,
+    as_json: bool,
+    strict: bool,
+    quiet: bool,
+) -> int:
+    """Run a scenario: a bundled name or the path of a TOML file.
+
+    \b
+    vffnull run paper-1 --plot figures/ --save paper-1.npz
+    vffnull run sweep-through --set controller.field.gain=0
+    vffnull run sweep-through --set controller.projection=none --json
+    vffnull run paper-1 --set "obstacles.0.position=[1.5, 1.8]" --set duration=5
+
+    --save writes .npz or .csv; with extras also .parquet, .arrow, .mcap or .rrd, by the ending of FILE.
+
+    Exit codes: 0 fine, 2 wrong input, 3 the run diverged (or collided, under --strict), 130 interrupted.
+    """
+    ready = prepare(scenario, assigned(assignments))
+    if save_to is not None:  # find out before the run, not after it
+        check_path(save_to)
+    if plot_to is not None:
+        plot_to.mkdir(parents=True, exist_ok=True)
+    result = run_with_bar(ready, quiet)
+    files: list[Path] = []
+    if save_to is not None:
+        files.append(result.save(save_to))
+    if plot_to is not None:
+        files.extend(Path(path) for path in result.plot(plot_to))
+    if as_json:
+        click.echo(json.dumps(_report(result, files), ensure_ascii=False))
+    elif not quiet:
+        _print(result, files)
+    return exit_code(result.status, strict)
+
+
+@_commands.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
+def list_(as_json: bool) -> None:
+    """List the bundled scenarios.
+
+    \b
+    vffnull list
+    vffnull list --json
+    """
+    found = {name: _core.parse_toml(read(name), name).get("description", "") for name in scenarios()}
+    if as_json:
+        rows = [{"name": name, "description": text} for name, text in found.items()]
+        click.echo(json.dumps(rows, ensure_ascii=False))
+        return
+    wide = max(map(len, found))
+    for name, text in found.items():
+        click.echo(f"{name:<{wide}}  {text}")
+
+
+@_commands.command()
+@click.argument("scenario", shell_complete=complete_scenario)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of TOML.")
+def show(scenario: str, as_json: bool) -> None:
+    """Print a scenario as TOML, comments included.
+
+    \b
+    vffnull show paper-1 > mine.toml
+    vffnull show paper-1 --json
+    """
+    text = read(scenario)
+    if as_json:
+        text = json.dumps(_core.parse_toml(text, scenario), ensure_ascii=False) + "\n"
+    click.echo(text, nl=False)
+
+
+@_commands.command()
+@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
+def validate(files: tuple[str, ...], as_json: bool) -> int:
+    """Check scenario files without running them.
+
+    \b
+    vffnull validate mine.toml
+    vffnull validate scenes/*.toml --json
+    """
+    judged = []
+    for file in files:
+        try:
+            warnings = _core.check("scenario", _core.parse_toml(read(file), file))
+            judged.append({"file": file, "error": None, "warnings": warnings})
+        except ScenarioError as error:
+            judged.append({"file": file, "error": _with_name(file, error), "warnings": []})
+    if as_json:
+        click.echo(json.dumps(judged, ensure_ascii=False))
+    else:
+        _print_judgement(judged)
+    return WRONG_INPUT if any(each["error"] for each in judged) else FINE
+
+
+@_commands.command()
+def schema() -> None:
+    """Print every key: unit, default, meaning."""
+    click.echo(_core.schema().rstrip())
+
+
+def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:
+    return {
+        "scenario": result.scenario.name,
+        "status": result.status.value,
+        "message": result.message,
+        "end_time": result.end_time,
+        "version": result.version,
+        "metrics": {name: _finite(value) for name, value in result.metrics.items()},
+        "files": [str(path) for path in files],
+    }
+
+
+def _finite(value: float | int | None) -> float | int | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _print(result: Result, files: list[Path]) -> None:
+    scenario = result.scenario
+    title = click.style(scenario.name or "scenario", bold=True)
+    click.echo(f"{title}: {scenario.description}" if scenario.description else title)
+    colour = {Status.COMPLETED: "green", Status.COLLIDED: "yellow"}.get(result.status, "red")
+    click.echo(f"{click.style(str(result.status), fg=colour)}: {result.message}")
+    click.echo(f"computed in {result.wall_time * 1e3:.3g} ms\n")
+    click.echo(result.metrics)
+    if files:
+        click.echo("")
+    for path in files:
+        click.echo(f"wrote {path}")
+
+
+def _print_judgement(judged: list[dict[str, Any]]) -> None:
+    for each in judged:
+        if each["error"]:
+            say(each["error"], "red")
+            continue
+        for message in each["warnings"]:
+            say(f"{each['file']}: warning: {message}", "yellow")
+        click.echo(f"{each['file']}: fine")
+
+
+def _with_name(file: str, error: ScenarioError) -> str:
+    return str(error) if file in str(error) else f"{file}: {error}"

@@ -1,0 +1,97 @@
+"""What several commands share: arguments, runs with a progress bar, exit codes, messages."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from vffnull import _core
+from vffnull._simulate import prepare, progress_bar
+from vffnull._simulate import run as run_scenario
+from vffnull.errors import ScenarioError
+from vffnull.logs import READABLE
+from vffnull.result import Result, Status
+from vffnull.scenario import Scenario, scenarios
+
+FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
+
+
+def complete_scenario(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Bundled names, and files."""
+    names = [CompletionItem(name) for name in scenarios() if name.startswith(begun)]
+    return [*names, CompletionItem(begun, type="file")]
+
+
+def set_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option ``--set``."""
+    return click.option(
+        "--set",
+        "assignments",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="Change a key, by its dotted name; repeatable.",
+    )(command)
+
+
+def assigned(assignments: tuple[str, ...]) -> dict[str, Any]:
+    """The overrides that ``--set`` names."""
+    return dict(_assignment(text) for text in assignments)
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    """Split KEY=VALUE; the value is TOML, and a bare word is a string."""
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not (key and equals and value):
+        raise click.UsageError(f"--set {text}: expected KEY=VALUE, as in --set controller.field.gain=2.0")
+    try:
+        parsed = _core.parse_toml(f"value = {value}", "--set")
+    except ScenarioError:
+        if re.fullmatch(r"[A-Za-z_][\w-]*", value):
+            return key, value
+        raise click.UsageError(
+            f"--set {key}: {value!r} is not a TOML value; 2.0, [1, 2], true and 'text' are"
+        ) from None
+    if set(parsed) != {"value"}:
+        raise click.UsageError(f"--set {key}: one value expected, not {value!r}")
+    return key, parsed["value"]
+
+
+def run_with_bar(ready: Scenario, quiet: bool) -> Result:
+    """Run, with a progress bar on a terminal once it takes longer than a second; warnings go to stderr."""
+    if quiet or not sys.stderr.isatty():
+        result = run_scenario(ready)
+    else:
+        with progress_bar(ready.duration, delay=1.0) as report:
+            result = run_scenario(ready, report)
+    for message in result.warnings:
+        say(f"warning: {message}", "yellow")
+    return result
+
+
+def run_or_load(source: str, assignments: tuple[str, ...], quiet: bool) -> Result:
+    """The result in a file, or the result of running a scenario."""
+    if Path(source).suffix not in READABLE:
+        return run_with_bar(prepare(source, assigned(assignments)), quiet)
+    if assignments:
+        raise click.UsageError(f"--set changes a scenario before it runs; {source} is the result of a run")
+    return Result.load(source)
+
+
+def exit_code(status: Status, strict: bool = False) -> int:
+    """What the shell is told about a run."""
+    if status is Status.INTERRUPTED:
+        return INTERRUPTED
+    failed = status in (Status.DIVERGED, Status.FAILED) or (strict and status is Status.COLLIDED)
+    return FAILED if failed else FINE
+
+
+def say(text: str, colour: str) -> None:
+    """Write to stderr, the first word in colour on a terminal."""
+    head, separator, rest = text.partition(": ")
+    click.echo(f"{click.style(head, fg=colour)}{separator}{rest}", err=True)

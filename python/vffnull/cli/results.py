@@ -1,0 +1,107 @@
+"""Commands that show results: ``animate``, ``report`` and ``compare``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from vffnull.cli.common import complete_scenario, exit_code, run_or_load, set_option
+from vffnull.result import Result, Status
+
+__all__ = ["animate", "compare", "report"]
+
+
+def _common(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of every command here."""
+    as_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+    quiet = click.option("--quiet", "-q", is_flag=True, help="Print nothing but warnings and errors.")
+    return as_json(quiet(command))
+
+
+@click.command()
+@click.argument("source", shell_complete=complete_scenario)
+@click.argument("file", type=click.Path(path_type=Path))
+@set_option
+@click.option("--fps", type=float, default=25.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=float, default=1.0, show_default=True, help="Simulated seconds per second.")
+@_common
+def animate(
+    source: str,
+    file: Path,
+    assignments: tuple[str, ...],
+    fps: float,
+    speed: float,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Film a run: SOURCE is a scenario or a saved result, FILE ends in .gif or .mp4.
+
+    \b
+    vffnull animate sweep-through sweep.gif
+    vffnull animate run.npz run.mp4 --speed 2
+    vffnull animate paper-1 none.gif --set controller.projection=none
+    """
+    from vffnull.plotting.animation import check
+
+    check(file, fps, speed)  # before the run, not after it
+    result = run_or_load(source, assignments, quiet)
+    bar = sys.stderr.isatty() and not quiet
+    path = result.animate(file, fps=fps, speed=speed, progress=bar)
+    return _end([result], path, as_json, quiet)
+
+
+@click.command()
+@click.argument("source", shell_complete=complete_scenario)
+@click.argument("file", type=click.Path(path_type=Path))
+@set_option
+@_common
+def report(source: str, file: Path, assignments: tuple[str, ...], as_json: bool, quiet: bool) -> int:
+    """Write a run as one HTML page that needs no network: SOURCE is a scenario or a saved result.
+
+    \b
+    vffnull report sweep-through sweep.html
+    vffnull report run.npz run.html
+    """
+    from vffnull.report import check_path
+
+    check_path(file)
+    result = run_or_load(source, assignments, quiet)
+    return _end([result], result.report(file), as_json, quiet)
+
+
+@click.command()
+@click.argument("sources", nargs=-1, required=True, metavar="SOURCE...", shell_complete=complete_scenario)
+@click.argument("file", type=click.Path(path_type=Path))
+@_common
+def compare(sources: tuple[str, ...], file: Path, as_json: bool, quiet: bool) -> int:
+    """Write several runs as one HTML page; each SOURCE is a scenario or a saved result.
+
+    \b
+    vffnull compare paper-1 paper-1-ramp both.html
+    vffnull compare weak.npz strong.npz gains.html
+    """
+    from vffnull.report import check_path
+    from vffnull.report import compare as write
+
+    check_path(file)
+    results = {Path(source).stem: run_or_load(source, (), quiet) for source in sources}
+    if len(results) < len(sources):  # two files of one name
+        results = {source: run_or_load(source, (), quiet) for source in sources}
+    return _end(list(results.values()), write(results, file), as_json, quiet)
+
+
+def _end(results: list[Result], path: Path, as_json: bool, quiet: bool) -> int:
+    """Say what was written; the exit code is that of the run that went worst."""
+    statuses = [result.status for result in results]
+    if as_json:
+        about = [{"scenario": run.scenario.name, "status": run.status.value} for run in results]
+        click.echo(json.dumps({"runs": about, "files": [str(path)]}, ensure_ascii=False))
+    elif not quiet:
+        click.echo(f"wrote {path} ({path.stat().st_size / 1e6:.2g} MB)")
+    worst = (Status.INTERRUPTED, Status.DIVERGED, *statuses)
+    return exit_code(next(status for status in worst if status in statuses))

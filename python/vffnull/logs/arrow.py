@@ -1,0 +1,69 @@
+"""Arrow: the record as a table with a unit and a meaning for every column, in memory or in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from vffnull import _record
+from vffnull.logs import extra, header
+
+if TYPE_CHECKING:
+    import pyarrow
+
+    from vffnull.result import Result
+
+
+def write(result: Result, path: Path) -> None:
+    """Write a result as an Arrow IPC file (Feather V2), to be mapped into memory."""
+    ipc = extra("pyarrow.ipc", "io")
+    content = table(result)
+    with ipc.new_file(str(path), content.schema) as file:
+        file.write_table(content)
+
+
+def read(path: Path) -> tuple[header.Header, header.Arrays]:
+    """The header and the arrays of a file."""
+    arrow, ipc = extra("pyarrow", "io"), extra("pyarrow.ipc", "io")
+    try:
+        with path.open("rb") as opened:
+            content = ipc.open_file(opened).read_all()
+    except arrow.ArrowInvalid:
+        raise header.foreign(path) from None
+    return parts(content, path)
+
+
+def table(result: Result) -> pyarrow.Table:
+    """The record as a table; the schema's metadata carries the header under ``vffnull``."""
+    arrow = extra("pyarrow", "io")
+    fields, values = [arrow.field("t", arrow.from_numpy_dtype(result.t.dtype), metadata=TIME)], [result.t]
+    for column, line in lines(result):
+        fields.append(arrow.field(column.name, arrow.from_numpy_dtype(line.dtype), metadata=about(column)))
+        values.append(line)
+    schema = arrow.schema(fields, metadata={"vffnull": header.pack(result)})
+    return arrow.table([arrow.array(line) for line in values], schema=schema)
+
+
+def parts(content: pyarrow.Table, source: Path) -> tuple[header.Header, header.Arrays]:
+    """The header and the arrays out of a table."""
+    found = header.unpack((content.schema.metadata or {}).get(b"vffnull", b""), source)
+    columns = {name: content[name].to_numpy() for name in content.column_names}
+    return found, header.split(found, columns, source)
+
+
+def lines(result: Result) -> Iterator[tuple[_record.Column, NDArray[Any]]]:
+    """Every column of the record beside time, with its values."""
+    for name, values in _record.recorded(result).items():
+        flat = _record.flat(values).T
+        yield from zip(_record.columns(name, values.shape[1:]), flat, strict=True)
+
+
+def about(column: _record.Column) -> dict[str, str]:
+    """The metadata of a column."""
+    return {"unit": column.unit, "long_name": column.meaning}
+
+
+TIME = {"unit": "s", "long_name": "time"}

@@ -1,0 +1,51 @@
+"""CSV for spreadsheets and eyes. Numbers have as many digits as they need, so that none is rounded.
+
+Two lines that start with # come first: the header, and the units of the columns.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vffnull.errors import InputError
+from vffnull.logs import arrow, header
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
+
+_MARK = "# vffnull "
+
+
+def write(result: Result, path: Path) -> None:
+    """Write a result as text."""
+    found = list(arrow.lines(result))
+    rows = np.column_stack([result.t, *(line for _, line in found)])
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write(f"{_MARK}{header.pack(result)}\n")
+        file.write(",".join(["# unit: s", *(column.unit for column, _ in found)]) + "\n")
+        file.write(",".join(["t", *(column.name for column, _ in found)]) + "\n")
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())
+
+
+def read(path: Path) -> tuple[header.Header, header.Arrays]:
+    """The header and the arrays of a file."""
+    try:
+        with path.open(encoding="utf-8", newline="\n") as file:
+            first = file.readline()
+            if not first.startswith(_MARK):
+                raise header.foreign(path)
+            found = header.unpack(first.removeprefix(_MARK), path)
+            file.readline()
+            names = file.readline().rstrip("\n").split(",")
+            rows = np.loadtxt(file, delimiter=",", ndmin=2)
+        columns = dict(zip(names, rows.T, strict=True))
+        if len(rows) != found["instants"]:
+            raise InputError(f"{path}: cut off after {len(rows)} of {found['instants']} rows")
+    except InputError:
+        raise
+    except (KeyError, ValueError):  # also of text that is not UTF-8
+        raise header.foreign(path) from None
+    return found, header.split(found, columns, path)

@@ -1,0 +1,160 @@
+"""The page as text: facts in tables, figures, and the script that moves them."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from bokeh.embed import components
+from bokeh.resources import Resources
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from vffnull import _core
+from vffnull.plotting import geometry
+from vffnull.report import figures, motion
+from vffnull.result import Result, readable
+
+_HERE = Path(__file__).parent
+
+_MAIN = ("min_clearance", "max_error_transient", "max_error_tail", "max_repulsion", "peak_torque")
+"""Metrics that stand in large letters at the top, where they apply."""
+
+
+def render(results: list[Result], names: list[str]) -> str:
+    """The whole page."""
+    runs = [geometry.drawable(result) for result in results]
+    colours = figures.run_colours(len(runs))
+    arms = [figures.arm(run, i, len(runs)) for i, run in enumerate(runs)]
+    key = figures.link_key(runs[0])
+    links = (
+        [[colour for _, colour in key]]
+        if len(runs) == 1
+        else [[colour] * run.q.shape[1] for run, colour in zip(runs, colours, strict=True)]
+    )
+    plots = figures.plots(runs, names)
+    script, slots = components([*arms, *plots])
+    template = Environment(
+        loader=FileSystemLoader(_HERE), undefined=StrictUndefined, autoescape=True, trim_blocks=True
+    ).get_template("page.html")
+    alone = results[0] if len(results) == 1 else None
+    return template.render(
+        title=_title(results, names),
+        alone=alone,
+        runs=list(zip(results, names, colours, strict=True)),
+        description=results[0].scenario.description if alone or _same_scenario(results) else "",
+        arms=list(zip(slots[: len(arms)], names, colours, strict=True)),
+        plots=slots[len(arms) :],
+        links=key if alone else [],
+        cards=list(_cards(alone)) if alone else [],
+        metrics=list(_metrics(results)),
+        differences=list(_differences(results)),
+        scenarios=[(name, str(run.scenario)) for run, name in zip(results, names, strict=True)],
+        assumptions=list(dict.fromkeys(line for run in results for line in _assumptions(run))),
+        warnings=[message for run in results for message in run.warnings],
+        version=results[0].version,
+        versions=sorted({run.version for run in results}),
+        python=platform.python_version(),
+        numpy=np.__version__,
+        wall=[f"{run.wall_time * 1e3:.3g} ms" for run in results],
+        instants=dict.fromkeys(f"{len(figures.chosen(run))} of {len(run.t)}" for run in runs),
+        bokeh=Resources(mode="inline", components=["bokeh"]).render(),
+        script=script,
+        style=(_HERE / "page.css").read_text(encoding="utf-8"),
+        code=(_HERE / "page.js").read_text(encoding="utf-8"),
+        data=_for_script([motion.pack(run, shades) for run, shades in zip(runs, links, strict=True)]),
+    )
+
+
+def _for_script(value: object) -> str:
+    """JSON that cannot end the script element it stands in."""
+    return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
+
+
+def _title(results: list[Result], names: list[str]) -> str:
+    if len(results) == 1:
+        return results[0].scenario.name or "A run"
+    return (
+        f"{len(names)} runs of {results[0].scenario.name}" if _same_scenario(results) else " · ".join(names)
+    )
+
+
+def _same_scenario(results: list[Result]) -> bool:
+    return len({result.scenario.name for result in results}) == 1
+
+
+def _cards(result: Result) -> Iterator[tuple[str, str, str]]:
+    """The main metrics with a prefixed unit: value, unit, meaning."""
+    from vffnull.plotting.style import prefixed
+
+    for name in _MAIN:
+        value = result.metrics.get(name)
+        if value is not None and np.isfinite(value):
+            unit, meaning = _core.METRICS[name]
+            if 0.0 < abs(float(value)) < 1e-12:
+                yield "< 1", f"p{unit}", meaning
+                continue
+            factor, prefixed_unit = prefixed(abs(float(value)), unit)
+            yield f"{float(value) * factor:.3g}".replace("-", "−"), prefixed_unit, meaning
+
+
+def _metrics(results: list[Result]) -> Iterator[tuple[str, list[str], str, str]]:
+    """Rows of the table: name, the value in every run, unit, meaning."""
+    for name in results[0].metrics:
+        unit, meaning = _core.METRICS.get(name, ("", ""))
+        yield name, [readable(run.metrics.get(name)) for run in results], unit, meaning
+
+
+def _differences(results: list[Result]) -> Iterator[tuple[str, list[str]]]:
+    """The scenario keys that are not the same in all runs, with the value in each."""
+    flat = [dict(_flat(result.scenario.to_dict())) for result in results]
+    for name in dict.fromkeys(key for each in flat for key in each):
+        values = [each.get(name) for each in flat]
+        if any(value != values[0] for value in values):
+            yield name, ["–" if value is None else json.dumps(value) for value in values]
+
+
+def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(inner, f"{path}.{key}" if path else key)
+    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        for i, inner in enumerate(value):
+            yield from _flat(inner, f"{path}.{i}")
+    else:
+        yield path, value
+
+
+_LAWS = {
+    "continuous": "the law acts at every instant, also inside a step of the integrator: an ideal controller",
+    "hold": "the law acts once per control period, and its torque is held until the next",
+    "predictor": "the law acts once per control period on the state expected in the middle of it",
+}
+
+
+def _assumptions(result: Result) -> list[str]:
+    """What the run takes for granted, so that nobody has to guess."""
+    simulation = result.scenario.to_dict().get("simulation", {})
+    dt, control = simulation.get("dt", 1e-3), simulation.get("control", "hold")
+    integrator = {"semi_implicit_euler": "semi-implicit Euler"}.get(
+        simulation.get("integrator"), "Runge–Kutta 4"
+    )
+    law = _LAWS.get(control, control)
+    if result.plant == "core":
+        plant = f"The plant is integrated by {integrator} with steps of {dt:g} s; {law}."
+        contact = "the arm passes through them without a contact force"
+    else:
+        plant = f"MuJoCo moves the arm with steps of {dt:g} s; {law}."
+        contact = "contacts push the arm, by MuJoCo's soft model"
+    return [
+        "Rigid links in the plane, ideal revolute joints without friction, ideal torque sources.",
+        plant,
+        "The controller's model of the arm is exact.",
+        f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
+        "Links do not avoid one another, and clearance is measured between links and obstacles only.",
+        "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
+        "Arrows show the recorded magnitude of the repulsion on a link, at its point nearest to an obstacle.",
+    ]
