@@ -299,7 +299,7 @@ def test_completion() -> None:
         done = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, timeout=60)
         return {line.split(",", 1)[1] for line in done.stdout.splitlines() if line.startswith("plain")}
 
-    assert offered("re") == {"report"}
+    assert offered("re") == {"realtime", "report"}
     assert offered("run --pl") == {"--plot"}
     names = {"paper-2", "paper-2-moving", "paper-2-printed"}
     assert offered("run paper-2") == offered("animate paper-2") == names

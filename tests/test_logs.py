@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import vffnull as vff
 from vffnull import _record
 from vffnull._record import QUANTITIES, Quantity, recorded
 from vffnull.errors import InputError
-from vffnull.result import Array, Metrics
+from vffnull.result import Metrics
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
 
@@ -79,8 +80,8 @@ def test_a_result_is_a_table_to_libraries_that_speak_arrow(short: vff.Result) ->
 class Longer(vff.Result):
     """A result with quantities that do not always apply, over a dimension of their own."""
 
-    blame: Array | None = None
-    height: Array | None = None
+    blame: NDArray[np.float64] | None = None
+    height: NDArray[np.float64] | None = None
 
 
 @pytest.mark.parametrize("ending", LOSSLESS)

@@ -90,7 +90,7 @@ def test_a_report_shows_the_record(paper_1: vff.Result, tmp_path: Path) -> None:
     assert unpack(run["now"]["clearance"]).min() == pytest.approx(paper_1.metrics["min_clearance"])
     assert unpack(run["now"]["repulsion"]).max() == pytest.approx(paper_1.metrics["max_repulsion"])
     assert unpack(run["now"]["torque"]).max() == pytest.approx(paper_1.metrics["peak_torque"])
-    assert {each["name"] for each in run["quantities"]} == set(vff._record.QUANTITIES)
+    assert {each["name"] for each in run["quantities"]} == set(paper_1.recorded())
 
 
 @pytest.mark.parametrize("name", ["sweep-through", "paper-1", "paper-2-moving"])

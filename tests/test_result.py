@@ -298,7 +298,7 @@ def test_to_xarray(short: vff.Result) -> None:
     data = short.to_xarray()
     assert isinstance(data, xarray.Dataset)
     along = {"t": 51, "joint": 6, "link": 6, "task": 2, "plane": 2, "obstacle": 1}
-    assert dict(data.sizes) == along | {"store": 3, "port": 6, "objective": 6}
+    assert dict(data.sizes) == along | {"store": 3, "port": 6}
     assert data["power"].sel(port="damping").values[5] == short.power[5, 1]
     assert data["q"].dims == ("t", "joint") and data["x"].dims == ("t", "task")
     assert data["obstacles"].dims == ("t", "obstacle", "plane") and data["clearance"].dims == ("t", "link")

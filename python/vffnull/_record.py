@@ -74,6 +74,11 @@ def label(over: Dimension, index: int) -> str:
     return NAMES[over][index] if over in NAMES else str(index + 1)
 
 
+def labels(over: Dimension, size: int) -> list[str] | list[int]:
+    """What the entries along a dimension of this size are called in a table of their own."""
+    return list(NAMES[over][:size]) if over in NAMES else list(range(1, size + 1))
+
+
 def recorded(source: object) -> dict[str, NDArray[Any]]:
     """The quantities that a result or a state has; one that does not apply is None and left out."""
     import numpy as np

@@ -361,15 +361,13 @@ class Result:
             units = f"{quantity.unit}, {unit(name, 'phi')}" if mixed else quantity.unit
             labels = {"units": units, "long_name": quantity.meaning}
             data[name] = (("t", *quantity.over), values, labels)
-            sizes |= dict(zip(quantity.over, values.shape[1:], strict=True))
+            for over, size in zip(quantity.over, values.shape[1:], strict=True):
+                sizes[over] = size
         dataset: xarray.Dataset = library.Dataset(
             data,
             coords={
                 "t": ("t", self.t, {"units": "s", "long_name": "time"}),
-                **{
-                    over: list(NAMES[over][:size]) if over in NAMES else list(range(1, size + 1))
-                    for over, size in sizes.items()
-                },
+                **{str(over): _record.labels(over, size) for over, size in sizes.items()},
             },
             attrs=self._attributes(),
         )
