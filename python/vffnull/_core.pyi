@@ -13,6 +13,7 @@ __all__ = [
     "PORTS",
     "Arm",
     "Controller",
+    "Episodes",
     "ExtendedJacobian",
     "Simulation",
     "State",
@@ -598,6 +599,79 @@ def check(
     vffnull.errors.ScenarioError
         If it cannot be used; the message names the key, what was given, and what is allowed.
     """
+
+@final
+class Episodes:
+    """Episodes of one scenario side by side: what the environments of `vffnull.gym` are made of.
+
+    Parameters
+    ----------
+    scenario : Mapping or object with to_dict()
+        A scenario document.
+    settings : Mapping
+        ``action``, ``period``, ``torque``, ``start_noise``, ``obstacle_noise``, ``margin``, ``weights``; see
+        `vffnull.gym.ReachEnv`.
+    count : int
+        How many episodes.
+    threads : int
+        How many threads step them.
+    seed : int
+        Episode i has the seed ``seed + i``.
+    autoreset : {"next_step", "same_step", "disabled"}, optional
+        When an episode that has ended begins anew.
+    """
+
+    INFO: list[str]
+    """What the columns of the information are."""
+
+    def __new__(
+        cls,
+        scenario: _Document,
+        settings: _Document,
+        count: int,
+        threads: int,
+        seed: int,
+        autoreset: str = "next_step",
+    ) -> Episodes: ...
+    def reset(self, seeds: Sequence[int | None], mask: Sequence[bool] | None = None) -> tuple[_Array, _Array]:
+        """Begin those in the mask anew, each with its seed if there is one.
+
+        Returns
+        -------
+        (count, width) ndarray, (count, len(INFO)) ndarray
+            Observations and information.
+        """
+
+    def step(self, actions: ArrayLike) -> tuple[_Array, _Array, NDArray[np.bool_], NDArray[np.bool_], _Array]:
+        """Step all of them, the GIL released.
+
+        Parameters
+        ----------
+        actions : (count, n) array_like
+            From −1 to 1.
+
+        Returns
+        -------
+        tuple of ndarray
+            Observations (count, width), rewards, terminations and truncations (count,), information.
+        """
+
+    def ended(self) -> tuple[NDArray[np.bool_], _Array, _Array]:
+        """Which ones ended and began anew within the last step, their last observation and information."""
+
+    @property
+    def layout(self) -> list[tuple[str, int, int, float]]:
+        """Name, rows, columns and bound of each part of an observation."""
+
+    @property
+    def torque(self) -> _Array:
+        """The torque of an action of 1 [N·m], (n,)."""
+
+    @property
+    def period(self) -> float:
+        """How long an action lasts [s]."""
+
+    def __len__(self) -> int: ...
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """Read TOML.

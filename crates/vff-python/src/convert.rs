@@ -2,7 +2,9 @@
 
 use crate::errors::{InputError, InputTypeError};
 use nalgebra::DMatrix;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
+};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use toml::{Table, Value};
@@ -167,6 +169,20 @@ fn read_floats(value: &Bound<'_, PyAny>, out: &mut [f64]) -> bool {
     } else {
         false
     }
+}
+
+/// A matrix of known shape, row by row, out of whatever NumPy makes an array of.
+pub fn read_matrix(name: &str, value: &Bound<'_, PyAny>, shape: [usize; 2]) -> PyResult<Vec<f64>> {
+    let array = as_float_array(name, value)?;
+    let fault = || wrong_shape(name, value, &format!("({}, {})", shape[0], shape[1]));
+    let array: PyReadonlyArray2<'_, f64> = array.extract().map_err(|_| fault())?;
+    let array = array.as_array();
+    if array.shape() != shape {
+        return Err(fault());
+    }
+    let values: Vec<f64> = array.iter().copied().collect();
+    finite(name, &values)?;
+    Ok(values)
 }
 
 /// Refuses what is not a number or infinite.

@@ -7,6 +7,7 @@ mod errors;
 mod real_time;
 mod run;
 mod simulation;
+mod vector;
 mod watch;
 
 use pyo3::prelude::*;
@@ -24,6 +25,8 @@ mod _core {
     use crate::run::{check, format_toml, parse_toml, run, run_many, schema};
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
+    #[pymodule_export]
+    use crate::vector::Episodes;
 
     use pyo3::prelude::*;
     use pyo3::types::{PyDict, PyTuple};

@@ -232,6 +232,12 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.granted[..limits::SPEED].copy_from_slice(&granted[..limits::SPEED]);
     }
 
+    /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
+    pub fn project(&mut self, tau: &mut [f64]) {
+        let Self { robot, space, gains, law, .. } = self;
+        law.project(robot, space, gains.projection, tau);
+    }
+
     /// The null projector N of the chosen projection as a matrix, (n, n), for people.
     pub fn null_projector(&self) -> DMatrix<f64> {
         let n = self.robot.dof();

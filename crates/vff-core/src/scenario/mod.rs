@@ -7,10 +7,12 @@
 pub mod arm;
 pub mod batch;
 mod document;
+pub mod episode;
 mod error;
 mod judge;
 pub mod plant;
 pub mod real_time;
+pub mod vector;
 
 pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};

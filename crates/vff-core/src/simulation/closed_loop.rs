@@ -170,6 +170,24 @@ impl<const M: usize> ClosedLoop<M> {
         &self.brain.controller
     }
 
+    /// The true joint velocity [rad/s].
+    pub fn velocity(&self) -> &[f64] {
+        &self.dq
+    }
+
+    /// The true distance from each link to the nearest obstacle [m], as in the snapshot.
+    pub fn clearance(&self) -> &[f64] {
+        let perceived = || self.brain.controller.forces().clearance();
+        self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
+    }
+
+    /// Turns a joint torque into the commanded one with its share that the null space lets through
+    /// (T4) on top [N·m].
+    pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
+        self.brain.controller.project(tau);
+        tau.iter_mut().zip(&self.held.total).for_each(|(tau, held)| *tau += held);
+    }
+
     /// What the joints can do.
     pub fn limits(&self) -> &Limits {
         self.arm.limits()
