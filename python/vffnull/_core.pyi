@@ -436,6 +436,10 @@ class State:
     def dq_measured(self) -> _Array | None:
         """Joint velocities as measured, (n,) [rad/s]; None without sensors."""
     @property
+    def sensed(self) -> _Array | None:
+        """Points that the range sensors have met, (rays, 2) [m], NaN for none; None without sensors."""
+
+    @property
     def tau_applied(self) -> _Array | None:
         """Torque of the drives, (n,) [N·m]; None without drives."""
 

@@ -12,7 +12,7 @@ from vffnull import _core
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-Dimension = Literal["joint", "link", "task", "obstacle", "plane", "store", "port", "objective"]
+Dimension = Literal["joint", "link", "task", "obstacle", "plane", "store", "port", "objective", "ray"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ QUANTITIES: dict[str, Quantity] = {
     "q_measured": Quantity("rad", "measured joint angle", ("joint",), optional=True),
     "dq_measured": Quantity("rad/s", "measured joint velocity", ("joint",), optional=True),
     "tau_applied": Quantity("N·m", "torque of the drive", ("joint",), optional=True),
+    "sensed": Quantity("m", "point seen by the range sensor", ("ray", "plane"), optional=True),
 }
 
 AXES = ("x", "y", "phi")

@@ -65,7 +65,7 @@ class MuJoCoPlant:
     ------
     vffnull.errors.ScenarioError
         If MuJoCo cannot simulate the arm, a link without inertia of its own for instance, or if the scenario
-        has a table ``[measurement]`` or ``[actuator]``.
+        has a table ``[measurement]`` or ``[actuator]``, or range sensors in ``[perception]``.
     ImportError
         Without the extra ``vffnull[mujoco]``.
     """
@@ -73,8 +73,8 @@ class MuJoCoPlant:
     def __init__(self, scenario: Scenario) -> None:
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
-        for table in ("measurement", "actuator"):
-            if table in document:
+        for table in ("measurement", "perception", "actuator"):
+            if table in document and document[table].get("kind") != "ideal":
                 raise ScenarioError(
                     f"{table}: MuJoCo as the plant has none; remove the table, or simulate with the core",
                     table,

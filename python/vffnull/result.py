@@ -165,6 +165,9 @@ class Result:
     tau_applied : (T, n) ndarray or None
         Torque of the drives [N·m], where `tau` is the commanded one; None unless the scenario has drives, a
         table ``[actuator]``.
+    sensed : (T, rays, 2) ndarray or None
+        Points [m] that the controller knew of the obstacles, NaN for a ray that met nothing; None unless the
+        scenario has range sensors, a table ``[perception]``. `clearance` and `obstacles` are true.
     plant : {"core", "mujoco"}
         What moved the arm.
 
@@ -207,6 +210,7 @@ class Result:
     q_measured: Array | None = None
     dq_measured: Array | None = None
     tau_applied: Array | None = None
+    sensed: Array | None = None
     plant: str = "core"
 
     def __repr__(self) -> str:

@@ -48,6 +48,8 @@ class Scenario:
         friction, stops.
     measurement : dict, optional
         Noise, resolution and delay of the controller's sensors; by default it knows the state.
+    perception : dict, optional
+        Range sensors for the obstacles; by default the controller knows them.
     actuator : dict, optional
         Lag of the drives; by default the torque acts as commanded.
     seed : int, optional
@@ -91,6 +93,7 @@ class Scenario:
         dq0: ArrayLike | None = None,
         plant: Mapping[str, Any] | None = None,
         measurement: Mapping[str, Any] | None = None,
+        perception: Mapping[str, Any] | None = None,
         actuator: Mapping[str, Any] | None = None,
         seed: int | None = None,
     ) -> None:
@@ -108,6 +111,7 @@ class Scenario:
                 "simulation": simulation,
                 "plant": plant,
                 "measurement": measurement,
+                "perception": perception,
                 "actuator": actuator,
                 "seed": seed,
             }

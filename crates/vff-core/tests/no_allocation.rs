@@ -166,6 +166,7 @@ fn no_step_of_a_real_plant_allocates() {
     let reality = r#"
         plant = { masses = 1.2, payload = 0.5, viscous_friction = 0.1, coulomb_friction = 4.0 }
         measurement = { position_noise = 1e-3, velocity_resolution = 1e-3, delay = 3e-3 }
+        perception = { kind = "range", noise = 1e-3, rate = 200, latency = 12e-3, drop_outs = 0.1 }
         actuator = { time_constant = 5e-3 }
         "#;
     let plant = r#"plant = { payload = 0.5, coulomb_friction = 0.5 }"#;

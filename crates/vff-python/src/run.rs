@@ -107,7 +107,7 @@ fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
 
 /// The arrays of a record, moved, not copied.
 fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
-    let (rows, n, m, k) = (r.rows, r.joints, r.task, r.obstacles_count);
+    let (rows, n, m, k, rays) = (r.rows, r.joints, r.task, r.obstacles_count, r.rays);
     let dict = PyDict::new(py);
     dict.set_item("t", PyArray1::from_vec(py, r.t))?;
     let tables = [
@@ -144,6 +144,9 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
         let table = values.map(|values| array2(py, values, [rows, columns])).transpose()?;
         dict.set_item(name, table)?;
     }
+    let sensed = Some(r.sensed).filter(given);
+    let sensed = sensed.map(|values| PyArray1::from_vec(py, values).reshape([rows, rays, 2]));
+    dict.set_item("sensed", sensed.transpose()?)?;
     for (name, values) in [("self_clearance", r.self_clearance), ("tank", r.tank)] {
         let values = Some(values).filter(given);
         dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;

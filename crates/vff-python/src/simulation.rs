@@ -103,6 +103,7 @@ pub struct State {
     q_measured: Vec<f64>,
     dq_measured: Vec<f64>,
     tau_applied: Vec<f64>,
+    sensed: Vec<f64>,
 }
 
 impl From<Snapshot<'_>> for State {
@@ -120,6 +121,7 @@ impl From<Snapshot<'_>> for State {
             q_measured: s.q_measured.to_vec(),
             dq_measured: s.dq_measured.to_vec(),
             tau_applied: s.tau_applied.to_vec(),
+            sensed: s.sensed.iter().flat_map(|p| [p.x, p.y]).collect(),
         }
     }
 }
@@ -184,6 +186,12 @@ impl State {
     #[getter]
     fn tau_applied<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
         given(py, &self.tau_applied)
+    }
+
+    #[getter]
+    fn sensed<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let points = Some(&self.sensed).filter(|points| !points.is_empty());
+        points.map(|points| array2(py, points.clone(), [points.len() / 2, 2])).transpose()
     }
 
     fn __repr__(&self) -> String {

@@ -25,7 +25,7 @@ impl Episodes {
     /// A row of numbers of every episode.
     fn rows<'py>(&self, py: Python<'py>, row: impl Fn(&Slot) -> &[f64]) -> PyResult<Array2<'py>> {
         let slots = self.inner.slots();
-        let values: Vec<f64> = slots.iter().flat_map(|slot| row(slot)).copied().collect();
+        let values: Vec<f64> = slots.iter().flat_map(row).copied().collect();
         let width = values.len() / slots.len();
         array2(py, values, [slots.len(), width])
     }

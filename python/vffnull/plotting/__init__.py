@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
-from vffnull.plotting import geometry, joints, links, overview, strobe, style, tracking
+from vffnull.plotting import geometry, joints, links, overview, sensed, strobe, style, tracking
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -24,6 +24,7 @@ FIGURES: dict[str, Callable[[Result], Figure]] = {
     "repulsive_torques": joints.repulsive_torques,
     "forces": links.forces,
     "clearance": links.clearance,
+    "sensed": sensed.sensed,
 }
 """Every figure by name, in the order in which they are drawn."""
 
@@ -51,6 +52,8 @@ def _figures(result: Result) -> Iterator[tuple[str, Figure]]:
     result = geometry.drawable(result)
     for name, make in FIGURES.items():
         if name in _ABOUT_OBSTACLES and not result.obstacles.shape[1]:
+            continue
+        if name == "sensed" and result.sensed is None:
             continue
         with style.look():
             figure = make(result)

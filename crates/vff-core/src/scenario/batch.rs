@@ -162,7 +162,8 @@ fn roll(ready: Ready, stop: &AtomicBool) -> Rollout {
 fn failed(last: &Snapshot<'_>, message: String) -> Outcome {
     let metrics = METRICS.iter().map(|metric| (metric, Value::None)).collect();
     let (joints, task) = (last.q.len(), last.x.len());
-    let record = Record { joints, task, obstacles_count: last.world.len(), ..Record::default() };
+    let (obstacles_count, rays) = (last.world.len(), last.sensed.len());
+    let record = Record { joints, task, obstacles_count, rays, ..Record::default() };
     Outcome { status: Status::Failed, message, end_time: last.t, metrics, record }
 }
 

@@ -290,9 +290,12 @@ fn layout(scenario: &Scenario, arm: &PlanarArm) -> Vec<Part> {
         part("reference_velocity", [2, 1], 10.0 * reach),
         part("error", [m, 1], far.max(std::f64::consts::PI)),
     ];
-    if k > 0 {
+    let sensed = scenario.perception.as_ref().is_some_and(|given| given.rays_of(n) > 0);
+    if sensed || k > 0 {
+        parts.push(part("clearance", [n, 1], far));
+    }
+    if !sensed && k > 0 {
         parts.extend([
-            part("clearance", [n, 1], far),
             part("nearest", [n, 2], far),
             part("obstacles", [k, 2], far),
             part("obstacle_velocities", [k, 2], top_speed),
@@ -469,6 +472,10 @@ fn observe<const M: usize>(inner: &ClosedLoop<M>, world: &mut World, out: &mut V
     out.extend_from_slice(&reference.x.as_slice()[..2]);
     out.extend_from_slice(&reference.dx.as_slice()[..2]);
     out.extend_from_slice(controller.error().as_slice());
+    if !inner.knows_obstacles() {
+        out.extend_from_slice(controller.forces().clearance());
+        return;
+    }
     if world.is_empty() {
         return;
     }

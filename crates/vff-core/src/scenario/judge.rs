@@ -8,7 +8,10 @@ use crate::control::Settings;
 use crate::control::tank::TankSettings;
 use crate::field::{Field, FieldKind};
 use crate::robot::Limits;
-use crate::simulation::{ActuatorSettings, Control, Measurement, MeasurementSettings, Options};
+use crate::simulation::{
+    ActuatorSettings, Control, Measurement, MeasurementSettings, Options, Perception,
+    PerceptionSettings,
+};
 use crate::world::{Motion, Obstacle, Shape, is_convex};
 use toml::Value;
 
@@ -67,6 +70,48 @@ pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: b
     if MeasurementSettings::steps(longest, dt) > Measurement::MAX_DELAY {
         let requirement = format!("at most {:e} steps of {dt} s", Measurement::MAX_DELAY);
         return Err(ScenarioError::out_of_range("delay", &requirement, longest));
+    }
+    Ok(())
+}
+
+/// `[perception]` by range sensors on n links, with plant steps of `dt` [s]; `sampled` unless control
+/// is continuous.
+#[expect(clippy::cast_precision_loss, reason = "a size to compare")]
+pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: bool) -> Judged {
+    needs_sampling(sampled, "sees every instant")?;
+    for (path, count) in [("sensors", settings.sensors), ("rays", settings.rays)] {
+        if count == 0 {
+            return Err(ScenarioError::out_of_range(path, "1 or more", count));
+        }
+    }
+    let PerceptionSettings { field_of_view, range, drop_outs, .. } = *settings;
+    if !(0.0..std::f64::consts::PI).contains(&field_of_view) {
+        return Err(ScenarioError::out_of_range("field_of_view", "in [0, π)", field_of_view));
+    }
+    number("range", range, positive)?;
+    number("noise", settings.noise, not_negative)?;
+    number("resolution", settings.resolution, not_negative)?;
+    number("latency", settings.latency, not_negative)?;
+    if !(0.0..=1.0).contains(&drop_outs) {
+        return Err(ScenarioError::out_of_range("drop_outs", "in [0, 1]", drop_outs));
+    }
+    let most = Perception::MAX_STEPS;
+    if let Some(rate) = settings.rate {
+        number("rate", rate, positive)?;
+        if settings.steps_per_scan(dt) > most {
+            let requirement = format!("at least one scan in {most:e} steps of {dt} s");
+            return Err(ScenarioError::out_of_range("rate", &requirement, rate));
+        }
+    }
+    if settings.steps_late(dt) > most {
+        let requirement = format!("at most {most:e} steps of {dt} s");
+        return Err(ScenarioError::out_of_range("latency", &requirement, settings.latency));
+    }
+    let scans = settings.steps_late(dt) / settings.steps_per_scan(dt) + 3.0;
+    if settings.rays_of(n) as f64 * scans > Perception::MAX_READINGS {
+        let requirement =
+            format!("so few that at most {:e} readings are under way", Perception::MAX_READINGS);
+        return Err(ScenarioError::out_of_range("sensors", &requirement, settings.sensors));
     }
     Ok(())
 }

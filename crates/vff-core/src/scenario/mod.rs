@@ -23,7 +23,7 @@ use crate::math::Vector;
 use crate::robot::{PlanarArm, PlanarState, Robot};
 use crate::simulation::{
     Actuator, ActuatorSettings, ClosedLoop, Control, Measurement, MeasurementSettings, Options,
-    Outcome, Reality, Record, Run, Snapshot,
+    Outcome, Perception, PerceptionKind, PerceptionSettings, Reality, Record, Run, Snapshot,
 };
 use crate::trajectory::{Reference, Trajectory};
 use crate::world::{Obstacle, World};
@@ -75,6 +75,9 @@ pub struct Scenario {
     /// The sensors; none if the controller knows the state.
     #[serde(default)]
     pub measurement: Option<MeasurementSettings>,
+    /// The sensors of the obstacles; none if the controller knows them.
+    #[serde(default)]
+    pub perception: Option<PerceptionSettings>,
     /// The drives; none if the torque acts as commanded.
     #[serde(default)]
     pub actuator: Option<ActuatorSettings>,
@@ -304,6 +307,12 @@ impl Scenario {
             judge::measurement(settings, n, dt, sampled)
                 .map_err(|error| error.inside("measurement"))?;
         }
+        let perception =
+            self.perception.as_ref().filter(|given| given.kind == PerceptionKind::Range);
+        if let Some(settings) = perception {
+            judge::perception(settings, n, dt, sampled)
+                .map_err(|error| error.inside("perception"))?;
+        }
         if let Some(settings) = &self.actuator {
             judge::actuator(settings, n, sampled).map_err(|error| error.inside("actuator"))?;
         }
@@ -311,6 +320,7 @@ impl Scenario {
         Ok(Reality {
             plant,
             measurement: measurement.map(|given| Measurement::new(given, self.seed, n, dt)),
+            perception: perception.map(|given| Perception::new(given, self.seed, n, dt)),
             actuator: self.actuator.as_ref().map(|given| Actuator::new(given, n, dt)),
         })
     }
@@ -394,7 +404,8 @@ impl Scenario {
     pub fn record_bytes(&self) -> f64 {
         let (n, m) = (self.arm.dof(), self.controller.task.dimension());
         let rows = self.simulation.rows(self.duration);
-        rows as f64 * Record::row_bytes(n, m, self.obstacles.len()) as f64
+        let rays = self.perception.as_ref().map_or(0, |given| given.rays_of(n));
+        rows as f64 * Record::row_bytes(n, m, self.obstacles.len(), rays) as f64
     }
 
     /// The whole reference lies where the arm can put its end effector.

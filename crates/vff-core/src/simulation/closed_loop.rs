@@ -3,6 +3,7 @@
 use super::actuator::Actuator;
 use super::integrator::Stepper;
 use super::measurement::Measurement;
+use super::perception::Perception;
 use super::plant::{Physics, Plant};
 use super::{Control, Integrator, Options, Snapshot};
 use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits, task};
@@ -19,6 +20,8 @@ pub struct Reality {
     pub plant: Physics,
     /// What the controller gets to know of the state; None if everything.
     pub measurement: Option<Measurement>,
+    /// What the controller gets to know of the obstacles; None if everything.
+    pub perception: Option<Perception>,
     /// What becomes of its torque; None if all of it acts at once.
     pub actuator: Option<Actuator>,
 }
@@ -34,6 +37,7 @@ pub struct ClosedLoop<const M: usize> {
     foresight: Option<Brain<M>>,
     plant: Plant,
     measurement: Option<Measurement>,
+    perception: Option<Perception>,
     actuator: Option<Actuator>,
     /// What is so, where the controller does not see it.
     truth: Option<Truth<M>>,
@@ -85,11 +89,19 @@ struct Brain<const M: usize> {
 }
 
 impl<const M: usize> Brain<M> {
-    /// The torque of the law at (t, q, q̇).
-    fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &Torque {
+    /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it.
+    fn torque_at(
+        &mut self,
+        t: f64,
+        [q, dq]: [&[f64]; 2],
+        perception: Option<&mut Perception>,
+    ) -> &Torque {
         let Self { controller, world, trajectory } = self;
         world.update(t);
-        controller.observe(q, dq, world);
+        match perception {
+            Some(perception) => controller.observe(q, dq, perception),
+            None => controller.observe(q, dq, world),
+        }
         controller.command(&trajectory.at(t))
     }
 }
@@ -110,11 +122,12 @@ impl<const M: usize> ClosedLoop<M> {
     ) -> Self {
         let n = arm.dof();
         let zeros = || vec![0.0; n];
-        let Reality { plant, mut measurement, actuator } = reality;
+        let Reality { plant, mut measurement, perception, actuator } = reality;
         let imperfect = measurement.as_mut().is_some_and(|measurement| {
             measurement.start(&q, &dq);
             !measurement.is_perfect()
         });
+        let imperfect = imperfect || perception.is_some();
         let brain = Brain { controller: Controller::new(arm.state(), gains), world, trajectory };
         let mut this = Self {
             arm: Arc::clone(arm),
@@ -122,6 +135,7 @@ impl<const M: usize> ClosedLoop<M> {
             brain,
             plant: Plant::new(plant),
             measurement,
+            perception,
             actuator,
             truth: imperfect.then(|| Truth::new(n)),
             stepper: Stepper::new(options.integrator, n),
@@ -138,6 +152,7 @@ impl<const M: usize> ClosedLoop<M> {
             predicted: [zeros(), zeros(), zeros()],
             options,
         };
+        this.start_perception();
         this.control();
         this
     }
@@ -157,7 +172,17 @@ impl<const M: usize> ClosedLoop<M> {
         if let Some(actuator) = &mut self.actuator {
             actuator.start();
         }
+        self.start_perception();
         self.control();
+    }
+
+    fn start_perception(&mut self) {
+        let Self { perception, plant, brain, q, dq, .. } = self;
+        if let Some(perception) = perception {
+            brain.world.update(0.0);
+            plant.update(q, dq);
+            perception.start(|i| plant.state().link(i), &brain.world);
+        }
     }
 
     /// The steps taken so far.
@@ -168,6 +193,11 @@ impl<const M: usize> ClosedLoop<M> {
     /// The controller.
     pub fn controller(&self) -> &Controller<PlanarState, 2, M> {
         &self.brain.controller
+    }
+
+    /// Whether the controller knows all obstacles.
+    pub fn knows_obstacles(&self) -> bool {
+        self.perception.is_none()
     }
 
     /// The true joint velocity [rad/s].
@@ -232,6 +262,7 @@ impl<const M: usize> ClosedLoop<M> {
             dq: &self.dq,
             q_measured,
             dq_measured,
+            sensed: self.perception.as_ref().map_or(&[], Perception::seen),
             torque: &self.held,
             tau_applied,
             tau_vff: forces.torque(),
@@ -273,7 +304,7 @@ impl<const M: usize> ClosedLoop<M> {
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
         stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
             if continuous && !stage.first {
-                brain.torque_at(t + stage.offset, q, dq);
+                brain.torque_at(t + stage.offset, [q, dq], None);
             }
             let controller = &brain.controller;
             let tau = if continuous { &controller.torque().total } else { held };
@@ -296,6 +327,13 @@ impl<const M: usize> ClosedLoop<M> {
             if let Some(measurement) = &mut self.measurement {
                 measurement.advance(&self.q, &self.dq);
             }
+            let t = self.time();
+            let Self { perception, plant, brain, q, dq, .. } = self;
+            if let Some(perception) = perception {
+                brain.world.update(t);
+                plant.update(q, dq);
+                perception.advance(|i| plant.state().link(i), &brain.world);
+            }
             self.control();
             if self.is_defined() {
                 return true;
@@ -303,6 +341,9 @@ impl<const M: usize> ClosedLoop<M> {
             self.step -= 1;
             if let Some(measurement) = &mut self.measurement {
                 measurement.undo();
+            }
+            if let Some(perception) = &mut self.perception {
+                perception.undo();
             }
         }
         if let Some(actuator) = &mut self.actuator {
@@ -334,8 +375,8 @@ impl<const M: usize> ClosedLoop<M> {
     /// control period, takes over its torque.
     fn control(&mut self) {
         let t = self.time();
-        let [q, dq] = self.measurement.as_ref().map_or([&self.q[..], &self.dq], Measurement::seen);
-        let torque = self.brain.torque_at(t, q, dq);
+        let seen = self.measurement.as_ref().map_or([&self.q[..], &self.dq], Measurement::seen);
+        let torque = self.brain.torque_at(t, seen, self.perception.as_mut());
         let period_begins = self.step.is_multiple_of(self.options.control_every);
         if period_begins {
             self.held.copy_from(torque);
@@ -375,7 +416,7 @@ impl<const M: usize> ClosedLoop<M> {
         for (v, ddq) in dq.iter_mut().zip(ddq.iter()) {
             *v += 0.5 * half * ddq;
         }
-        self.held.copy_from(foresight.torque_at(t + half, q, dq));
+        self.held.copy_from(foresight.torque_at(t + half, [q, dq], self.perception.as_mut()));
         self.granted = *foresight.controller.granted();
         self.null_acceleration = foresight.controller.null_acceleration();
     }

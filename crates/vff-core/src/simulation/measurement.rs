@@ -2,7 +2,7 @@
 
 use crate::math::Broadcast;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::SeedableRng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use serde::Deserialize;
 
@@ -56,18 +56,24 @@ impl MeasurementSettings {
 
 /// The random numbers of one use: every use has a stream of its own, so that none depends on another.
 #[derive(Debug, Clone)]
-struct Noise(ChaCha8Rng);
+pub(super) struct Noise(ChaCha8Rng);
 
 impl Noise {
-    fn new(seed: u64, stream: u64) -> Self {
+    pub(super) fn new(seed: u64, stream: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(stream);
         Self(generator)
     }
 
     /// A number of the standard normal distribution.
-    fn draw(&mut self) -> f64 {
+    pub(super) fn draw(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
+    }
+
+    /// A number from 0 to 1, without 1 itself, evenly spread.
+    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+    pub(super) fn share(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 
@@ -109,7 +115,7 @@ impl Sensors {
 }
 
 /// The multiple of `step` nearest to a value.
-fn rounded(value: f64, step: f64) -> f64 {
+pub(super) fn rounded(value: f64, step: f64) -> f64 {
     let count = value / step;
     if count.is_finite() { count.round() * step } else { value }
 }

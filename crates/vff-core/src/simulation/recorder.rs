@@ -15,6 +15,8 @@ pub struct Record {
     pub task: usize,
     /// Number of obstacles k.
     pub obstacles_count: usize,
+    /// Number of rays r of the range sensors.
+    pub rays: usize,
     /// (T).
     pub t: Vec<f64>,
     /// (T, n).
@@ -49,6 +51,8 @@ pub struct Record {
     pub dq_measured: Vec<f64>,
     /// (T, n), or empty without `[actuator]`.
     pub tau_applied: Vec<f64>,
+    /// (T, r, 2), or empty without range sensors.
+    pub sensed: Vec<f64>,
     /// (T, [`energy::ENERGIES`]).
     pub energy: Vec<f64>,
     /// (T, [`energy::PORTS`]).
@@ -84,7 +88,8 @@ impl Record {
     /// If they take too much memory.
     pub fn with_capacity(rows: usize, s: &Snapshot<'_>) -> Result<Self, RecordTooLarge> {
         let (joints, task, obstacles_count) = (s.q.len(), s.x.len(), s.world.len());
-        let mut record = Self { joints, task, obstacles_count, ..Self::default() };
+        let rays = s.sensed.len();
+        let mut record = Self { joints, task, obstacles_count, rays, ..Self::default() };
         let row_bytes = 8 * record.arrays(Some(s)).iter().map(|(_, width)| width).sum::<usize>();
         let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
         let reserve =
@@ -98,13 +103,14 @@ impl Record {
     }
 
     /// The most that one row takes [bytes].
-    pub fn row_bytes(n: usize, m: usize, obstacles: usize) -> usize {
-        let mut empty = Self { joints: n, task: m, obstacles_count: obstacles, ..Self::default() };
+    pub fn row_bytes(n: usize, m: usize, obstacles: usize, rays: usize) -> usize {
+        let (joints, task, obstacles_count) = (n, m, obstacles);
+        let mut empty = Self { joints, task, obstacles_count, rays, ..Self::default() };
         8 * empty.arrays(None).iter().map(|(_, width)| width).sum::<usize>()
     }
 
     /// Every array with the length of its rows: of a run like `s`, or of one that has everything.
-    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 23] {
+    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 24] {
         let (n, m) = (self.joints, self.task);
         let optional = |given: fn(&Snapshot<'_>) -> bool, width: usize| {
             if s.is_none_or(given) { width } else { 0 }
@@ -127,6 +133,7 @@ impl Record {
             (&mut self.q_measured, optional(|s| !s.q_measured.is_empty(), n)),
             (&mut self.dq_measured, optional(|s| !s.dq_measured.is_empty(), n)),
             (&mut self.tau_applied, optional(|s| !s.tau_applied.is_empty(), n)),
+            (&mut self.sensed, 2 * self.rays),
             (&mut self.energy, energy::ENERGIES.len()),
             (&mut self.power, energy::PORTS.len()),
             (&mut self.manipulability, 1),
@@ -158,6 +165,9 @@ impl Record {
         self.q_measured.extend_from_slice(s.q_measured);
         self.dq_measured.extend_from_slice(s.dq_measured);
         self.tau_applied.extend_from_slice(s.tau_applied);
+        for point in s.sensed {
+            self.sensed.extend_from_slice(point.as_slice());
+        }
         self.energy.extend_from_slice(&s.energy.values());
         self.power.extend_from_slice(&s.power.values());
         self.manipulability.push(s.manipulability);

@@ -17,6 +17,9 @@ pub struct Snapshot<'a> {
     pub q_measured: &'a [f64],
     /// See `q_measured`.
     pub dq_measured: &'a [f64],
+    /// What the controller knows of the obstacles, NaN for a ray that met nothing [m]; empty without
+    /// sensors of `[perception]`.
+    pub sensed: &'a [Vector<2>],
     /// Torque that is commanded from now on [N·m], (n) each.
     pub torque: &'a Torque,
     /// Torque of the drives at this instant [N·m]; empty without `[actuator]`.

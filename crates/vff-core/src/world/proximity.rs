@@ -1,4 +1,4 @@
-//! Signed distance between a link and an obstacle: only this file and the one below it name parry
+//! Signed distance between a link and an obstacle: only this file and those below it name parry
 //! and glam.
 //!
 //! A link is queried as its axis and an obstacle as its *core*: what remains when the radius
@@ -15,6 +15,7 @@
 //! hierarchy of boxes ([`crowd`]) finds what is near among many.
 
 mod crowd;
+mod rays;
 
 pub(super) use crowd::Crowd;
 

@@ -1,0 +1,412 @@
+//! Range sensors along the links: what the controller gets to know of the obstacles.
+
+use super::measurement::{Noise, rounded};
+use crate::math::{Capsule, Vector, cross, perp};
+use crate::world::{Contact, Surroundings, World};
+use serde::Deserialize;
+
+/// The `[perception]` table of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PerceptionSettings {
+    /// How the controller perceives; with `ideal` the rest does not matter.
+    pub kind: Kind,
+    /// Sensors along each side of every link, ≥ 1.
+    pub sensors: usize,
+    /// Rays of every sensor, ≥ 1.
+    pub rays: usize,
+    /// Angle from the first to the last ray of a sensor [rad], in [0, π).
+    pub field_of_view: f64,
+    /// The farthest reading [m], > 0.
+    pub range: f64,
+    /// Scans per second [1/s], > 0; the time between two is rounded up to whole plant steps. Default:
+    /// one every step.
+    pub rate: Option<f64>,
+    /// Standard deviation of the noise of a reading [m], ≥ 0.
+    pub noise: f64,
+    /// Step of the readings [m], ≥ 0.
+    pub resolution: f64,
+    /// Age of a scan when the controller gets it [s], ≥ 0; rounded up to whole plant steps.
+    pub latency: f64,
+    /// Share of the readings that are lost, in [0, 1].
+    pub drop_outs: f64,
+}
+
+/// How the controller perceives the obstacles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// It knows them.
+    #[default]
+    Ideal,
+    /// By range sensors.
+    Range,
+}
+
+impl Default for PerceptionSettings {
+    fn default() -> Self {
+        Self {
+            kind: Kind::Ideal,
+            sensors: 4,
+            rays: 3,
+            field_of_view: 1.0,
+            range: 2.0,
+            rate: None,
+            noise: 0.0,
+            resolution: 0.0,
+            latency: 0.0,
+            drop_outs: 0.0,
+        }
+    }
+}
+
+impl PerceptionSettings {
+    /// The number of rays on an arm of `n` links.
+    pub fn rays_of(&self, n: usize) -> usize {
+        match self.kind {
+            Kind::Ideal => 0,
+            Kind::Range => {
+                n.saturating_mul(2).saturating_mul(self.sensors).saturating_mul(self.rays)
+            }
+        }
+    }
+
+    /// Plant steps of `dt` [s] from scan to scan.
+    pub fn steps_per_scan(&self, dt: f64) -> f64 {
+        self.rate.map_or(1.0, |rate| (1.0 / (rate * dt) - 1e-9).ceil().max(1.0))
+    }
+
+    /// The age of a scan in plant steps of `dt` [s].
+    pub fn steps_late(&self, dt: f64) -> f64 {
+        (self.latency / dt - 1e-9).ceil().max(0.0)
+    }
+}
+
+/// A ray relative to its link.
+#[derive(Debug, Clone, Copy)]
+struct Mount {
+    link: usize,
+    /// Where along the link, as a share of its length.
+    along: f64,
+    /// +1 on the left side of the link, −1 on the right.
+    side: f64,
+    /// Direction: along the axis and outward.
+    direction: [f64; 2],
+}
+
+/// Range sensors with everything that they have seen and the controller does not know yet.
+#[derive(Debug, Clone)]
+pub struct Perception {
+    settings: PerceptionSettings,
+    mounts: Vec<Mount>,
+    noise: Noise,
+    losses: Noise,
+    /// Plant steps from scan to scan, and until a scan arrives.
+    every: usize,
+    late: usize,
+    /// The points of the last scans, NaN where nothing was met, one row a scan, as a ring.
+    scans: Vec<Vector<2>>,
+    rows: usize,
+    /// Plant steps so far.
+    step: usize,
+    /// What the controller knows: the points of one scan, and those of them that were met.
+    seen: Vec<Vector<2>>,
+    met: Vec<Vector<2>>,
+}
+
+impl Perception {
+    /// The most plant steps that a scan may be late, and from scan to scan.
+    pub const MAX_STEPS: f64 = 1e4;
+    /// The most readings that may be under way.
+    pub const MAX_READINGS: f64 = 1e7;
+
+    /// Sensors on an arm of `n` links for plant steps of `dt` [s]; the same seed gives the same noise.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "judged before"
+    )]
+    pub fn new(settings: &PerceptionSettings, seed: u64, n: usize, dt: f64) -> Self {
+        let (every, late) =
+            (settings.steps_per_scan(dt) as usize, settings.steps_late(dt) as usize);
+        let middle = 0.5 * (settings.rays as f64 - 1.0);
+        let mut mounts = Vec::with_capacity(settings.rays_of(n));
+        for link in 0..n {
+            for place in 0..settings.sensors {
+                let along = (place as f64 + 0.5) / settings.sensors as f64;
+                for side in [1.0, -1.0] {
+                    for ray in 0..settings.rays {
+                        let share = (ray as f64 - middle) / (2.0 * middle).max(1.0);
+                        let (sin, cos) = (share * settings.field_of_view).sin_cos();
+                        mounts.push(Mount { link, along, side, direction: [sin, cos * side] });
+                    }
+                }
+            }
+        }
+        let (count, rows) = (mounts.len(), late / every + 3);
+        let nothing = Vector::<2>::repeat(f64::NAN);
+        Self {
+            noise: Noise::new(seed, 2),
+            losses: Noise::new(seed, 3),
+            every,
+            late,
+            scans: vec![nothing; count * rows],
+            rows,
+            step: 0,
+            seen: vec![nothing; count],
+            met: Vec::with_capacity(count),
+            mounts,
+            settings: settings.clone(),
+        }
+    }
+
+    /// What the controller knows [m]: one point per ray, NaN where nothing was met.
+    pub fn seen(&self) -> &[Vector<2>] {
+        &self.seen
+    }
+
+    /// Begins with links and world as they are, and as they have been all the time before.
+    pub fn start(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World) {
+        self.step = 0;
+        self.scan(link, world, 0);
+        let count = self.mounts.len();
+        for row in 1..self.rows {
+            self.scans.copy_within(..count, row * count);
+        }
+        self.look();
+    }
+
+    /// Senses one plant step later.
+    pub fn advance(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World) {
+        self.step += 1;
+        if self.step.is_multiple_of(self.every) {
+            self.scan(link, world, self.step / self.every % self.rows);
+        }
+        self.look();
+    }
+
+    /// Takes the last step back.
+    pub fn undo(&mut self) {
+        self.step -= 1;
+        self.look();
+    }
+
+    /// Reads every sensor (T80).
+    fn scan(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World, row: usize) {
+        let Self { settings, mounts, noise, losses, scans, .. } = self;
+        let row = &mut scans[row * mounts.len()..][..mounts.len()];
+        for (mount, point) in mounts.iter().zip(row) {
+            // Drawn for every ray, so that no reading depends on what the others have met.
+            let (error, lost) =
+                (settings.noise * noise.draw(), losses.share() < settings.drop_outs);
+            let link = link(mount.link);
+            let across = perp(link.direction);
+            let origin = link.start
+                + link.direction * (mount.along * link.length)
+                + across * (mount.side * link.radius);
+            let [forward, outward] = mount.direction;
+            let direction = link.direction * forward + across * outward;
+            let reading = world
+                .cast(origin, direction, settings.range)
+                .map(|distance| rounded(distance + error, settings.resolution).max(0.0))
+                .filter(|distance| !lost && *distance <= settings.range);
+            *point = reading
+                .map_or_else(|| Vector::repeat(f64::NAN), |distance| origin + direction * distance);
+        }
+    }
+
+    /// Fetches the scan that has arrived last.
+    fn look(&mut self) {
+        let row = self.step.saturating_sub(self.late) / self.every % self.rows;
+        let count = self.mounts.len();
+        self.seen.copy_from_slice(&self.scans[row * count..][..count]);
+        self.met.clear();
+        self.met.extend(self.seen.iter().filter(|point| !point.x.is_nan()));
+    }
+}
+
+impl Surroundings<2> for Perception {
+    /// For every link the nearest of the points to its left and of those to its right, each at rest
+    /// (T81); `obstacle` counts the sides.
+    fn for_each_contact(
+        &mut self,
+        links: impl IntoIterator<Item = Capsule<2>>,
+        reach: f64,
+        mut distance: impl FnMut(usize, f64),
+        mut visit: impl FnMut(&Contact<2>),
+    ) {
+        if self.met.is_empty() {
+            return;
+        }
+        for (link, capsule) in links.into_iter().enumerate() {
+            let mut nearest = [(f64::INFINITY, Vector::zeros()); 2];
+            for point in &self.met {
+                let side = usize::from(cross(capsule.direction, point - capsule.start) < 0.0);
+                let gap = (capsule.clamp(point) - point).norm();
+                if gap < nearest[side].0 {
+                    nearest[side] = (gap, *point);
+                }
+            }
+            distance(link, nearest[0].0.min(nearest[1].0) - capsule.radius);
+            for (side, (gap, witness)) in nearest.into_iter().enumerate() {
+                if gap - capsule.radius >= reach || gap.is_infinite() {
+                    continue;
+                }
+                let point = capsule.clamp(&witness);
+                let aside = perp(capsule.direction) * if side == 0 { -1.0 } else { 1.0 };
+                visit(&Contact {
+                    link,
+                    obstacle: side,
+                    distance: gap - capsule.radius,
+                    normal: if gap > 0.0 { (point - witness) / gap } else { aside },
+                    point,
+                    witness,
+                    velocity: Vector::zeros(),
+                    acceleration: Vector::zeros(),
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::world::{Motion, Obstacle, Shape};
+
+    fn settings() -> PerceptionSettings {
+        PerceptionSettings {
+            kind: Kind::Range,
+            rays: 1,
+            range: 5.0,
+            ..PerceptionSettings::default()
+        }
+    }
+
+    /// A wall above the x axis, moving up.
+    fn wall(speed: f64) -> World {
+        World::new(vec![Obstacle {
+            shape: Shape::Box { size: [10.0, 1.0] },
+            position: [0.0, 2.5],
+            angle: 0.0,
+            motion: Motion::Linear { velocity: [0.0, speed] },
+        }])
+    }
+
+    fn link(_: usize) -> Capsule<2> {
+        Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1)
+    }
+
+    fn started(settings: &PerceptionSettings, world: &World) -> Perception {
+        let mut perception = Perception::new(settings, 7, 1, 1e-3);
+        perception.start(link, world);
+        perception
+    }
+
+    /// Readings of the upper side over many scans of the wall at 2 m, from the surface at 0.1 m.
+    fn readings(settings: &PerceptionSettings) -> Vec<f64> {
+        let world = wall(0.0);
+        let mut perception = started(settings, &world);
+        let mut found = vec![];
+        for _ in 0..5000 {
+            perception.advance(link, &world);
+            found.extend(perception.seen().iter().step_by(2).map(|point| point.y - 0.1));
+        }
+        found
+    }
+
+    /// Straight up from the surface to the wall, and nothing below.
+    #[test]
+    fn where_the_points_are() {
+        let perception = started(&settings(), &wall(0.0));
+        for (k, point) in perception.seen().iter().enumerate() {
+            match k % 2 {
+                0 => {
+                    let x = (k as f64 / 2.0 + 0.5) / 4.0;
+                    assert!((point - Vector::<2>::new(x, 2.0)).norm() < 1e-15);
+                }
+                _ => assert!(point.x.is_nan() && point.y.is_nan()),
+            }
+        }
+    }
+
+    /// Mean and deviation of 20 000 readings are those of N(1.9, σ²), to five deviations of either.
+    #[test]
+    fn noise_has_its_moments() {
+        let sigma = 0.02;
+        let found = readings(&PerceptionSettings { noise: sigma, ..settings() });
+        let count = found.len() as f64;
+        let mean = found.iter().sum::<f64>() / count;
+        let variance = found.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+        assert!((mean - 1.9).abs() < 5.0 * sigma / count.sqrt(), "{mean}");
+        let spread = variance.sqrt() - sigma;
+        assert!(spread.abs() < 5.0 * sigma / (2.0 * count).sqrt(), "{spread}");
+    }
+
+    /// The share of readings that are lost is the probability, to five deviations; 1 loses all.
+    #[test]
+    fn drop_outs_have_their_share() {
+        for share in [0.0, 0.3, 1.0] {
+            let found = readings(&PerceptionSettings { drop_outs: share, ..settings() });
+            let count = found.len() as f64;
+            let lost = found.iter().filter(|x| x.is_nan()).count() as f64 / count;
+            let deviation = (share * (1.0 - share) / count).sqrt();
+            assert!((lost - share).abs() <= 5.0 * deviation, "{lost}");
+        }
+    }
+
+    /// Multiples of the resolution, the nearest ones.
+    #[test]
+    fn readings_are_rounded() {
+        let found = readings(&PerceptionSettings { resolution: 0.25, ..settings() });
+        assert!(found.iter().all(|x| (x - 2.0).abs() < 1e-12));
+    }
+
+    /// A wall that moves 1 mm a step is seen where it was at the last scan that has arrived: every 4
+    /// steps (250 Hz), 6 steps late. A step taken back shows what was seen before it.
+    #[test]
+    fn rate_latency_and_undo() {
+        let late = PerceptionSettings { rate: Some(250.0), latency: 6e-3, ..settings() };
+        let mut world = wall(1.0);
+        let mut perception = started(&late, &world);
+        for step in 1..40_usize {
+            let before = perception.seen()[0].y;
+            world.update(1e-3 * step as f64);
+            perception.advance(link, &world);
+            perception.undo();
+            assert_eq!(perception.seen()[0].y.to_bits(), before.to_bits());
+            perception.advance(link, &world);
+            let scanned = 4 * (step.saturating_sub(6) / 4);
+            let expected = 2.0 + 1e-3 * scanned as f64;
+            assert!((perception.seen()[0].y - expected).abs() < 1e-12, "{step}");
+        }
+    }
+
+    /// Points on either side give one contact each, with the distance from the surface.
+    #[test]
+    fn contacts_of_both_sides() {
+        let disc = |y: f64| Obstacle {
+            shape: Shape::Circle { radius: 0.2 },
+            position: [0.5, y],
+            angle: 0.0,
+            motion: Motion::default(),
+        };
+        let world = World::new(vec![disc(1.0), disc(-0.7)]);
+        let odd = PerceptionSettings { sensors: 5, ..settings() };
+        let mut perception = started(&odd, &world);
+        let (mut found, mut clearance) = (vec![], f64::NAN);
+        perception.for_each_contact([link(0)], 0.75, |_, d| clearance = d, |c| found.push(*c));
+        assert!((clearance - 0.4).abs() < 1e-12);
+        let expected = [(0.7, -1.0), (0.4, 1.0)];
+        assert_eq!(found.len(), 2);
+        for (contact, (distance, up)) in found.iter().zip(expected) {
+            assert!((contact.distance - distance).abs() < 1e-12);
+            assert!((contact.normal - Vector::<2>::new(0.0, up)).norm() < 1e-12);
+            assert_eq!(contact.velocity, Vector::<2>::zeros());
+        }
+        found.clear();
+        perception.for_each_contact([link(0)], 0.5, |_, _| {}, |c| found.push(*c));
+        assert_eq!(found.len(), 1);
+    }
+}
