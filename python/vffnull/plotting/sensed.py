@@ -30,14 +30,15 @@ def sensed(result: Result) -> Figure:
     points = np.empty((0, 0, 2)) if result.sensed is None else result.sensed
     for row, colour in zip(when, colours, strict=True):
         order = 3 + row / len(result.t)
-        strobe.draw_arm(ax, joints[row], radii, (*colour[:3], 0.45), zorder=order)
+        pale = (*colour[:3], 0.45)
+        strobe.draw_arm(ax, joints[row], radii, pale, zorder=order)
         for index, outline in enumerate(outlines):
-            strobe.solid(ax, outline + result.obstacles[row, index], colour, zorder=order - 2)
+            strobe.solid(ax, outline + result.obstacles[row, index], pale, zorder=order - 2)
         ax.plot(
             *points[row].T,
             linestyle="none",
             marker=".",
-            markersize=4.5,
+            markersize=6,
             markeredgewidth=0,
             color=colour,
             zorder=6,
