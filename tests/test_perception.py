@@ -149,7 +149,8 @@ def test_files_tables_and_figures(tmp_path: Path, perfect: vff.Result) -> None:
     simulation = vff.Simulation(short.scenario)
     np.testing.assert_array_equal(simulation.state.sensed, points(short)[0])
     assert vff.Simulation(vff.Scenario.load(SCENE)).state.sensed is None
-    short.report(tmp_path / "run.html")
+    page = short.report(tmp_path / "run.html").read_text(encoding="utf-8")
+    assert "what its range sensors have met" in page
 
 
 def test_an_agent_sees_no_more_than_the_controller() -> None:

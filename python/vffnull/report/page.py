@@ -149,10 +149,16 @@ def _assumptions(result: Result) -> list[str]:
     else:
         plant = f"MuJoCo moves the arm with steps of {dt:g} s; {law}."
         contact = "contacts push the arm, by MuJoCo's soft model"
+    known = (
+        "of the obstacles what its range sensors have met, at rest"
+        if result.sensed is not None
+        else ("position and velocity of every obstacle")
+    )
     return [
         "Rigid links in the plane, ideal revolute joints without friction, ideal torque sources.",
         plant,
         "The controller's model of the arm is exact.",
+        f"The controller knows {known}.",
         f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
         "Links do not avoid one another, and clearance is measured between links and obstacles only.",
         "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
