@@ -335,7 +335,7 @@ class Controller:
         Returns
         -------
         period : float
-            The largest stable control period [s] (docs/theory.md, T32).
+            The largest stable control period [s] (docs/theory.md, T34).
         stiffness : float
             Stiffness of the field [N/m] at the contact that sets it; 0 if the null damping does.
         clearance : float

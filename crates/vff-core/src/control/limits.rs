@@ -2,7 +2,7 @@
 //!
 //! Torque limits scale whole objectives, never the torque of one joint alone: that would bend the
 //! directions in which the arm accelerates. Objectives are given up in the order of [`OBJECTIVES`],
-//! each down to nothing before the next is touched (T34, T35). Speed limits slow the reference down
+//! each down to nothing before the next is touched (T35). Speed limits slow the reference down
 //! before any of that (T36), and damp the null space (T37).
 
 use super::{OperationalSpace, Torque};

@@ -205,7 +205,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         gains.add_posture_torque(robot.configuration(), tau_sec);
     }
 
-    /// Scales the objectives until every joint is within its torque limit (T34, T35).
+    /// Scales the objectives until every joint is within its torque limit (T35).
     #[cold]
     fn fit_torque(&mut self, ddx_c: &Vector<M>) {
         let Self { robot, space, gains, parts, law, .. } = self;
@@ -315,7 +315,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         }
     }
 
-    /// The largest control period at which the null space is stable at the observed state (T32).
+    /// The largest control period at which the null space is stable at the observed state (T34).
     /// Allocates.
     pub fn stable_period(&self, surroundings: &mut impl Surroundings<D>) -> StablePeriod {
         sampling::stable_period(&self.robot, &self.space, &self.gains, surroundings)
