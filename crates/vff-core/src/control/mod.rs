@@ -7,6 +7,7 @@
 pub mod extended_jacobian;
 pub mod law;
 pub mod operational_space;
+pub mod quadratic_program;
 pub mod settings;
 pub mod task;
 pub mod virtual_forces;
