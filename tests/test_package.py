@@ -21,6 +21,8 @@ CONTRACT = {
         "Field",
         "ControlSettings",
         "Controller",
+        "Distances",
+        "distances",
         "Simulation",
         "Result",
         "Scenario",

@@ -13,7 +13,17 @@ somebody else's controller. Units are SI, angles are radians, and arrays run (ti
 from __future__ import annotations
 
 from vffnull import errors
-from vffnull._core import Arm, Controller, ExtendedJacobian, Simulation, State, Terms, __version__
+from vffnull._core import (
+    Arm,
+    Controller,
+    Distances,
+    ExtendedJacobian,
+    Simulation,
+    State,
+    Terms,
+    __version__,
+    distances,
+)
 from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
@@ -25,6 +35,7 @@ __all__ = [
     "Arm",
     "ControlSettings",
     "Controller",
+    "Distances",
     "ExtendedJacobian",
     "Field",
     "Metrics",
@@ -38,6 +49,7 @@ __all__ = [
     "Terms",
     "VffNullError",
     "__version__",
+    "distances",
     "errors",
     "scenarios",
     "simulate",

@@ -96,15 +96,20 @@ impl Controller {
         if same && !given.iter().any(|o| o.is_instance_of::<pyo3::types::PyDict>()) {
             return Ok(());
         }
-        let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
-            let name = format!("obstacles[{j}]");
-            scenario::read_obstacle(&named_document(&name, obstacle)?)
-                .map_err(|error| errors::scenario(&error.inside(&name)))
-        };
-        self.world = World::new(given.iter().enumerate().map(read).collect::<PyResult<_>>()?);
+        self.world = read_obstacles(&given)?;
         self.obstacles = given.into_iter().map(Bound::unbind).collect();
         Ok(())
     }
+}
+
+/// The world of these obstacles.
+pub fn read_obstacles(given: &[Bound<'_, PyAny>]) -> PyResult<World> {
+    let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
+        let name = format!("obstacles[{j}]");
+        scenario::read_obstacle(&named_document(&name, obstacle)?)
+            .map_err(|error| errors::scenario(&error.inside(&name)))
+    };
+    Ok(World::new(given.iter().enumerate().map(read).collect::<PyResult<_>>()?))
 }
 
 macro_rules! either {

@@ -3,6 +3,7 @@
 mod arm;
 mod controller;
 mod convert;
+mod distances;
 mod errors;
 mod run;
 mod simulation;
@@ -16,6 +17,8 @@ mod _core {
     use crate::arm::{Arm, ExtendedJacobian};
     #[pymodule_export]
     use crate::controller::{Controller, Terms};
+    #[pymodule_export]
+    use crate::distances::{Distances, distances};
     #[pymodule_export]
     use crate::run::{check, format_toml, parse_toml, run, schema};
     #[pymodule_export]

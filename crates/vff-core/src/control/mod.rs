@@ -4,6 +4,7 @@
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have) and [`law`] or [`extended_jacobian`] (which torque does all of it).
 
+pub mod distance;
 pub mod extended_jacobian;
 pub mod law;
 pub mod operational_space;

@@ -156,6 +156,7 @@ mod tests {
     use crate::field::FieldKind;
     use crate::math::Capsule;
     use crate::robot::{PlanarArm, planar::Link};
+    use crate::world::Feature;
     use std::sync::Arc;
 
     /// One contact, whatever the links do.
@@ -199,6 +200,7 @@ mod tests {
             witness: normal * -0.3,
             velocity: normal,
             acceleration: Vector::<2>::zeros(),
+            feature: Feature::End { distance: 0.3 },
         };
         let mut forces = VirtualForces::new(4);
         forces.refresh(&state, &space, &field, &Only(contact));

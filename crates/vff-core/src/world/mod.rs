@@ -10,7 +10,7 @@ mod obstacle;
 mod proximity;
 mod shape;
 
-pub use contact::Contact;
+pub use contact::{Contact, Feature};
 pub use motion::{Motion, MotionState};
 pub use obstacle::Obstacle;
 pub use shape::{Shape, counter_clockwise, is_convex};

@@ -12,7 +12,7 @@
 //! and separating axes. parry's general routines are not used: GJK has no direction at
 //! contact, EPA allocates, and segment–segment errs by 3e-8 m on nearly parallel segments.
 
-use super::{Body, Contact, Shape, Surroundings, World, shape};
+use super::{Body, Contact, Feature, Shape, Surroundings, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 use parry2d_f64::query::PointQueryWithLocation;
@@ -84,7 +84,7 @@ impl Body {
     /// The contact of a link of this radius [m] with this obstacle, which is number `j`.
     #[inline]
     fn contact(&self, link: usize, j: usize, nearest: &Nearest, radius: f64) -> Contact<2> {
-        let Nearest { distance, normal, point } = *nearest;
+        let Nearest { distance, normal, point, meets } = *nearest;
         let point = to_glam(self.state.position) + point;
         Contact {
             link,
@@ -95,6 +95,11 @@ impl Body {
             witness: from_glam(point - normal * (distance - self.core.radius)),
             velocity: self.state.velocity,
             acceleration: self.state.acceleration,
+            feature: match meets {
+                Meets::Side => Feature::Side { distance },
+                Meets::End => Feature::End { distance },
+                Meets::Face => Feature::Face,
+            },
         }
     }
 }
@@ -197,6 +202,15 @@ struct Nearest {
     distance: f64,
     normal: Point,
     point: Point,
+    meets: Meets,
+}
+
+/// The kinds of [`Feature`].
+#[derive(Debug, Clone, Copy)]
+enum Meets {
+    Side,
+    End,
+    Face,
 }
 
 impl Axis {
@@ -239,7 +253,7 @@ impl Axis {
         let offset = offset + self.forward * end;
         let distance = offset.length();
         if distance > 0.0 {
-            Nearest { distance, normal: offset / distance, point }
+            Nearest { distance, normal: offset / distance, point, meets: Meets::End }
         } else {
             // The centre is the end of the axis itself, or nothing at all (NaN).
             Nearest { distance, ..self.beside(offset, point) }
@@ -256,7 +270,7 @@ impl Axis {
             let offset = point - core;
             let distance = offset.length();
             if distance > 0.0 {
-                return Nearest { distance, normal: offset / distance, point };
+                return Nearest { distance, normal: offset / distance, point, meets: Meets::End };
             }
         }
         self.beside(self.start - core, point)
@@ -269,7 +283,8 @@ impl Axis {
     fn beside(self, offset: Point, point: Point) -> Nearest {
         let left = self.left();
         let height = left.dot(offset);
-        Nearest { distance: height.abs(), normal: if height >= 0.0 { left } else { -left }, point }
+        let normal = if height >= 0.0 { left } else { -left };
+        Nearest { distance: height.abs(), normal, point, meets: Meets::Side }
     }
 
     /// Signed distance to a convex polygon.
@@ -281,14 +296,14 @@ impl Axis {
     fn to_convex(self, faces: &[Face]) -> Nearest {
         let (a, b) = (self.start, self.end());
         let left = self.left();
-        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a, meets: Meets::Side };
         if !(a.is_finite() && b.is_finite()) {
             return undefined;
         }
 
         // One pass over the polygon: the greatest gap along its normals, its extent across and
         // along the axis, its vertex nearest to the axis.
-        let mut face = Nearest { distance: f64::NEG_INFINITY, ..undefined };
+        let mut face = Nearest { distance: f64::NEG_INFINITY, meets: Meets::Face, ..undefined };
         let mut faces_edge = false;
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut rear, mut front) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -299,7 +314,7 @@ impl Axis {
             let (at_a, at_b) = (candidate.height(a), candidate.height(b));
             let (gap, end) = if at_b < at_a { (at_b, b) } else { (at_a, a) };
             if gap > face.distance {
-                face = Nearest { distance: gap, normal: candidate.normal, point: end };
+                face = Nearest { distance: gap, normal: candidate.normal, point: end, ..face };
                 faces_edge = gap > 0.0 && candidate.is_below(end);
             }
 
@@ -321,9 +336,11 @@ impl Axis {
         }
         // The axis lies to the left of the polygon by −highest, to its right by lowest.
         let flank = if -highest >= lowest {
-            Nearest { distance: -highest, normal: left, point: high_vertex - left * highest }
+            let point = high_vertex - left * highest;
+            Nearest { distance: -highest, normal: left, point, ..undefined }
         } else {
-            Nearest { distance: lowest, normal: -left, point: low_vertex - left * lowest }
+            let point = low_vertex - left * lowest;
+            Nearest { distance: lowest, normal: -left, point, ..undefined }
         };
         // A gap along the axis matters only beside an edge parallel to it (a segment in line
         // with the link), where no normal separates.
