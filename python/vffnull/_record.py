@@ -31,6 +31,7 @@ QUANTITIES: dict[str, Quantity] = {
     "force": Quantity("N", "repulsion on the link", ("link",)),
     "clearance": Quantity("m", "distance to the nearest obstacle", ("link",)),
     "obstacles": Quantity("m", "obstacle position", ("obstacle", "plane")),
+    "slack": Quantity("m/s²", "breach of the barriers", ()),
 }
 
 AXES = ("x", "y", "phi")

@@ -26,7 +26,7 @@ __all__ = ["Metrics", "Result", "Status"]
 
 Array = NDArray[np.float64]
 
-_FORMAT = 1  # of the file that `Result.save` writes
+_FORMAT = 2  # of the file that `Result.save` writes
 
 
 class Status(str, Enum):
@@ -146,6 +146,8 @@ class Result:
         Signed distance of each link's surface to the nearest obstacle's [m]; negative in contact.
     obstacles : (T, k, 2) ndarray
         Positions of the obstacles [m].
+    slack : (T,) ndarray
+        By how much the barriers of ``avoidance = "cbf"`` are broken at most [m/s²]; 0 with other laws.
 
     Examples
     --------
@@ -177,6 +179,7 @@ class Result:
     force: Array
     clearance: Array
     obstacles: Array
+    slack: Array
 
     def __repr__(self) -> str:
         return (
@@ -298,7 +301,7 @@ class Result:
                 ]
                 column = "_".join([name, *labels])
                 columns[column] = line
-                units[column] = unit(name, labels[-1])
+                units[column] = unit(name, labels[-1] if labels else "")
         table: pandas.DataFrame = library.DataFrame(columns, index=library.Index(self.t, name="t"))
         table.attrs = {"units": {"t": "s", **units}, **self._attributes()}
         return table

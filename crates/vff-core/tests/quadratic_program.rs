@@ -25,7 +25,7 @@ struct Programme {
 impl Programme {
     fn solve(&self) -> (Outcome, QuadraticProgram) {
         let normals = self.normals.concat();
-        let mut solver = QuadraticProgram::new(self.n, self.bounds.len());
+        let mut solver = QuadraticProgram::new(self.n, self.bounds.len(), self.bounds.len());
         let outcome = solver.solve(&Problem {
             hessian: self.hessian.as_slice(),
             gradient: &self.gradient,

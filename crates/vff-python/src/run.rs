@@ -88,6 +88,7 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     for (name, values, columns) in tables {
         dict.set_item(name, array2(py, values, [rows, columns])?)?;
     }
+    dict.set_item("slack", PyArray1::from_vec(py, r.slack))?;
     dict.set_item("obstacles", PyArray1::from_vec(py, r.obstacles).reshape([rows, k, 2])?)?;
     Ok(dict)
 }

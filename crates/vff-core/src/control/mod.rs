@@ -4,6 +4,7 @@
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have) and [`law`] or [`extended_jacobian`] (which torque does all of it).
 
+pub mod avoidance;
 pub mod distance;
 pub mod extended_jacobian;
 pub mod law;
@@ -17,8 +18,10 @@ use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
 use crate::world::Surroundings;
+use avoidance::Avoider;
 use nalgebra::{DMatrix, SMatrix};
 
+pub use avoidance::Yielding;
 pub use law::{Law, Torque};
 pub use operational_space::OperationalSpace;
 pub use settings::{Avoidance, Formulation, Gains, Projection, Settings, TaskKind};
@@ -38,6 +41,8 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     tau_sec: Vec<f64>,
     reference: Sample<M>,
     error: Vector<M>,
+    /// What gives way where the null space is not enough.
+    avoider: Option<Box<Avoider<D, M>>>,
 }
 
 impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
@@ -51,6 +56,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
             tau_sec: vec![0.0; n],
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
+            avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
             robot,
             gains,
         }
@@ -91,6 +97,9 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.robot.update(q, dq);
         self.space.refresh(&self.robot);
         self.forces.refresh(&self.robot, &self.space, &self.gains.field, surroundings);
+        if let Some(avoider) = &mut self.avoider {
+            avoider.observe(&self.robot, surroundings);
+        }
     }
 
     /// The pose x of the end effector at the observed state.
@@ -113,7 +122,11 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.reference = *reference;
         self.error = task::error(self.robot.pose(), reference.x);
         let de = self.space.dx - reference.dx;
-        let ddx_c = task::commanded_acceleration(&self.gains, reference, self.error, de);
+        let pull = match &self.avoider {
+            Some(avoider) => avoider.task(self.forces.clearance(), self.error),
+            None => self.error,
+        };
+        let ddx_c = task::commanded_acceleration(&self.gains, reference, pull, de);
         self.tau_sec.copy_from_slice(self.forces.torque());
         self.gains.add_posture_torque(self.robot.configuration(), &mut self.tau_sec);
         match self.gains.formulation {
@@ -129,7 +142,21 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
                 &mut self.law,
             ),
         }
+        if let Some(avoider) = &mut self.avoider {
+            let Law { bias, torque, .. } = &mut self.law;
+            avoider.act(&self.robot, &self.space, &self.forces, bias, torque);
+        }
         &self.law.torque
+    }
+
+    /// Whether the end effector may give way.
+    pub fn yields(&self) -> bool {
+        self.avoider.is_some()
+    }
+
+    /// By how much the last command breaks the barriers at most [m/s²]; None without barriers.
+    pub fn slack(&self) -> Option<f64> {
+        self.avoider.as_ref().and_then(|avoider| avoider.slack())
     }
 
     /// The null projector N of the chosen projection as a matrix, (n, n), for people.

@@ -37,8 +37,9 @@ pub enum Outcome {
     Infeasible,
     /// H is not positive definite.
     NotConvex,
-    /// No end within the allowed number of iterations; what is there is not feasible.
-    IterationLimit,
+    /// No end within the allowed number of iterations or of broken soft rows; the unknowns are those of
+    /// the programme without the rows that were not reached.
+    Unfinished,
 }
 
 /// The solver with its workspace; nothing allocates after [`new`](Self::new).
@@ -80,9 +81,9 @@ const DEPENDENT: f64 = 1e-11;
 const CONTRADICTS: f64 = 1e-10;
 
 impl QuadraticProgram {
-    /// For `n` unknowns and at most `rows` rows.
-    pub fn new(n: usize, rows: usize) -> Self {
-        let stride = n + rows;
+    /// For `n` unknowns and at most `rows` rows, `soft` of which may be broken on the way.
+    pub fn new(n: usize, rows: usize, soft: usize) -> Self {
+        let stride = n + soft;
         Self {
             n,
             size: n,
@@ -98,6 +99,15 @@ impl QuadraticProgram {
             passed: vec![false; rows],
             lengths: vec![0.0; rows],
             iterations: 0,
+        }
+    }
+
+    /// Makes room for `rows` rows in all.
+    pub fn reserve(&mut self, rows: usize) {
+        if rows > self.slack.len() {
+            self.slack.resize(rows, UNTOUCHED);
+            self.passed.resize(rows, false);
+            self.lengths.resize(rows, 0.0);
         }
     }
 
@@ -140,12 +150,14 @@ impl QuadraticProgram {
 
         let limit = 20 * (n + m) + 20;
         while let Some(row) = self.most_violated(problem) {
-            self.touch(row, problem);
+            if !self.touch(row, problem) {
+                return Outcome::Unfinished;
+            }
             let mut multiplier = 0.0;
             loop {
                 self.iterations += 1;
                 if self.iterations > limit {
-                    return Outcome::IterationLimit;
+                    return Outcome::Unfinished;
                 }
                 let outside = self.directions(row, problem);
                 let (dual, leaving) = self.longest_dual_step();
@@ -264,13 +276,16 @@ impl QuadraticProgram {
         found
     }
 
-    /// Gives a soft row its δ: one more unknown, with √s on the diagonal of J.
-    fn touch(&mut self, row: usize, problem: &Problem<'_>) {
+    /// Gives a soft row its δ: one more unknown, with √s on the diagonal of J. False without room.
+    fn touch(&mut self, row: usize, problem: &Problem<'_>) -> bool {
         let softness = problem.softness[row];
         if softness <= 0.0 || self.slack[row] != UNTOUCHED {
-            return;
+            return true;
         }
         let (new, stride) = (self.size, self.stride);
+        if new == stride {
+            return false;
+        }
         for column in self.j.chunks_exact_mut(stride).take(new) {
             column[new] = 0.0;
         }
@@ -280,6 +295,7 @@ impl QuadraticProgram {
         self.x[new] = 0.0;
         self.slack[row] = new;
         self.size += 1;
+        true
     }
 
     /// d = Jᵀa; the multipliers' rates R⁻¹d₁. Returns |d₂|², the speed at which a step along
@@ -408,7 +424,7 @@ mod tests {
         let normals: Vec<_> = rows.iter().flat_map(|row| row.0.iter().copied()).collect();
         let bounds: Vec<_> = rows.iter().map(|row| row.1).collect();
         let softness: Vec<_> = rows.iter().map(|row| row.2).collect();
-        let mut program = QuadraticProgram::new(gradient.len(), rows.len());
+        let mut program = QuadraticProgram::new(gradient.len(), rows.len(), rows.len());
         let problem =
             Problem { hessian, gradient, normals: &normals, bounds: &bounds, softness: &softness };
         (program.solve(&problem), program)

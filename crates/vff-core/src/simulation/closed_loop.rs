@@ -130,6 +130,8 @@ impl<const M: usize> ClosedLoop<M> {
             null_acceleration: self.null_acceleration,
             null_storage: controller.null_storage(),
             null_supply: controller.null_supply(),
+            slack: controller.slack(),
+            yields: controller.yields(),
             singular: space.singular,
         }
     }

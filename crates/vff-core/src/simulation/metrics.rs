@@ -53,6 +53,8 @@ pub const METRICS: &[Metric] = &[
     metric("rms_jerk", "rad/s³", "RMS of the third derivative of the joint angles"),
     metric("max_null_acceleration", "m/s²", "largest ‖J M⁻¹ τ_null‖: what leaks into the task"),
     metric("passivity_residual", "J", "largest defect of the null-space energy balance"),
+    metric("max_slack", "m/s²", "largest breach of a barrier, of cbf only"),
+    metric("slack_steps", "", "steps with a barrier broken by more than 0.1 m/s², of cbf only"),
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
     metric("joint_limit_violation", "rad", "largest excess over the arm's joint limits"),
     metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
@@ -91,6 +93,9 @@ pub struct Metrics {
     supplied: f64,
     last_supply: f64,
     passivity_residual: f64,
+    max_slack: Option<f64>,
+    slack_steps: usize,
+    yields: bool,
     singular_steps: usize,
     joint_limit_violation: f64,
     velocity_limit_ratio: f64,
@@ -130,6 +135,9 @@ impl Metrics {
             supplied: 0.0,
             last_supply: 0.0,
             passivity_residual: 0.0,
+            max_slack: None,
+            slack_steps: 0,
+            yields: false,
             singular_steps: 0,
             joint_limit_violation: 0.0,
             velocity_limit_ratio: 0.0,
@@ -233,6 +241,11 @@ impl Metrics {
     fn null_space(&mut self, s: &Snapshot<'_>) {
         self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
         self.singular_steps += usize::from(s.singular);
+        if let Some(slack) = s.slack {
+            self.max_slack = Some(self.max_slack.unwrap_or(0.0).max(slack));
+            self.slack_steps += usize::from(slack > 0.1);
+        }
+        self.yields = s.yields;
         if self.samples == 0 {
             self.storage_start = s.null_storage;
         } else {
@@ -286,7 +299,10 @@ impl Metrics {
             number(self.energy),
             rms(self.sum_jerk / self.dt.powi(4), jerks),
             number(self.max_null_acceleration),
-            number(self.passivity_residual),
+            // The balance is that of the null-space law.
+            given(!self.yields, self.passivity_residual),
+            optional(self.max_slack),
+            if self.max_slack.is_some() { Value::Count(self.slack_steps) } else { Value::None },
             Value::Count(self.singular_steps),
             given(!self.limits.joint.is_empty(), self.joint_limit_violation),
             given(!self.limits.velocity.is_empty(), self.velocity_limit_ratio),

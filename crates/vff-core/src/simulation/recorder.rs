@@ -41,6 +41,8 @@ pub struct Record {
     pub clearance: Vec<f64>,
     /// (T, k, 2).
     pub obstacles: Vec<f64>,
+    /// (T), 0 without barriers.
+    pub slack: Vec<f64>,
 }
 
 /// The largest record that is accepted [bytes]: systems that promise more memory than they have
@@ -82,7 +84,7 @@ impl Record {
     }
 
     /// Every array with the length of its rows.
-    fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 14] {
+    fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 15] {
         let (n, m) = (self.joints, self.task);
         [
             (&mut self.t, 1),
@@ -99,6 +101,7 @@ impl Record {
             (&mut self.force, n),
             (&mut self.clearance, n),
             (&mut self.obstacles, 2 * self.obstacles_count),
+            (&mut self.slack, 1),
         ]
     }
 
@@ -121,5 +124,6 @@ impl Record {
         for position in s.obstacles() {
             self.obstacles.extend_from_slice(position.as_slice());
         }
+        self.slack.push(s.slack.unwrap_or(0.0));
     }
 }

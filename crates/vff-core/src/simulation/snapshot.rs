@@ -38,6 +38,10 @@ pub struct Snapshot<'a> {
     pub null_storage: f64,
     /// What flows into it through damping, task coupling and moving obstacles [W].
     pub null_supply: f64,
+    /// By how much the barriers are broken at most [m/s²]; None without barriers (`cbf`).
+    pub slack: Option<f64>,
+    /// Whether the end effector may give way, by whatever law.
+    pub yields: bool,
     /// Whether the task force was damped because of a singularity.
     pub singular: bool,
 }

@@ -1,0 +1,193 @@
+//! `cbf`: of all accelerations that keep every distance and every limit, the nearest to that of the
+//! null-space law (T67–T70).
+//!
+//! ```text
+//! min ½(ẍ − ẍ₀)ᵀW_x(ẍ − ẍ₀) + ½(ν̇ − ν̇₀)ᵀΛ_n(ν̇ − ν̇₀) + ½ρ‖δ‖²
+//! so that d̈ + 2kḋ + k²(d − margin) ≥ −δ for every pair, and the same for angles and speeds of the joints,
+//!         −τ_max ≤ Mq̈ + Cq̇ + g ≤ τ_max
+//! ```
+
+use super::Yielding;
+use crate::control::distance::DistanceRate;
+use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
+use crate::control::{OperationalSpace, Torque, dot};
+use crate::robot::Robot;
+use crate::world::Contact;
+use nalgebra::SMatrix;
+
+/// Barriers that may be broken at one instant; beyond that the programme is left unfinished.
+const MOST_BROKEN: usize = 48;
+
+/// Workspace of the law. Unknown is y = q̈ − q̈₀, so that a row asks something only if its bound is
+/// positive, and most instants need no programme at all.
+#[derive(Debug, Clone)]
+pub struct Barrier {
+    program: QuadraticProgram,
+    nominal: Vec<f64>,
+    /// M, row by row.
+    mass: Vec<f64>,
+    hessian: Vec<f64>,
+    gradient: Vec<f64>,
+    scratch: Vec<f64>,
+    normals: Vec<f64>,
+    bounds: Vec<f64>,
+    softness: Vec<f64>,
+    /// Largest speed of every joint [rad/s].
+    speed: Vec<f64>,
+}
+
+impl Barrier {
+    /// For the joints of `robot`.
+    pub fn new<R: Robot<D>, const D: usize>(robot: &R, settings: &Yielding) -> Self {
+        let n = robot.dof();
+        let limits = &robot.limits().velocity;
+        let speed = if limits.is_empty() { vec![settings.speed; n] } else { limits.clone() };
+        let zeros = |count: usize| vec![0.0; count];
+        let mut this = Self {
+            program: QuadraticProgram::new(n, 0, MOST_BROKEN),
+            nominal: zeros(n),
+            mass: zeros(n * n),
+            hessian: zeros(n * n),
+            gradient: zeros(n),
+            scratch: zeros(n),
+            normals: vec![],
+            bounds: vec![],
+            softness: vec![],
+            speed,
+        };
+        this.reserve(0);
+        this
+    }
+
+    /// Room for this many pairs.
+    pub fn reserve(&mut self, pairs: usize) {
+        let n = self.nominal.len();
+        let rows = pairs + 4 * n;
+        self.normals.clear();
+        self.bounds.clear();
+        self.softness.clear();
+        self.normals.reserve(rows * n);
+        self.bounds.reserve(rows);
+        self.softness.reserve(rows);
+        self.program.reserve(rows);
+    }
+
+    /// Adds M y to the torque and returns the largest δ of a pair [m/s²].
+    pub fn act<R: Robot<D>, const D: usize, const M: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        pairs: &[Contact<D>],
+        bias: &[f64],
+        torque: &mut Torque,
+    ) -> f64 {
+        robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
+        self.normals.clear();
+        self.bounds.clear();
+        self.keep_distances(settings, robot, pairs);
+        self.keep_joints(settings, robot);
+        self.softness.clear();
+        self.softness.resize(self.bounds.len(), 1.0 / settings.slack_price);
+        let limits = &robot.limits().torque;
+        let within = |(tau, limit): (&f64, &f64)| tau.abs() <= *limit;
+        if self.bounds.iter().all(|bound| *bound <= 0.0)
+            && torque.total.iter().zip(limits).all(within)
+        {
+            return 0.0;
+        }
+        self.weigh(settings, robot, space);
+        self.keep_torques(limits, &torque.total);
+        let outcome = self.program.solve(&Problem {
+            hessian: &self.hessian,
+            gradient: &self.gradient,
+            normals: &self.normals,
+            bounds: &self.bounds,
+            softness: &self.softness,
+        });
+        if outcome == Outcome::NotConvex {
+            return 0.0; // The state is not finite: the run ends here.
+        }
+        let y = self.program.x();
+        let n = y.len();
+        torque.add_to_task(|i| dot(&self.mass[i * n..(i + 1) * n], y));
+        let missing = |(a, bound): (&[f64], &f64)| bound - dot(a, y);
+        let rows = self.normals.chunks_exact(n).zip(&self.bounds).take(pairs.len());
+        rows.map(missing).fold(0.0, f64::max)
+    }
+
+    /// d̈ + 2kḋ + k²(d − margin) ≥ −δ (T67), with the exact d̈ (T60).
+    fn keep_distances<R: Robot<D>, const D: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        pairs: &[Contact<D>],
+    ) {
+        let k = settings.rate;
+        for pair in pairs {
+            let motion = DistanceRate::cautious(robot, pair);
+            let start = self.normals.len();
+            self.normals.resize(start + self.nominal.len(), 0.0);
+            let row = &mut self.normals[start..];
+            robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            let present = dot(row, &self.nominal) + motion.bias;
+            let height = pair.distance - settings.margin;
+            self.bounds.push(-(present + 2.0 * k * motion.rate + k * k * height));
+        }
+    }
+
+    /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
+    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, settings: &Yielding, robot: &R) {
+        let (k, n) = (settings.rate, self.nominal.len());
+        let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
+        for i in 0..n {
+            let mut lower = -k * (self.speed[i] + dq[i]);
+            let mut upper = k * (self.speed[i] - dq[i]);
+            if let Some([low, high]) = ranges.get(i) {
+                lower = lower.max(-2.0 * k * dq[i] - k * k * (q[i] - low));
+                upper = upper.min(-2.0 * k * dq[i] + k * k * (high - q[i]));
+            }
+            for (sign, bound) in [(1.0, lower - self.nominal[i]), (-1.0, self.nominal[i] - upper)] {
+                let start = self.normals.len();
+                self.normals.resize(start + n, 0.0);
+                self.normals[start + i] = sign;
+                self.bounds.push(bound);
+            }
+        }
+    }
+
+    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69).
+    fn weigh<R: Robot<D>, const D: usize, const M: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        space: &OperationalSpace<M>,
+    ) {
+        let n = self.nominal.len();
+        let weight = SMatrix::<f64, M, M>::identity() * settings.task_weight - space.lambda;
+        self.scratch.fill(0.0);
+        for i in 0..n {
+            let row = i * n..(i + 1) * n;
+            self.scratch[i] = 1.0;
+            robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);
+            self.scratch[i] = 0.0;
+            let weighted = weight * robot.jacobian_column::<M>(i);
+            let (hessian, mass) = (&mut self.hessian[row.clone()], &self.mass[row]);
+            for k in 0..=i {
+                hessian[k] = mass[k] + robot.jacobian_column::<M>(k).dot(&weighted);
+            }
+        }
+    }
+
+    /// |τ₀ + M y| ≤ τ_max (T70): hard rows, which never contradict each other because M is regular.
+    fn keep_torques(&mut self, limits: &[f64], nominal: &[f64]) {
+        let n = self.nominal.len();
+        for (i, (limit, tau)) in limits.iter().zip(nominal).enumerate() {
+            let row = &self.mass[i * n..(i + 1) * n];
+            self.normals.extend_from_slice(row);
+            self.normals.extend(row.iter().map(|m| -m));
+            self.bounds.extend([-limit - tau, tau - limit]);
+            self.softness.extend([0.0, 0.0]);
+        }
+    }
+}
