@@ -316,7 +316,7 @@ class Terms:
         """Joint torque, (n,) [N·m]."""
     @property
     def tau_task(self) -> _Array:
-        """What serves the task, (n,) [N·m]."""
+        """What serves the task, and what makes it give way, (n,) [N·m]."""
     @property
     def tau_null(self) -> _Array:
         """What acts in the null space, (n,) [N·m]."""
@@ -329,6 +329,9 @@ class Terms:
     @property
     def clearance(self) -> _Array:
         """Signed distance of each link's surface to the nearest obstacle's, (n,) [m]."""
+    @property
+    def slack(self) -> float:
+        """By how much barriers are broken at most [m/s²]; 0 without ``avoidance="cbf"``."""
     @property
     def N(self) -> _Array:
         """Null-space projector, (n, n)."""

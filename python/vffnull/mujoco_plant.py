@@ -170,7 +170,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
             if held is None or k % period == 0:
                 held = brain.ahead(k * dt, q, dq, now, period * dt) if mode == "predictor" else now
             torques = held.tau, held.tau_task, held.tau_null
-            values = (q.copy(), dq.copy(), *torques, now.tau_vff, now.force, now.clearance)
+            values = (q.copy(), dq.copy(), *torques, now.tau_vff, now.force, now.clearance, now.slack)
             for name, value in zip(_ROWS, values, strict=True):
                 rows[name].append(value)
             if k == steps:
@@ -212,7 +212,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     )
 
 
-_ROWS = ("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearance")
+_ROWS = ("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearance", "slack")
 
 
 class _Brain:
@@ -399,6 +399,9 @@ def _metrics(
     }
     if len(times) > 2:
         found["rms_jerk"] = float(np.sqrt(np.mean(np.diff(dq, n=2, axis=0) ** 2)) / dt**2)
+    if document.get("controller", {}).get("avoidance") == "cbf":
+        found["max_slack"] = float(record["slack"].max())
+        found["slack_steps"] = int(np.sum(record["slack"] > 0.1))
     arm = document["arm"]
     if "joint_limits" in arm:
         lower, upper = np.moveaxis(_floats(arm["joint_limits"]), -1, 0)

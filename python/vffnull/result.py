@@ -253,9 +253,11 @@ class Result:
         try:
             with source.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull"]))
-                arrays = {name: file[name] for name in ("t", *QUANTITIES)}
-            written = int(header["format"])
-            by = str(header["version"])
+                written = int(header["format"])
+                by = str(header["version"])
+                # Another format has other arrays.
+                names = ("t", *QUANTITIES) if written == _FORMAT else ()
+                arrays = {name: file[name] for name in names}
         except (KeyError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
             raise InputError(f"{source}: not a result that vffnull has saved") from None
         if written != _FORMAT:

@@ -191,6 +191,7 @@ impl Controller {
             tau_vff: law.forces().torque().to_vec(),
             force: law.forces().magnitude().to_vec(),
             clearance: law.forces().clearance().to_vec(),
+            slack: law.slack().unwrap_or(0.0),
             projector: law.null_projector(),
         }))
     }
@@ -205,6 +206,8 @@ pub struct Terms {
     tau_vff: Vec<f64>,
     force: Vec<f64>,
     clearance: Vec<f64>,
+    #[pyo3(get)]
+    slack: f64,
     projector: nalgebra::DMatrix<f64>,
 }
 
