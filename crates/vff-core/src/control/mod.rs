@@ -2,7 +2,8 @@
 //!
 //! [`Controller`] strings the parts together: [`operational_space`] (Λ and the null projector),
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
-//! have) and [`law`] or [`extended_jacobian`] (which torque does all of it).
+//! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
+//! where that is not enough).
 
 pub mod avoidance;
 pub mod distance;
@@ -42,7 +43,7 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     reference: Sample<M>,
     error: Vector<M>,
     /// What gives way where the null space is not enough.
-    avoider: Option<Box<Avoider<D, M>>>,
+    avoider: Option<Box<Avoider<D>>>,
 }
 
 impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
@@ -123,7 +124,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.error = task::error(self.robot.pose(), reference.x);
         let de = self.space.dx - reference.dx;
         let pull = match &self.avoider {
-            Some(avoider) => avoider.task(self.forces.clearance(), self.error),
+            Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
             None => self.error,
         };
         let ddx_c = task::commanded_acceleration(&self.gains, reference, pull, de);

@@ -42,7 +42,8 @@ pub enum Outcome {
     Unfinished,
 }
 
-/// The solver with its workspace; nothing allocates after [`new`](Self::new).
+/// The solver with its workspace; nothing allocates after [`new`](Self::new)
+/// and [`reserve`](Self::reserve).
 #[derive(Debug, Clone)]
 pub struct QuadraticProgram {
     n: usize,
@@ -102,8 +103,12 @@ impl QuadraticProgram {
         }
     }
 
-    /// Makes room for `rows` rows in all.
+    /// Makes room for `rows` rows in all; needed of a clone, too, before it can do without allocating.
     pub fn reserve(&mut self, rows: usize) {
+        self.active.clear();
+        self.active.reserve(self.stride);
+        self.multipliers.clear();
+        self.multipliers.reserve(self.stride);
         if rows > self.slack.len() {
             self.slack.resize(rows, UNTOUCHED);
             self.passed.resize(rows, false);

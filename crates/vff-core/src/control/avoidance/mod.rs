@@ -65,22 +65,23 @@ fn smoothstep(s: f64) -> f64 {
 
 /// One of the three ways, with its workspace.
 #[derive(Debug, Clone)]
-pub struct Avoider<const D: usize, const M: usize> {
+pub struct Avoider<const D: usize> {
     settings: Yielding,
     /// The pairs that matter at the observed state.
     pairs: Vec<Contact<D>>,
-    way: Way<M>,
+    way: Way,
     slack: f64,
 }
 
 #[derive(Debug, Clone)]
-enum Way<const M: usize> {
+#[expect(clippy::large_enum_variant, reason = "one per controller, boxed with what is around it")]
+enum Way {
     Relaxed,
     Priority(Priority),
     Barrier(Barrier),
 }
 
-impl<const D: usize, const M: usize> Avoider<D, M> {
+impl<const D: usize> Avoider<D> {
     /// What `avoidance` asks for on `robot`; nothing if the task always wins.
     pub fn new<R: Robot<D>>(
         avoidance: Avoidance,
@@ -123,20 +124,18 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         }
     }
 
-    /// The error as the task is to feel it, and how much of the task's pull remains.
-    pub fn task(&self, forces_clearance: &[f64], e: Vector<M>) -> Vector<M> {
+    /// The error that the stiffness of the task is to act on, at these distances of the links [m].
+    pub fn pull<const M: usize>(&self, clearance: &[f64], e: Vector<M>) -> Vector<M> {
         match self.way {
-            Way::Relaxed => relaxed::pull(
-                &self.settings,
-                e,
-                relaxed::activation(&self.settings, forces_clearance),
-            ),
+            Way::Relaxed => {
+                relaxed::pull(&self.settings, e, relaxed::activation(&self.settings, clearance))
+            }
             _ => e,
         }
     }
 
     /// Changes the torque of the null-space law into one that gives way.
-    pub fn act<R: Robot<D>>(
+    pub fn act<R: Robot<D>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
