@@ -191,3 +191,105 @@ impl Barrier {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Way;
+    use super::*;
+    use crate::control::{Avoidance, Controller, Gains};
+    use crate::scenario::Scenario;
+    use crate::trajectory::Trajectory;
+    use crate::world::World;
+    use clarabel::algebra::CscMatrix;
+    use clarabel::solver::{
+        DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT,
+    };
+    use nalgebra::DMatrix;
+    use std::sync::Arc;
+
+    /// y by Clarabel, every soft row with an unknown of its own.
+    fn oracle(barrier: &Barrier) -> Vec<f64> {
+        let (n, m) = (barrier.nominal.len(), barrier.bounds.len());
+        let soft: Vec<usize> = (0..m).filter(|&i| barrier.softness[i] > 0.0).collect();
+        let size = n + soft.len();
+        let mut p = DMatrix::<f64>::zeros(size, size);
+        let mut a = DMatrix::<f64>::zeros(m, size);
+        for i in 0..n {
+            for k in 0..=i {
+                p[(k, i)] = barrier.hessian[i * n + k];
+            }
+        }
+        for i in 0..m {
+            for k in 0..n {
+                a[(i, k)] = -barrier.normals[i * n + k];
+            }
+        }
+        for (k, &i) in soft.iter().enumerate() {
+            p[(n + k, n + k)] = 1.0 / barrier.softness[i];
+            a[(i, n + k)] = -1.0;
+        }
+        let columns = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
+            matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+        };
+        let b: Vec<f64> = barrier.bounds.iter().map(|b| -b).collect();
+        let cones: Vec<SupportedConeT<f64>> = vec![NonnegativeConeT(m)];
+        let settings = DefaultSettings {
+            verbose: false,
+            tol_gap_abs: 1e-12,
+            tol_gap_rel: 1e-12,
+            tol_feas: 1e-12,
+            ..DefaultSettings::default()
+        };
+        let [p, a] = [&p, &a].map(|matrix| CscMatrix::from(&columns(matrix)));
+        let mut solver =
+            DefaultSolver::new(&p, &vec![0.0; size], &a, &b, &cones, settings).unwrap();
+        solver.solve();
+        let status = solver.solution.status;
+        assert!(matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved), "{status:?}");
+        solver.solution.x[..n].to_vec()
+    }
+
+    /// The programmes of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
+    #[test]
+    fn programmes_of_a_run_agree_with_clarabel() {
+        let text = include_str!("../../../../../python/vffnull/scenarios/on-path.toml");
+        for torque in [None, Some(40.0)] {
+            let mut scenario = Scenario::from_toml(text).unwrap();
+            scenario.controller.avoidance = Avoidance::Cbf;
+            scenario.arm.torque_limits = torque.map(crate::math::Broadcast::Uniform);
+            let arm = Arc::new(scenario.arm.build().unwrap());
+            let mut start = arm.state();
+            start.update(&scenario.q0, &vec![0.0; arm.dof()]);
+            let trajectory = Trajectory::<2>::new(&scenario.reference, start.pose()).unwrap();
+            let gains = Gains::<2>::new(&scenario.controller);
+            let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
+            let mut world = World::new(scenario.obstacles.clone());
+            let mut run = scenario.prepare().unwrap().run;
+            let (mut solved, mut at_limit) = (0, 0);
+            while run.step() {
+                let s = run.snapshot();
+                world.update(s.t);
+                controller.observe(s.q, s.dq, &world);
+                controller.command(&trajectory.at(s.t));
+                let Some(Way::Barrier(barrier)) = controller.avoider.as_ref().map(|a| &a.way)
+                else {
+                    panic!("no barrier");
+                };
+                if barrier.bounds.iter().all(|b| *b <= 0.0) {
+                    continue;
+                }
+                solved += 1;
+                at_limit += usize::from(barrier.program.active().any(|(i, _)| i >= 18));
+                if solved % 5 == 0 {
+                    let (found, expected) = (barrier.program.x(), oracle(barrier));
+                    let scale = expected.iter().fold(1.0, |m: f64, y| m.max(y.abs()));
+                    for (y, expected) in found.iter().zip(&expected) {
+                        assert!((y - expected).abs() < 1e-6 * scale, "{found:?} {expected:?}");
+                    }
+                }
+            }
+            assert!(solved > 500, "{solved}");
+            assert_eq!(at_limit > 50, torque.is_some(), "{at_limit}");
+        }
+    }
+}
