@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core, _record
-from vffnull._record import NAMES, QUANTITIES, recorded, unit
+from vffnull._record import QUANTITIES, recorded, unit
 from vffnull.logs import extra
 from vffnull.scenario import Scenario
 

@@ -1,0 +1,37 @@
+"""Lets autodoc see the compiled classes as their stub describes them: with signatures and docstrings.
+
+`_core.pyi` is Python. It is executed as a module, and for the time in which pages are read its classes stand
+where the package has the compiled ones. The gallery has run by then, with the real ones.
+"""
+
+from __future__ import annotations
+
+import inspect
+from importlib.resources import files
+
+from sphinx.application import Sphinx
+
+import vffnull
+
+
+def described() -> dict[str, type]:
+    """The stub's public classes by name."""
+    text = (files("vffnull") / "_core.pyi").read_text(encoding="utf-8")
+    namespace: dict[str, object] = {"__name__": "vffnull"}
+    exec(compile(text, "_core.pyi", "exec", dont_inherit=True), namespace)
+    return {
+        name: value
+        for name, value in namespace.items()
+        if inspect.isclass(value) and value.__module__ == "vffnull" and not name.startswith("_")
+    }
+
+
+def on_before_read(app: Sphinx, env: object, docnames: list[str]) -> None:
+    """Put the described classes in."""
+    for name, value in described().items():
+        setattr(vffnull, name, value)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("env-before-read-docs", on_before_read)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,106 @@
+"""Builds the documentation by `sphinx-build -W docs docs/_build/html`, with `vffnull[docs]` installed.
+
+Needs no network, neither to build nor to read. Tutorials are executed, examples too, and the pages under
+`generated/` are made from what the installed package says of itself.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import vffnull
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "_ext"))
+os.environ.setdefault("PYDEVD_DISABLE_FILE_VALIDATION", "1")  # kernels would warn of frozen modules
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+
+def mathjax() -> Path:
+    """MathJax as one file, from a package whose name is no identifier."""
+    spec = find_spec("sphinx-mathjax-offline")
+    if spec is None or spec.origin is None:
+        raise SystemExit("the documentation needs `pip install vffnull[docs]`")
+    return Path(spec.origin).parent / "static" / "mathjax" / "tex-svg.js"
+
+
+project = "vffnull"
+release = version = vffnull.__version__
+copyright = "the vffnull authors, MIT licence"
+extensions = [
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "numpydoc",
+    "myst_nb",
+    "sphinx_design",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+    "equations",
+    "pages",
+    "stubs",
+]
+exclude_patterns = ["_build", "generated/figures", "gallery/*.ipynb", "gallery/*.py"]
+suppress_warnings = ["config.cache"]  # the gallery's settings are objects; nothing is lost
+default_role = "py:obj"
+highlight_language = "none"
+add_module_names = False
+toc_object_entries_show_parents = "hide"
+
+html_theme = "pydata_sphinx_theme"
+html_title = "vffnull"
+html_static_path = ["_static", str(mathjax())]
+html_css_files = ["custom.css"]
+html_favicon = "_static/logo.svg"
+html_show_sourcelink = False
+html_copy_source = False
+html_sidebars = {"index": [], "start": []}
+html_theme_options = {
+    "logo": {"text": "vffnull", "image_light": "_static/logo.svg", "image_dark": "_static/logo.svg"},
+    "navbar_align": "left",
+    "navbar_end": ["theme-switcher"],
+    "header_links_before_dropdown": 7,
+    "show_toc_level": 2,
+    "show_nav_level": 1,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "tango",
+    "pygments_dark_style": "github-dark",
+}
+mathjax_path = "tex-svg.js"
+mathjax3_config = {
+    "options": {"enableMenu": False, "processHtmlClass": "math", "ignoreHtmlClass": "body"},
+    "svg": {"fontCache": "global"},
+}
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True}
+numpydoc_show_class_members = False
+
+myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+myst_update_mathjax = False
+myst_links_external_new_tab = False
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 120
+nb_merge_streams = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": ".*",
+    "image_scrapers": ("pages.written_pictures",),
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_memory": False,
+    "show_signature": False,
+    "min_reported_time": 1e9,
+    "capture_repr": (),
+    "copyfile_regex": r"",
+    "write_computation_times": False,
+}
