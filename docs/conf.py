@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import vffnull
@@ -17,15 +16,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 os.environ.setdefault("PYDEVD_DISABLE_FILE_VALIDATION", "1")  # kernels would warn of frozen modules
 os.environ.setdefault("MPLBACKEND", "Agg")
-
-
-def mathjax() -> Path:
-    """MathJax as one file, from a package whose name is no identifier."""
-    spec = find_spec("sphinx-mathjax-offline")
-    if spec is None or spec.origin is None:
-        raise SystemExit("the documentation needs `pip install vffnull[docs]`")
-    return Path(spec.origin).parent / "static" / "mathjax" / "tex-svg.js"
-
+(HERE / "generated" / "written").mkdir(parents=True, exist_ok=True)
 
 project = "vffnull"
 release = version = vffnull.__version__
@@ -42,7 +33,7 @@ extensions = [
     "pages",
     "stubs",
 ]
-exclude_patterns = ["_build", "generated/figures", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = ["_build", "generated/figures", "generated/written", "gallery/*.ipynb", "gallery/*.py"]
 suppress_warnings = ["config.cache"]  # the gallery's settings are objects; nothing is lost
 default_role = "py:obj"
 highlight_language = "none"
@@ -51,7 +42,8 @@ toc_object_entries_show_parents = "hide"
 
 html_theme = "pydata_sphinx_theme"
 html_title = "vffnull"
-html_static_path = ["_static", str(mathjax())]
+html_static_path = ["_static"]
+html_extra_path = ["generated/written"]  # what examples write beside pictures
 html_css_files = ["custom.css"]
 html_favicon = "_static/logo.svg"
 html_show_sourcelink = False
@@ -94,7 +86,7 @@ sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "filename_pattern": ".*",
-    "image_scrapers": ("pages.written_pictures",),
+    "image_scrapers": ("pages.written_files",),
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_memory": False,

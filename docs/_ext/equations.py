@@ -1,15 +1,18 @@
 """Makes GitHub's formulas Sphinx's, and gives every numbered equation an address.
 
 A block ```` ```math ```` becomes an equation, with the target `eq-t12` if it has the tag T12. In every page
-(T12) becomes a link to it.
+(T12) becomes a link to it. MathJax, one file of it, becomes a part of the site: reading fetches nothing.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
 
 BLOCK = re.compile(r"^```math\n(.*?)^```$", re.M | re.S)
 TAG = re.compile(r"\\tag\{T(\d+)\}")
@@ -43,6 +46,18 @@ def on_source_read(app: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = BLOCK.sub(equation, MENTION.sub(link, source[0]))
 
 
+def on_builder_inited(app: Sphinx) -> None:
+    """Copy MathJax from a package whose name is no identifier."""
+    package = find_spec("sphinx-mathjax-offline")
+    if package is None or package.origin is None:
+        raise ExtensionError("the documentation needs `pip install vffnull[docs]`")
+    script = str(app.config.mathjax_path)
+    target = Path(app.outdir) / "_static"
+    target.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(Path(package.origin).parent / "static" / "mathjax" / script, target / script)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("builder-inited", on_builder_inited)
     app.connect("source-read", on_source_read)
     return {"parallel_read_safe": True}

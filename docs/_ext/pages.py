@@ -22,13 +22,17 @@ from vffnull.scenario import read
 RULE = re.compile(r"^ *-{2,}( +-{2,})+ *$")
 
 
-def written_pictures(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
-    """For the gallery: the pictures that an example has written beside itself, moved away from there."""
-    found = []
-    for picture in sorted(Path(variables["src_file"]).parent.glob("*.png")):
+def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
+    """For the gallery: pictures and pages that an example has written beside itself, moved away from there."""
+    folder, found = Path(variables["src_file"]).parent, []
+    for picture in sorted(folder.glob("*.png")):
         found.append(next(variables["image_path_iterator"]))
         shutil.move(picture, found[-1])
-    return str(figure_rst(found, conf["src_dir"]))
+    shown = str(figure_rst(found, conf["src_dir"]))
+    for page in sorted(folder.glob("*.html")):
+        shutil.move(page, Path(conf["src_dir"]) / "generated" / "written" / page.name)
+        shown += f"\n`Open {page.name} <../{page.name}>`__\n"
+    return shown
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:

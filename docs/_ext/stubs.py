@@ -13,12 +13,15 @@ from sphinx.application import Sphinx
 
 import vffnull
 
+# A stub may name a class before it is there.
+FORWARD = annotations.compiler_flag
+
 
 def described() -> dict[str, type]:
     """The stub's public classes by name."""
     text = (files("vffnull") / "_core.pyi").read_text(encoding="utf-8")
     namespace: dict[str, object] = {"__name__": "vffnull"}
-    exec(compile(text, "_core.pyi", "exec", dont_inherit=True), namespace)
+    exec(compile(text, "_core.pyi", "exec", flags=FORWARD, dont_inherit=True), namespace)
     return {
         name: value
         for name, value in namespace.items()
