@@ -15,7 +15,7 @@ import vffnull
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 os.environ.setdefault("PYDEVD_DISABLE_FILE_VALIDATION", "1")  # kernels would warn of frozen modules
-os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.pop("MPLBACKEND", None)  # kernels show figures where they are
 (HERE / "generated" / "written").mkdir(parents=True, exist_ok=True)
 
 project = "vffnull"
@@ -48,7 +48,7 @@ html_css_files = ["custom.css"]
 html_favicon = "_static/logo.svg"
 html_show_sourcelink = False
 html_copy_source = False
-html_sidebars = {"index": [], "start": []}
+html_sidebars = {name: [] for name in ("index", "start", "theory", "generated/scenarios", "speed")}
 html_theme_options = {
     "logo": {"text": "vffnull", "image_light": "_static/logo.svg", "image_dark": "_static/logo.svg"},
     "navbar_align": "left",
@@ -65,7 +65,7 @@ html_theme_options = {
 mathjax_path = "tex-svg.js"
 mathjax3_config = {
     "options": {"enableMenu": False, "processHtmlClass": "math", "ignoreHtmlClass": "body"},
-    "svg": {"fontCache": "global"},
+    "svg": {"fontCache": "global", "scale": 0.9},
 }
 
 autodoc_typehints = "none"
@@ -87,6 +87,8 @@ sphinx_gallery_conf = {
     "gallery_dirs": "gallery",
     "filename_pattern": ".*",
     "image_scrapers": ("pages.written_files",),
+    "within_subsection_order": "pages.Order",
+    "thumbnail_size": (480, 300),
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_memory": False,

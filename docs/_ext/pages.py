@@ -22,8 +22,21 @@ from vffnull.scenario import read
 RULE = re.compile(r"^ *-{2,}( +-{2,})+ *$")
 
 
+class Order:
+    """The gallery's order: what the package is for first, then by name."""
+
+    FIRST = ("sweep_through", "follow_line", "own_loop", "compare_projections", "design_gains", "limits")
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+
+    def __call__(self, file: str) -> tuple[int, str]:
+        name = Path(file).stem
+        return (self.FIRST.index(name) if name in self.FIRST else len(self.FIRST), name)
+
+
 def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
-    """For the gallery: pictures and pages that an example has written beside itself, moved away from there."""
+    """For the gallery: pictures and pages that an example has written beside itself, moved away."""
     folder, found = Path(variables["src_file"]).parent, []
     for picture in sorted(folder.glob("*.png")):
         found.append(next(variables["image_path_iterator"]))
