@@ -37,6 +37,7 @@ exclude_patterns = ["_build", "generated/figures", "generated/written", "gallery
 suppress_warnings = ["config.cache"]  # the gallery's settings are objects; nothing is lost
 default_role = "py:obj"
 highlight_language = "none"
+smartquotes = False
 add_module_names = False
 toc_object_entries_show_parents = "hide"
 
