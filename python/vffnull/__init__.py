@@ -22,11 +22,13 @@ from vffnull._core import (
     PORTS,
     Arm,
     Controller,
+    Distances,
     ExtendedJacobian,
     Simulation,
     State,
     Terms,
     __version__,
+    distances,
 )
 from vffnull._many import metrics_table, simulate_many
 from vffnull._simulate import simulate
@@ -48,6 +50,7 @@ __all__ = [
     "Arm",
     "ControlSettings",
     "Controller",
+    "Distances",
     "ExtendedJacobian",
     "Field",
     "Histogram",
@@ -65,6 +68,7 @@ __all__ = [
     "VffNullError",
     "__version__",
     "compare",
+    "distances",
     "errors",
     "metrics_table",
     "realtime",
