@@ -1,7 +1,7 @@
 """Lets autodoc see the compiled classes as their stub describes them: with signatures and docstrings.
 
-`_core.pyi` is Python. It is executed as a module, and for the time in which pages are read its classes stand
-where the package has the compiled ones. The gallery has run by then, with the real ones.
+`_core.pyi` is Python. It is executed as a module, and while pages are read its classes and functions stand where the
+package has the compiled ones. The gallery has run by then, with the real ones.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import vffnull
 FORWARD = annotations.compiler_flag
 
 
-def described() -> dict[str, type]:
-    """The stub's public classes by name."""
+def described() -> dict[str, object]:
+    """What the package has from the core, as the stub describes it, by name."""
     text = (files("vffnull") / "_core.pyi").read_text(encoding="utf-8")
     namespace: dict[str, object] = {"__name__": "vffnull"}
     exec(compile(text, "_core.pyi", "exec", flags=FORWARD, dont_inherit=True), namespace)
     return {
         name: value
         for name, value in namespace.items()
-        if inspect.isclass(value) and value.__module__ == "vffnull" and not name.startswith("_")
+        if name in vffnull.__all__ and (inspect.isclass(value) or inspect.isfunction(value))
     }
 
 
