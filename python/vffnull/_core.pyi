@@ -38,10 +38,13 @@ _Array = NDArray[np.float64]
 
 __version__: str
 METRICS: dict[str, tuple[str, str]]
-ENERGIES: tuple[str, ...]
-OBJECTIVES: tuple[str, ...]
-PORTS: tuple[str, ...]
 """Unit and one-line description of every metric, in the order in which they are shown."""
+ENERGIES: tuple[str, ...]
+"""The energies that are recorded: kinetic, of gravity, and what the null space stores."""
+OBJECTIVES: tuple[str, ...]
+"""What limits take from, first to last, and at the end the reference's speed."""
+PORTS: tuple[str, ...]
+"""The powers that are recorded: of the motors, then of all that feeds or drains the null space."""
 
 @final
 class Arm:
