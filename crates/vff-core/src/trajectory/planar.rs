@@ -68,7 +68,7 @@ impl<const M: usize> Lissajous<M> {
 
 #[cfg(test)]
 mod tests {
-    use crate::math::{Vector, sin_cos};
+    use crate::math::Vector;
     use crate::trajectory::testing::{assert_close, check_derivatives};
     use crate::trajectory::{Reference, Trajectory, TrajectoryError};
     use proptest::prelude::*;
