@@ -6,7 +6,7 @@ mod sincos;
 
 pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
-pub use sincos::sin_cos;
+pub use sincos::{sin_cos, sin_cos_all};
 
 use nalgebra::SVector;
 

@@ -76,6 +76,11 @@ impl<const M: usize> Truth<M> {
     }
 }
 
+/// Whether all values are finite; without leaving early, which would be a branch for each.
+fn is_finite(values: &[f64]) -> bool {
+    values.iter().fold(true, |all, v| all & v.is_finite())
+}
+
 /// The controller with what it perceives and what it is told.
 #[derive(Debug, Clone)]
 struct Brain<const M: usize> {
@@ -182,7 +187,8 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Whether the state is finite and no joint turns faster than [`MAX_SPEED`](Self::MAX_SPEED).
     fn is_sane(&self) -> bool {
-        self.q.iter().all(|q| q.is_finite()) && self.dq.iter().all(|v| v.abs() < Self::MAX_SPEED)
+        let slow = self.dq.iter().fold(true, |all, v| all & (v.abs() < Self::MAX_SPEED));
+        slow && is_finite(&self.q)
     }
 
     /// Whether torque or speed limits hold for the controller.
@@ -309,9 +315,8 @@ impl<const M: usize> ClosedLoop<M> {
     /// Whether everything that the law made of the present state is finite.
     pub fn is_defined(&self) -> bool {
         let forces = self.brain.controller.forces();
-        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         let total = self.brain.controller.torque().total.as_slice();
-        finite(total) && finite(&self.held.total) && finite(forces.magnitude())
+        is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude())
     }
 
     /// Evaluates the law at the present state, as far as it is known, and, at the beginning of a

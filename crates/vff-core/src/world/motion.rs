@@ -1,6 +1,6 @@
 //! How an obstacle moves, with its exact velocity and acceleration.
 
-use crate::math::Vector;
+use crate::math::{Vector, sin_cos};
 use serde::Deserialize;
 
 /// The prescribed motion of an obstacle: a translation; its angle stays.
@@ -100,7 +100,7 @@ impl Motion {
             }
             Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
                 let amplitude = Vector::from(*amplitude);
-                let (sin, cos) = (omega * t + phase).sin_cos();
+                let (sin, cos) = sin_cos(omega * t + phase);
                 MotionState {
                     position: position0 + amplitude * sin,
                     velocity: amplitude * (omega * cos),
