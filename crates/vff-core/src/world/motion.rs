@@ -1,6 +1,6 @@
 //! How an obstacle moves, with its exact velocity and acceleration.
 
-use crate::math::Vector;
+use crate::math::{Pursuit, Vector};
 use serde::Deserialize;
 
 /// The prescribed motion of an obstacle: a translation; its angle stays.
@@ -36,6 +36,9 @@ pub enum Motion {
         /// Position at each instant [m].
         points: Vec<[f64; 2]>,
     },
+    /// Carried to a place by hand while the loop runs; no scenario says so.
+    #[serde(skip)]
+    Carried(Pursuit<2>),
 }
 
 /// Where an obstacle is and how it moves at one instant.
@@ -83,6 +86,7 @@ impl Motion {
                 };
                 (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
             }
+            Self::Carried(pursuit) => pursuit.top_speed(),
         }
     }
 
@@ -108,6 +112,10 @@ impl Motion {
                 }
             }
             Self::Waypoints { times, points } => along(times, points, t, position0),
+            Self::Carried(pursuit) => {
+                let [position, velocity, acceleration] = pursuit.at(t);
+                MotionState { position, velocity, acceleration }
+            }
         }
     }
 
@@ -141,6 +149,11 @@ impl Motion {
                         [start, end].map(|t| leg(times, points, next, t).position)
                     })
                     .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
+            }
+            Self::Carried(pursuit) => {
+                let goal = pursuit.goal();
+                let span = pursuit.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
+                [goal.add_scalar(-span), goal.add_scalar(span)]
             }
         }
     }
