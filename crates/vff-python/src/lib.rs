@@ -4,6 +4,7 @@ mod arm;
 mod controller;
 mod convert;
 mod errors;
+mod live;
 mod real_time;
 mod run;
 mod simulation;
@@ -18,6 +19,8 @@ mod _core {
     use crate::arm::{Arm, ExtendedJacobian, plant};
     #[pymodule_export]
     use crate::controller::{Controller, Terms};
+    #[pymodule_export]
+    use crate::live::Live;
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]

@@ -149,6 +149,11 @@ impl Live {
         }
     }
 
+    /// The arm, as the controller believes it to be.
+    pub fn arm(&self) -> &PlanarArm {
+        &self.arm
+    }
+
     /// How it is.
     pub fn state(&self) -> &State {
         &self.state
