@@ -502,8 +502,8 @@ class Live:
     def carry(self, obstacle: int, place: ArrayLike) -> None:
         """Take an obstacle to a place (2,) [m], smoothly and not faster than half the reach per second."""
     def aim(self, place: ArrayLike) -> None:
-        """Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not faster
-        than a quarter of the reach per second.
+        """Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not
+        faster than a quarter of the reach per second.
         """
     def add(self, obstacle: _Document) -> None:
         """Add an obstacle, the last one from now on. Ends a recording."""
@@ -512,8 +512,8 @@ class Live:
     def record(self, on: bool) -> None:
         """Begin to record a row every 10 ms, or end it."""
     def take(self) -> tuple[dict[str, Any] | None, int]:
-        """The rows recorded since the last call, as arrays; None if nothing is recorded. And how many were lost
-        since the recording began, because nobody took them within ten seconds.
+        """The rows recorded since the last call, as arrays; None if nothing is recorded. And how many were
+        lost since the recording began, because nobody took them within ten seconds.
         """
     def snapshot(self) -> LiveState:
         """The present instant."""

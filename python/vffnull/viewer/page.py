@@ -21,6 +21,8 @@ from vffnull.viewer.scene import FIELD_OF_VIEW, Scene, view
 
 FRAME = 1 / 60
 """Between two pictures [s]."""
+ASPECT = 0.92
+"""Width over height of the picture between the panels, on a small screen."""
 READ = 0.15
 """Between two updates of the numbers [s]."""
 
@@ -56,9 +58,9 @@ class LivePage:
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         gui = self._server.gui
         gui.set_panel_label("vffnull live")
-        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 84, 140))
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(330)
+        gui.main_panel.set_width(340)
         plots = gui.add_panel()
         with plots.add_tab("Live plots"):
             self._plots = Plots(self._server)
@@ -93,7 +95,7 @@ class LivePage:
         self._scene = Scene(self._server, scenario, self._carry, self._aim)
         self._plots.clear()
         self._panel.show(scenario)
-        position, look_at = view(self._box())
+        position, look_at = view(self._box(), ASPECT)
         camera = self._server.initial_camera
         camera.fov, camera.far = FIELD_OF_VIEW, 20 * position[2]
         camera.up, camera.position, camera.look_at = (0.0, 1.0, 0.0), position, look_at
@@ -167,7 +169,7 @@ class LivePage:
 
     def look_from_above(self, client: viser.ClientHandle) -> None:
         """Put the camera back where the plane is seen from above."""
-        position, look_at = view(self._box())
+        position, look_at = view(self._box(), min(client.camera.aspect, ASPECT))
         with client.atomic():
             client.camera.up_direction = (0.0, 1.0, 0.0)
             client.camera.fov = FIELD_OF_VIEW
@@ -219,7 +221,7 @@ class LivePage:
         return float(low[0]), float(high[0]), float(low[1] - missing), float(high[1] + missing)
 
     def _paint(self) -> None:
-        """Draw until the page is stopped; a fault of one picture must not end the film."""
+        """Draw until the page is stopped."""
         read_at = 0.0
         due = time.monotonic()
         while not self._over.is_set():
@@ -233,10 +235,21 @@ class LivePage:
                 if now - read_at > READ:
                     read_at = now
                     self._panel.read(state)
-                    if self._recording is not None:
-                        self._recording.drain()
+                    self._drain()
             self._count(now)
             self._over.wait(max(0.0, due - time.monotonic()))
+
+    def _drain(self) -> None:
+        """Write what has been recorded; a disk that is full ends the recording, not the page."""
+        try:
+            if self._recording is not None:
+                self._recording.drain()
+        except OSError as fault:
+            self._recording = None
+            self._live.record(False)
+            self._panel.show_recording(False)
+            for client in self._server.get_clients().values():
+                client.add_notification("The recording has ended", str(fault), color="red")
 
     def _count(self, now: float) -> None:
         since, frames = self._frames

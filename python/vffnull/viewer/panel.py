@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +18,10 @@ if TYPE_CHECKING:
     from vffnull.viewer.page import LivePage
 
 LEAD = """
-**Switch the projection off and watch the tip.** The field pushes the links away from the obstacle. Through the
-null space the same push cannot move the tip.
+The field pushes the links away from the obstacle; the null-space projection keeps that push off the tip.
+**Switch the projection off and watch the tip.**
 """
+ALARM, CALM = "#c81428", "#0a7d55"
 HINT = "Drag the dark obstacles and the green target. Drag the floor to tilt the view."
 
 
@@ -40,16 +42,17 @@ class Panel:
         self._showing = False
         gui = server.gui
         gui.add_markdown(LEAD)
-        self._projection = gui.add_checkbox("Null-space projection", True)
+        self._projection = gui.add_button("Null-space projection: on")
+        self._projected = True
         self._field = gui.add_checkbox("Repulsive field", True)
         self._numbers = gui.add_html("")
         with gui.add_folder("Scene"):
             self._preset = gui.add_dropdown("Preset", tuple(scenarios()))
-            self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
-            self._reset = gui.add_button("Reset", icon=viser.Icon.REFRESH)
-            self._above = gui.add_button("2-D view", icon=viser.Icon.VIEWPORT_WIDE)
+            self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
+            self._reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, color="gray")
+            self._above = gui.add_button("2-D view", icon=viser.Icon.VIEWPORT_WIDE, color="gray")
             self._obstacles = gui.add_button_group("Obstacle", ("add", "remove"))
-            self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD)
+            self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="gray")
             gui.add_markdown(HINT)
         with gui.add_folder("Controller"):
             self._gain = gui.add_slider("Field gain", 0.01, 6.0, 0.01, 1.0)
@@ -66,7 +69,7 @@ class Panel:
         field = self._settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
         self._showing = True
         try:
-            self._projection.value = self._settings.get("projection", "dynamic") != "none"
+            self._show_projection(self._settings.get("projection", "dynamic") != "none")
             self._field.value = field["gain"] > 0.0
             self._kind.value = field["kind"]
             put(self._gain, field["gain"] or 1.0)
@@ -89,14 +92,14 @@ class Panel:
         """Let the button say what it does next."""
         self._record.label = "Stop recording" if on else "Record"
         self._record.icon = viser.Icon.PLAYER_STOP if on else viser.Icon.PLAYER_RECORD
-        self._record.color = "red" if on else None
+        self._record.color = "red" if on else "gray"
 
     # ---------------------------------------------------------------------------------------------- inside
 
     def _connect(self) -> None:
         """Callbacks are `async`, because others may overtake each other."""
         page = self._page
-        switches = (self._projection, self._field, self._kind)
+        switches = (self._field, self._kind)
         sliders = (self._gain, self._influence, self._stiffness, self._damping, self._null_damping)
         for control in (*switches, *sliders):
 
@@ -104,6 +107,12 @@ class Panel:
             async def _(event: viser.GuiEvent[Any]) -> None:
                 if not self._showing:
                     self._told(event.client, self._changed, event.target)
+
+        @self._projection.on_click
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            self._show_projection(not self._projected)
+            self._settings["projection"] = "dynamic" if self._projected else "none"
+            self._told(event.client, self._apply)
 
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -138,9 +147,7 @@ class Panel:
     def _changed(self, control: Any) -> None:
         """Write what a control says into the settings, those that others set left as they are."""
         settings, field = self._settings, self._settings["field"]
-        if control is self._projection:
-            settings["projection"] = "dynamic" if control.value else "none"
-        elif control is self._kind:
+        if control is self._kind:
             field["kind"] = control.value
             if control.value == "bounded":
                 field.pop("floor", None)
@@ -173,6 +180,12 @@ class Panel:
         if client is not None:
             client.add_notification(title, text, auto_close_seconds=6.0)
 
+    def _show_projection(self, on: bool) -> None:
+        self._projected = on
+        self._projection.label = f"Null-space projection: {'on' if on else 'OFF'}"
+        self._projection.icon = viser.Icon.TOGGLE_RIGHT if on else viser.Icon.TOGGLE_LEFT
+        self._projection.color = "green" if on else "red"
+
     def _show_paused(self, paused: bool) -> None:
         self._pause.label = "Go on" if paused else "Pause"
         self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
@@ -203,32 +216,27 @@ def first(value: Any) -> float:
 def numbers(state: Mapping[str, Any]) -> str:
     """The read-out as HTML."""
     clearance, error, _ = measures(state)
-    least = 1e3 * state["min_clearance"]
-    alarm, calm = "#c81428", "#0a7d55"
-    status = state["status"]
-    rows = [
-        ("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", calm if error < 1 else alarm),
-        ("Clearance now", "clearance", f"{clearance:.0f} mm", calm if not clearance <= 0 else alarm),
-        ("Smallest so far", "least", f"{least:.0f} mm", calm if not least <= 0 else alarm),
-    ]
-    if not np.isfinite(least):
-        rows[1:] = []
+    least = state["min_clearance"]
+    rows = [("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", error < 1)]
+    if np.isfinite(least):
+        rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
+        rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))
     cells = "".join(
-        f'<tr><td style="padding:1px 0">{label}</td><td id="vff-{name}" style="text-align:right;font-weight:600;'
-        f'font-size:{"1.35em" if name == "tip" else "1em"};color:{colour}">{value}</td></tr>'
-        for label, name, value, colour in rows
-    )
-    loop = (
-        f'<span id="vff-status">{status}</span> · t = {state["t"]:.1f} s<br>loop <span id="vff-rate">'
-        f"{state['rate']:.1f}</span> Hz · <span id=\"vff-missed\">{state['missed']}</span> of {state['periods']} "
-        f"deadlines missed · longest step {1e6 * state['worst']:.0f} µs"
+        f'<tr><td>{label}</td><td id="vff-{name}" style="text-align:right;font-weight:600;'
+        f'font-size:{"1.4em" if name == "tip" else "1em"};color:{CALM if fine else ALARM}">{value}</td></tr>'
+        for label, name, value, fine in rows
     )
     trouble = ""
-    if status in ("diverged", "failed"):
+    if state["status"] in ("diverged", "failed"):
         trouble = (
-            f'<div style="color:white;background:{alarm};padding:6px 8px;border-radius:4px;margin:4px 0">'
-            f"The loop has stopped: {state['message']}. Press <b>Reset</b>.</div>"
+            f'<div style="color:white;background:{ALARM};padding:6px 8px;border-radius:4px;margin:4px 0">'
+            f"The loop has stopped: {escape(state['message'])}. Press <b>Reset</b>.</div>"
         )
+    loop = (
+        f'<span id="vff-status">{state["status"]}</span> · t = {state["t"]:.1f} s<br>'
+        f'loop <span id="vff-rate">{state["rate"]:.1f}</span> Hz · longest step {1e6 * state["worst"]:.0f} µs<br>'
+        f"{state['missed']} of {state['periods']} deadlines missed"
+    )
     return (
         f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
         f'<table style="width:100%;border-collapse:collapse">{cells}</table>'

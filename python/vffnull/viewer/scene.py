@@ -19,7 +19,9 @@ Drop = Callable[[Array], None]
 FREE, NEAR, HIT = np.array([86, 110, 140]), np.array([230, 130, 30]), np.array([200, 20, 40])
 """Colours of a link that is out of influence, half way in, and in contact."""
 OBSTACLE, HALO, TARGET, TIP, FORCE = (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43)
-LAYERS = {name: 0.004 * k for k, name in enumerate(("halo", "obstacle", "link", "target", "trail", "force", "tip"))}
+LAYERS = {
+    name: 0.004 * k for k, name in enumerate(("halo", "obstacle", "link", "target", "trail", "force", "tip"))
+}
 """Heights [reaches], so that nothing is hidden by what it lies on."""
 SHADES = 24
 """Colours of links are rounded to so many, so that they need not be sent in every frame."""
@@ -158,7 +160,7 @@ class Scene:
         self._trail.points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
 
     def _draw_forces(self, points: Array, forces: Array) -> None:
-        """One arrow per link; its length grows with the logarithm of the force, so that weak ones are seen."""
+        """One arrow per link, its length the logarithm of the force, so that weak ones are seen."""
         for handle, point, force in zip(self._forces, points, forces, strict=True):
             size = float(np.hypot(*force))
             visible = size > 0.02
@@ -166,7 +168,7 @@ class Scene:
                 handle.visible = visible
             if visible:
                 length = 0.07 * self.reach * np.log1p(size)
-                handle.scale = (length, 0.05 * self.reach, 1.0)
+                handle.scale = (length, min(0.05 * self.reach, 0.8 * length), 1.0)
                 handle.wxyz = turn(float(np.arctan2(force[1], force[0])))
                 handle.position = (*point, self._at("force"))
 
@@ -197,7 +199,9 @@ class Scene:
         path, offset = "/arm", 0.0
         scene = self._server.scene
         scene.add_frame("/arm", show_axes=False, position=(0.0, 0.0, self._at("link")))
-        base = geometry.rounded(np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * radii[0], radii[0])
+        base = geometry.rounded(
+            np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * radii[0], radii[0]
+        )
         self._plate("/base", base, OBSTACLE, self._at("link") - 0.001 * self.reach)
         for i, (length, radius) in enumerate(zip(self._lengths, radii, strict=True)):
             path = f"{path}/{i + 1}"
@@ -214,10 +218,14 @@ class Scene:
         handle = self._disc("/target", radius, TARGET, self._at("target"), opacity=0.35)
         ring = geometry.rounded(np.zeros((1, 2)), radius)
         ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
-        cross = radius * np.array([[[-1.5, 0], [-0.6, 0]], [[0.6, 0], [1.5, 0]], [[0, -1.5], [0, -0.6]], [[0, 0.6], [0, 1.5]]])
+        cross = radius * np.array(
+            [[[-1.5, 0], [-0.6, 0]], [[0.6, 0], [1.5, 0]], [[0, -1.5], [0, -0.6]], [[0, 0.6], [0, 1.5]]]
+        )
         lines = np.vstack([ends, cross])
         lines = np.concatenate([lines, np.zeros((*lines.shape[:2], 1))], axis=2)
-        self._server.scene.add_line_segments("/target/ring", lines, np.array(TARGET), thickness=0.005 * self.reach)
+        self._server.scene.add_line_segments(
+            "/target/ring", lines, np.array(TARGET), thickness=0.005 * self.reach
+        )
 
         @handle.on_drag
         async def _(event: viser.SceneNodeDragEvent[Any]) -> None:
@@ -232,12 +240,19 @@ class Scene:
 
     def _add_arrow(self, index: int) -> viser.MeshHandle:
         """An arrow of unit length along x, to be stretched and turned."""
-        outline = np.array([[0, -0.14], [0.72, -0.14], [0.72, -0.5], [1, 0], [0.72, 0.5], [0.72, 0.14], [0, 0.14]])
+        outline = np.array(
+            [[0, -0.14], [0.72, -0.14], [0.72, -0.5], [1, 0], [0.72, 0.5], [0.72, 0.14], [0, 0.14]]
+        )
         faces = np.array([[0, 1, 5], [0, 5, 6], [2, 3, 4]])
         return self._mesh(f"/force-{index}", outline, faces, FORCE, 0.0, None, False)
 
     def _disc(
-        self, name: str, radius: float, colour: tuple[int, int, int], height: float, opacity: float | None = None
+        self,
+        name: str,
+        radius: float,
+        colour: tuple[int, int, int],
+        height: float,
+        opacity: float | None = None,
     ) -> viser.MeshHandle:
         return self._plate(name, geometry.rounded(np.zeros((1, 2)), radius), colour, height, opacity)
 
@@ -296,9 +311,13 @@ def on_floor(event: viser.SceneNodeDragEvent[Any], start: bool = False) -> Array
     return place
 
 
-def view(box: tuple[float, float, float, float]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Where a camera stands, and what it looks at, that sees a box (left, right, bottom, top) [m] from above."""
+def view(
+    box: tuple[float, float, float, float], aspect: float
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Where a camera stands, and what it looks at, that sees a box (left, right, bottom, top) [m] from
+    above in a picture of this width over height.
+    """
     left, right, bottom, top = box
     x, y = (left + right) / 2, (bottom + top) / 2
-    height = max((top - bottom) / 2, (right - left) / 2 / 1.2) / np.tan(FIELD_OF_VIEW / 2)
+    height = max((top - bottom) / 2, (right - left) / 2 / aspect) / np.tan(FIELD_OF_VIEW / 2)
     return (x, y, float(height)), (x, y, 0.0)
