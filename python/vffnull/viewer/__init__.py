@@ -11,7 +11,7 @@ from vffnull.errors import InputError, InputTypeError
 from vffnull.logs import extra
 
 if TYPE_CHECKING:
-    from vffnull._simulate import ScenarioLike
+    from vffnull.scenario import ScenarioLike
     from vffnull.viewer.page import LivePage
 
 __all__ = ["live"]

@@ -22,7 +22,7 @@ from vffnull.viewer.scene import FIELD_OF_VIEW, Scene, view
 FRAME = 1 / 60
 """Between two pictures [s]."""
 ASPECT = 0.92
-"""Width over height of the picture between the panels, on a small screen."""
+"""Width over height of the picture, until the browser says what it is."""
 READ = 0.15
 """Between two updates of the numbers [s]."""
 
@@ -155,6 +155,7 @@ class LivePage:
         with self._lock:
             if self._recording is None:
                 self._recording = Recording(self._live, self._scenario, self._folder)
+                self._panel.show_recording(True)
             return self._recording.path
 
     def stop_recording(self) -> tuple[Path, int] | None:
@@ -169,7 +170,7 @@ class LivePage:
 
     def look_from_above(self, client: viser.ClientHandle) -> None:
         """Put the camera back where the plane is seen from above."""
-        position, look_at = view(self._box(), min(client.camera.aspect, ASPECT))
+        position, look_at = view(self._box(), client.camera.aspect)
         with client.atomic():
             client.camera.up_direction = (0.0, 1.0, 0.0)
             client.camera.fov = FIELD_OF_VIEW
@@ -206,7 +207,15 @@ class LivePage:
         self._live.aim(place)
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
-        self.look_from_above(client)
+        """Show the whole picture, now and whenever the room for it changes."""
+        fitted = 0.0
+
+        @client.camera.on_update
+        async def _(camera: viser.CameraHandle) -> None:
+            nonlocal fitted
+            if abs(camera.aspect - fitted) > 0.02:
+                fitted = camera.aspect
+                self.look_from_above(client)
 
     def _box(self) -> tuple[float, float, float, float]:
         """Limits [m] around the arm at its start and what it meets in the first seconds."""

@@ -39,7 +39,6 @@ class Panel:
     def __init__(self, server: viser.ViserServer, page: LivePage) -> None:
         self._server, self._page = server, page
         self._settings: dict[str, Any] = {}
-        self._showing = False
         gui = server.gui
         gui.add_markdown(LEAD)
         self._projection = gui.add_button("Null-space projection: on")
@@ -67,21 +66,17 @@ class Panel:
         """Set every control to what a scenario says."""
         self._settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
         field = self._settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
-        self._showing = True
-        try:
-            self._show_projection(self._settings.get("projection", "dynamic") != "none")
-            self._field.value = field["gain"] > 0.0
-            self._kind.value = field["kind"]
-            put(self._gain, field["gain"] or 1.0)
-            put(self._influence, field["influence"])
-            put(self._stiffness, first(self._settings.get("stiffness", 16.0)))
-            put(self._damping, first(self._settings.get("damping", 8.0)))
-            put(self._null_damping, first(self._settings.get("null_damping", 2.0)))
-            if scenario.name in self._preset.options:
-                self._preset.value = scenario.name
-            self._show_paused(False)
-        finally:
-            self._showing = False
+        self._show_projection(self._settings.get("projection", "dynamic") != "none")
+        put(self._field, field["gain"] > 0.0)
+        put(self._kind, field["kind"])
+        slide(self._gain, field["gain"] or 1.0)
+        slide(self._influence, field["influence"])
+        slide(self._stiffness, first(self._settings.get("stiffness", 16.0)))
+        slide(self._damping, first(self._settings.get("damping", 8.0)))
+        slide(self._null_damping, first(self._settings.get("null_damping", 2.0)))
+        if scenario.name in self._preset.options:
+            put(self._preset, scenario.name)
+        self._show_paused(False)
         self._apply()
 
     def read(self, state: Mapping[str, Any]) -> None:
@@ -101,12 +96,13 @@ class Panel:
         page = self._page
         switches = (self._field, self._kind)
         sliders = (self._gain, self._influence, self._stiffness, self._damping, self._null_damping)
-        for control in (*switches, *sliders):
 
-            @control.on_update
-            async def _(event: viser.GuiEvent[Any]) -> None:
-                if not self._showing:
-                    self._told(event.client, self._changed, event.target)
+        async def changed(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:  # somebody has turned it, not `show`
+                self._told(event.client, self._changed, event.target)
+
+        for control in (*switches, *sliders):
+            control.on_update(changed)
 
         @self._projection.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -116,7 +112,7 @@ class Panel:
 
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
-            if not self._showing:
+            if event.client is not None:  # somebody has chosen it
                 self._told(event.client, lambda: page.open(Scenario.load(self._preset.value)))
 
         @self._pause.on_click
@@ -173,7 +169,6 @@ class Panel:
         ended = self._page.stop_recording()
         if ended is None:
             path = self._page.start_recording()
-            self.show_recording(True)
             title, text = "Recording", f"A row every 10 ms goes to {path}"
         else:
             title, text = "Recorded", f"{ended[1]} rows in {ended[0]}; read them with vff.StreamRecorder.read"
@@ -201,11 +196,16 @@ class Panel:
             client.add_notification("This cannot be done", str(fault), color="red", auto_close_seconds=8.0)
 
 
-def put(slider: Any, value: float) -> None:
+def put(control: Any, value: Any) -> None:
+    """Set a control; viser's types take its values for read-only."""
+    control.value = value
+
+
+def slide(slider: Any, value: float) -> None:
     """Move a slider, and widen it if it has to."""
     if value > slider.max:
         slider.max = 2.0 * value
-    slider.value = max(value, slider.min)
+    put(slider, max(value, slider.min))
 
 
 def first(value: Any) -> float:
@@ -234,7 +234,8 @@ def numbers(state: Mapping[str, Any]) -> str:
         )
     loop = (
         f'<span id="vff-status">{state["status"]}</span> · t = {state["t"]:.1f} s<br>'
-        f'loop <span id="vff-rate">{state["rate"]:.1f}</span> Hz · longest step {1e6 * state["worst"]:.0f} µs<br>'
+        f'loop <span id="vff-rate">{state["rate"]:.1f}</span> Hz · '
+        f"longest step {1e6 * state['worst']:.0f} µs<br>"
         f"{state['missed']} of {state['periods']} deadlines missed"
     )
     return (
