@@ -171,7 +171,7 @@ class Visitor:
 
 
 def test_a_visitor_drags_the_obstacle_into_the_arm(browser: Any, tmp_path: Path) -> None:
-    """The links give way and the tip stays put; without projection it does not. All by mouse, in Chromium.
+    """The links give way and the tip stays put; without projection it does not: all by mouse, in Chromium.
 
     The bounds: no contact, and less than a millimetre, ten times of what a torque held for a millisecond
     makes of it at the speed of a hand. Without projection the tip is pushed off by centimetres.

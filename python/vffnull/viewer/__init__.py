@@ -77,6 +77,8 @@ def live(
     from vffnull.viewer.page import LivePage
 
     page = LivePage(prepare(scenario), port, folder)
+    if block:
+        print(f"{page.url}; Ctrl-C ends it")
     try:
         if open_browser:
             webbrowser.open(page.url)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,11 @@ ASPECT = 0.92
 """Width over height of the picture, until the browser says what it is."""
 READ = 0.15
 """Between two updates of the numbers [s]."""
+
+
+def quiet() -> redirect_stdout[io.StringIO]:
+    """Hold back what viser prints: whoever opens the page says where it is."""
+    return redirect_stdout(io.StringIO())
 
 
 class LivePage:
@@ -54,13 +61,14 @@ class LivePage:
         self._frames: tuple[float, int] = (time.monotonic(), 0)
         self.frame_rate = 0.0
         """Pictures sent per second [Hz]."""
-        self._server = viser.ViserServer(host="127.0.0.1", port=port, label="vffnull", verbose=False)
+        with quiet():
+            self._server = viser.ViserServer(host="127.0.0.1", port=port, label="vffnull", verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         gui = self._server.gui
         gui.set_panel_label("vffnull live")
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 84, 140))
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(340)
+        gui.main_panel.set_width(370)
         plots = gui.add_panel()
         with plots.add_tab("Live plots"):
             self._plots = Plots(self._server)
@@ -196,7 +204,8 @@ class LivePage:
         self._painter.join()
         self.stop_recording()
         self._live.stop()
-        self._server.stop()
+        with quiet():
+            self._server.stop()
 
     # --------------------------------------------------------------------------------------------- inside
 

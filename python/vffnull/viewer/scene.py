@@ -168,7 +168,7 @@ class Scene:
                 handle.visible = visible
             if visible:
                 length = 0.07 * self.reach * np.log1p(size)
-                handle.scale = (length, min(0.05 * self.reach, 0.8 * length), 1.0)
+                handle.scale = (length, min(0.045 * self.reach, 0.6 * length), 1.0)
                 handle.wxyz = turn(float(np.arctan2(force[1], force[0])))
                 handle.position = (*point, self._at("force"))
 
