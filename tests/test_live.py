@@ -119,6 +119,35 @@ def test_live_refuses(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------------- the page
 
 
+def test_a_page_changes_its_scene(tmp_path: Path) -> None:
+    """Other scenarios, more and fewer obstacles, other settings: the loop runs what the page shows."""
+    page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
+    try:
+        for name in ("crowd", "paper-2", "on-path"):
+            page.open(vff.Scenario.load(name))
+            count = len(page.snapshot()["obstacles"])
+            for _ in range(3):
+                page.add_obstacle()
+            assert page.snapshot()["obstacles"].shape == (count + 3, 2)
+            page.remove_obstacle()
+            assert len(page.snapshot()["obstacles"]) == count + 2
+            page.configure(page.scenario.to_dict()["controller"] | {"stiffness": 50.0})
+            path = page.start_recording()
+            wait_for(lambda: page.snapshot()["t"] > 0.3)
+            page.reset()  # ends the recording
+            assert len(page.snapshot()["obstacles"]) == count
+            assert len(vff.StreamRecorder.read(path)) > 0
+        for _ in range(count + 1):
+            page.remove_obstacle()
+        assert (
+            page.snapshot()["min_clearance"] < np.inf and not np.isfinite(page.snapshot()["clearance"]).any()
+        )
+        frames = page.frame_rate
+        wait_for(lambda: page.frame_rate != frames)  # it still draws
+    finally:
+        page.stop()
+
+
 @pytest.fixture
 def browser() -> Iterator[Any]:
     playwright = pytest.importorskip("playwright.sync_api")

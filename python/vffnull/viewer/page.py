@@ -68,7 +68,7 @@ class LivePage:
         gui.set_panel_label("vffnull live")
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 84, 140))
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(370)
+        gui.main_panel.set_width(340)
         plots = gui.add_panel()
         with plots.add_tab("Live plots"):
             self._plots = Plots(self._server)

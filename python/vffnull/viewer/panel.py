@@ -59,7 +59,7 @@ class Panel:
             self._kind = gui.add_dropdown("Field", ("khatib", "cubic", "bounded"))
             self._stiffness = gui.add_slider("Stiffness [1/s²]", 0.0, 400.0, 1.0, 16.0)
             self._damping = gui.add_slider("Damping [1/s]", 0.0, 60.0, 0.5, 8.0)
-            self._null_damping = gui.add_slider("Null damping [1/s]", 0.0, 30.0, 0.5, 2.0)
+            self._null_damping = gui.add_slider("Null damping", 0.0, 30.0, 0.5, 2.0, hint="[1/s]")
         self._connect()
 
     def show(self, scenario: Scenario) -> None:

@@ -13,7 +13,7 @@ from viser import uplot
 
 WINDOW = 12.0
 """What is shown [s]."""
-INTERVAL = 0.1
+INTERVAL = 0.15
 """Between two points [s]."""
 
 CURVES = (
@@ -71,7 +71,7 @@ class Plots:
             scales=scales(0.0, least),
             axes=(uplot.Axis(size=30, grid={"show": False}), uplot.Axis(size=50)),
             legend=uplot.Legend(show=False),
-            height=215,
+            height=205,
             padding=(10, 20, 0, 0),
         )
 

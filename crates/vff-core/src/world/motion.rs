@@ -248,6 +248,7 @@ mod tests {
             let [position0, amplitude] = [0, 1].map(|i| vectors[i].map(|x| scale * x));
             let [angular_frequency, phase] = numbers.map(|x| scale * x);
             let position0 = Vector::from(position0);
+            let goal = Vector::from(vectors[2].map(|x| scale * x));
             let points = vectors.iter().map(|v| v.map(|x| scale * x)).collect();
             let (t0, t1) = (t0, t0 + duration);
             for motion in [
@@ -257,6 +258,7 @@ mod tests {
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
                 Motion::Waypoints { times: vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points },
                 Motion::Waypoints { times: vec![], points: vec![] },
+                Motion::Carried(Pursuit::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
                 for t in [t0, t0 + fraction * duration, t1, 0.5f64.clamp(t0, t1)] {
