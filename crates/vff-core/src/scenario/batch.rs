@@ -173,7 +173,7 @@ fn sound<T>(judge: impl FnOnce() -> Result<T, ScenarioError>) -> Result<T, Scena
 }
 
 /// The result of `f`, or what it said when it panicked.
-fn guarded<T>(f: impl FnOnce() -> T) -> Result<T, String> {
+pub(super) fn guarded<T>(f: impl FnOnce() -> T) -> Result<T, String> {
     let text = |panic: Box<dyn Any + Send>| {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");

@@ -9,6 +9,7 @@ pub mod batch;
 mod document;
 mod error;
 mod judge;
+pub mod live;
 pub mod plant;
 pub mod real_time;
 
@@ -205,6 +206,8 @@ macro_rules! either {
         }
     };
 }
+
+use either;
 
 impl AnyRun {
     /// [`Run::run_for`].
