@@ -6,9 +6,9 @@
 completed
 
 The arm follows its task to rounding while its links give way to moving obstacles. `simulate` runs a whole
-scenario, `simulate_many` a list of them on all cores, `realtime` one against the clock; `Controller` is the
-torque law alone, for somebody else's loop; `Simulation` is the plant, for somebody else's controller. Units
-are SI, angles are radians, and arrays run (time, joint).
+scenario, `simulate_many` a list of them on all cores, `realtime` one against the clock, `live` one on a page
+to play with; `Controller` is the torque law alone, for somebody else's loop; `Simulation` is the plant, for
+somebody else's controller. Units are SI, angles are radians, and arrays run (time, joint).
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ from vffnull._core import (
     PORTS,
     Arm,
     Controller,
+    Distances,
     ExtendedJacobian,
     Simulation,
     State,
     Terms,
     __version__,
+    distances,
 )
 from vffnull._many import metrics_table, simulate_many
 from vffnull._simulate import simulate
@@ -36,6 +38,7 @@ from vffnull.real_time import Histogram, RealTimeReport, realtime
 from vffnull.report import compare
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, scenarios
+from vffnull.viewer import live
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
@@ -48,6 +51,7 @@ __all__ = [
     "Arm",
     "ControlSettings",
     "Controller",
+    "Distances",
     "ExtendedJacobian",
     "Field",
     "Histogram",
@@ -65,7 +69,9 @@ __all__ = [
     "VffNullError",
     "__version__",
     "compare",
+    "distances",
     "errors",
+    "live",
     "metrics_table",
     "realtime",
     "scenarios",

@@ -1,7 +1,7 @@
 """The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, Protocol, final
+from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +13,16 @@ __all__ = [
     "PORTS",
     "Arm",
     "Controller",
+    "Distances",
     "Episodes",
     "ExtendedJacobian",
+    "Live",
     "Simulation",
     "State",
     "Terms",
     "__version__",
     "check",
+    "distances",
     "format_toml",
     "parse_toml",
     "plant",
@@ -37,10 +40,13 @@ _Array = NDArray[np.float64]
 
 __version__: str
 METRICS: dict[str, tuple[str, str]]
-ENERGIES: tuple[str, ...]
-OBJECTIVES: tuple[str, ...]
-PORTS: tuple[str, ...]
 """Unit and one-line description of every metric, in the order in which they are shown."""
+ENERGIES: tuple[str, ...]
+"""The energies that are recorded: kinetic, of gravity, and what the null space stores."""
+OBJECTIVES: tuple[str, ...]
+"""What limits take from, first to last, and at the end the reference's speed."""
+PORTS: tuple[str, ...]
+"""The powers that are recorded: of the motors, then of all that feeds or drains the null space."""
 
 @final
 class Arm:
@@ -336,7 +342,7 @@ class Controller:
         Returns
         -------
         period : float
-            The largest stable control period [s] (docs/theory.md, T32).
+            The largest stable control period [s] (docs/theory.md, T34).
         stiffness : float
             Stiffness of the field [N/m] at the contact that sets it; 0 if the null damping does.
         clearance : float
@@ -357,7 +363,7 @@ class Terms:
         """Joint torque, (n,) [N·m]."""
     @property
     def tau_task(self) -> _Array:
-        """What serves the task, (n,) [N·m]."""
+        """What serves the task, and what makes it give way, (n,) [N·m]."""
     @property
     def tau_null(self) -> _Array:
         """What acts in the null space, (n,) [N·m]."""
@@ -370,6 +376,9 @@ class Terms:
     @property
     def clearance(self) -> _Array:
         """Signed distance of each link's surface to the nearest obstacle's, (n,) [m]."""
+    @property
+    def slack(self) -> float:
+        """By how much barriers are broken at most [m/s²]; 0 without ``avoidance="cbf"``."""
     @property
     def N(self) -> _Array:
         """Null-space projector, (n, n)."""
@@ -397,6 +406,41 @@ class Terms:
     @property
     def null_acceleration(self) -> float:
         """‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task."""
+
+@final
+class Distances:
+    """What `distances` returns; P pairs, one per link and obstacle, link by link.
+
+    For a batch of states every array but `link` and `obstacle` has the batch as its first dimension.
+    """
+
+    @property
+    def link(self) -> NDArray[np.int64]:
+        """Link of each pair, from 0 at the base, (P,)."""
+    @property
+    def obstacle(self) -> NDArray[np.int64]:
+        """Obstacle of each pair, in the order given, (P,)."""
+    @property
+    def distance(self) -> _Array:
+        """Signed distance d of the two surfaces, (P,) [m]; negative in penetration."""
+    @property
+    def gradient(self) -> _Array:
+        """Derivative of d by the joint angles, n̂ᵀJ_c, (P, n) [m/rad]."""
+    @property
+    def rate(self) -> _Array:
+        """Rate ḋ, the motion of the obstacle included, (P,) [m/s]."""
+    @property
+    def bias(self) -> _Array:
+        """Acceleration d̈ while the joints do not accelerate, (P,) [m/s²]: d̈ = gradient @ ddq + bias."""
+    @property
+    def normal(self) -> _Array:
+        """Unit vector n̂ from the obstacle towards the link, (P, 2)."""
+    @property
+    def point(self) -> _Array:
+        """Nearest point on the axis of the link, (P, 2) [m]."""
+    @property
+    def witness(self) -> _Array:
+        """Nearest point on the surface of the obstacle, (P, 2) [m]."""
 
 @final
 class State:
@@ -442,6 +486,88 @@ class State:
     @property
     def tau_applied(self) -> _Array | None:
         """Torque of the drives, (n,) [N·m]; None without drives."""
+
+@type_check_only
+class LiveState(TypedDict):
+    """A live loop at one instant, in SI units; n joints, k obstacles, a task of dimension m."""
+
+    status: Literal["running", "paused", "diverged", "failed"]
+    message: str
+    rate: float
+    """Periods per second of late [Hz]."""
+    periods: int
+    missed: int
+    """Periods that were not over when the next one should have begun."""
+    worst: float
+    """The longest computation of a period so far [s]."""
+    min_clearance: float
+    """Since the start or the last reset [m]; inf without obstacles."""
+    recording: bool
+    t: float
+    q: _Array
+    dq: _Array
+    x: _Array
+    x_ref: _Array
+    error: _Array
+    clearance: _Array
+    tau: _Array
+    tau_vff: _Array
+    power: _Array
+    """Through the ports that `PORTS` names [W]."""
+    obstacles: _Array
+    """Positions, (k, 2) [m]."""
+    points: _Array
+    """Where the repulsion acts on each link, (n, 2) [m]."""
+    forces: _Array
+    """The repulsion, (n, 2) [N]."""
+
+@final
+class Live:
+    """A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
+
+    Parameters
+    ----------
+    scenario : Scenario or dict
+        What to run; its duration is of no meaning.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+    """
+
+    def __new__(cls, scenario: _Document) -> Live: ...
+    def start(self) -> None:
+        """Begin, or go on after a pause."""
+    def pause(self) -> None:
+        """Stand still until `start`."""
+    def reset(self) -> None:
+        """Go back to t = 0 of the scenario, with the present settings of the controller."""
+    def stop(self) -> None:
+        """End the thread."""
+    def configure(self, controller: _Document) -> None:
+        """Take over other settings of the controller: all of them, as in `[controller]` of a scenario."""
+    def carry(self, obstacle: int, place: ArrayLike) -> None:
+        """Take an obstacle to a place (2,) [m], smoothly and not faster than half the reach per second."""
+    def aim(self, place: ArrayLike) -> None:
+        """Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not
+        faster than a quarter of the reach per second.
+        """
+    def add(self, obstacle: _Document) -> None:
+        """Add an obstacle, the last one from now on. Ends a recording."""
+    def remove(self, obstacle: int) -> None:
+        """Take an obstacle away; those behind it move up. Ends a recording."""
+    def record(self, on: bool) -> None:
+        """Begin to record a row every 10 ms, or end it."""
+    def take(self) -> tuple[dict[str, Any] | None, int]:
+        """The rows recorded since the last call, as arrays; None if nothing is recorded. And how many were
+        lost since the recording began, because nobody took them within ten seconds.
+        """
+    def snapshot(self) -> LiveState:
+        """The present instant."""
+    @property
+    def notes(self) -> list[str]:
+        """What was changed for the clock or is odd, in sentences."""
 
 @final
 class Simulation:
@@ -491,6 +617,43 @@ class Simulation:
     @property
     def status(self) -> str:
         """How the run stands: ``"completed"``, ``"collided"`` or ``"diverged"`` up to now."""
+
+def distances(
+    arm: Arm, q: ArrayLike, dq: ArrayLike, obstacles: Sequence[_Document], t: ArrayLike = 0.0
+) -> Distances:
+    """The signed distance of every link from every obstacle, and exactly how it changes.
+
+    What a barrier or a filter at torque level needs: d̈ = gradient @ ddq + bias holds as long as the same
+    features (end, side, corner, face) remain nearest; where they change, d̈ jumps (docs/theory.md, T60–T62).
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm's model.
+    q, dq : (n,) or (batch, n) array_like
+        Joint angles [rad] and velocities [rad/s].
+    obstacles : sequence of Obstacle or dict
+        The obstacles with their motions.
+    t : float or (batch,) array_like, optional
+        Time [s] at which the motions are taken.
+
+    Returns
+    -------
+    Distances
+        One row per pair of link and obstacle; with a batch, one such table per state.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If an array has the wrong shape or is not finite.
+
+    Examples
+    --------
+    >>> arm = Arm.uniform(2)
+    >>> disc = {"shape": {"kind": "circle", "radius": 0.5}, "position": [1.5, 1.0]}
+    >>> distances(arm, [0.0, 0.0], [0.0, 0.0], [disc]).distance.round(3).tolist()
+    [0.618, 0.5]
+    """
 
 def run(
     document: Mapping[str, Any], progress: Callable[[float, float], None] | None = None

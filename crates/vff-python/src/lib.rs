@@ -3,7 +3,9 @@
 mod arm;
 mod controller;
 mod convert;
+mod distances;
 mod errors;
+mod live;
 mod real_time;
 mod run;
 mod simulation;
@@ -19,6 +21,10 @@ mod _core {
     use crate::arm::{Arm, ExtendedJacobian, plant};
     #[pymodule_export]
     use crate::controller::{Controller, Terms};
+    #[pymodule_export]
+    use crate::distances::{Distances, distances};
+    #[pymodule_export]
+    use crate::live::Live;
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]

@@ -106,7 +106,7 @@ fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
 }
 
 /// The arrays of a record, moved, not copied.
-fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
+pub fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     let (rows, n, m, k, rays) = (r.rows, r.joints, r.task, r.obstacles_count, r.rays);
     let dict = PyDict::new(py);
     dict.set_item("t", PyArray1::from_vec(py, r.t))?;
@@ -147,7 +147,8 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     let sensed = Some(r.sensed).filter(given);
     let sensed = sensed.map(|values| PyArray1::from_vec(py, values).reshape([rows, rays, 2]));
     dict.set_item("sensed", sensed.transpose()?)?;
-    for (name, values) in [("self_clearance", r.self_clearance), ("tank", r.tank)] {
+    let series = [("self_clearance", r.self_clearance), ("tank", r.tank), ("slack", r.slack)];
+    for (name, values) in series {
         let values = Some(values).filter(given);
         dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;
     }

@@ -10,6 +10,7 @@ mod document;
 pub mod episode;
 mod error;
 mod judge;
+pub mod live;
 pub mod plant;
 pub mod real_time;
 pub mod vector;
@@ -210,6 +211,8 @@ macro_rules! either {
         }
     };
 }
+
+use either;
 
 impl AnyRun {
     /// [`Run::run_for`].
@@ -485,7 +488,7 @@ impl Scenario {
     }
 
     /// A field too stiff for the control period: where the obstacles stand at the start, or at the
-    /// clearance that the fastest of them is to be expected to come to (T29, T32).
+    /// clearance that the fastest of them is to be expected to come to (T29, T34).
     fn field_bound<const M: usize>(
         &self,
         controller: &Controller<PlanarState, 2, M>,

@@ -53,6 +53,8 @@ pub const METRICS: &[Metric] = &[
     metric("rms_jerk", "rad/s³", "RMS of the third derivative of the joint angles"),
     metric("max_null_acceleration", "m/s²", "largest ‖J M⁻¹ τ_null‖: what leaks into the task"),
     metric("passivity_residual", "J", "largest defect of the null-space energy balance"),
+    metric("max_slack", "m/s²", "largest breach of a barrier, of cbf only"),
+    metric("slack_steps", "", "steps with a barrier broken by more than 0.1 m/s², of cbf only"),
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
     metric("min_manipulability", "m²", "smallest √det(J Jᵀ); 0 in a singularity"),
     metric("min_self_clearance", "m", "smallest distance of two links that share no joint"),
@@ -62,6 +64,12 @@ pub const METRICS: &[Metric] = &[
     metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
 ];
+
+/// The larger of two numbers: one instruction, where `f64::max` also asks which one is NaN.
+#[inline]
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
 
 /// Running sums of a run.
 #[derive(Debug, Clone)]
@@ -95,6 +103,9 @@ pub struct Metrics {
     supplied: f64,
     last_supply: f64,
     passivity_residual: f64,
+    max_slack: Option<f64>,
+    slack_steps: usize,
+    yields: bool,
     singular_steps: usize,
     min_manipulability: f64,
     min_self_clearance: Option<f64>,
@@ -138,6 +149,9 @@ impl Metrics {
             supplied: 0.0,
             last_supply: 0.0,
             passivity_residual: 0.0,
+            max_slack: None,
+            slack_steps: 0,
+            yields: false,
             singular_steps: 0,
             min_manipulability: f64::INFINITY,
             min_self_clearance: None,
@@ -171,7 +185,7 @@ impl Metrics {
     fn clearance(&mut self, s: &Snapshot<'_>) {
         let mut nearest = f64::INFINITY;
         for (link, &distance) in s.clearance.iter().enumerate() {
-            nearest = nearest.min(distance);
+            nearest = if distance < nearest { distance } else { nearest };
             if distance < self.min_clearance {
                 self.min_clearance = distance;
                 self.min_clearance_time = s.t;
@@ -189,7 +203,7 @@ impl Metrics {
                 self.self_collision_time.get_or_insert(s.t);
             }
         }
-        let force = s.force.iter().copied().fold(0.0, f64::max);
+        let force = s.force.iter().fold(0.0, |most, force| larger(most, *force));
         if force > self.max_repulsion {
             self.max_repulsion = force;
             self.max_repulsion_time = Some(s.t);
@@ -220,11 +234,12 @@ impl Metrics {
     fn effort(&mut self, s: &Snapshot<'_>) {
         // Sums of Σ τ², Σ |τ q̇| and Σ (dt² jerk)²; scaled once a step and once a run.
         let (mut squares, mut power, mut jerk) = (0.0, 0.0, 0.0);
+        let (mut peak_torque, mut peak_speed) = (self.peak_torque, self.peak_speed);
         let [before, last] = &mut self.dq;
         let speeds = s.dq.iter().zip(before.iter_mut().zip(last.iter_mut()));
         for (&tau, (&dq, (before, last))) in s.torque.total.iter().zip(speeds) {
-            self.peak_torque = self.peak_torque.max(tau.abs());
-            self.peak_speed = self.peak_speed.max(dq.abs());
+            peak_torque = larger(peak_torque, tau.abs());
+            peak_speed = larger(peak_speed, dq.abs());
             squares += tau * tau;
             power += (tau * dq).abs();
             let curve = dq - 2.0 * *last + *before;
@@ -232,6 +247,7 @@ impl Metrics {
             *before = *last;
             *last = dq;
         }
+        (self.peak_torque, self.peak_speed) = (peak_torque, peak_speed);
         self.effort += squares * self.dt;
         self.energy += power * self.dt;
         if self.samples >= 2 {
@@ -253,6 +269,11 @@ impl Metrics {
         self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
         self.singular_steps += usize::from(s.singular);
         self.min_manipulability = self.min_manipulability.min(s.manipulability);
+        if let Some(slack) = s.slack {
+            self.max_slack = Some(self.max_slack.unwrap_or(0.0).max(slack));
+            self.slack_steps += usize::from(slack > 0.1);
+        }
+        self.yields = s.yields;
         if let Some(granted) = s.granted {
             let limited = granted.iter().any(|share| *share < 1.0);
             *self.limited_steps.get_or_insert(0) += usize::from(limited);
@@ -311,7 +332,10 @@ impl Metrics {
             number(self.energy),
             rms(self.sum_jerk / self.dt.powi(4), jerks),
             number(self.max_null_acceleration),
-            number(self.passivity_residual),
+            // The balance is that of the null-space law.
+            given(!self.yields, self.passivity_residual),
+            optional(self.max_slack),
+            if self.max_slack.is_some() { Value::Count(self.slack_steps) } else { Value::None },
             Value::Count(self.singular_steps),
             number(self.min_manipulability),
             optional(self.min_self_clearance.filter(|d| *d < f64::INFINITY)),

@@ -2,7 +2,7 @@
 
 use super::measurement::{Noise, rounded};
 use crate::math::{Capsule, Vector, cross, perp};
-use crate::world::{Contact, Surroundings, World};
+use crate::world::{Contact, Feature, Surroundings, World};
 use serde::Deserialize;
 
 /// The `[perception]` table of a scenario.
@@ -227,6 +227,11 @@ impl Perception {
 }
 
 impl Surroundings<2> for Perception {
+    /// One on either side of a link.
+    fn obstacle_count(&self) -> usize {
+        2
+    }
+
     /// For every link the nearest of the points to its left and of those to its right, each at rest
     /// (T81); `obstacle` counts the sides.
     fn for_each_contact(
@@ -254,6 +259,8 @@ impl Surroundings<2> for Perception {
                     continue;
                 }
                 let point = capsule.clamp(&witness);
+                let along = capsule.direction.dot(&(witness - capsule.start));
+                let inside = 0.0 < along && along < capsule.length;
                 let aside = perp(capsule.direction) * if side == 0 { -1.0 } else { 1.0 };
                 visit(&Contact {
                     link,
@@ -264,6 +271,11 @@ impl Surroundings<2> for Perception {
                     witness,
                     velocity: Vector::zeros(),
                     acceleration: Vector::zeros(),
+                    feature: if inside {
+                        Feature::Side { distance: gap }
+                    } else {
+                        Feature::End { distance: gap }
+                    },
                 });
             }
         }

@@ -19,7 +19,7 @@ mod rays;
 
 pub(super) use crowd::Crowd;
 
-use super::{Body, Contact, MotionState, Shape, Surroundings, World, shape};
+use super::{Body, Contact, Feature, MotionState, Shape, Surroundings, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 
@@ -56,6 +56,10 @@ impl World {
 }
 
 impl Surroundings<2> for World {
+    fn obstacle_count(&self) -> usize {
+        self.len()
+    }
+
     /// Link by link from the first of `links` on, and for each link in the order of the obstacles.
     ///
     /// See [`World::contact`] for what is expected of a link.
@@ -71,21 +75,32 @@ impl Surroundings<2> for World {
         if bodies.is_empty() {
             return;
         }
+        // The same is done with the few that a crowd names as with all.
+        let mut meet =
+            |link: usize, axis: &Axis, radius: f64, j: usize, body: &Body, least: f64| {
+                let (nearest, surface) = body.measure(axis, radius);
+                if surface < reach {
+                    visit(&body.core.contact(link, j, &nearest, radius, &body.state));
+                }
+                if surface < least { surface } else { least }
+            };
         for (link, capsule) in links.into_iter().enumerate() {
-            let axis = Axis::new(&capsule);
-            // A crowd names the few that count, and the same is done with them as with all.
+            let (axis, radius) = (Axis::new(&capsule), capsule.radius);
+            let mut least = f64::INFINITY;
             let near = match crowd {
-                Some(crowd) => crowd.near(bodies, *time, &axis, capsule.radius, reach),
+                Some(crowd) => crowd.near(bodies, *time, &axis, radius, reach),
                 None => None,
             };
-            let mut least = f64::INFINITY;
-            for k in 0..near.map_or(bodies.len(), <[usize]>::len) {
-                let j = near.map_or(k, |near| near[k]);
-                let body = &bodies[j];
-                let (nearest, surface) = body.measure(&axis, capsule.radius);
-                least = least.min(surface);
-                if surface < reach {
-                    visit(&body.core.contact(link, j, &nearest, capsule.radius, &body.state));
+            match near {
+                None => {
+                    for (j, body) in bodies.iter().enumerate() {
+                        least = meet(link, &axis, radius, j, body, least);
+                    }
+                }
+                Some(near) => {
+                    for &j in near {
+                        least = meet(link, &axis, radius, j, &bodies[j], least);
+                    }
                 }
             }
             // Of 0 and −0 either may have been the first: + 0 makes them one.
@@ -160,7 +175,7 @@ impl Core {
     }
 
     /// The nearest points to an axis when the obstacle is at `position` [m], relative to it.
-    #[inline]
+    #[inline(always)] // discs, by far the most frequent, stay within the loop of the caller
     fn nearest(&self, axis: &Axis, position: Point) -> Nearest {
         let axis = axis.seen_from(position);
         match &self.solid {
@@ -181,7 +196,7 @@ impl Core {
         radius: f64,
         state: &MotionState,
     ) -> Contact<2> {
-        let Nearest { distance, normal, point } = *nearest;
+        let Nearest { distance, normal, point, meets } = *nearest;
         let point = to_glam(state.position) + point;
         Contact {
             link,
@@ -192,6 +207,11 @@ impl Core {
             witness: from_glam(point - normal * (distance - self.radius)),
             velocity: state.velocity,
             acceleration: state.acceleration,
+            feature: match meets {
+                Meets::Side => Feature::Side { distance },
+                Meets::End => Feature::End { distance },
+                Meets::Face => Feature::Face,
+            },
         }
     }
 
@@ -262,6 +282,15 @@ struct Nearest {
     distance: f64,
     normal: Point,
     point: Point,
+    meets: Meets,
+}
+
+/// The kinds of [`Feature`].
+#[derive(Debug, Clone, Copy)]
+enum Meets {
+    Side,
+    End,
+    Face,
 }
 
 impl Axis {
@@ -304,7 +333,7 @@ impl Axis {
         let offset = offset + self.forward * end;
         let distance = offset.length();
         if distance > 0.0 {
-            Nearest { distance, normal: offset / distance, point }
+            Nearest { distance, normal: offset / distance, point, meets: Meets::End }
         } else {
             // The centre is the end of the axis itself, or nothing at all (NaN).
             Nearest { distance, ..self.beside(offset, point) }
@@ -318,16 +347,17 @@ impl Axis {
     fn beside(self, offset: Point, point: Point) -> Nearest {
         let left = self.left();
         let height = left.dot(offset);
-        Nearest { distance: height.abs(), normal: if height >= 0.0 { left } else { -left }, point }
+        let normal = if height >= 0.0 { left } else { -left };
+        Nearest { distance: height.abs(), normal, point, meets: Meets::Side }
     }
 
     /// Signed distance to a segment: [`to_convex`](Self::to_convex) for a polygon with two edges,
     /// there and back.
-    #[inline]
+    #[inline(never)]
     fn to_segment(self, core: &Face) -> Nearest {
         let (a, b, c, d) = (self.start, self.end(), core.start, core.end());
         let left = self.left();
-        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a, meets: Meets::Side };
         if !(a.is_finite() && b.is_finite()) {
             return undefined;
         }
@@ -338,7 +368,7 @@ impl Axis {
 
         // The greater gap of the two sides, and the end that it is measured at: by selection, for
         // no processor can foresee the branches.
-        let gap = |first: f64, second: f64, normal: Point, ends: [Point; 2]| {
+        let gap = |first: f64, second: f64, normal: Point, ends: [Point; 2], meets: Meets| {
             let (low, high) = (first.min(second), first.max(second));
             let side = if low >= -high { 1.0 } else { -1.0 };
             let first_is_nearer = side * first <= side * second;
@@ -346,10 +376,11 @@ impl Axis {
                 distance: low.max(-high),
                 normal: normal * side,
                 point: if first_is_nearer { ends[0] } else { ends[1] },
+                meets,
             }
         };
-        let face = gap(at_a, at_b, core.normal, [a, b]);
-        let flank = gap(at_c, at_d, -left, [c - left * at_c, d - left * at_d]);
+        let face = gap(at_a, at_b, core.normal, [a, b], Meets::Face);
+        let flank = gap(at_c, at_d, -left, [c - left * at_c, d - left * at_d], Meets::Side);
         let lengthwise = (-along_c.max(along_d)).max(along_c.min(along_d) - self.length);
         let overlapping = if face.distance >= flank.distance { face } else { flank };
         if overlapping.distance.max(lengthwise) <= TOUCHING {
@@ -370,18 +401,18 @@ impl Axis {
     /// The gap along a direction (how far the axis lies beyond the polygon) never exceeds the
     /// signed distance. Overlapping bodies have the greatest gap, the one nearest to zero,
     /// along a normal of one of them; it is minus the penetration depth.
-    #[inline]
+    #[inline(never)]
     fn to_convex(self, faces: &[Face]) -> Nearest {
         let (a, b) = (self.start, self.end());
         let left = self.left();
-        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a, meets: Meets::Side };
         if !(a.is_finite() && b.is_finite()) {
             return undefined;
         }
 
         // One pass over the polygon: the greatest gap along its normals, its extent across and
         // along the axis, its vertex nearest to the axis.
-        let mut face = Nearest { distance: f64::NEG_INFINITY, ..undefined };
+        let mut face = Nearest { distance: f64::NEG_INFINITY, meets: Meets::Face, ..undefined };
         let mut faces_edge = false;
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut rear, mut front) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -392,7 +423,7 @@ impl Axis {
             let (at_a, at_b) = (candidate.height(a), candidate.height(b));
             let (gap, end) = if at_b < at_a { (at_b, b) } else { (at_a, a) };
             if gap > face.distance {
-                face = Nearest { distance: gap, normal: candidate.normal, point: end };
+                face = Nearest { distance: gap, normal: candidate.normal, point: end, ..face };
                 faces_edge = gap > 0.0 && candidate.is_below(end);
             }
 
@@ -414,9 +445,11 @@ impl Axis {
         }
         // The axis lies to the left of the polygon by −highest, to its right by lowest.
         let flank = if -highest >= lowest {
-            Nearest { distance: -highest, normal: left, point: high_vertex - left * highest }
+            let point = high_vertex - left * highest;
+            Nearest { distance: -highest, normal: left, point, ..undefined }
         } else {
-            Nearest { distance: lowest, normal: -left, point: low_vertex - left * lowest }
+            let point = low_vertex - left * lowest;
+            Nearest { distance: lowest, normal: -left, point, ..undefined }
         };
         // A gap along the axis matters only beside an edge parallel to it (a segment in line
         // with the link), where no normal separates.
@@ -540,7 +573,7 @@ mod tests {
         let point = segment.project_local_point(centre, true).point;
         let offset = point - centre;
         let distance = offset.length();
-        Nearest { distance, normal: offset / distance, point }
+        Nearest { distance, normal: offset / distance, point, meets: Meets::End }
     }
 
     fn any_link() -> impl Strategy<Value = Capsule<2>> {
