@@ -40,7 +40,7 @@ with style.look():
     for field, colour in ((True, "#0072B2"), (False, "#D55E00")):
         kept = {name: value for name, value in scenario["controller"].items() if field or name != "field"}
         controller = vff.Controller(scenario.arm, kept)
-        for seed in range(5):
+        for seed in range(3):
             seen, info = env.reset(seed=seed)
             clearances, over = [info["clearance"]], False
             while not over:

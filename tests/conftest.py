@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import os
+import signal
 
+# A job in the background is started with Ctrl-C ignored, and what it starts inherits that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 # Matrices of ten rows and columns: threads would only get in each other's way. Before NumPy is imported.
 for library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
