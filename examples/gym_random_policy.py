@@ -17,7 +17,9 @@ from vffnull.gym import ReachVectorEnv
 from vffnull.plotting import style
 
 # With NEXT_STEP, those that are over begin again and do not disturb the others.
-envs = ReachVectorEnv(64, "sweep-through", start_noise=0.0, torque=2.0, autoreset_mode=AutoresetMode.NEXT_STEP)
+envs = ReachVectorEnv(
+    64, "sweep-through", start_noise=0.0, torque=2.0, autoreset_mode=AutoresetMode.NEXT_STEP
+)
 envs.reset(seed=0)
 envs.action_space.seed(0)
 going, steps, start = np.ones(envs.num_envs, dtype=bool), 0, time.perf_counter()
