@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+import typing
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
@@ -22,6 +23,8 @@ MODULE = "described_by_stub"
 def on_before_read(app: Sphinx, env: object, docnames: list[str]) -> None:
     """Put the described classes and functions in. As a file, so that autodoc finds their order."""
     stub = (files("vffnull") / "_core.pyi").read_text(encoding="utf-8")
+    if not hasattr(typing, "type_check_only"):  # in stubs only
+        typing.type_check_only = lambda described: described  # type: ignore[attr-defined]
     folder = Path(app.srcdir) / "generated"
     later = "from __future__ import annotations\n"  # a stub may name a class before it is there
     (folder / f"{MODULE}.py").write_text(later + stub, encoding="utf-8")
