@@ -241,3 +241,21 @@ def test_a_visitor_drags_the_obstacle_into_the_arm(browser: Any, tmp_path: Path)
         }
     finally:
         page.stop()
+
+
+def test_a_visitor_lets_the_tip_give_way(browser: Any, tmp_path: Path) -> None:
+    """An obstacle dropped on the tip is what no null space can avoid; barriers keep their margin (T62)."""
+    page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
+    try:
+        visitor = Visitor(browser, page)
+        visitor.tab.set_viewport_size({"width": 1200, "height": 800})  # the list of ways is low on the page
+        visitor.tab.locator("input[value='the links only']").first.click()
+        visitor.tab.get_by_role("option", name="by barriers (QP)").click()
+        place = page.snapshot()["x_ref"]
+        visitor.drag((3.0, 2.9), tuple(place))
+        wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - place) < 0.1)
+        wait_for(lambda: np.linalg.norm(page.snapshot()["error"]) > 0.2)
+        assert page.snapshot()["min_clearance"] > 0.02 and page.snapshot()["status"] == "running"
+        assert visitor.errors == []
+    finally:
+        page.stop()

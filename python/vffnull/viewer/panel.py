@@ -21,6 +21,13 @@ LEAD = """
 The field pushes the links away from the obstacle; the null-space projection keeps that push off the tip.
 **Switch the projection off and watch the tip.**
 """
+WAYS = {
+    "the links only": "null_space",
+    "relaxed": "relaxed",
+    "by priority": "priority",
+    "by barriers (QP)": "cbf",
+}
+"""How the page calls what `controller.avoidance` may be."""
 ALARM, CALM = "#c81428", "#0a7d55"
 HINT = "Drag the dark obstacles and the green target. Drag the floor to tilt the view."
 
@@ -54,6 +61,9 @@ class Panel:
             self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="gray")
             gui.add_markdown(HINT)
         with gui.add_folder("Controller"):
+            self._avoidance = gui.add_dropdown(
+                "Gives way", tuple(WAYS), hint="What happens when an obstacle wants the tip's own place"
+            )
             self._gain = gui.add_slider("Field gain", 0.01, 6.0, 0.01, 1.0)
             self._influence = gui.add_slider("Influence [m]", 0.05, 2.0, 0.01, 0.5)
             self._kind = gui.add_dropdown("Field", ("khatib", "cubic", "bounded"))
@@ -67,6 +77,8 @@ class Panel:
         self._settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
         field = self._settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
         self._show_projection(self._settings.get("projection", "dynamic") != "none")
+        way = self._settings.get("avoidance", "null_space")
+        put(self._avoidance, next(label for label, name in WAYS.items() if name == way))
         put(self._field, field["gain"] > 0.0)
         put(self._kind, field["kind"])
         slide(self._gain, field["gain"] or 1.0)
@@ -94,7 +106,7 @@ class Panel:
     def _connect(self) -> None:
         """Callbacks are `async`, because others may overtake each other."""
         page = self._page
-        switches = (self._field, self._kind)
+        switches = (self._field, self._kind, self._avoidance)
         sliders = (self._gain, self._influence, self._stiffness, self._damping, self._null_damping)
 
         async def changed(event: viser.GuiEvent[Any]) -> None:
@@ -143,7 +155,9 @@ class Panel:
     def _changed(self, control: Any) -> None:
         """Write what a control says into the settings, those that others set left as they are."""
         settings, field = self._settings, self._settings["field"]
-        if control is self._kind:
+        if control is self._avoidance:
+            settings["avoidance"] = WAYS[control.value]
+        elif control is self._kind:
             field["kind"] = control.value
             if control.value == "bounded":
                 field.pop("floor", None)
