@@ -163,6 +163,18 @@ def test_assumptions_are_those_of_the_run(short: vff.Result, tmp_path: Path) -> 
     text = squeezed(Page(other.report(tmp_path / "mujoco.html")).text)
     assert "MuJoCo moves the arm with steps of 0.001 s" in text
     assert "Runge–Kutta" not in text and "passes through" not in text
+    assert "model of the arm is exact" in text and "without friction, ideal torque sources" in text
+    real = {
+        "plant.masses": 1.3,
+        "plant.coulomb_friction": 0.1,
+        "measurement.delay": 0.002,
+        "actuator.time_constant": 0.001,
+        "controller.self_collision": "avoid",
+    }
+    result = vff.simulate("sweep-through", {"duration": 0.1, **real})
+    text = squeezed(Page(result.report(tmp_path / "real.html")).text)
+    assert "with friction, torque sources that lag" in text and "wrong in masses; see [plant]" in text
+    assert "reads angles and speeds with delay" in text and "share no joint avoid one another" in text
 
 
 def test_report_of_a_diverged_run(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def pushes(result: Result, rows: NDArray[np.intp]) -> tuple[Array, Array]:
     """Where the repulsion acts on every link, and in which direction with which strength.
 
     The record holds the force's magnitude; it is drawn at the point of the link nearest to an obstacle, away
-    from that obstacle. With several obstacles near one link this is the strongest one's direction.
+    from that obstacle. With several obstacles near one link this is the direction away from the nearest.
 
     Returns
     -------

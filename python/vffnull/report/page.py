@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +137,8 @@ _LAWS = {
 
 def _assumptions(result: Result) -> list[str]:
     """What the run takes for granted, so that nobody has to guess."""
-    simulation = result.scenario.to_dict().get("simulation", {})
+    document = result.scenario.to_dict()
+    simulation, controller = document.get("simulation", {}), document.get("controller", {})
     dt, control = simulation.get("dt", 1e-3), simulation.get("control", "hold")
     integrator = {"semi_implicit_euler": "semi-implicit Euler"}.get(
         simulation.get("integrator"), "Runge–Kutta 4"
@@ -152,15 +153,43 @@ def _assumptions(result: Result) -> list[str]:
     known = (
         "of the obstacles what its range sensors have met, at rest"
         if result.sensed is not None
-        else ("position and velocity of every obstacle")
+        else "position and velocity of every obstacle"
     )
+    differs = _set(document, "plant")
+    friction = [name for name in differs if name.endswith("friction")]
+    model = [name for name in differs if name not in (*friction, "joint_stops")]
+    drives = "torque sources that lag" if _set(document, "actuator") else "ideal torque sources"
+    state = _set(document, "measurement")
+    links = {
+        "ignore": "Links do not avoid one another, and clearance is between links and obstacles only.",
+        "report": "Links do not avoid one another; their clearance is measured.",
+    }.get(controller.get("self_collision", "ignore"), "Links that share no joint avoid one another.")
     return [
-        "Rigid links in the plane, ideal revolute joints without friction, ideal torque sources.",
+        f"Rigid links in the plane, revolute joints {'with' if friction else 'without'} friction, {drives}.",
         plant,
-        "The controller's model of the arm is exact.",
+        f"The controller's model of the arm is wrong in {_listed(model)}; see [plant]."
+        if model
+        else "The controller's model of the arm is exact, but for the friction."
+        if friction
+        else "The controller's model of the arm is exact.",
+        f"The controller reads angles and speeds with {_listed(state)}; see [measurement]."
+        if state
+        else "The controller reads angles and speeds exactly and at once.",
         f"The controller knows {known}.",
         f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
-        "Links do not avoid one another, and clearance is measured between links and obstacles only.",
+        links,
         "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
         "Arrows show the recorded magnitude of the repulsion on a link, at its point nearest to an obstacle.",
     ]
+
+
+def _set(document: Mapping[str, Any], table: str) -> list[str]:
+    """The keys of a table that are given something other than nothing."""
+    given = document.get(table) or {}
+    return [name for name, value in given.items() if np.any(np.asarray(value) != 0)]
+
+
+def _listed(names: list[str]) -> str:
+    """Keys as words: a, b and c."""
+    words = [name.replace("_", " ") for name in names]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
