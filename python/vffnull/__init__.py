@@ -39,6 +39,9 @@ from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
+    from vffnull import scenes
+    from vffnull.evaluation import Evaluation, evaluate
+    from vffnull._feasibility import feasibility
     from vffnull.logs.stream import StreamRecorder
 
 __all__ = [
@@ -48,6 +51,7 @@ __all__ = [
     "Arm",
     "ControlSettings",
     "Controller",
+    "Evaluation",
     "ExtendedJacobian",
     "Field",
     "Histogram",
@@ -66,18 +70,32 @@ __all__ = [
     "__version__",
     "compare",
     "errors",
+    "evaluate",
+    "feasibility",
     "metrics_table",
     "realtime",
     "scenarios",
+    "scenes",
     "simulate",
     "simulate_many",
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """`StreamRecorder` brings NumPy along, so it is loaded when it is asked for."""
-    if name == "StreamRecorder":
-        from vffnull.logs.stream import StreamRecorder
+# What brings NumPy along is loaded when it is asked for.
+_LATER = {
+    "StreamRecorder": "vffnull.logs.stream",
+    "Evaluation": "vffnull.evaluation",
+    "evaluate": "vffnull.evaluation",
+    "feasibility": "vffnull._feasibility",
+}
 
-        return StreamRecorder
+
+def __getattr__(name: str) -> Any:
+    """What is loaded when it is asked for."""
+    import importlib
+
+    if name == "scenes":
+        return importlib.import_module("vffnull.scenes")
+    if name in _LATER:
+        return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull.errors import InputError, InputTypeError
-from vffnull.feasibility import Kinematics, World, reference_points
+from vffnull._feasibility import Kinematics, World, reference_points
 from vffnull.scenario import Scenario
 
 __all__ = ["CATEGORIES", "EVALUATION", "FAMILIES", "TRAINING", "random"]
@@ -146,7 +146,7 @@ class _Scene:
         tip = self.joints[-1]
         self.reference: Document = {"kind": "setpoint", "point": _rounded(tip, 17)}
         if family in ("path-crossed", "clutter") or draw.whole(0, 1):
-            shortest, longest = {"path-crossed": (0.25, 0.45), "clutter": (0.15, 0.4)}.get(family, (0.05, 0.2))
+            shortest, longest = (0.05, 0.2) if family in ("links-swept", "crowd") else (0.25, 0.45)
             end = _line(draw, n, tip, shortest * n, longest * n)
             time = draw.uniform(4.0, 6.0)
             self.reference = {"kind": "line", "end": _rounded(end), "duration": time}
@@ -251,7 +251,7 @@ def _clutter(scene: _Scene, draw: _Draw) -> bool:
     wanted = draw.whole(3, 8)
     for _ in range(300):
         about = _on_arm(scene, draw, 0.5, scene.n) if draw.whole(0, 1) else _on_path(scene, draw)
-        place = about + draw.uniform(0.3, 1.2) * draw.direction()
+        place = about + draw.uniform(0.3, 1.0) * draw.direction()
         scene.place(_body(draw, draw.uniform(0.1, 0.3), place, None), tip=_BETWEEN)
         if len(scene.obstacles) == wanted:
             return True
@@ -259,11 +259,11 @@ def _clutter(scene: _Scene, draw: _Draw) -> bool:
 
 
 def _crowd(scene: _Scene, draw: _Draw) -> bool:
-    """Discs that go straight, swing or come and go, each through a place within 0.6 m of the arm or its path."""
+    """Discs that go straight, swing or come and go, each to a place within 1.2 m of the arm or its path, and on."""
     wanted = draw.whole(3, 8)
     for _ in range(300):
         about = _on_arm(scene, draw, 1.0, scene.n) if draw.whole(0, 2) else _on_path(scene, draw)
-        target = about + draw.uniform(0.0, 0.6) * draw.direction()
+        target = about + draw.uniform(0.0, 1.2) * draw.direction()
         position, motion = _push(draw, target, draw.direction(), draw.uniform(0.0, 0.8))
         disc = {"kind": "circle", "radius": draw.uniform(0.1, 0.25)}
         scene.place({"shape": disc, "position": _rounded(position), "motion": motion})
@@ -337,7 +337,9 @@ def _body(draw: _Draw, size: float, position: Array, motion: Document | None) ->
         shape = {"kind": "box", "size": _rounded(sides)}
     elif kind == 5:
         corners = draw.whole(3, 6)
-        turns = (np.arange(corners) + [draw.uniform(-0.3, 0.3) for _ in range(corners)]) * 2 * math.pi / corners
+        turns = (
+            (np.arange(corners) + [draw.uniform(-0.3, 0.3) for _ in range(corners)]) * 2 * math.pi / corners
+        )
         shape = {"kind": "polygon", "vertices": [_rounded(size * _unit(turn)) for turn in turns]}
     obstacle: Document = {"shape": shape, "position": _rounded(position)}
     if angle:

@@ -8,6 +8,7 @@ pub mod arm;
 pub mod batch;
 mod document;
 mod error;
+pub mod feasibility;
 mod judge;
 pub mod plant;
 pub mod real_time;
