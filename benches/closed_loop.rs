@@ -8,6 +8,7 @@ use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
+use vff_core::control::Avoidance;
 use vff_core::scenario::{AnyRun, Scenario};
 
 /// Plant steps of one run; a longer measurement begins another run, outside the measured time.
@@ -162,6 +163,14 @@ fn closed_loop(c: &mut Criterion) {
         ("rk4-continuous/joints", "integrator = 'rk4', control = 'continuous'"),
     ] {
         measure(name, 6, &scene(6, 1, simulation));
+    }
+    for discs in [1, 8] {
+        // Every pair is a row, and the margin is so wide that some rows always act.
+        let mut scenario = scene(6, discs, EULER);
+        scenario.controller.avoidance = Avoidance::Cbf;
+        scenario.controller.yielding.activation = 100.0;
+        scenario.controller.yielding.margin = 0.45;
+        measure("euler-hold-cbf/discs", discs, &scenario);
     }
     for obstacles in [1, 10, 100] {
         measure("euler-hold/obstacles", obstacles, &scene(6, obstacles, EULER));

@@ -8,6 +8,7 @@ use nalgebra::SVector;
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
+use vff_core::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use vff_core::control::{Controller, Formulation, Gains, OperationalSpace, Settings};
 use vff_core::math::{Capsule, Vector};
 use vff_core::robot::planar::Link;
@@ -196,12 +197,44 @@ fn proximity(c: &mut Criterion) {
     group.finish();
 }
 
+/// A programme of 6 unknowns: rows that all hold, and rows that all but hold at a common point, so that
+/// several act in the end.
+fn programme(c: &mut Criterion) {
+    let mut group = c.benchmark_group("programme");
+    let n = 6;
+    let hessian: Vec<f64> = (0..n * n)
+        .map(|k| if k % (n + 1) == 0 { 2.0 } else { 0.3 * f64::sin((k / n * (k % n)) as f64) })
+        .collect();
+    for rows in [6, 60] {
+        let mut program = QuadraticProgram::new(n, rows, rows);
+        let normals = numbers(n * rows, 0.4);
+        let softness = vec![1e-4; rows];
+        let point = numbers(n, 1.3);
+        let at = |a: &[f64]| a.iter().zip(&point).map(|(a, x)| a * x).sum::<f64>() - 0.1;
+        let acting: Vec<f64> = normals.chunks_exact(n).map(at).collect();
+        for (name, bounds) in [("idle", vec![-5.0; rows]), ("acting", acting)] {
+            let problem = Problem {
+                hessian: &hessian,
+                gradient: &[0.0; 6],
+                normals: &normals,
+                bounds: &bounds,
+                softness: &softness,
+            };
+            assert_eq!(program.solve(&problem), Outcome::Solved);
+            group.bench_function(BenchmarkId::new(name, rows), |b| {
+                b.iter(|| program.solve(black_box(&problem)));
+            });
+        }
+    }
+    group.finish();
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default()
         .sample_size(20)
         .warm_up_time(Duration::from_millis(150))
         .measurement_time(Duration::from_millis(500));
-    targets = operators, law, proximity
+    targets = operators, law, proximity, programme
 }
 criterion_main!(benches);

@@ -12,6 +12,7 @@ SECTIONS = {
     "operators": ("operator", "operators of the arm"),
     "law": ("law", "the law alone"),
     "proximity": ("shape", "one link, one obstacle"),
+    "programme": ("rows", "the programme of cbf, 6 unknowns, by the number of rows"),
 }
 
 
@@ -45,6 +46,8 @@ def closed_loop(times: dict[str, float]) -> None:
     one = {name: by_number(times, f"{STEP}/{name}/joints/") for name in ("rk4-hold", "rk4-continuous")}
     body = [(f"{n} joints, 1 disc", readable(t)) for n, t in joints.items()]
     body += [(f"6 joints, {k} discs", readable(t)) for k, t in obstacles.items() if k > 1]
+    barriers = by_number(times, f"{STEP}/euler-hold-cbf/discs/")
+    body += [(f"6 joints, {k} disc{'s' * (k > 1)}, cbf", readable(t)) for k, t in barriers.items()]
     body += [(f"{n} joints, 1 disc, {name}", readable(t)) for name, by in one.items() for n, t in by.items()]
     rows(("one step of the closed loop", "time"), body)
     crowds = [by_number(times, f"{STEP}/euler-hold/{kind}/") for kind in ("static", "moving")]

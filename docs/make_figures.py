@@ -1,7 +1,7 @@
-"""Draw the README's figures into docs/figures: `python docs/make_figures.py`, with vffnull installed.
+"""Draw the documents' figures into docs/figures: `python docs/make_figures.py`, with vffnull installed.
 
-`sweep-through.png` compares three settings of one bundled scenario; `example.png` is what the README's
-Python example plots, made by running that example.
+`sweep-through.png` compares three settings of one bundled scenario, `on-path.png` the four answers to an
+obstacle on the tip's own path; `example.png` is what the README's Python example plots, made by running it.
 """
 
 from __future__ import annotations
@@ -99,6 +99,69 @@ def outcome(result: vff.Result) -> str:
     return f"{near}, tip moves {factor * moved:.2g} {unit}"
 
 
+# The laws of `on-path.png`, their colours, and the instants of its strobe pictures [s].
+LAWS = {"null_space": style.MUTED, "relaxed": "#E69F00", "priority": "#0072B2", "cbf": style.ALARM}
+INSTANTS = (0.0, 1.5, 2.25, 3.0, 4.0, 5.5)
+
+
+def on_path() -> None:
+    """Four laws meet a disc on the tip's path: where the arm goes, how near it comes, what that costs."""
+    results = {law: vff.simulate("on-path", overrides={"controller.avoidance": law}) for law in LAWS}
+    with style.look():
+        fig = style.figure(4.4, style.PAGE)
+        above, below = fig.subfigures(2, 1, height_ratios=(2.3, 2.1))
+        axes = above.subplots(1, len(results), sharey=True)
+        for ax, (law, result) in zip(axes, results.items(), strict=True):
+            around(ax, result, LAWS[law])
+            clearance = result.metrics["min_clearance"]
+            error = float(np.linalg.norm(result.error, axis=1).max())
+            near = f"overlap {-clearance:.2f} m" if clearance < 0 else f"clearance {clearance:.2f} m"
+            strays = f"tip strays {error:.2f} m" if error > 0.005 else "tip on its path"
+            ax.set_title(f"{near}\n{strays}", fontsize=7.5, pad=4)
+            ax.annotate(law, (0.5, 1.0), xycoords="axes fraction", xytext=(0, 28), textcoords="offset points",
+                        ha="center", fontsize=9, fontweight="bold", color=LAWS[law])  # fmt: skip
+            ax.set_xlabel("$x$ [m]")
+        axes[0].set_ylabel("$y$ [m]")
+        distance, error = below.subplots(1, 2)
+        for law, result in results.items():
+            how = {"color": LAWS[law], "linewidth": 1.3}
+            distance.plot(result.t, result.clearance.min(axis=1), label=law, **how)
+            # Below a nanometre there is nothing to see.
+            error.semilogy(result.t, np.maximum(np.linalg.norm(result.error, axis=1), 1e-9), **how)
+        distance.axhline(0.0, color=style.INK, linewidth=0.8)
+        distance.set_ylim(-0.3, 0.8)
+        distance.set_ylabel("smallest clearance [m]")
+        error.set_ylim(1e-9, 10)
+        error.set_yticks(10.0 ** np.arange(-9, 2, 3))
+        error.axhline(1e-5, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        error.text(0.1, 1.4e-5, "$10^{-5}$ m", fontsize=7, va="bottom")
+        error.set_ylabel("tracking error [m]")
+        for ax in (distance, error):
+            ax.set_xlabel("time [s]")
+            ax.axvline(5.0, color=style.MUTED, linewidth=0.6, linestyle=(0, (1, 2)))
+        distance.text(5.08, -0.12, "reference at rest", fontsize=7, color=style.MUTED, va="center")
+        below.legend(loc="outside upper center", ncols=len(results))
+        fig.savefig(FIGURES / "on-path.png")
+
+
+def around(ax: Axes, result: vff.Result, colour: str) -> None:
+    """The arm at a few instants, early light and late dark, the disc, and the path of the tip."""
+    joints, radii = geometry.joints(result), geometry.link_radii(result)
+    (outline,) = geometry.obstacle_outlines(result)
+    strobe.solid(ax, outline + result.obstacles[0, 0], style.INK, zorder=1.5)
+    for order, (t, shade) in enumerate(zip(INSTANTS, strobe.shades(len(INSTANTS)), strict=True)):
+        row = int(np.searchsorted(result.t, t - 1e-9))
+        strobe.draw_arm(ax, joints[row], radii, shade, zorder=3 + order)
+    ax.plot(*result.x_ref.T, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)), zorder=10)
+    ax.plot(*result.x.T, color=colour, linewidth=1.6, zorder=11)
+    ax.plot(0.0, 0.0, marker="s", markersize=5, color=style.INK, zorder=2.5)
+    ax.set_xlim(-0.4, 4.2)
+    ax.set_ylim(-1.4, 2.1)
+    ax.set_aspect("equal")
+    ax.set_xticks(range(5))
+    ax.set_yticks(range(-1, 3))
+
+
 def example() -> None:
     """Run the README's first Python example and keep its overview."""
     readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
@@ -118,4 +181,5 @@ def example() -> None:
 if __name__ == "__main__":
     FIGURES.mkdir(exist_ok=True)
     sweep_through()
+    on_path()
     example()

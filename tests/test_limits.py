@@ -1,4 +1,4 @@
-"""Limits: what is given up, in which order, and what holds on (docs/theory.md, T34 to T38)."""
+"""Limits: what is given up, in which order, and what holds on (docs/theory.md, T35 to T38)."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_objectives_are_given_up_in_order() -> None:
 
 
 def test_the_task_keeps_its_direction() -> None:
-    """With the share s of the task, the end effector accelerates by s ẍ_c: slower, not elsewhere (T34)."""
+    """With the share s of the task, the end effector accelerates by s ẍ_c: slower, not elsewhere (T35)."""
     result = run("paper-1", arm__torque_limits=20.0)
     arm = result.scenario.arm
     partly = np.flatnonzero((result.granted[:, 1] < 0.999) & (result.granted[:, 2] == 1))

@@ -26,6 +26,8 @@ CONTRACT = {
         "Field",
         "ControlSettings",
         "Controller",
+        "Distances",
+        "distances",
         "Simulation",
         "Result",
         "Scenario",

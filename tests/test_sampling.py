@@ -1,4 +1,4 @@
-"""How long a torque may be held: the bounds of docs/theory.md, T31 and T32, met from both sides."""
+"""How long a torque may be held: the bounds of docs/theory.md, T31 and T34, met from both sides."""
 
 from __future__ import annotations
 

@@ -22,11 +22,13 @@ from vffnull._core import (
     PORTS,
     Arm,
     Controller,
+    Distances,
     ExtendedJacobian,
     Simulation,
     State,
     Terms,
     __version__,
+    distances,
 )
 from vffnull._many import metrics_table, simulate_many
 from vffnull._simulate import simulate
@@ -51,6 +53,7 @@ __all__ = [
     "Arm",
     "ControlSettings",
     "Controller",
+    "Distances",
     "Evaluation",
     "ExtendedJacobian",
     "Field",
@@ -69,6 +72,7 @@ __all__ = [
     "VffNullError",
     "__version__",
     "compare",
+    "distances",
     "errors",
     "evaluate",
     "feasibility",

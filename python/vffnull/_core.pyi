@@ -13,12 +13,14 @@ __all__ = [
     "PORTS",
     "Arm",
     "Controller",
+    "Distances",
     "ExtendedJacobian",
     "Simulation",
     "State",
     "Terms",
     "__version__",
     "check",
+    "distances",
     "format_toml",
     "parse_toml",
     "plant",
@@ -335,7 +337,7 @@ class Controller:
         Returns
         -------
         period : float
-            The largest stable control period [s] (docs/theory.md, T32).
+            The largest stable control period [s] (docs/theory.md, T34).
         stiffness : float
             Stiffness of the field [N/m] at the contact that sets it; 0 if the null damping does.
         clearance : float
@@ -356,7 +358,7 @@ class Terms:
         """Joint torque, (n,) [N·m]."""
     @property
     def tau_task(self) -> _Array:
-        """What serves the task, (n,) [N·m]."""
+        """What serves the task, and what makes it give way, (n,) [N·m]."""
     @property
     def tau_null(self) -> _Array:
         """What acts in the null space, (n,) [N·m]."""
@@ -369,6 +371,9 @@ class Terms:
     @property
     def clearance(self) -> _Array:
         """Signed distance of each link's surface to the nearest obstacle's, (n,) [m]."""
+    @property
+    def slack(self) -> float:
+        """By how much barriers are broken at most [m/s²]; 0 without ``avoidance="cbf"``."""
     @property
     def N(self) -> _Array:
         """Null-space projector, (n, n)."""
@@ -396,6 +401,41 @@ class Terms:
     @property
     def null_acceleration(self) -> float:
         """‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task."""
+
+@final
+class Distances:
+    """What `distances` returns; P pairs, one per link and obstacle, link by link.
+
+    For a batch of states every array but `link` and `obstacle` has the batch as its first dimension.
+    """
+
+    @property
+    def link(self) -> NDArray[np.int64]:
+        """Link of each pair, from 0 at the base, (P,)."""
+    @property
+    def obstacle(self) -> NDArray[np.int64]:
+        """Obstacle of each pair, in the order given, (P,)."""
+    @property
+    def distance(self) -> _Array:
+        """Signed distance d of the two surfaces, (P,) [m]; negative in penetration."""
+    @property
+    def gradient(self) -> _Array:
+        """Derivative of d by the joint angles, n̂ᵀJ_c, (P, n) [m/rad]."""
+    @property
+    def rate(self) -> _Array:
+        """Rate ḋ, the motion of the obstacle included, (P,) [m/s]."""
+    @property
+    def bias(self) -> _Array:
+        """Acceleration d̈ while the joints do not accelerate, (P,) [m/s²]: d̈ = gradient @ ddq + bias."""
+    @property
+    def normal(self) -> _Array:
+        """Unit vector n̂ from the obstacle towards the link, (P, 2)."""
+    @property
+    def point(self) -> _Array:
+        """Nearest point on the axis of the link, (P, 2) [m]."""
+    @property
+    def witness(self) -> _Array:
+        """Nearest point on the surface of the obstacle, (P, 2) [m]."""
 
 @final
 class State:
@@ -486,6 +526,43 @@ class Simulation:
     @property
     def status(self) -> str:
         """How the run stands: ``"completed"``, ``"collided"`` or ``"diverged"`` up to now."""
+
+def distances(
+    arm: Arm, q: ArrayLike, dq: ArrayLike, obstacles: Sequence[_Document], t: ArrayLike = 0.0
+) -> Distances:
+    """The signed distance of every link from every obstacle, and exactly how it changes.
+
+    What a barrier or a filter at torque level needs: d̈ = gradient @ ddq + bias holds as long as the same
+    features (end, side, corner, face) remain nearest; where they change, d̈ jumps (docs/theory.md, T60–T62).
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm's model.
+    q, dq : (n,) or (batch, n) array_like
+        Joint angles [rad] and velocities [rad/s].
+    obstacles : sequence of Obstacle or dict
+        The obstacles with their motions.
+    t : float or (batch,) array_like, optional
+        Time [s] at which the motions are taken.
+
+    Returns
+    -------
+    Distances
+        One row per pair of link and obstacle; with a batch, one such table per state.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If an array has the wrong shape or is not finite.
+
+    Examples
+    --------
+    >>> arm = Arm.uniform(2)
+    >>> disc = {"shape": {"kind": "circle", "radius": 0.5}, "position": [1.5, 1.0]}
+    >>> distances(arm, [0.0, 0.0], [0.0, 0.0], [disc]).distance.round(3).tolist()
+    [0.618, 0.5]
+    """
 
 def run(
     document: Mapping[str, Any], progress: Callable[[float, float], None] | None = None

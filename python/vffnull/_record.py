@@ -46,6 +46,7 @@ QUANTITIES: dict[str, Quantity] = {
     "granted": Quantity("", "share that the limits let through", ("objective",), optional=True),
     "self_clearance": Quantity("m", "distance of the nearest two links", (), optional=True),
     "tank": Quantity("J", "energy in the tank", (), optional=True),
+    "slack": Quantity("m/s²", "breach of the barriers", (), optional=True),
     "q_measured": Quantity("rad", "measured joint angle", ("joint",), optional=True),
     "dq_measured": Quantity("rad/s", "measured joint velocity", ("joint",), optional=True),
     "tau_applied": Quantity("N·m", "torque of the drive", ("joint",), optional=True),

@@ -147,8 +147,11 @@ class ControlSettings:
         How the torque is computed. The two agree to rounding; the second is the paper's, with every matrix.
     projection : {"dynamic", "kinematic", "none"}, optional
         What keeps the repulsion away from the end effector. All but ``"dynamic"`` are for comparison.
-    avoidance : str, optional
-        What happens if an obstacle is in the end effector's own way; ``"null_space"`` holds on to the task.
+    avoidance : {"null_space", "relaxed", "priority", "cbf"}, optional
+        What happens if an obstacle is in the end effector's own way: ``"null_space"`` holds on to the task;
+        the others let it give way, ``"cbf"`` by no more than the distances and limits demand.
+    yielding : dict, optional
+        How it gives way, where it does: see ``vffnull schema`` for the keys of ``[controller.yielding]``.
     singularity : float, optional
         How early the task gives way near a singular posture: below this fraction of the mobility that one
         particle of the arm's mass would have.
@@ -176,7 +179,8 @@ class ControlSettings:
     tank: Document | None = None
     formulation: Literal["recursive", "extended_jacobian"] | None = None
     projection: Literal["dynamic", "kinematic", "none"] | None = None
-    avoidance: str | None = None
+    avoidance: Literal["null_space", "relaxed", "priority", "cbf"] | None = None
+    yielding: Document | None = None
     singularity: float | None = None
 
     def __post_init__(self) -> None:

@@ -193,7 +193,15 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
             power[0] = dq @ held.tau  # what the motors do, not what the law would have them do now
             values = (
                 *(q.copy(), dq.copy(), *torques, now.tau_vff, now.force, now.clearance),
-                *(now.energy, power, now.manipulability, held.granted, now.self_clearance, now.tank),
+                *(
+                    now.energy,
+                    power,
+                    now.manipulability,
+                    held.granted,
+                    now.self_clearance,
+                    now.tank,
+                    now.slack,
+                ),
                 *(held.null_acceleration, now.singular),
             )
             for name, value in zip(_ROWS, values, strict=True):
@@ -240,7 +248,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
 
 _ROWS = (
     *("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearance"),
-    *("energy", "power", "manipulability", "granted", "self_clearance", "tank"),
+    *("energy", "power", "manipulability", "granted", "self_clearance", "tank", "slack"),
     *("null_acceleration", "singular"),
 )
 
@@ -253,6 +261,7 @@ def _absent(document: Document) -> set[str]:
         *(() if limited else ("granted",)),
         *(() if controller.get("self_collision", "ignore") != "ignore" else ("self_clearance",)),
         *(() if "tank" in controller else ("tank",)),
+        *(() if controller.get("avoidance") == "cbf" else ("slack",)),
     }
 
 
@@ -454,6 +463,11 @@ def _metrics(
             found["self_collision_time"] = float(times[np.argmax(distance <= 0)])
     if "granted" in record:
         found["limited_steps"] = int((record["granted"] < 1).any(axis=1).sum())
+    if document.get("controller", {}).get("avoidance", "null_space") != "null_space":
+        found["passivity_residual"] = None  # the balance is that of the null-space law
+    if "slack" in record:
+        found["max_slack"] = float(record["slack"].max())
+        found["slack_steps"] = int(np.sum(record["slack"] > 0.1))
     arm = document["arm"]
     if "joint_limits" in arm:
         lower, upper = np.moveaxis(_floats(arm["joint_limits"]), -1, 0)

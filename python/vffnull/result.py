@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core, _record
-from vffnull._record import NAMES, QUANTITIES, recorded, unit
+from vffnull._record import QUANTITIES, recorded, unit
 from vffnull.logs import extra
 from vffnull.scenario import Scenario
 
@@ -159,6 +159,8 @@ class Result:
         Signed distance [m] of the nearest two links that share no joint; None where it is not measured.
     tank : (T,) ndarray or None
         Energy in the tank [J]; None without one.
+    slack : (T,) ndarray or None
+        By how much the barriers of ``avoidance = "cbf"`` are broken at most [m/s²]; None with other laws.
     q_measured, dq_measured : (T, n) ndarray or None
         What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
         has sensors, a table ``[measurement]``. Everything else is of the true state.
@@ -204,6 +206,7 @@ class Result:
     granted: Array | None = None
     self_clearance: Array | None = None
     tank: Array | None = None
+    slack: Array | None = None
     q_measured: Array | None = None
     dq_measured: Array | None = None
     tau_applied: Array | None = None

@@ -505,16 +505,26 @@ fn controllers(n: usize, m: usize) -> impl Strategy<Value = String> {
         (list(n, between(-3.0, 3.0)), each(n, between(0.0, 5.0))),
         words(&["recursive", "extended_jacobian"]),
         words(&["dynamic", "kinematic", "none"]),
+        words(&["null_space", "relaxed", "priority", "cbf"]),
         field,
     )
         .prop_map(
-            move |(stiffness, damping, null, (posture, spring), formulation, projection, field)| {
+            move |(
+                stiffness,
+                damping,
+                null,
+                (posture, spring),
+                formulation,
+                projection,
+                avoidance,
+                field,
+            )| {
                 let task = ["position", "pose"][m - 2];
                 let (kind, gain, influence, approach) = field;
                 format!(
                     "[controller]\ntask = {task:?}\nstiffness = {stiffness}\ndamping = {damping}\n\
                  null_damping = {null}\nposture = {posture}\nposture_stiffness = {spring}\n\
-                 formulation = {formulation}\nprojection = {projection}\n\
+                 formulation = {formulation}\nprojection = {projection}\navoidance = {avoidance}\n\
                  field = {{ kind = {kind}, gain = {gain}, influence = {influence}, \
                  approach_damping = {approach} }}\n"
                 )

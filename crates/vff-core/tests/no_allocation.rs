@@ -3,6 +3,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64};
+use vff_core::control::Avoidance;
 use vff_core::scenario::Scenario;
 use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
@@ -185,6 +186,23 @@ fn no_step_of_a_real_plant_allocates() {
         assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
         let stands = outcome.record.dq.iter().filter(|v| **v == 0.0).count();
         assert!(stands > 0 && stands < outcome.record.dq.len(), "{stands}");
+    }
+}
+
+/// Nor does one in which the end effector gives way, programme included.
+#[test]
+fn no_step_allocates_that_gives_way() {
+    let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    for avoidance in [Avoidance::Relaxed, Avoidance::Priority, Avoidance::Cbf] {
+        for simulation in [r#"control = "hold""#, r#"control = "predictor""#] {
+            let mut scenario = scenario("position", reference, simulation, "dynamic");
+            scenario.controller.avoidance = avoidance;
+            let mut run = scenario.prepare().unwrap().run;
+            let count = allocations(|| while run.step() {});
+            assert_eq!(count, 0, "{avoidance:?}, {simulation}");
+            let outcome = run.outcome();
+            assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+        }
     }
 }
 

@@ -162,7 +162,8 @@ impl<const M: usize> Inner<M> {
     }
 }
 
-fn read_world(given: &[Bound<'_, PyAny>]) -> PyResult<World> {
+/// The world of these obstacles.
+pub fn read_world(given: &[Bound<'_, PyAny>]) -> PyResult<World> {
     let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
         let name = format!("obstacles[{j}]");
         scenario::read_obstacle(&named_document(&name, obstacle)?)
@@ -259,6 +260,7 @@ impl Controller {
             tau_vff: law.forces().torque().to_vec(),
             force: law.forces().magnitude().to_vec(),
             clearance: law.forces().clearance().to_vec(),
+            slack: law.slack(),
             projector: law.null_projector(),
             energy: law.energy().values(),
             power: law.power(&law.torque().total).values(),
@@ -305,6 +307,8 @@ pub struct Terms {
     tau_vff: Vec<f64>,
     force: Vec<f64>,
     clearance: Vec<f64>,
+    #[pyo3(get)]
+    slack: Option<f64>,
     projector: nalgebra::DMatrix<f64>,
     energy: [f64; ENERGIES.len()],
     power: [f64; PORTS.len()],

@@ -3,6 +3,7 @@
 mod arm;
 mod controller;
 mod convert;
+mod distances;
 mod errors;
 mod real_time;
 mod run;
@@ -18,6 +19,8 @@ mod _core {
     use crate::arm::{Arm, ExtendedJacobian, plant};
     #[pymodule_export]
     use crate::controller::{Controller, Terms};
+    #[pymodule_export]
+    use crate::distances::{Distances, distances};
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]

@@ -158,7 +158,8 @@ fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
         let table = values.map(|values| array2(py, values, [rows, columns])).transpose()?;
         dict.set_item(name, table)?;
     }
-    for (name, values) in [("self_clearance", r.self_clearance), ("tank", r.tank)] {
+    let series = [("self_clearance", r.self_clearance), ("tank", r.tank), ("slack", r.slack)];
+    for (name, values) in series {
         let values = Some(values).filter(given);
         dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;
     }

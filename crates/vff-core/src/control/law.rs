@@ -16,7 +16,7 @@ use nalgebra::{SMatrix, SVector};
 pub struct Torque {
     /// What the motors get: `task + null`.
     pub total: Vec<f64>,
-    /// `g + Jᵀf`: gravity and the task force.
+    /// `g + Jᵀf`: gravity and the task force, and what makes the end effector give way.
     pub task: Vec<f64>,
     /// `Nᵀy`: what acts in the null space.
     pub null: Vec<f64>,
@@ -33,6 +33,15 @@ impl Torque {
         self.total.copy_from_slice(&other.total);
         self.task.copy_from_slice(&other.task);
         self.null.copy_from_slice(&other.null);
+    }
+
+    /// Adds to the part of the task.
+    pub fn add_to_task(&mut self, more: impl Fn(usize) -> f64) {
+        for (i, (total, task)) in self.total.iter_mut().zip(&mut self.task).enumerate() {
+            let more = more(i);
+            *total += more;
+            *task += more;
+        }
     }
 }
 

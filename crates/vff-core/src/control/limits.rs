@@ -2,7 +2,7 @@
 //!
 //! Torque limits scale whole objectives, never the torque of one joint alone: that would bend the
 //! directions in which the arm accelerates. Objectives are given up in the order of [`OBJECTIVES`],
-//! each down to nothing before the next is touched (T34, T35). Speed limits slow the reference down
+//! each down to nothing before the next is touched (T35). Speed limits slow the reference down
 //! before any of that (T36), and damp the null space (T37).
 
 use super::{OperationalSpace, Torque};
@@ -142,6 +142,7 @@ pub fn add_joint_limit_torque(field: &Field, limits: &Limits, q: &[f64], out: &m
 }
 
 #[cfg(test)]
+#[expect(clippy::float_cmp, reason = "exact by construction")]
 mod tests {
     use super::*;
     use proptest::prelude::*;
@@ -167,8 +168,8 @@ mod tests {
             };
             let full = torque.clone();
             let granted = split.fit(&limit, &mut torque);
-            for i in 0..4 {
-                prop_assert!(torque.total[i].abs() <= limit[i] * (1.0 + 1e-12) + 1e-12);
+            for (tau, limit) in torque.total.iter().zip(&limit) {
+                prop_assert!(tau.abs() <= limit * (1.0 + 1e-12) + 1e-12);
             }
             for k in 1..5 {
                 prop_assert!(granted[k] >= 1.0 || granted[k - 1] == 0.0);

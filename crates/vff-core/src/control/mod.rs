@@ -2,13 +2,17 @@
 //!
 //! [`Controller`] strings the parts together: [`operational_space`] (Λ and the null projector),
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
-//! have) and [`law`] or [`extended_jacobian`] (which torque does all of it).
+//! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
+//! where that is not enough).
 
+pub mod avoidance;
+pub mod distance;
 pub mod energy;
 pub mod extended_jacobian;
 pub mod law;
 pub mod limits;
 pub mod operational_space;
+pub mod quadratic_program;
 pub mod sampling;
 pub mod settings;
 pub mod tank;
@@ -19,9 +23,11 @@ use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
 use crate::world::Surroundings;
+use avoidance::Avoider;
 use limits::Parts;
 use nalgebra::{DMatrix, SMatrix};
 
+pub use avoidance::Yielding;
 pub use energy::{Energy, Power};
 pub use law::{Law, Torque};
 pub use limits::Granted;
@@ -56,6 +62,8 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     scaling: f64,
     reference: Sample<M>,
     error: Vector<M>,
+    /// What gives way where the null space is not enough.
+    avoider: Option<Box<Avoider<D>>>,
 }
 
 impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
@@ -76,6 +84,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
             scaling: 0.0,
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
+            avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
             robot,
             gains,
         }
@@ -116,6 +125,9 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         self.robot.update(q, dq);
         self.space.refresh(&self.robot);
         self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
+        if let Some(avoider) = &mut self.avoider {
+            avoider.observe(&self.robot, surroundings);
+        }
     }
 
     /// The pose x of the end effector at the observed state.
@@ -158,17 +170,25 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         {
             self.fit_torque(&ddx_c);
         }
+        if let Some(avoider) = &mut self.avoider {
+            let Law { bias, torque, .. } = &mut self.law;
+            avoider.act(&self.robot, &self.space, &self.forces, bias, torque);
+        }
         &self.law.torque
     }
 
     /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37).
     fn commanded_acceleration(&mut self) -> Vector<M> {
-        let Self { robot, space, gains, reference, error, .. } = self;
+        let Self { robot, space, gains, reference, .. } = self;
+        let error = match &self.avoider {
+            Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
+            None => self.error,
+        };
         let speed = &robot.limits().velocity;
         self.law.brake = 0.0;
         if gains.enforce_limits && !speed.is_empty() {
             // The task velocity that K and D ask for: ẍ_c = ẍ_r − D (ẋ − ẋ_d).
-            let pull = gains.stiffness.component_mul(error).component_div(&gains.damping);
+            let pull = gains.stiffness.component_mul(&error).component_div(&gains.damping);
             let dx_d = reference.dx - pull;
             let share = limits::speed_share(robot, space, &dx_d);
             let brake = limits::brake(robot.velocity(), speed);
@@ -179,7 +199,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
                 return reference.ddx * share - damping.component_mul(&(space.dx - dx_d * share));
             }
         }
-        task::commanded_acceleration(gains, reference, *error, space.dx - reference.dx)
+        task::commanded_acceleration(gains, reference, error, space.dx - reference.dx)
     }
 
     /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).
@@ -205,7 +225,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         gains.add_posture_torque(robot.configuration(), tau_sec);
     }
 
-    /// Scales the objectives until every joint is within its torque limit (T34, T35).
+    /// Scales the objectives until every joint is within its torque limit (T35).
     #[cold]
     fn fit_torque(&mut self, ddx_c: &Vector<M>) {
         let Self { robot, space, gains, parts, law, .. } = self;
@@ -230,6 +250,16 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         let granted = parts.fit(&robot.limits().torque, &mut law.torque);
         self.scaling += null_power(space, dq, &law.torque.total) - before;
         self.granted[..limits::SPEED].copy_from_slice(&granted[..limits::SPEED]);
+    }
+
+    /// Whether the end effector may give way.
+    pub fn yields(&self) -> bool {
+        self.avoider.is_some()
+    }
+
+    /// By how much the last command breaks the barriers at most [m/s²]; None without barriers.
+    pub fn slack(&self) -> Option<f64> {
+        self.avoider.as_ref().and_then(|avoider| avoider.slack())
     }
 
     /// The null projector N of the chosen projection as a matrix, (n, n), for people.
@@ -315,7 +345,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         }
     }
 
-    /// The largest control period at which the null space is stable at the observed state (T32).
+    /// The largest control period at which the null space is stable at the observed state (T34).
     /// Allocates.
     pub fn stable_period(&self, surroundings: &mut impl Surroundings<D>) -> StablePeriod {
         sampling::stable_period(&self.robot, &self.space, &self.gains, surroundings)

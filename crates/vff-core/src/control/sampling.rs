@@ -1,4 +1,4 @@
-//! How long a torque may be held: the sampled bounds of the null space (T31, T32).
+//! How long a torque may be held: the sampled bounds of the null space (T31, T34).
 
 use super::{Gains, OperationalSpace, dot};
 use crate::math::Vector;

@@ -1,5 +1,6 @@
 //! What a user can set on a controller, and the same resolved for one robot.
 
+use super::avoidance::Yielding;
 use super::tank::TankSettings;
 use crate::field::Field;
 use crate::math::Broadcast;
@@ -38,6 +39,12 @@ pub enum Avoidance {
     /// The end effector's task always wins.
     #[default]
     NullSpace,
+    /// Near an obstacle the task lets go and the field pushes the end effector.
+    Relaxed,
+    /// Along the shortest way out of an obstacle the distance comes first.
+    Priority,
+    /// The nearest acceleration that keeps all distances and limits, by control barrier functions.
+    Cbf,
 }
 
 /// What is done about links that come near each other.
@@ -107,6 +114,8 @@ pub struct Settings {
     pub projection: Projection,
     /// Which answer where the null space is not enough.
     pub avoidance: Avoidance,
+    /// How the end effector yields, where it does.
+    pub yielding: Yielding,
     /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
     /// 1/(mass of the arm), > 0.
     pub singularity: f64,
@@ -129,6 +138,7 @@ impl Default for Settings {
             formulation: Formulation::Recursive,
             projection: Projection::Dynamic,
             avoidance: Avoidance::NullSpace,
+            yielding: Yielding::default(),
             singularity: 3e-2,
         }
     }
@@ -207,6 +217,10 @@ pub struct Gains<const M: usize> {
     pub formulation: Formulation,
     /// Which projector.
     pub projection: Projection,
+    /// Which answer where the null space is not enough.
+    pub avoidance: Avoidance,
+    /// How the end effector yields.
+    pub yielding: Yielding,
     /// See [`Settings::singularity`].
     pub singularity: f64,
 }
@@ -231,6 +245,8 @@ impl<const M: usize> Gains<M> {
             tank: settings.tank,
             formulation: settings.formulation,
             projection: settings.projection,
+            avoidance: settings.avoidance,
+            yielding: settings.yielding.clone(),
             singularity: settings.singularity,
         }
     }

@@ -249,12 +249,17 @@ mod tests {
     use crate::control::Settings;
     use crate::field::FieldKind;
     use crate::robot::{PlanarArm, planar::Link};
+    use crate::world::Feature;
     use std::sync::Arc;
 
     /// One contact, whatever the links do.
     struct Only(Contact<2>);
 
     impl Surroundings<2> for Only {
+        fn obstacle_count(&self) -> usize {
+            1
+        }
+
         fn for_each_contact(
             &mut self,
             _links: impl IntoIterator<Item = Capsule<2>>,
@@ -292,6 +297,7 @@ mod tests {
             witness: normal * -0.3,
             velocity: normal,
             acceleration: Vector::<2>::zeros(),
+            feature: Feature::End { distance: 0.3 },
         };
         let mut forces = VirtualForces::new(4);
         let settings = Settings { field, ..Settings::default() };

@@ -4,8 +4,8 @@
 
 use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
-use crate::control::Settings;
 use crate::control::tank::TankSettings;
+use crate::control::{Settings, Yielding};
 use crate::field::{Field, FieldKind};
 use crate::robot::Limits;
 use crate::simulation::{ActuatorSettings, Control, Measurement, MeasurementSettings, Options};
@@ -107,6 +107,7 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
         None => {}
     }
     number("singularity", settings.singularity, positive)?;
+    yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
     if let Some(limits) = &settings.joint_limit_field {
         field(limits).map_err(|error| error.inside("joint_limit_field"))?;
     }
@@ -114,6 +115,29 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
         self::tank(tank).map_err(|error| error.inside("tank"))?;
     }
     field(&settings.field).map_err(|error| error.inside("field"))
+}
+
+/// `[controller.yielding]`.
+fn yielding(yielding: &Yielding) -> Judged {
+    let Yielding { margin, rate, inner, outer, saturation, activation, .. } = yielding;
+    let Yielding { task_weight, slack_price, speed, .. } = yielding;
+    number("inner", *inner, not_negative)?;
+    for (path, value) in [
+        ("margin", margin),
+        ("rate", rate),
+        ("saturation", saturation),
+        ("activation", activation),
+        ("task_weight", task_weight),
+        ("slack_price", slack_price),
+        ("speed", speed),
+    ] {
+        number(path, *value, positive)?;
+    }
+    if outer <= inner {
+        let requirement = format!("greater than inner = {inner}");
+        return Err(ScenarioError::out_of_range("outer", &requirement, *outer));
+    }
+    Ok(())
 }
 
 /// `[controller.tank]`.

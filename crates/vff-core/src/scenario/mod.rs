@@ -473,7 +473,7 @@ impl Scenario {
     }
 
     /// A field too stiff for the control period: where the obstacles stand at the start, or at the
-    /// clearance that the fastest of them is to be expected to come to (T29, T32).
+    /// clearance that the fastest of them is to be expected to come to (T29, T34).
     fn field_bound<const M: usize>(
         &self,
         controller: &Controller<PlanarState, 2, M>,

@@ -231,6 +231,8 @@ impl<const M: usize> ClosedLoop<M> {
             tank: controller.tank().map(Tank::level),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
+            slack: controller.slack(),
+            yields: controller.yields(),
             manipulability: space.manipulability,
             singular: space.singular,
         }

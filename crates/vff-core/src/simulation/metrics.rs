@@ -53,6 +53,8 @@ pub const METRICS: &[Metric] = &[
     metric("rms_jerk", "rad/s³", "RMS of the third derivative of the joint angles"),
     metric("max_null_acceleration", "m/s²", "largest ‖J M⁻¹ τ_null‖: what leaks into the task"),
     metric("passivity_residual", "J", "largest defect of the null-space energy balance"),
+    metric("max_slack", "m/s²", "largest breach of a barrier, of cbf only"),
+    metric("slack_steps", "", "steps with a barrier broken by more than 0.1 m/s², of cbf only"),
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
     metric("min_manipulability", "m²", "smallest √det(J Jᵀ); 0 in a singularity"),
     metric("min_self_clearance", "m", "smallest distance of two links that share no joint"),
@@ -95,6 +97,9 @@ pub struct Metrics {
     supplied: f64,
     last_supply: f64,
     passivity_residual: f64,
+    max_slack: Option<f64>,
+    slack_steps: usize,
+    yields: bool,
     singular_steps: usize,
     min_manipulability: f64,
     min_self_clearance: Option<f64>,
@@ -138,6 +143,9 @@ impl Metrics {
             supplied: 0.0,
             last_supply: 0.0,
             passivity_residual: 0.0,
+            max_slack: None,
+            slack_steps: 0,
+            yields: false,
             singular_steps: 0,
             min_manipulability: f64::INFINITY,
             min_self_clearance: None,
@@ -253,6 +261,11 @@ impl Metrics {
         self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
         self.singular_steps += usize::from(s.singular);
         self.min_manipulability = self.min_manipulability.min(s.manipulability);
+        if let Some(slack) = s.slack {
+            self.max_slack = Some(self.max_slack.unwrap_or(0.0).max(slack));
+            self.slack_steps += usize::from(slack > 0.1);
+        }
+        self.yields = s.yields;
         if let Some(granted) = s.granted {
             let limited = granted.iter().any(|share| *share < 1.0);
             *self.limited_steps.get_or_insert(0) += usize::from(limited);
@@ -311,7 +324,10 @@ impl Metrics {
             number(self.energy),
             rms(self.sum_jerk / self.dt.powi(4), jerks),
             number(self.max_null_acceleration),
-            number(self.passivity_residual),
+            // The balance is that of the null-space law.
+            given(!self.yields, self.passivity_residual),
+            optional(self.max_slack),
+            if self.max_slack.is_some() { Value::Count(self.slack_steps) } else { Value::None },
             Value::Count(self.singular_steps),
             number(self.min_manipulability),
             optional(self.min_self_clearance.filter(|d| *d < f64::INFINITY)),

@@ -61,6 +61,8 @@ pub struct Record {
     pub self_clearance: Vec<f64>,
     /// (T), or empty.
     pub tank: Vec<f64>,
+    /// (T), or empty.
+    pub slack: Vec<f64>,
 }
 
 /// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems
@@ -104,7 +106,7 @@ impl Record {
     }
 
     /// Every array with the length of its rows: of a run like `s`, or of one that has everything.
-    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 23] {
+    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 24] {
         let (n, m) = (self.joints, self.task);
         let optional = |given: fn(&Snapshot<'_>) -> bool, width: usize| {
             if s.is_none_or(given) { width } else { 0 }
@@ -133,6 +135,7 @@ impl Record {
             (&mut self.granted, optional(|s| s.granted.is_some(), limits::OBJECTIVES.len())),
             (&mut self.self_clearance, optional(|s| s.self_clearance.is_some(), 1)),
             (&mut self.tank, optional(|s| s.tank.is_some(), 1)),
+            (&mut self.slack, optional(|s| s.slack.is_some(), 1)),
         ]
     }
 
@@ -164,5 +167,6 @@ impl Record {
         self.granted.extend_from_slice(s.granted.map_or(&[], |granted| granted));
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);
+        self.slack.extend(s.slack);
     }
 }

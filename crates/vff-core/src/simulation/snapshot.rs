@@ -52,6 +52,10 @@ pub struct Snapshot<'a> {
     pub self_clearance: Option<f64>,
     /// √det(J Jᵀ) [m²].
     pub manipulability: f64,
+    /// By how much the barriers are broken at most [m/s²]; `None` without barriers (`cbf`).
+    pub slack: Option<f64>,
+    /// Whether the end effector may give way, by whatever law.
+    pub yields: bool,
     /// Whether the task force was damped because of a singularity.
     pub singular: bool,
 }

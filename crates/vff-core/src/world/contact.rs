@@ -24,4 +24,25 @@ pub struct Contact<const D: usize> {
     pub velocity: Vector<D>,
     /// Acceleration of the obstacle at the witness [m/s²].
     pub acceleration: Vector<D>,
+    /// What meets what: how the normal turns when the two move.
+    pub feature: Feature,
+}
+
+/// The features of the link's axis and of the obstacle that are nearest. The obstacle counts without
+/// its radius: a circle as its centre, a capsule as a segment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Feature {
+    /// The inside of the axis and a point of the obstacle (a centre or a corner): the normal turns
+    /// with the link.
+    Side {
+        /// Signed distance of the axis from that point [m].
+        distance: f64,
+    },
+    /// An end of the axis and a point of the obstacle: the normal points from one to the other.
+    End {
+        /// Their distance [m], > 0.
+        distance: f64,
+    },
+    /// An end of the axis and a flat face of the obstacle: the normal is that of the face.
+    Face,
 }

@@ -11,7 +11,7 @@ mod obstacle;
 mod proximity;
 mod shape;
 
-pub use contact::Contact;
+pub use contact::{Contact, Feature};
 pub use motion::{Motion, MotionState};
 pub use obstacle::Obstacle;
 pub use shape::{Shape, counter_clockwise, is_convex};
@@ -22,6 +22,9 @@ use proximity::{Core, Crowd};
 /// What a controller asks of the world around the arm: the nearest points of every link to
 /// everything that it knows of.
 pub trait Surroundings<const D: usize> {
+    /// The most contacts that one link can have.
+    fn obstacle_count(&self) -> usize;
+
     /// Calls `visit` with the contacts nearer than `reach` [m], and `distance` with the index of
     /// every link and its signed distance to whatever is nearest, however far [m].
     fn for_each_contact(

@@ -18,7 +18,7 @@ mod crowd;
 
 pub(super) use crowd::Crowd;
 
-use super::{Body, Contact, MotionState, Shape, Surroundings, World, shape};
+use super::{Body, Contact, Feature, MotionState, Shape, Surroundings, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 
@@ -55,6 +55,10 @@ impl World {
 }
 
 impl Surroundings<2> for World {
+    fn obstacle_count(&self) -> usize {
+        self.len()
+    }
+
     /// Link by link from the first of `links` on, and for each link in the order of the obstacles.
     ///
     /// See [`World::contact`] for what is expected of a link.
@@ -180,7 +184,7 @@ impl Core {
         radius: f64,
         state: &MotionState,
     ) -> Contact<2> {
-        let Nearest { distance, normal, point } = *nearest;
+        let Nearest { distance, normal, point, meets } = *nearest;
         let point = to_glam(state.position) + point;
         Contact {
             link,
@@ -191,6 +195,11 @@ impl Core {
             witness: from_glam(point - normal * (distance - self.radius)),
             velocity: state.velocity,
             acceleration: state.acceleration,
+            feature: match meets {
+                Meets::Side => Feature::Side { distance },
+                Meets::End => Feature::End { distance },
+                Meets::Face => Feature::Face,
+            },
         }
     }
 
@@ -261,6 +270,15 @@ struct Nearest {
     distance: f64,
     normal: Point,
     point: Point,
+    meets: Meets,
+}
+
+/// The kinds of [`Feature`].
+#[derive(Debug, Clone, Copy)]
+enum Meets {
+    Side,
+    End,
+    Face,
 }
 
 impl Axis {
@@ -303,7 +321,7 @@ impl Axis {
         let offset = offset + self.forward * end;
         let distance = offset.length();
         if distance > 0.0 {
-            Nearest { distance, normal: offset / distance, point }
+            Nearest { distance, normal: offset / distance, point, meets: Meets::End }
         } else {
             // The centre is the end of the axis itself, or nothing at all (NaN).
             Nearest { distance, ..self.beside(offset, point) }
@@ -317,7 +335,8 @@ impl Axis {
     fn beside(self, offset: Point, point: Point) -> Nearest {
         let left = self.left();
         let height = left.dot(offset);
-        Nearest { distance: height.abs(), normal: if height >= 0.0 { left } else { -left }, point }
+        let normal = if height >= 0.0 { left } else { -left };
+        Nearest { distance: height.abs(), normal, point, meets: Meets::Side }
     }
 
     /// Signed distance to a segment: [`to_convex`](Self::to_convex) for a polygon with two edges,
@@ -326,7 +345,7 @@ impl Axis {
     fn to_segment(self, core: &Face) -> Nearest {
         let (a, b, c, d) = (self.start, self.end(), core.start, core.end());
         let left = self.left();
-        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a, meets: Meets::Side };
         if !(a.is_finite() && b.is_finite()) {
             return undefined;
         }
@@ -337,7 +356,7 @@ impl Axis {
 
         // The greater gap of the two sides, and the end that it is measured at: by selection, for
         // no processor can foresee the branches.
-        let gap = |first: f64, second: f64, normal: Point, ends: [Point; 2]| {
+        let gap = |first: f64, second: f64, normal: Point, ends: [Point; 2], meets: Meets| {
             let (low, high) = (first.min(second), first.max(second));
             let side = if low >= -high { 1.0 } else { -1.0 };
             let first_is_nearer = side * first <= side * second;
@@ -345,10 +364,11 @@ impl Axis {
                 distance: low.max(-high),
                 normal: normal * side,
                 point: if first_is_nearer { ends[0] } else { ends[1] },
+                meets,
             }
         };
-        let face = gap(at_a, at_b, core.normal, [a, b]);
-        let flank = gap(at_c, at_d, -left, [c - left * at_c, d - left * at_d]);
+        let face = gap(at_a, at_b, core.normal, [a, b], Meets::Face);
+        let flank = gap(at_c, at_d, -left, [c - left * at_c, d - left * at_d], Meets::Side);
         let lengthwise = (-along_c.max(along_d)).max(along_c.min(along_d) - self.length);
         let overlapping = if face.distance >= flank.distance { face } else { flank };
         if overlapping.distance.max(lengthwise) <= TOUCHING {
@@ -373,14 +393,14 @@ impl Axis {
     fn to_convex(self, faces: &[Face]) -> Nearest {
         let (a, b) = (self.start, self.end());
         let left = self.left();
-        let undefined = Nearest { distance: f64::NAN, normal: left, point: a };
+        let undefined = Nearest { distance: f64::NAN, normal: left, point: a, meets: Meets::Side };
         if !(a.is_finite() && b.is_finite()) {
             return undefined;
         }
 
         // One pass over the polygon: the greatest gap along its normals, its extent across and
         // along the axis, its vertex nearest to the axis.
-        let mut face = Nearest { distance: f64::NEG_INFINITY, ..undefined };
+        let mut face = Nearest { distance: f64::NEG_INFINITY, meets: Meets::Face, ..undefined };
         let mut faces_edge = false;
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut rear, mut front) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -391,7 +411,7 @@ impl Axis {
             let (at_a, at_b) = (candidate.height(a), candidate.height(b));
             let (gap, end) = if at_b < at_a { (at_b, b) } else { (at_a, a) };
             if gap > face.distance {
-                face = Nearest { distance: gap, normal: candidate.normal, point: end };
+                face = Nearest { distance: gap, normal: candidate.normal, point: end, ..face };
                 faces_edge = gap > 0.0 && candidate.is_below(end);
             }
 
@@ -413,9 +433,11 @@ impl Axis {
         }
         // The axis lies to the left of the polygon by −highest, to its right by lowest.
         let flank = if -highest >= lowest {
-            Nearest { distance: -highest, normal: left, point: high_vertex - left * highest }
+            let point = high_vertex - left * highest;
+            Nearest { distance: -highest, normal: left, point, ..undefined }
         } else {
-            Nearest { distance: lowest, normal: -left, point: low_vertex - left * lowest }
+            let point = low_vertex - left * lowest;
+            Nearest { distance: lowest, normal: -left, point, ..undefined }
         };
         // A gap along the axis matters only beside an edge parallel to it (a segment in line
         // with the link), where no normal separates.
@@ -539,7 +561,7 @@ mod tests {
         let point = segment.project_local_point(centre, true).point;
         let offset = point - centre;
         let distance = offset.length();
-        Nearest { distance, normal: offset / distance, point }
+        Nearest { distance, normal: offset / distance, point, meets: Meets::End }
     }
 
     fn any_link() -> impl Strategy<Value = Capsule<2>> {

@@ -1,0 +1,295 @@
+//! `cbf`: of all accelerations that keep every distance and every limit, the nearest to that of the
+//! null-space law (T67–T70).
+//!
+//! ```text
+//! min ½(ẍ − ẍ₀)ᵀW_x(ẍ − ẍ₀) + ½(ν̇ − ν̇₀)ᵀΛ_n(ν̇ − ν̇₀) + ½ρ‖δ‖²
+//! so that d̈ + 2kḋ + k²(d − margin) ≥ −δ for every pair, and the same for angles and speeds of the joints,
+//!         −τ_max ≤ Mq̈ + Cq̇ + g ≤ τ_max
+//! ```
+
+use super::Yielding;
+use crate::control::distance::DistanceRate;
+use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
+use crate::control::{OperationalSpace, Torque, dot};
+use crate::robot::Robot;
+use crate::world::Contact;
+use nalgebra::SMatrix;
+
+/// Barriers that may be broken at one instant; beyond that the programme is left unfinished.
+const MOST_BROKEN: usize = 48;
+
+/// Workspace of the law. Unknown is y = q̈ − q̈₀, so that a row asks something only if its bound is
+/// positive, and most instants need no programme at all.
+#[derive(Debug, Clone)]
+pub struct Barrier {
+    program: QuadraticProgram,
+    nominal: Vec<f64>,
+    /// M, row by row.
+    mass: Vec<f64>,
+    hessian: Vec<f64>,
+    gradient: Vec<f64>,
+    scratch: Vec<f64>,
+    normals: Vec<f64>,
+    bounds: Vec<f64>,
+    softness: Vec<f64>,
+    /// Largest speed of every joint [rad/s].
+    speed: Vec<f64>,
+}
+
+impl Barrier {
+    /// For the joints of `robot`.
+    pub fn new<R: Robot<D>, const D: usize>(robot: &R, settings: &Yielding) -> Self {
+        let n = robot.dof();
+        let limits = &robot.limits().velocity;
+        let speed = if limits.is_empty() { vec![settings.speed; n] } else { limits.clone() };
+        let zeros = |count: usize| vec![0.0; count];
+        let mut this = Self {
+            program: QuadraticProgram::new(n, 0, MOST_BROKEN),
+            nominal: zeros(n),
+            mass: zeros(n * n),
+            hessian: zeros(n * n),
+            gradient: zeros(n),
+            scratch: zeros(n),
+            normals: vec![],
+            bounds: vec![],
+            softness: vec![],
+            speed,
+        };
+        this.reserve(0);
+        this
+    }
+
+    /// Room for this many pairs.
+    pub fn reserve(&mut self, pairs: usize) {
+        let n = self.nominal.len();
+        let rows = pairs + 4 * n;
+        self.normals.clear();
+        self.bounds.clear();
+        self.softness.clear();
+        self.normals.reserve(rows * n);
+        self.bounds.reserve(rows);
+        self.softness.reserve(rows);
+        self.program.reserve(rows);
+    }
+
+    /// Adds M y to the torque and returns the largest δ of a pair [m/s²].
+    pub fn act<R: Robot<D>, const D: usize, const M: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        pairs: &[Contact<D>],
+        bias: &[f64],
+        torque: &mut Torque,
+    ) -> f64 {
+        robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
+        self.normals.clear();
+        self.bounds.clear();
+        self.keep_distances(settings, robot, pairs);
+        self.keep_joints(settings, robot);
+        self.softness.clear();
+        self.softness.resize(self.bounds.len(), 1.0 / settings.slack_price);
+        let limits = &robot.limits().torque;
+        let within = |(tau, limit): (&f64, &f64)| tau.abs() <= *limit;
+        if self.bounds.iter().all(|bound| *bound <= 0.0)
+            && torque.total.iter().zip(limits).all(within)
+        {
+            return 0.0;
+        }
+        self.weigh(settings, robot, space);
+        self.keep_torques(limits, &torque.total);
+        let outcome = self.program.solve(&Problem {
+            hessian: &self.hessian,
+            gradient: &self.gradient,
+            normals: &self.normals,
+            bounds: &self.bounds,
+            softness: &self.softness,
+        });
+        if outcome == Outcome::NotConvex {
+            return 0.0; // The state is not finite: the run ends here.
+        }
+        let y = self.program.x();
+        let n = y.len();
+        torque.add_to_task(|i| dot(&self.mass[i * n..(i + 1) * n], y));
+        let missing = |(a, bound): (&[f64], &f64)| bound - dot(a, y);
+        let rows = self.normals.chunks_exact(n).zip(&self.bounds).take(pairs.len());
+        rows.map(missing).fold(0.0, f64::max)
+    }
+
+    /// d̈ + 2kḋ + k²(d − margin) ≥ −δ (T67), with the exact d̈ (T60).
+    fn keep_distances<R: Robot<D>, const D: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        pairs: &[Contact<D>],
+    ) {
+        let k = settings.rate;
+        for pair in pairs {
+            let motion = DistanceRate::cautious(robot, pair);
+            let start = self.normals.len();
+            self.normals.resize(start + self.nominal.len(), 0.0);
+            let row = &mut self.normals[start..];
+            robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            let present = dot(row, &self.nominal) + motion.bias;
+            let height = pair.distance - settings.margin;
+            self.bounds.push(-(present + 2.0 * k * motion.rate + k * k * height));
+        }
+    }
+
+    /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
+    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, settings: &Yielding, robot: &R) {
+        let (k, n) = (settings.rate, self.nominal.len());
+        let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
+        for i in 0..n {
+            let mut lower = -k * (self.speed[i] + dq[i]);
+            let mut upper = k * (self.speed[i] - dq[i]);
+            if let Some([low, high]) = ranges.get(i) {
+                lower = lower.max(-2.0 * k * dq[i] - k * k * (q[i] - low));
+                upper = upper.min(-2.0 * k * dq[i] + k * k * (high - q[i]));
+            }
+            for (sign, bound) in [(1.0, lower - self.nominal[i]), (-1.0, self.nominal[i] - upper)] {
+                let start = self.normals.len();
+                self.normals.resize(start + n, 0.0);
+                self.normals[start + i] = sign;
+                self.bounds.push(bound);
+            }
+        }
+    }
+
+    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69).
+    fn weigh<R: Robot<D>, const D: usize, const M: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        space: &OperationalSpace<M>,
+    ) {
+        let n = self.nominal.len();
+        let weight = SMatrix::<f64, M, M>::identity() * settings.task_weight - space.lambda;
+        self.scratch.fill(0.0);
+        for i in 0..n {
+            let row = i * n..(i + 1) * n;
+            self.scratch[i] = 1.0;
+            robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);
+            self.scratch[i] = 0.0;
+            let weighted = weight * robot.jacobian_column::<M>(i);
+            let (hessian, mass) = (&mut self.hessian[row.clone()], &self.mass[row]);
+            for k in 0..=i {
+                hessian[k] = mass[k] + robot.jacobian_column::<M>(k).dot(&weighted);
+            }
+        }
+    }
+
+    /// |τ₀ + M y| ≤ τ_max (T70): hard rows, which never contradict each other because M is regular.
+    fn keep_torques(&mut self, limits: &[f64], nominal: &[f64]) {
+        let n = self.nominal.len();
+        for (i, (limit, tau)) in limits.iter().zip(nominal).enumerate() {
+            let row = &self.mass[i * n..(i + 1) * n];
+            self.normals.extend_from_slice(row);
+            self.normals.extend(row.iter().map(|m| -m));
+            self.bounds.extend([-limit - tau, tau - limit]);
+            self.softness.extend([0.0, 0.0]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Way;
+    use super::*;
+    use crate::control::{Avoidance, Controller, Gains};
+    use crate::scenario::Scenario;
+    use crate::trajectory::Trajectory;
+    use crate::world::World;
+    use clarabel::algebra::CscMatrix;
+    use clarabel::solver::{
+        DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT,
+    };
+    use nalgebra::DMatrix;
+    use std::sync::Arc;
+
+    /// y by Clarabel, every soft row with an unknown of its own.
+    fn oracle(barrier: &Barrier) -> Vec<f64> {
+        let (n, m) = (barrier.nominal.len(), barrier.bounds.len());
+        let soft: Vec<usize> = (0..m).filter(|&i| barrier.softness[i] > 0.0).collect();
+        let size = n + soft.len();
+        let mut p = DMatrix::<f64>::zeros(size, size);
+        let mut a = DMatrix::<f64>::zeros(m, size);
+        for i in 0..n {
+            for k in 0..=i {
+                p[(k, i)] = barrier.hessian[i * n + k];
+            }
+        }
+        for i in 0..m {
+            for k in 0..n {
+                a[(i, k)] = -barrier.normals[i * n + k];
+            }
+        }
+        for (k, &i) in soft.iter().enumerate() {
+            p[(n + k, n + k)] = 1.0 / barrier.softness[i];
+            a[(i, n + k)] = -1.0;
+        }
+        let columns = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
+            matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
+        };
+        let b: Vec<f64> = barrier.bounds.iter().map(|b| -b).collect();
+        let cones: Vec<SupportedConeT<f64>> = vec![NonnegativeConeT(m)];
+        let settings = DefaultSettings {
+            verbose: false,
+            tol_gap_abs: 1e-12,
+            tol_gap_rel: 1e-12,
+            tol_feas: 1e-12,
+            ..DefaultSettings::default()
+        };
+        let [p, a] = [&p, &a].map(|matrix| CscMatrix::from(&columns(matrix)));
+        let mut solver =
+            DefaultSolver::new(&p, &vec![0.0; size], &a, &b, &cones, settings).unwrap();
+        solver.solve();
+        let status = solver.solution.status;
+        assert!(matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved), "{status:?}");
+        solver.solution.x[..n].to_vec()
+    }
+
+    /// The programmes of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
+    #[test]
+    fn programmes_of_a_run_agree_with_clarabel() {
+        let text = include_str!("../../../../../python/vffnull/scenarios/on-path.toml");
+        for torque in [None, Some(40.0)] {
+            let mut scenario = Scenario::from_toml(text).unwrap();
+            scenario.controller.avoidance = Avoidance::Cbf;
+            scenario.arm.torque_limits = torque.map(crate::math::Broadcast::Uniform);
+            let arm = Arc::new(scenario.arm.build().unwrap());
+            let mut start = arm.state();
+            start.update(&scenario.q0, &vec![0.0; arm.dof()]);
+            let trajectory = Trajectory::<2>::new(&scenario.reference, start.pose()).unwrap();
+            let gains = Gains::<2>::new(&scenario.controller);
+            let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
+            let mut world = World::new(scenario.obstacles.clone());
+            let mut run = scenario.prepare().unwrap().run;
+            let (mut solved, mut at_limit) = (0, 0);
+            while run.step() {
+                let s = run.snapshot();
+                world.update(s.t);
+                controller.observe(s.q, s.dq, &mut world);
+                controller.command(&trajectory.at(s.t));
+                let Some(Way::Barrier(barrier)) = controller.avoider.as_ref().map(|a| &a.way)
+                else {
+                    panic!("no barrier");
+                };
+                if barrier.bounds.iter().all(|b| *b <= 0.0) {
+                    continue;
+                }
+                solved += 1;
+                at_limit += usize::from(barrier.program.active().any(|(i, _)| i >= 18));
+                if solved % 5 == 0 {
+                    let (found, expected) = (barrier.program.x(), oracle(barrier));
+                    let scale = expected.iter().fold(1.0, |m: f64, y| m.max(y.abs()));
+                    for (y, expected) in found.iter().zip(&expected) {
+                        assert!((y - expected).abs() < 1e-6 * scale, "{found:?} {expected:?}");
+                    }
+                }
+            }
+            assert!(solved > 500, "{solved}");
+            assert_eq!(at_limit > 50, torque.is_some(), "{at_limit}");
+        }
+    }
+}

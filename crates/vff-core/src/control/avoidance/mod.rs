@@ -1,0 +1,155 @@
+//! What to do where the null space is not enough: three ways to let the end effector give way.
+//!
+//! [`relaxed`] lets go of the task while an obstacle is near, [`priority`] overrules it along the shortest
+//! way out, [`barrier`] looks for the nearest acceleration that keeps every distance. All three start
+//! from the torque of the null-space law.
+
+pub mod barrier;
+pub mod priority;
+pub mod relaxed;
+
+use super::{Avoidance, OperationalSpace, Torque, VirtualForces};
+use crate::math::Vector;
+use crate::robot::Robot;
+use crate::world::{Contact, Surroundings};
+use barrier::Barrier;
+use priority::Priority;
+use serde::Deserialize;
+
+/// How the end effector yields: the `[controller.yielding]` table of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Yielding {
+    /// δ [m] > 0, the distance that `priority` and `cbf` keep.
+    pub margin: f64,
+    /// k [1/s] > 0, how fast a distance may run down to the margin (T65), in `priority` and `cbf`.
+    pub rate: f64,
+    /// d₁ [m] ≥ 0: from here inwards the task gives way altogether, in `relaxed` and `priority`.
+    pub inner: f64,
+    /// d₂ [m] > d₁: from here outwards it does not.
+    pub outer: f64,
+    /// e_max [m] > 0: the error that `relaxed` pulls with at most.
+    pub saturation: f64,
+    /// Pairs nearer than this [m], > 0, are rows of the programme of `cbf`.
+    pub activation: f64,
+    /// W_x > 0, what an acceleration of the end effector costs in `cbf` [kg].
+    pub task_weight: f64,
+    /// ρ > 0, what it costs to break a row.
+    pub slack_price: f64,
+    /// Largest joint speed [rad/s], > 0, in `cbf`, where the arm has no velocity limits of its own.
+    pub speed: f64,
+}
+
+impl Default for Yielding {
+    fn default() -> Self {
+        Self {
+            margin: 0.03,
+            rate: 20.0,
+            inner: 0.05,
+            outer: 0.3,
+            saturation: 0.5,
+            activation: 1.2,
+            task_weight: 5.0,
+            slack_price: 1e4,
+            speed: 6.0,
+        }
+    }
+}
+
+/// 0 below 0, 1 above 1, and 3s² − 2s³ between.
+#[inline]
+fn smoothstep(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
+}
+
+/// One of the three ways, with its workspace.
+#[derive(Debug, Clone)]
+pub struct Avoider<const D: usize> {
+    settings: Yielding,
+    /// The pairs that matter at the observed state.
+    pairs: Vec<Contact<D>>,
+    way: Way,
+    slack: f64,
+}
+
+#[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "one per controller, boxed with what is around it")]
+enum Way {
+    Relaxed,
+    Priority(Priority),
+    Barrier(Barrier),
+}
+
+impl<const D: usize> Avoider<D> {
+    /// What `avoidance` asks for on `robot`; nothing if the task always wins.
+    pub fn new<R: Robot<D>>(
+        avoidance: Avoidance,
+        settings: &Yielding,
+        singularity: f64,
+        robot: &R,
+    ) -> Option<Box<Self>> {
+        let way = match avoidance {
+            Avoidance::NullSpace => return None,
+            Avoidance::Relaxed => Way::Relaxed,
+            Avoidance::Priority => {
+                Way::Priority(Priority::new(robot.dof(), singularity / robot.total_mass()))
+            }
+            Avoidance::Cbf => Way::Barrier(Barrier::new(robot, settings)),
+        };
+        Some(Box::new(Self { settings: settings.clone(), pairs: vec![], way, slack: 0.0 }))
+    }
+
+    /// By how much the barriers of the last command are broken at most [m/s²]; None if there are none.
+    pub fn slack(&self) -> Option<f64> {
+        matches!(self.way, Way::Barrier(_)).then_some(self.slack)
+    }
+
+    /// Takes in the pairs near `robot`.
+    pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl Surroundings<D>) {
+        let reach = match self.way {
+            Way::Relaxed => return,
+            Way::Priority(_) => self.settings.outer,
+            Way::Barrier(_) => self.settings.activation,
+        };
+        let links = (0..robot.dof()).map(|i| robot.link(i));
+        let Self { pairs, way, .. } = self;
+        // All pairs may come near some day: once there is room for them, nothing allocates.
+        let count = robot.dof() * surroundings.obstacle_count();
+        pairs.clear();
+        pairs.reserve(count);
+        surroundings.for_each_contact(links, reach, |_, _| {}, |pair| pairs.push(*pair));
+        if let Way::Barrier(barrier) = way {
+            barrier.reserve(count);
+        }
+    }
+
+    /// The error that the stiffness of the task is to act on, at these distances of the links [m].
+    pub fn pull<const M: usize>(&self, clearance: &[f64], e: Vector<M>) -> Vector<M> {
+        match self.way {
+            Way::Relaxed => {
+                relaxed::pull(&self.settings, e, relaxed::activation(&self.settings, clearance))
+            }
+            _ => e,
+        }
+    }
+
+    /// Changes the torque of the null-space law into one that gives way.
+    pub fn act<R: Robot<D>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        forces: &VirtualForces<R::Wrench, D>,
+        bias: &[f64],
+        torque: &mut Torque,
+    ) {
+        let Self { settings, pairs, way, slack } = self;
+        match way {
+            Way::Relaxed => relaxed::act(settings, robot, space, forces, torque),
+            Way::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
+            Way::Barrier(barrier) => {
+                *slack = barrier.act(settings, robot, space, pairs, bias, torque);
+            }
+        }
+    }
+}

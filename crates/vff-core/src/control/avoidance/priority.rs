@@ -1,0 +1,65 @@
+//! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
+
+use super::{Yielding, smoothstep};
+use crate::control::distance::DistanceRate;
+use crate::control::{Torque, dot};
+use crate::robot::Robot;
+use crate::world::Contact;
+
+/// Workspace of the law.
+#[derive(Debug, Clone)]
+pub struct Priority {
+    gradient: Vec<f64>,
+    response: Vec<f64>,
+    acceleration: Vec<f64>,
+    scratch: Vec<f64>,
+    /// Mobility along n̂ [1/kg] below which a point counts as hardly movable.
+    threshold: f64,
+}
+
+impl Priority {
+    /// For `n` joints.
+    pub fn new(n: usize, threshold: f64) -> Self {
+        let zeros = || vec![0.0; n];
+        Self {
+            gradient: zeros(),
+            response: zeros(),
+            acceleration: zeros(),
+            scratch: zeros(),
+            threshold,
+        }
+    }
+
+    /// Pair by pair, from the base outwards: what d̈ lacks is added along n̂, with everything across it
+    /// left as it was. The order is fixed, so that nothing jumps when another pair becomes nearest.
+    pub fn act<R: Robot<D>, const D: usize>(
+        &mut self,
+        settings: &Yielding,
+        robot: &R,
+        pairs: &[Contact<D>],
+        bias: &[f64],
+        torque: &mut Torque,
+    ) {
+        if pairs.is_empty() {
+            return;
+        }
+        let Self { gradient, response, acceleration, scratch, threshold } = self;
+        robot.accelerate(&torque.total, bias, scratch, acceleration);
+        for pair in pairs {
+            let share =
+                smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
+            let motion = DistanceRate::cautious(robot, pair);
+            robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
+            let k = settings.rate;
+            let wanted = -2.0 * k * motion.rate - k * k * (pair.distance - settings.margin);
+            let lacking = wanted - motion.bias - dot(gradient, acceleration);
+            if lacking <= 0.0 {
+                continue;
+            }
+            robot.mass_solve(gradient, response);
+            let force = share * lacking / (dot(gradient, response) + *threshold);
+            torque.add_to_task(|i| gradient[i] * force);
+            acceleration.iter_mut().zip(response.iter()).for_each(|(a, y)| *a += y * force);
+        }
+    }
+}
