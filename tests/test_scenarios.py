@@ -11,7 +11,10 @@ import pytest
 import oracle
 import vffnull as vff
 
-EXPECTED = {name: "completed" for name in vff.scenarios()} | {"on-path": "collided", "on-path-moving": "collided"}
+EXPECTED = {name: "completed" for name in vff.scenarios()} | {
+    "on-path": "collided",
+    "on-path-moving": "collided",
+}
 PAPER = ["paper-1", "paper-1-ramp", "paper-2", "paper-2-moving", "paper-2-printed"]
 
 

@@ -42,8 +42,8 @@ from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
     from vffnull import scenes
-    from vffnull.evaluation import Evaluation, evaluate
     from vffnull._feasibility import feasibility
+    from vffnull.evaluation import Evaluation, evaluate
     from vffnull.logs.stream import StreamRecorder
 
 __all__ = [

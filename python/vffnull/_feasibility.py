@@ -2,16 +2,18 @@
 
 The rule, fixed before any controller was run on random scenes:
 
-A **motion** is a sequence of joint angles from the scene's start, 50 ms apart, straight in between, with joint
-speeds up to 3 rad/s and accelerations up to 30 rad/s² (change of speed from one piece to the next over 50 ms).
-It is **clear** if every link keeps 1 mm or more from every obstacle at all instants 5 ms apart. A scene is
+A **motion** is a sequence of joint angles from the scene's start, 50 ms apart, straight in between, with
+joint speeds up to 3 rad/s and accelerations up to 30 rad/s² (change of speed from one piece to the next over
+50 ms). It is **clear** if every link keeps 1 mm or more from every obstacle at all instants 5 ms apart. A
+scene is
 
 - ``"with tip"`` if a clear motion is found whose tip is never more than 1 cm from its reference,
 - ``"without tip"`` if only a clear motion is found that lets go of the reference,
 - ``"none found"`` if neither is found within the budget.
 
-The search is in the core (``scenario/feasibility.rs`` says how it works and what its budget is). "None found" is
-no proof: the search can miss a motion. What it finds is one. Links may cross each other, as they may in the plant.
+The search is in the core (``scenario/feasibility.rs`` says how it works and what its budget is). "None found"
+is no proof: the search can miss a motion. What it finds is one. Links may cross each other, as they may in
+the plant.
 
 `is_clear` and `World` are a second implementation of the geometry, which shares nothing with the core's: the
 generator of scenes uses it, and a test checks with it what the core has found.
@@ -139,7 +141,8 @@ def reference_points(reference: Mapping[str, Any], tip: Array, times: Array) -> 
     start = np.asarray(reference.get("start", tip), dtype=float)
     s = np.clip(times / reference["duration"], 0.0, 1.0)
     share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    return start + share[:, None] * (np.asarray(reference["end"], dtype=float) - start)
+    points: Array = start + share[:, None] * (np.asarray(reference["end"], dtype=float) - start)
+    return points
 
 
 class Kinematics:
@@ -257,12 +260,14 @@ class _Motion:
         if motion["kind"] == "waypoints":
             points = np.asarray(motion["points"], dtype=float)
             return np.stack([np.interp(times, motion["times"], column) for column in points.T], axis=1)
+        away = np.zeros((len(times), 2))
         if motion["kind"] == "linear":
-            return self.position + times[:, None] * np.asarray(motion["velocity"], dtype=float)
+            away = times[:, None] * np.asarray(motion["velocity"], dtype=float)
         if motion["kind"] == "sinusoid":
             swing = np.sin(motion["angular_frequency"] * times + motion.get("phase", 0.0))
-            return self.position + swing[:, None] * np.asarray(motion["amplitude"], dtype=float)
-        return np.tile(self.position, (len(times), 1))
+            away = swing[:, None] * np.asarray(motion["amplitude"], dtype=float)
+        positions: Array = self.position + away
+        return positions
 
 
 def _corners(obstacle: Mapping[str, Any]) -> tuple[Array, float]:
@@ -291,7 +296,8 @@ def _share(point: Array, a: Array, b: Array) -> Array:
 
 def _to_segment(point: Array, a: Array, b: Array) -> Array:
     away = point - a - _share(point, a, b)[..., None] * (b - a)
-    return np.sqrt((away * away).sum(axis=-1))
+    distance: Array = np.sqrt((away * away).sum(axis=-1))
+    return distance
 
 
 def _cross(a: Array, b: Array, c: Array, d: Array) -> NDArray[np.bool_]:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core, scenes
+from vffnull._feasibility import VERDICTS, feasibility
 from vffnull._many import simulate_many
 from vffnull._simulate import check_progress
 from vffnull.errors import InputError, InputTypeError
-from vffnull._feasibility import VERDICTS, feasibility
 from vffnull.logs import extra
 from vffnull.result import Result, Status
 from vffnull.scenario import Scenario
@@ -100,9 +100,9 @@ def evaluate(
 
     Notes
     -----
-    Feasibility is judged by `vffnull.feasibility`, without any controller. An *encounter* lasts from the first
-    to the last instant at which the run without avoidance has a link within 0.1 m of an obstacle, so it is the
-    same for all controllers. Errors during and after it are taken every 10 ms.
+    Feasibility is judged by `vffnull.feasibility`, without any controller. An *encounter* lasts
+    from the first to the last instant at which the run without avoidance has a link within 0.1 m of an
+    obstacle, so it is the same for all controllers. Errors during and after it are taken every 10 ms.
 
     Examples
     --------
@@ -307,8 +307,8 @@ class Evaluation:
     Parameters
     ----------
     columns : dict of str to ndarray
-        The rows, as columns: scene, category, family, n, seed, feasibility, controller, status, collided (more
-        than 1 mm), diverged, success (no collision, and the tip within 1 cm throughout), and numbers.
+        The rows, as columns: scene, category, family, n, seed, feasibility, controller, status, collided
+        (more than 1 mm), diverged, success (no collision, and the tip within 1 cm throughout), and numbers.
     controllers : tuple of str
         Their names, in the order of tables and figures.
     """
@@ -320,7 +320,7 @@ class Evaluation:
         return len(self.columns["scene"])
 
     def where(self, **wanted: Any) -> Evaluation:
-        """The rows in which columns have given values: ``where(controller="cbf", n=6)``; a list means any of."""
+        """The rows in which columns have given values: ``where(controller="cbf", n=[4, 6])``."""
         rows = np.ones(len(self), dtype=bool)
         for name, value in wanted.items():
             if name not in self.columns:

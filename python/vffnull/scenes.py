@@ -1,7 +1,7 @@
 """Random scenes by the number: the same family, joints and seed give the same scene for ever.
 
-Four families in two categories. In category 1 the null space may suffice; in category 2 the end effector's own
-path is blocked, or the arm stands between many obstacles.
+Four families in two categories. In category 1 the null space may suffice; in category 2 the end effector's
+own path is blocked, or the arm stands between many obstacles.
 
 =================  ========  ==================================================================
 family             category  what happens
@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull.errors import InputError, InputTypeError
 from vffnull._feasibility import Kinematics, World, reference_points
+from vffnull.errors import InputError, InputTypeError
 from vffnull.scenario import Scenario
 
 __all__ = ["CATEGORIES", "EVALUATION", "FAMILIES", "TRAINING", "random"]
@@ -259,7 +259,7 @@ def _clutter(scene: _Scene, draw: _Draw) -> bool:
 
 
 def _crowd(scene: _Scene, draw: _Draw) -> bool:
-    """Discs that go straight, swing or come and go, each to a place within 1.2 m of the arm or its path, and on."""
+    """Discs that go straight, swing or come and go, each to within 1.2 m of the arm or its path, and on."""
     wanted = draw.whole(3, 8)
     for _ in range(300):
         about = _on_arm(scene, draw, 1.0, scene.n) if draw.whole(0, 2) else _on_path(scene, draw)
@@ -323,7 +323,7 @@ def _push(draw: _Draw, target: Array, along: Array, depth: float) -> tuple[Array
 
 
 def _body(draw: _Draw, size: float, position: Array, motion: Document | None) -> Document:
-    """A disc half the time, else a capsule, a box or a polygon, none of it farther than `size` from its middle."""
+    """A disc half the time, else a capsule, a box or a polygon, of which nothing is beyond `size`."""
     kind = draw.whole(0, 5)
     angle = 0.0
     shape: Document = {"kind": "circle", "radius": size}

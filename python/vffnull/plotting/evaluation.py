@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -97,7 +96,7 @@ def error(evaluation: Evaluation) -> Figure:
     return fig
 
 
-def _row(evaluation: Evaluation, lines: int = 1) -> tuple[Figure, Sequence]:
+def _row(evaluation: Evaluation, lines: int = 1) -> tuple[Figure, Any]:
     fig = style.figure(0.8 + 1.5 * lines, style.PAGE)
     axes = fig.subplots(lines, len(evaluation.families), sharex=True, sharey=True, squeeze=False)
     axes[0, 0].set_ylim(0.0, 1.0)
