@@ -1,7 +1,10 @@
-"""How much a wrong model and late sensors cost: tracking and clearance on one scenario.
+"""
+A wrong model and late sensors
+==============================
 
-`python examples/robustness.py [FILE.png]` runs a bundled scenario at 1 kHz with links that weigh up to 30 %
-more or less than the controller believes, and with readings that are up to 10 ms old.
+What they cost in tracking and clearance on one scenario at 1 kHz: its links weigh up to 30 % more or less
+than the controller believes, and its readings are up to 10 ms old. `python robustness.py FILE.png` says
+where to draw it.
 """
 
 from __future__ import annotations

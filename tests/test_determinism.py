@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull._record import QUANTITIES
 
 SCENES = ["sweep-through", "paper-1", "crowd", "on-path"]
 SHORT = {"duration": 0.5}
 
 
 def bits(result: vff.Result) -> list[bytes]:
-    arrays = [getattr(result, name).tobytes() for name in ("t", *QUANTITIES)]
+    arrays = [values.tobytes() for values in (result.t, *result.recorded().values())]
     return [*arrays, repr(dict(result.metrics)).encode(), result.message.encode()]
 
 
@@ -131,7 +130,7 @@ def watch(t, duration):
 
 start = time.perf_counter()
 result = vff.simulate(scenario, progress=watch)
-rows = sum(getattr(result, name).nbytes for name in ("t", *vff._record.QUANTITIES))
+rows = sum(values.nbytes for values in (result.t, *result.recorded().values()))
 print(result.status, len(result.t), rows, resident() - early[0], time.perf_counter() - start)
 """
 

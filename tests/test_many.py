@@ -146,7 +146,7 @@ def test_wrong_arguments(arguments: dict[str, Any], error: type[Exception], mess
 def test_all_records_together_have_to_fit() -> None:
     """Three records of 4 GB each, which alone would be allowed, are refused before anything is computed."""
     large = {"simulation.dt": 1e-5, "duration": 80.0}
-    with pytest.raises(InputError, match=r"3 records take .* GB together, more than the 8 GB allowed"):
+    with pytest.raises(InputError, match=r"3 records take up to .* GB together, more than the 8 GB allowed"):
         vff.simulate_many(["sweep-through"] * 3, large)
     tiny = {"simulation.record_every": 1000, "duration": 0.2, "simulation.dt": 1e-5}
     assert len(vff.simulate_many(["sweep-through"] * 3, tiny)) == 3

@@ -280,3 +280,11 @@ def test_what_notebooks_say(short: vff.Result) -> None:
         and f"{short.metrics['peak_torque']:.4g} N·m" in short._repr_html_()
     )
     assert "eight discs" in vff.Scenario.load("crowd")._repr_html_()
+
+
+def test_notebooks_show_figures(short: vff.Result) -> None:
+    """IPython asks an object for its picture; without pyplot nobody else makes one of a Matplotlib figure."""
+    figure = short.plot()["overview"]
+    picture, about = figure._repr_png_()
+    assert picture.startswith(b"\x89PNG")
+    assert 300 < about["width"] < 1000

@@ -6,9 +6,9 @@
 completed
 
 The arm follows its task to rounding while its links give way to moving obstacles. `simulate` runs a whole
-scenario, `simulate_many` a list of them on all cores, `realtime` one against the clock; `Controller` is the
-torque law alone, for somebody else's loop; `Simulation` is the plant, for somebody else's controller. Units
-are SI, angles are radians, and arrays run (time, joint).
+scenario, `simulate_many` a list of them on all cores, `realtime` one against the clock, `live` one on a page
+to play with; `Controller` is the torque law alone, for somebody else's loop; `Simulation` is the plant, for
+somebody else's controller. Units are SI, angles are radians, and arrays run (time, joint).
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from vffnull.real_time import Histogram, RealTimeReport, realtime
 from vffnull.report import compare
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario, scenarios
+from vffnull.viewer import live
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ __all__ = [
     "errors",
     "evaluate",
     "feasibility",
+    "live",
     "metrics_table",
     "realtime",
     "scenarios",

@@ -1,7 +1,7 @@
 """The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, Protocol, final
+from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ __all__ = [
     "Controller",
     "Distances",
     "ExtendedJacobian",
+    "Live",
     "Simulation",
     "State",
     "Terms",
@@ -38,10 +39,13 @@ _Array = NDArray[np.float64]
 
 __version__: str
 METRICS: dict[str, tuple[str, str]]
-ENERGIES: tuple[str, ...]
-OBJECTIVES: tuple[str, ...]
-PORTS: tuple[str, ...]
 """Unit and one-line description of every metric, in the order in which they are shown."""
+ENERGIES: tuple[str, ...]
+"""The energies that are recorded: kinetic, of gravity, and what the null space stores."""
+OBJECTIVES: tuple[str, ...]
+"""What limits take from, first to last, and at the end the reference's speed."""
+PORTS: tuple[str, ...]
+"""The powers that are recorded: of the motors, then of all that feeds or drains the null space."""
 
 @final
 class Arm:
@@ -477,6 +481,88 @@ class State:
     @property
     def tau_applied(self) -> _Array | None:
         """Torque of the drives, (n,) [N·m]; None without drives."""
+
+@type_check_only
+class LiveState(TypedDict):
+    """A live loop at one instant, in SI units; n joints, k obstacles, a task of dimension m."""
+
+    status: Literal["running", "paused", "diverged", "failed"]
+    message: str
+    rate: float
+    """Periods per second of late [Hz]."""
+    periods: int
+    missed: int
+    """Periods that were not over when the next one should have begun."""
+    worst: float
+    """The longest computation of a period so far [s]."""
+    min_clearance: float
+    """Since the start or the last reset [m]; inf without obstacles."""
+    recording: bool
+    t: float
+    q: _Array
+    dq: _Array
+    x: _Array
+    x_ref: _Array
+    error: _Array
+    clearance: _Array
+    tau: _Array
+    tau_vff: _Array
+    power: _Array
+    """Through the ports that `PORTS` names [W]."""
+    obstacles: _Array
+    """Positions, (k, 2) [m]."""
+    points: _Array
+    """Where the repulsion acts on each link, (n, 2) [m]."""
+    forces: _Array
+    """The repulsion, (n, 2) [N]."""
+
+@final
+class Live:
+    """A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
+
+    Parameters
+    ----------
+    scenario : Scenario or dict
+        What to run; its duration is of no meaning.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+    """
+
+    def __new__(cls, scenario: _Document) -> Live: ...
+    def start(self) -> None:
+        """Begin, or go on after a pause."""
+    def pause(self) -> None:
+        """Stand still until `start`."""
+    def reset(self) -> None:
+        """Go back to t = 0 of the scenario, with the present settings of the controller."""
+    def stop(self) -> None:
+        """End the thread."""
+    def configure(self, controller: _Document) -> None:
+        """Take over other settings of the controller: all of them, as in `[controller]` of a scenario."""
+    def carry(self, obstacle: int, place: ArrayLike) -> None:
+        """Take an obstacle to a place (2,) [m], smoothly and not faster than half the reach per second."""
+    def aim(self, place: ArrayLike) -> None:
+        """Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not
+        faster than a quarter of the reach per second.
+        """
+    def add(self, obstacle: _Document) -> None:
+        """Add an obstacle, the last one from now on. Ends a recording."""
+    def remove(self, obstacle: int) -> None:
+        """Take an obstacle away; those behind it move up. Ends a recording."""
+    def record(self, on: bool) -> None:
+        """Begin to record a row every 10 ms, or end it."""
+    def take(self) -> tuple[dict[str, Any] | None, int]:
+        """The rows recorded since the last call, as arrays; None if nothing is recorded. And how many were
+        lost since the recording began, because nobody took them within ten seconds.
+        """
+    def snapshot(self) -> LiveState:
+        """The present instant."""
+    @property
+    def notes(self) -> list[str]:
+        """What was changed for the clock or is odd, in sentences."""
 
 @final
 class Simulation:

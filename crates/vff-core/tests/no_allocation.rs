@@ -5,6 +5,7 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
 use vff_core::scenario::Scenario;
+use vff_core::scenario::live::{Live, State};
 use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
 use vff_core::world::{Motion, Obstacle, Shape};
@@ -203,6 +204,29 @@ fn no_step_allocates_that_gives_way() {
             let outcome = run.outcome();
             assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
         }
+    }
+}
+
+/// Nor does one of a loop whose obstacle and target somebody drags about, once the first drag has begun.
+#[test]
+fn no_beat_of_a_live_loop_allocates() {
+    for simulation in [r#"control = "hold""#, r#"control = "predictor""#] {
+        let reference = r#"{ kind = "setpoint", point = [3.5, 1.5] }"#;
+        let mut live = Live::new(&scenario("position", reference, simulation, "dynamic")).unwrap();
+        live.record(true).unwrap();
+        live.carry(0, [2.0, 2.0]).unwrap();
+        live.beat();
+        let count = allocations(|| {
+            for k in 0..100 {
+                let way = 0.01 * f64::from(k);
+                live.carry(0, [2.0 + way, 2.0 - way]).unwrap();
+                live.aim([3.5 - way, 1.5]);
+                (0..20).for_each(|_| live.beat());
+            }
+        });
+        assert_eq!(count, 0, "{simulation}");
+        assert_eq!(live.state(), &State::Running);
+        assert!(live.take().unwrap().0.unwrap().rows > 100);
     }
 }
 

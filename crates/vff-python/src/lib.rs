@@ -5,6 +5,7 @@ mod controller;
 mod convert;
 mod distances;
 mod errors;
+mod live;
 mod real_time;
 mod run;
 mod simulation;
@@ -21,6 +22,8 @@ mod _core {
     use crate::controller::{Controller, Terms};
     #[pymodule_export]
     use crate::distances::{Distances, distances};
+    #[pymodule_export]
+    use crate::live::Live;
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]

@@ -120,7 +120,7 @@ fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
 }
 
 /// The arrays of a record, moved, not copied.
-fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
+pub fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     let (rows, n, m, k) = (r.rows, r.joints, r.task, r.obstacles_count);
     let dict = PyDict::new(py);
     dict.set_item("t", PyArray1::from_vec(py, r.t))?;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from io import BytesIO
 from typing import Any
 
 import matplotlib
@@ -78,9 +79,19 @@ def look() -> Iterator[None]:
         yield
 
 
+class Drawing(Figure):
+    """A figure that notebooks show whether or not pyplot is in use."""
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        """PNG, and how wide to show it [pixels]."""
+        with look(), BytesIO() as target:
+            self.savefig(target, format="png")
+            return target.getvalue(), {"width": round(110 * self.get_figwidth())}
+
+
 def figure(height: float, width: float = COLUMN) -> Figure:
     """An empty figure [in] outside pyplot's list, so that nothing has to be closed."""
-    made = Figure(figsize=(width, height), layout="constrained")
+    made = Drawing(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(made)
     return made
 

@@ -95,20 +95,23 @@ impl Law {
         let momentum = space.lambda_damped * space.dx; // Λ ẋ
 
         // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                        (T12)
-        robot.coriolis_mul(dq, bias);
+        robot.momentum_and_coriolis(w, bias);
         let c_dq = space.response(bias);
         let f = space.lambda_damped * (ddx_c + c_dq - robot.task_bias_acceleration());
 
-        // Coupling Cᵀ J#ẋ, null motion N q̇ = q̇ − J#ẋ and its damping D_q N q̇
+        // Coupling Cᵀ J#ẋ, null motion N q̇ = q̇ − J#ẋ and its damping D_q N q̇; its momentum
+        // M N q̇ = M q̇ − JᵀΛẋ needs no product with M, because M J# = JᵀΛ
         space.response_mul(&momentum, v);
         robot.coriolis_tr_mul(v, y);
+        let mut of_task = momentum;
         if space.singular {
-            space.pinv_mul(&space.dx, v); // the projector stays exact where the coupling is damped
+            of_task = space.lambda * space.dx; // the projector stays exact where the coupling is damped
+            space.response_mul(&of_task, v);
         }
         for i in 0..n {
             v[i] = dq[i] - v[i];
+            w[i] -= robot.jacobian_column::<M>(i).dot(&of_task);
         }
-        robot.mass_mul(v, w);
         self.null_energy = 0.5 * dot(v, w);
         gains.null_damping.scale_momentum(robot, self.brake, v, w, total);
         self.damping_power = dot(v, w);

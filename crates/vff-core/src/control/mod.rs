@@ -165,7 +165,9 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
                 &mut self.law,
             ),
         }
+        // The programme of `cbf` has the torque limits among its rows.
         if self.gains.enforce_limits
+            && self.slack().is_none()
             && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
         {
             self.fit_torque(&ddx_c);

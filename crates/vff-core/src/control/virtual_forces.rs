@@ -100,12 +100,10 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let field = &gains.field;
         if self.active {
             self.resultant.fill(Vector::zeros());
-            self.magnitude.fill(0.0);
             self.wrenches.fill(W::default());
-            self.torque.fill(0.0);
             (self.potential, self.obstacle_power, self.approach_power) = (0.0, 0.0, 0.0);
         }
-        self.active = false;
+        let was_active = std::mem::take(&mut self.active);
         self.clearance.fill(f64::INFINITY);
         let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
         let links = (0..robot.dof()).map(|i| robot.link(i));
@@ -125,9 +123,13 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             for (magnitude, force) in self.magnitude.iter_mut().zip(&self.resultant) {
                 *magnitude = force.norm();
             }
+        } else if was_active {
+            self.magnitude.fill(0.0);
+            self.torque.fill(0.0);
         }
     }
 
+    #[inline(always)]
     fn push<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -138,14 +140,9 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.active = true;
         let Contact { link, point, normal, .. } = contact;
         let response = field.at(contact.distance);
-        let closing = normal.dot(&(contact.velocity - robot.point_velocity(*link, point))); // −ḋ
         let mut force = response.force;
-        if field.approach_damping > 0.0 && closing > 0.0 {
-            robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
-            let mobility = robot.point_mobility(*link, point, normal);
-            let damping = self.damping(robot, space, field, contact.distance, response, mobility);
-            force += damping * closing;
-            self.approach_power -= damping * closing * closing;
+        if field.approach_damping > 0.0 {
+            force += self.resist(robot, space, field, contact, response);
         }
         self.potential += response.potential;
         self.obstacle_power += force * normal.dot(&contact.velocity);
@@ -154,8 +151,32 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot.add_force(&mut self.wrenches, *link, point, &force);
     }
 
+    /// The force that damps the approach of link and obstacle. Not inlined, for most fields have none
+    /// and the loop over the pairs needs the registers.
+    #[inline(never)]
+    fn resist<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        contact: &Contact<D>,
+        response: Response,
+    ) -> f64 {
+        let Contact { link, point, normal, .. } = contact;
+        let closing = normal.dot(&(contact.velocity - robot.point_velocity(*link, point))); // −ḋ
+        if closing > 0.0 {
+            robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
+            let mobility = robot.point_mobility(*link, point, normal);
+            let damping = self.damping(robot, space, field, contact.distance, response, mobility);
+            self.approach_power -= damping * closing * closing;
+            return damping * closing;
+        }
+        0.0
+    }
+
     /// Links that share no joint, each pair measured and, within `reach`, pushed apart like link and
     /// obstacle.
+    #[inline(never)]
     fn measure_links<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,

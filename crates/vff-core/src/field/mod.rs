@@ -72,19 +72,21 @@ impl Field {
         }
         match self.kind {
             FieldKind::Khatib => self.continued(d, |d| {
-                let u = 1.0 / d - 1.0 / self.influence;
+                let near = 1.0 / d;
+                let u = near - 1.0 / self.influence;
                 Response {
                     potential: 0.5 * u * u,
-                    force: u / (d * d),
-                    stiffness: (3.0 / d - 2.0 / self.influence) / (d * d * d),
+                    force: u * near * near,
+                    stiffness: (near + 2.0 * u) * near * near * near,
                 }
             }),
             FieldKind::Cubic => self.continued(d, |d| {
-                let u = 1.0 / d - 1.0 / self.influence;
+                let near = 1.0 / d;
+                let u = near - 1.0 / self.influence;
                 Response {
                     potential: u * u * u / 3.0,
-                    force: u * u / (d * d),
-                    stiffness: 2.0 * u * (1.0 / d + u) / (d * d * d),
+                    force: u * u * near * near,
+                    stiffness: 2.0 * u * (near + u) * near * near * near,
                 }
             }),
             FieldKind::Bounded => self.bounded(d),

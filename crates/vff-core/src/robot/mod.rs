@@ -50,21 +50,23 @@ pub trait Robot<const D: usize> {
     fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]);
     /// `out = g(q)`, the torque that holds the arm against gravity [N·m].
     fn gravity_torque(&self, out: &mut [f64]);
+    /// `momentum = M q̇` and `coriolis = C q̇` at the robot's velocity.
+    fn momentum_and_coriolis(&self, momentum: &mut [f64], coriolis: &mut [f64]) {
+        self.mass_mul(self.velocity(), momentum);
+        self.coriolis_mul(self.velocity(), coriolis);
+    }
+    /// `out = C q̇ + g` at the robot's velocity [N·m].
+    fn bias_torque(&self, out: &mut [f64]);
     /// `out = M q̈ + C q̇ + g` at the robot's velocity [N·m] (T2).
     fn inverse_dynamics(&self, ddq: &[f64], scratch: &mut [f64], out: &mut [f64]) {
         self.mass_mul(ddq, out);
-        self.coriolis_mul(self.velocity(), scratch);
-        out.iter_mut().zip(scratch.iter()).for_each(|(out, c)| *out += c);
-        self.gravity_torque(scratch);
-        out.iter_mut().zip(scratch.iter()).for_each(|(out, g)| *out += g);
+        self.bias_torque(scratch);
+        out.iter_mut().zip(scratch.iter()).for_each(|(out, bias)| *out += bias);
     }
     /// `out = M⁻¹(τ − C q̇ − g)` at the robot's velocity [rad/s²] (T2).
     fn forward_dynamics(&self, tau: &[f64], scratch: &mut [f64], out: &mut [f64]) {
-        self.coriolis_mul(self.velocity(), scratch);
-        self.gravity_torque(out);
-        for ((rest, g), tau) in scratch.iter_mut().zip(out.iter()).zip(tau) {
-            *rest = tau - *rest - g;
-        }
+        self.bias_torque(scratch);
+        scratch.iter_mut().zip(tau).for_each(|(rest, tau)| *rest = tau - *rest);
         self.mass_solve(scratch, out);
     }
     /// `out = M⁻¹(τ − bias)` where the bias C q̇ + g is known already [rad/s²].

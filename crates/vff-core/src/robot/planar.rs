@@ -12,7 +12,7 @@
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
 use super::{Limits, Matrices, Robot, dense};
-use crate::math::{Capsule, Vector, cross, perp, sin_cos};
+use crate::math::{Capsule, Vector, cross, perp, sin_cos_all};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -153,6 +153,9 @@ impl PlanarArm {
             arm: Arc::clone(self),
             q: vec![0.0; n],
             dq: vec![0.0; n],
+            angles: vec![0.0; n],
+            sin: vec![0.0; n],
+            cos: vec![0.0; n],
             joints: self
                 .composite
                 .iter()
@@ -170,12 +173,12 @@ impl PlanarArm {
 /// What depends on (q, q̇) at one joint and its link.
 #[derive(Debug, Clone, Copy, Default)]
 struct Joint {
-    /// Absolute angle of the link [rad] and its rate [rad/s].
-    angle: f64,
+    /// Absolute rate of the link [rad/s].
     rate: f64,
-    /// Position [m] and velocity [m/s] of the joint.
+    /// Position [m] and velocity [m/s] of the joint, and its acceleration while q̈ = 0: −Σ w² l.
     position: Vector<2>,
     velocity: Vector<2>,
+    acceleration: Vector<2>,
     /// Unit vector along the link.
     x: Vector<2>,
     /// Vector to the next joint, and composite first moment, in the world frame.
@@ -194,10 +197,14 @@ pub struct PlanarState {
     arm: Arc<PlanarArm>,
     q: Vec<f64>,
     dq: Vec<f64>,
+    /// Absolute angles of the links [rad], their sines and cosines.
+    angles: Vec<f64>,
+    sin: Vec<f64>,
+    cos: Vec<f64>,
     joints: Vec<Joint>,
     tip: Vector<2>,
     tip_velocity: Vector<2>,
-    /// The tip's acceleration while q̈ = 0: −Σ w² l.
+    /// The tip's acceleration while q̈ = 0.
     tip_bias: Vector<2>,
 }
 
@@ -214,7 +221,7 @@ impl PlanarState {
 
     /// The absolute angle of link `i` [rad].
     pub fn link_angle(&self, i: usize) -> f64 {
-        self.joints[i].angle
+        self.angles[i]
     }
 
     /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
@@ -235,29 +242,34 @@ impl PlanarState {
 
     /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
     fn kinematics(&mut self) {
-        let (mut angle, mut rate) = (0.0, 0.0);
-        let mut position = Vector::<2>::zeros();
-        let mut velocity = Vector::<2>::zeros();
-        let mut bias = Vector::<2>::zeros();
         let n = self.joints.len();
         let (q, dq, links) = (&self.q[..n], &self.dq[..n], &self.arm.composite[..n]);
+        let mut angle = 0.0;
+        for (absolute, q) in self.angles.iter_mut().zip(q) {
+            angle += q;
+            *absolute = angle;
+        }
+        sin_cos_all(&self.angles, &mut self.sin, &mut self.cos);
+        let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
+        let mut rate = 0.0;
+        let mut position = Vector::<2>::zeros();
+        let mut velocity = Vector::<2>::zeros();
+        let mut acceleration = Vector::<2>::zeros();
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            angle += q[i];
             rate += dq[i];
-            let (sin, cos) = sin_cos(angle);
-            let x = Vector::<2>::new(cos, sin);
-            joint.angle = angle;
+            let x = Vector::<2>::new(cos[i], sin[i]);
             joint.rate = rate;
             joint.position = position;
             joint.velocity = velocity;
+            joint.acceleration = acceleration;
             joint.x = x;
             joint.l = x * links[i].length;
             joint.b = x * links[i].moment.x + perp(x) * links[i].moment.y;
             position += joint.l;
             velocity += perp(joint.l) * rate;
-            bias -= joint.l * (rate * rate);
+            acceleration -= joint.l * (rate * rate);
         }
-        self.tip_bias = bias;
+        self.tip_bias = acceleration;
         self.tip = position;
         self.tip_velocity = velocity;
     }
@@ -395,7 +407,42 @@ impl Robot<2> for PlanarState {
         }
     }
 
+    /// Both in one sweep from the tip: the sums from the base are in the joints already, the first
+    /// turned by 90° in their velocities, the second with another sign in their accelerations.
+    fn momentum_and_coriolis(&self, momentum: &mut [f64], coriolis: &mut [f64]) {
+        let (joints, _, coriolis) = self.with(&self.dq, coriolis);
+        let momentum = &mut momentum[..joints.len()];
+        let (mut p, mut c) = (0.0, 0.0);
+        let (mut outer, mut outer_squared) = (Vector::<2>::zeros(), Vector::<2>::zeros());
+        for i in (0..joints.len()).rev() {
+            let Joint { rate, velocity, acceleration, l, b, diagonal, .. } = joints[i];
+            p += diagonal * rate + cross(b, velocity) + l.dot(&outer);
+            c += cross(b, acceleration) - cross(l, outer_squared);
+            momentum[i] = p;
+            coriolis[i] = c;
+            let bw = b * rate;
+            outer += bw;
+            outer_squared += bw * rate;
+        }
+    }
+
+    /// Gravity enters as an acceleration of the base against it.
+    fn bias_torque(&self, out: &mut [f64]) {
+        let (joints, _, out) = self.with(&self.dq, out);
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for i in (0..joints.len()).rev() {
+            let Joint { rate, acceleration, l, b, .. } = joints[i];
+            sum += cross(b, acceleration - self.arm.gravity) - cross(l, outer);
+            out[i] = sum;
+            outer += b * (rate * rate);
+        }
+    }
+
     fn gravity_torque(&self, out: &mut [f64]) {
+        if self.arm.gravity == Vector::<2>::zeros() {
+            out.fill(0.0);
+            return;
+        }
         let mut sum = 0.0;
         for i in (0..self.joints.len()).rev() {
             sum += cross(self.joints[i].b, -self.arm.gravity);
@@ -409,7 +456,7 @@ impl Robot<2> for PlanarState {
     }
 
     fn pose<const M: usize>(&self) -> SVector<f64, M> {
-        twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle))
+        twist(self.tip, self.angles.last().copied().unwrap_or(0.0))
     }
 
     #[inline]
@@ -478,11 +525,8 @@ impl Robot<2> for PlanarState {
     }
 
     fn point_bias_acceleration(&self, i: usize, point: &Vector<2>) -> Vector<2> {
-        // Centripetal terms −w² r of every link up to the point.
-        let inner: Vector<2> =
-            self.joints[..i].iter().map(|joint| -joint.l * (joint.rate * joint.rate)).sum();
         let joint = &self.joints[i];
-        inner - (point - joint.position) * (joint.rate * joint.rate)
+        joint.acceleration - (point - joint.position) * (joint.rate * joint.rate)
     }
 
     fn point_mobility(&self, i: usize, point: &Vector<2>, n: &Vector<2>) -> f64 {
@@ -572,6 +616,12 @@ mod tests {
             check(&apply(n, |out| state.jacobian_tr_mul(&f, out)), (j.transpose() * f).as_slice());
             check(state.jacobian_dot_mul::<3>(&c.v).as_slice(), (&dense.jacobian_dot * &v).as_slice());
             let dq = DVector::from_column_slice(&c.dq);
+            let (mut momentum, mut coriolis) = (vec![f64::NAN; n], vec![f64::NAN; n]);
+            state.momentum_and_coriolis(&mut momentum, &mut coriolis);
+            check(&momentum, (&dense.mass * &dq).as_slice());
+            check(&coriolis, (&dense.coriolis * &dq).as_slice());
+            let bias = &dense.coriolis * &dq + &dense.gravity;
+            check(&apply(n, |out| state.bias_torque(out)), bias.as_slice());
             check(state.task_velocity::<3>().as_slice(), (j * &dq).as_slice());
             check(state.task_bias_acceleration::<3>().as_slice(), (&dense.jacobian_dot * &dq).as_slice());
             check(

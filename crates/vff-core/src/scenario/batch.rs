@@ -48,7 +48,7 @@ pub enum BatchError {
     },
     /// The records do not fit into memory together.
     #[error(
-        "{count} records take {gigabytes:.1} GB together, more than the {:.0} GB allowed: raise \
+        "{count} records take up to {gigabytes:.1} GB together, more than the {:.0} GB allowed: raise \
          simulation.record_every, record nothing but metrics, or run fewer at a time",
         1e-9 * MAX_BYTES as f64
     )]
@@ -173,7 +173,7 @@ fn sound<T>(judge: impl FnOnce() -> Result<T, ScenarioError>) -> Result<T, Scena
 }
 
 /// The result of `f`, or what it said when it panicked.
-fn guarded<T>(f: impl FnOnce() -> T) -> Result<T, String> {
+pub(super) fn guarded<T>(f: impl FnOnce() -> T) -> Result<T, String> {
     let text = |panic: Box<dyn Any + Send>| {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
@@ -259,14 +259,14 @@ mod tests {
         assert!(error.to_string().starts_with("[2]: reference: leaves the reach"), "{error}");
     }
 
-    /// 20 records of 0.8 GB each are too much, their metrics are not.
+    /// 20 records of up to 1.4 GB each are too much, their metrics are not.
     #[test]
     fn records_are_summed() {
         let mut large = document("control = 'hold', dt = 1e-6", 1.5);
         large.insert("duration".into(), toml::Value::Float(2.7));
         let documents = vec![large; 20];
         let error = Batch::new(&documents, true, 2).unwrap_err();
-        assert!(error.to_string().starts_with("20 records take 1"), "{error}");
+        assert!(error.to_string().starts_with("20 records take up to 2"), "{error}");
         assert!(Batch::new(&documents, false, 2).is_ok());
         assert!(Batch::new(&documents[..2], true, 2).is_ok());
     }

@@ -10,6 +10,7 @@ mod document;
 mod error;
 pub mod feasibility;
 mod judge;
+pub mod live;
 pub mod plant;
 pub mod real_time;
 
@@ -206,6 +207,8 @@ macro_rules! either {
         }
     };
 }
+
+use either;
 
 impl AnyRun {
     /// [`Run::run_for`].

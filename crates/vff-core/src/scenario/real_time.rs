@@ -49,25 +49,8 @@ impl RealTime {
             let requirement = format!("from {} to {:e} Hz", RATES.start(), RATES.end());
             return Err(ScenarioError::out_of_range("rate", &requirement, rate));
         }
-        let mut scenario = scenario.clone();
-        let mut notes = vec![];
-        let (given, period) = (scenario.simulation.dt, 1.0 / rate);
-        let options = &mut scenario.simulation;
-        options.control_every = steps_per_period(period, given);
-        #[expect(clippy::cast_precision_loss, reason = "few steps")]
-        let dt = period / options.control_every as f64;
-        options.dt = dt;
-        if (dt - given).abs() > 1e-9 * given {
-            notes.push(format!(
-                "simulation.dt: the plant takes {} of its steps per control period at {rate} Hz, which \
-                 are shorter than {given} s",
-                options.control_every
-            ));
-        }
-        if options.control == Control::Continuous {
-            options.control = Control::Hold;
-            notes.push("simulation.control: held over the period instead of continuous".into());
-        }
+        let (scenario, mut notes) = at_rate(scenario, rate);
+        let period = 1.0 / rate;
         if scenario.duration < period {
             let requirement = format!("at least one control period of {period} s");
             return Err(ScenarioError::out_of_range("duration", &requirement, scenario.duration));
@@ -130,6 +113,30 @@ impl RealTime {
         };
         Report { status, timing, restarts, min_clearance }
     }
+}
+
+/// The scenario with one control period per period of the clock, and what was changed for it.
+pub(super) fn at_rate(scenario: &Scenario, rate: f64) -> (Scenario, Vec<String>) {
+    let mut scenario = scenario.clone();
+    let mut notes = vec![];
+    let (given, period) = (scenario.simulation.dt, 1.0 / rate);
+    let options = &mut scenario.simulation;
+    options.control_every = steps_per_period(period, given);
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    let dt = period / options.control_every as f64;
+    options.dt = dt;
+    if (dt - given).abs() > 1e-9 * given {
+        notes.push(format!(
+            "simulation.dt: the plant takes {} of its steps per control period at {rate} Hz, which are \
+             shorter than {given} s",
+            options.control_every
+        ));
+    }
+    if options.control == Control::Continuous {
+        options.control = Control::Hold;
+        notes.push("simulation.control: held over the period instead of continuous".into());
+    }
+    (scenario, notes)
 }
 
 /// The fewest steps of a period that are no longer than `dt`; one of 1.000 000 001 dt is.

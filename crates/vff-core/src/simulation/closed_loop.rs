@@ -6,10 +6,11 @@ use super::measurement::Measurement;
 use super::plant::{Physics, Plant};
 use super::{Control, Integrator, Options, Snapshot};
 use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits, task};
-use crate::math::Vector;
+use crate::math::{Pursuit, Vector};
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::Trajectory;
 use crate::world::{Surroundings, World};
+use std::iter;
 use std::sync::Arc;
 
 /// Where the world is not as the controller believes.
@@ -74,6 +75,11 @@ impl<const M: usize> Truth<M> {
         let nearest = |link: usize, d: f64| self.clearance[link] = d;
         world.for_each_contact(links, f64::NEG_INFINITY, nearest, |_| {});
     }
+}
+
+/// Whether all values are finite; without leaving early, which would be a branch for each.
+fn is_finite(values: &[f64]) -> bool {
+    values.iter().fold(true, |all, v| all & v.is_finite())
 }
 
 /// The controller with what it perceives and what it is told.
@@ -160,6 +166,69 @@ impl<const M: usize> ClosedLoop<M> {
         self.control();
     }
 
+    /// Takes over other gains, from now on. Allocates; what the controller remembers begins anew.
+    pub fn set_gains(&mut self, gains: &Gains<M>) {
+        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
+            brain.controller = Controller::new(self.arm.state(), gains.clone());
+        }
+        self.control();
+    }
+
+    /// Changes the world, of which predictor mode has two.
+    pub fn change_world(&mut self, change: impl Fn(&mut World)) {
+        let t = self.time();
+        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
+            brain.world.update(t);
+            change(&mut brain.world);
+        }
+        self.control();
+    }
+
+    /// Lets go of the reference and sends the end effector to `goal` [m] from now on, smoothly, with the
+    /// pole `rate` [1/s]; its orientation stays where it is.
+    pub fn aim(&mut self, goal: Vector<2>, rate: f64) {
+        let t = self.time();
+        let now = self.brain.trajectory.at(t);
+        let mut pose = now.x;
+        pose.fixed_rows_mut::<2>(0).copy_from(&goal);
+        let pursuit = Pursuit::new(t, [now.x, now.dx, now.ddx], pose, rate);
+        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
+            brain.trajectory = Trajectory::pursuing(pursuit);
+        }
+        self.control();
+    }
+
+    /// The repulsion of every link, as the point on its axis [m] at which it acts and the force [N]: the sum
+    /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
+    pub fn pushes(&mut self) -> Vec<[Vector<2>; 2]> {
+        let Brain { controller, world, .. } = &mut self.brain;
+        let (robot, field) = (controller.robot(), controller.gains().field);
+        let mut means = vec![(Vector::<2>::zeros(), 0.0); robot.dof()];
+        let links = (0..robot.dof()).map(|i| robot.link(i));
+        world.for_each_contact(
+            links,
+            field.influence,
+            |_, _| {},
+            |contact| {
+                let force = field.at(contact.distance).force;
+                means[contact.link].0 += contact.point * force;
+                means[contact.link].1 += force;
+            },
+        );
+        let middle = |link: usize| {
+            let link = robot.link(link);
+            link.start + link.direction * (0.5 * link.length)
+        };
+        means
+            .iter()
+            .zip(controller.forces().resultant())
+            .enumerate()
+            .map(|(link, ((sum, weight), force))| {
+                [if *weight > 0.0 { sum / *weight } else { middle(link) }, *force]
+            })
+            .collect()
+    }
+
     /// The steps taken so far.
     pub fn step_count(&self) -> usize {
         self.step
@@ -182,7 +251,8 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Whether the state is finite and no joint turns faster than [`MAX_SPEED`](Self::MAX_SPEED).
     fn is_sane(&self) -> bool {
-        self.q.iter().all(|q| q.is_finite()) && self.dq.iter().all(|v| v.abs() < Self::MAX_SPEED)
+        let slow = self.dq.iter().fold(true, |all, v| all & (v.abs() < Self::MAX_SPEED));
+        slow && is_finite(&self.q)
     }
 
     /// Whether torque or speed limits hold for the controller.
@@ -309,9 +379,8 @@ impl<const M: usize> ClosedLoop<M> {
     /// Whether everything that the law made of the present state is finite.
     pub fn is_defined(&self) -> bool {
         let forces = self.brain.controller.forces();
-        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         let total = self.brain.controller.torque().total.as_slice();
-        finite(total) && finite(&self.held.total) && finite(forces.magnitude())
+        is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude())
     }
 
     /// Evaluates the law at the present state, as far as it is known, and, at the beginning of a

@@ -65,6 +65,12 @@ pub const METRICS: &[Metric] = &[
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
 ];
 
+/// The larger of two numbers: one instruction, where `f64::max` also asks which one is NaN.
+#[inline]
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
 /// Running sums of a run.
 #[derive(Debug, Clone)]
 pub struct Metrics {
@@ -179,7 +185,7 @@ impl Metrics {
     fn clearance(&mut self, s: &Snapshot<'_>) {
         let mut nearest = f64::INFINITY;
         for (link, &distance) in s.clearance.iter().enumerate() {
-            nearest = nearest.min(distance);
+            nearest = if distance < nearest { distance } else { nearest };
             if distance < self.min_clearance {
                 self.min_clearance = distance;
                 self.min_clearance_time = s.t;
@@ -197,7 +203,7 @@ impl Metrics {
                 self.self_collision_time.get_or_insert(s.t);
             }
         }
-        let force = s.force.iter().copied().fold(0.0, f64::max);
+        let force = s.force.iter().fold(0.0, |most, force| larger(most, *force));
         if force > self.max_repulsion {
             self.max_repulsion = force;
             self.max_repulsion_time = Some(s.t);
@@ -228,11 +234,12 @@ impl Metrics {
     fn effort(&mut self, s: &Snapshot<'_>) {
         // Sums of Σ τ², Σ |τ q̇| and Σ (dt² jerk)²; scaled once a step and once a run.
         let (mut squares, mut power, mut jerk) = (0.0, 0.0, 0.0);
+        let (mut peak_torque, mut peak_speed) = (self.peak_torque, self.peak_speed);
         let [before, last] = &mut self.dq;
         let speeds = s.dq.iter().zip(before.iter_mut().zip(last.iter_mut()));
         for (&tau, (&dq, (before, last))) in s.torque.total.iter().zip(speeds) {
-            self.peak_torque = self.peak_torque.max(tau.abs());
-            self.peak_speed = self.peak_speed.max(dq.abs());
+            peak_torque = larger(peak_torque, tau.abs());
+            peak_speed = larger(peak_speed, dq.abs());
             squares += tau * tau;
             power += (tau * dq).abs();
             let curve = dq - 2.0 * *last + *before;
@@ -240,6 +247,7 @@ impl Metrics {
             *before = *last;
             *last = dq;
         }
+        (self.peak_torque, self.peak_speed) = (peak_torque, peak_speed);
         self.effort += squares * self.dt;
         self.energy += power * self.dt;
         if self.samples >= 2 {

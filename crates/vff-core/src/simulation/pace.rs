@@ -73,7 +73,7 @@ pub fn keep(
 }
 
 /// Sleeps, then spins. Returns the instant of waking up, or none when `stop` is set.
-fn wait_until(deadline: Instant, stop: &AtomicBool) -> Option<Instant> {
+pub(crate) fn wait_until(deadline: Instant, stop: &AtomicBool) -> Option<Instant> {
     loop {
         if stop.load(Ordering::Relaxed) {
             return None;

@@ -15,7 +15,7 @@ mod waypoints;
 pub use error::TrajectoryError;
 pub use reference::Reference;
 
-use crate::math::Vector;
+use crate::math::{Pursuit, Vector};
 use line::Line;
 use piecewise::Piecewise;
 use planar::{Circle, Lissajous};
@@ -57,6 +57,7 @@ enum Curve<const M: usize> {
     Lissajous(Lissajous<M>),
     Waypoints(Piecewise<M, 6>),
     Table(Piecewise<M, 4>),
+    Pursuit(Pursuit<M>),
 }
 
 impl<const M: usize> Trajectory<M> {
@@ -111,6 +112,11 @@ impl<const M: usize> Trajectory<M> {
         Ok(Self { curve })
     }
 
+    /// A reference that pursues a goal.
+    pub fn pursuing(pursuit: Pursuit<M>) -> Self {
+        Self { curve: Curve::Pursuit(pursuit) }
+    }
+
     /// The reference at time `t` [s]. Does not allocate.
     #[inline]
     pub fn at(&self, t: f64) -> Sample<M> {
@@ -122,6 +128,10 @@ impl<const M: usize> Trajectory<M> {
             Curve::Lissajous(lissajous) => lissajous.at(t),
             Curve::Waypoints(quintics) => quintics.at(t),
             Curve::Table(cubics) => cubics.at(t),
+            Curve::Pursuit(pursuit) => {
+                let [x, dx, ddx] = pursuit.at(t);
+                Sample { x, dx, ddx }
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Circles and Lissajous figures: paths in the plane with a constant orientation.
 
 use super::{Sample, TrajectoryError};
-use crate::math::Vector;
+use crate::math::{Vector, sin_cos};
 
 /// A position [m] with the orientation [rad] that the task demands.
 pub(super) fn pose<const M: usize>(
@@ -34,7 +34,7 @@ impl<const M: usize> Circle<M> {
     #[inline]
     pub(super) fn at(&self, t: f64) -> Sample<M> {
         let omega = self.angular_velocity;
-        let (sin, cos) = (omega * t + self.phase).sin_cos();
+        let (sin, cos) = sin_cos(omega * t + self.phase);
         let outward = extend([self.radius * cos, self.radius * sin], 0.0);
         let tangent: Vector<M> = extend([-self.radius * sin, self.radius * cos], 0.0);
         Sample { x: self.center + outward, dx: tangent * omega, ddx: outward * (-omega * omega) }
@@ -54,7 +54,7 @@ impl<const M: usize> Lissajous<M> {
     pub(super) fn at(&self, t: f64) -> Sample<M> {
         let [[x, dx, ddx], [y, dy, ddy]] = [0, 1].map(|axis| {
             let omega = self.angular_frequency[axis];
-            let (sin, cos) = (omega * t + self.phase[axis]).sin_cos();
+            let (sin, cos) = sin_cos(omega * t + self.phase[axis]);
             let (sin, cos) = (self.amplitude[axis] * sin, self.amplitude[axis] * cos);
             [sin, omega * cos, -omega * omega * sin]
         });

@@ -16,7 +16,7 @@ pub use motion::{Motion, MotionState};
 pub use obstacle::Obstacle;
 pub use shape::{Shape, counter_clockwise, is_convex};
 
-use crate::math::{Capsule, Vector};
+use crate::math::{Capsule, Pursuit, Vector};
 use proximity::{Core, Crowd};
 
 /// What a controller asks of the world around the arm: the nearest points of every link to
@@ -148,6 +148,43 @@ impl World {
         self.bodies[j].state_at(self.time).position
     }
 
+    /// Lets go of the motion of obstacle `j` and carries it to `goal` [m] from now on, smoothly, with
+    /// the pole `rate` [1/s].
+    ///
+    /// Drags change a motion at any time, which the hierarchy of a crowd is not made for: from
+    /// then on every obstacle is asked.
+    pub fn carry(&mut self, j: usize, goal: Vector<2>, rate: f64) {
+        let body = &mut self.bodies[j];
+        let MotionState { position, velocity, acceleration } = body.state_at(self.time);
+        let now = [position, velocity, acceleration];
+        body.obstacle.motion = Motion::Carried(Pursuit::new(self.time, now, goal, rate));
+        self.rearrange();
+    }
+
+    /// Adds an obstacle, the last one from now on. Allocates.
+    pub fn add(&mut self, obstacle: Obstacle) {
+        self.bodies.push(Body::new(obstacle));
+        self.rearrange();
+    }
+
+    /// Takes obstacle `j` away; those behind it move up.
+    pub fn remove(&mut self, j: usize) {
+        self.bodies.remove(j);
+        self.rearrange();
+    }
+
+    /// Does what has to be done when bodies are not what they were. Allocates only when there are
+    /// more that move than ever before.
+    fn rearrange(&mut self) {
+        self.crowd = None;
+        let moves = |&j: &usize| !self.bodies[j].obstacle.motion.is_static();
+        self.moving.clear();
+        self.moving.extend((0..self.bodies.len()).filter(moves));
+        for body in &mut self.bodies {
+            body.move_to(self.time);
+        }
+    }
+
     /// Velocity of obstacle `j` [m/s].
     #[inline]
     pub fn velocity(&self, j: usize) -> Vector<2> {
@@ -189,6 +226,49 @@ mod tests {
         assert_eq!(world.obstacle(1).shape, Shape::Circle { radius: 0.5 });
         world.update(0.0);
         assert_eq!(world.position(1), Vector::<2>::new(0.0, 3.0));
+    }
+
+    /// A disc on its way is carried elsewhere: nothing jumps, it arrives, and others are left alone.
+    #[test]
+    fn obstacles_are_carried() {
+        let still = disc([1.0, 1.0], Motion::default());
+        let mut world = World::new(vec![
+            still.clone(),
+            disc([0.0, 3.0], Motion::Linear { velocity: [1.0, -2.0] }),
+        ]);
+        world.update(1.0);
+        let goal = Vector::<2>::new(5.0, 5.0);
+        for j in 0..2 {
+            let before = (world.position(j), world.velocity(j), world.acceleration(j));
+            world.carry(j, goal, 10.0);
+            let after = (world.position(j), world.velocity(j), world.acceleration(j));
+            assert!((before.0 - after.0).norm() + (before.1 - after.1).norm() < 1e-13);
+            assert!((before.2 - after.2).norm() < 1e-11);
+        }
+        world.update(6.0);
+        assert!((world.position(0) - goal).norm() + (world.position(1) - goal).norm() < 1e-12);
+        world.remove(0);
+        world.add(still);
+        assert_eq!(world.len(), 2);
+        assert!((world.position(0) - goal).norm() < 1e-12);
+        assert_eq!(world.position(1), Vector::<2>::new(1.0, 1.0));
+    }
+
+    /// The hierarchy of a crowd is given up, and the distances are those of a few obstacles.
+    #[test]
+    fn obstacles_of_a_crowd_are_carried() {
+        let discs = |count: u32| (0..count).map(|k| disc([f64::from(k), 3.0], Motion::default()));
+        let mut world = World::new(discs(30).collect());
+        let link = || [Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(2.0, 0.0), 0.1)];
+        let distance = |world: &mut World| {
+            let mut found = 0.0;
+            world.for_each_contact(link(), f64::INFINITY, |_, d| found = d, |_| {});
+            found
+        };
+        assert!((distance(&mut world) - 2.4).abs() < 1e-12);
+        world.carry(29, Vector::<2>::new(1.0, 1.0), 10.0);
+        world.update(10.0);
+        assert!((distance(&mut world) - 0.4).abs() < 1e-12);
     }
 
     #[test]

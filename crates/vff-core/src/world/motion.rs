@@ -1,6 +1,6 @@
 //! How an obstacle moves, with its exact velocity and acceleration.
 
-use crate::math::Vector;
+use crate::math::{Pursuit, Vector, sin_cos};
 use serde::Deserialize;
 
 /// The prescribed motion of an obstacle: a translation; its angle stays.
@@ -36,6 +36,9 @@ pub enum Motion {
         /// Position at each instant [m].
         points: Vec<[f64; 2]>,
     },
+    /// Carried to a place by hand while the loop runs; no scenario says so.
+    #[serde(skip)]
+    Carried(Pursuit<2>),
 }
 
 /// Where an obstacle is and how it moves at one instant.
@@ -83,6 +86,7 @@ impl Motion {
                 };
                 (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
             }
+            Self::Carried(pursuit) => pursuit.top_speed(),
         }
     }
 
@@ -100,7 +104,7 @@ impl Motion {
             }
             Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
                 let amplitude = Vector::from(*amplitude);
-                let (sin, cos) = (omega * t + phase).sin_cos();
+                let (sin, cos) = sin_cos(omega * t + phase);
                 MotionState {
                     position: position0 + amplitude * sin,
                     velocity: amplitude * (omega * cos),
@@ -108,6 +112,10 @@ impl Motion {
                 }
             }
             Self::Waypoints { times, points } => along(times, points, t, position0),
+            Self::Carried(pursuit) => {
+                let [position, velocity, acceleration] = pursuit.at(t);
+                MotionState { position, velocity, acceleration }
+            }
         }
     }
 
@@ -141,6 +149,11 @@ impl Motion {
                         [start, end].map(|t| leg(times, points, next, t).position)
                     })
                     .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
+            }
+            Self::Carried(pursuit) => {
+                let goal = pursuit.goal();
+                let span = pursuit.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
+                [goal.add_scalar(-span), goal.add_scalar(span)]
             }
         }
     }
@@ -235,6 +248,7 @@ mod tests {
             let [position0, amplitude] = [0, 1].map(|i| vectors[i].map(|x| scale * x));
             let [angular_frequency, phase] = numbers.map(|x| scale * x);
             let position0 = Vector::from(position0);
+            let goal = Vector::from(vectors[2].map(|x| scale * x));
             let points = vectors.iter().map(|v| v.map(|x| scale * x)).collect();
             let (t0, t1) = (t0, t0 + duration);
             for motion in [
@@ -244,6 +258,7 @@ mod tests {
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
                 Motion::Waypoints { times: vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points },
                 Motion::Waypoints { times: vec![], points: vec![] },
+                Motion::Carried(Pursuit::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
                 for t in [t0, t0 + fraction * duration, t1, 0.5f64.clamp(t0, t1)] {

@@ -74,21 +74,32 @@ impl Surroundings<2> for World {
         if bodies.is_empty() {
             return;
         }
+        // The same is done with the few that a crowd names as with all.
+        let mut meet =
+            |link: usize, axis: &Axis, radius: f64, j: usize, body: &Body, least: f64| {
+                let (nearest, surface) = body.measure(axis, radius);
+                if surface < reach {
+                    visit(&body.core.contact(link, j, &nearest, radius, &body.state));
+                }
+                if surface < least { surface } else { least }
+            };
         for (link, capsule) in links.into_iter().enumerate() {
-            let axis = Axis::new(&capsule);
-            // A crowd names the few that count, and the same is done with them as with all.
+            let (axis, radius) = (Axis::new(&capsule), capsule.radius);
+            let mut least = f64::INFINITY;
             let near = match crowd {
-                Some(crowd) => crowd.near(bodies, *time, &axis, capsule.radius, reach),
+                Some(crowd) => crowd.near(bodies, *time, &axis, radius, reach),
                 None => None,
             };
-            let mut least = f64::INFINITY;
-            for k in 0..near.map_or(bodies.len(), <[usize]>::len) {
-                let j = near.map_or(k, |near| near[k]);
-                let body = &bodies[j];
-                let (nearest, surface) = body.measure(&axis, capsule.radius);
-                least = least.min(surface);
-                if surface < reach {
-                    visit(&body.core.contact(link, j, &nearest, capsule.radius, &body.state));
+            match near {
+                None => {
+                    for (j, body) in bodies.iter().enumerate() {
+                        least = meet(link, &axis, radius, j, body, least);
+                    }
+                }
+                Some(near) => {
+                    for &j in near {
+                        least = meet(link, &axis, radius, j, &bodies[j], least);
+                    }
                 }
             }
             // Of 0 and −0 either may have been the first: + 0 makes them one.
@@ -163,7 +174,7 @@ impl Core {
     }
 
     /// The nearest points to an axis when the obstacle is at `position` [m], relative to it.
-    #[inline]
+    #[inline(always)] // discs, by far the most frequent, stay within the loop of the caller
     fn nearest(&self, axis: &Axis, position: Point) -> Nearest {
         let axis = axis.seen_from(position);
         match &self.solid {
@@ -341,7 +352,7 @@ impl Axis {
 
     /// Signed distance to a segment: [`to_convex`](Self::to_convex) for a polygon with two edges,
     /// there and back.
-    #[inline]
+    #[inline(never)]
     fn to_segment(self, core: &Face) -> Nearest {
         let (a, b, c, d) = (self.start, self.end(), core.start, core.end());
         let left = self.left();
@@ -389,7 +400,7 @@ impl Axis {
     /// The gap along a direction (how far the axis lies beyond the polygon) never exceeds the
     /// signed distance. Overlapping bodies have the greatest gap, the one nearest to zero,
     /// along a normal of one of them; it is minus the penetration depth.
-    #[inline]
+    #[inline(never)]
     fn to_convex(self, faces: &[Face]) -> Nearest {
         let (a, b) = (self.start, self.end());
         let left = self.left();

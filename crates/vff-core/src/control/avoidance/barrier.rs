@@ -275,7 +275,8 @@ mod tests {
                 else {
                     panic!("no barrier");
                 };
-                if barrier.bounds.iter().all(|b| *b <= 0.0) {
+                // A breach by rounding alone, 1e-15, is beyond an interior-point method.
+                if barrier.bounds.iter().all(|b| *b <= 1e-9) {
                     continue;
                 }
                 solved += 1;

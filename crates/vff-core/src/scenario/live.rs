@@ -1,0 +1,615 @@
+//! A scenario that runs for ever against the wall clock while people interfere with it.
+
+use super::batch::guarded;
+use super::real_time::at_rate;
+use super::{AnyRun, Problem, Scenario, ScenarioError, either};
+use crate::control::{Gains, Settings, TaskKind};
+use crate::math::Vector;
+use crate::robot::PlanarArm;
+use crate::simulation::pace::wait_until;
+use crate::simulation::{Record, RecordTooLarge, Snapshot};
+use crate::world::Obstacle;
+use std::mem;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Control periods per second [Hz].
+pub const RATE: f64 = 1000.0;
+const PERIOD: Duration = Duration::from_millis(1);
+/// How far the loop may be behind before it gives up catching up: after a night's sleep of the machine
+/// nobody wants to see the night simulated.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// Over which the rate is measured.
+const WINDOW: Duration = Duration::from_millis(500);
+/// Poles of what carries an obstacle and of what moves the target [1/s]. Browsers tell of a drag about
+/// 20 times a second; between two of them neither velocity nor acceleration may jump.
+const CARRY: f64 = 25.0;
+const AIM: f64 = 12.0;
+/// Control periods per recorded row.
+const RECORD_EVERY: u64 = 10;
+/// Rows that wait to be taken [10 s].
+const ROWS: usize = 1000;
+
+/// How the loop is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum State {
+    /// It runs.
+    Running,
+    /// It stands still until it is told to go on.
+    Paused,
+    /// It stands still: the next state would not have been finite. A reset helps.
+    Diverged,
+    /// It stands still: a fault of the program, in its words. A reset helps.
+    Failed(String),
+}
+
+/// How well the clock is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pulse {
+    /// Periods per second of late [Hz].
+    pub rate: f64,
+    /// Periods so far.
+    pub periods: u64,
+    /// Of these, how many were not over when the next one should have begun.
+    pub missed: u64,
+    /// The longest computation so far [s].
+    pub worst: f64,
+}
+
+/// A goal on its way to where somebody wants it, at no more than a given speed.
+#[derive(Debug, Clone, Copy)]
+struct Hand {
+    goal: Vector<2>,
+    wanted: Vector<2>,
+}
+
+impl Hand {
+    /// Goes at most `distance` [m] on; whether it has moved.
+    fn advance(&mut self, distance: f64) -> bool {
+        let way = self.wanted - self.goal;
+        let length = way.norm();
+        self.goal =
+            if length <= distance { self.wanted } else { self.goal + way * (distance / length) };
+        length > 0.0
+    }
+}
+
+/// A closed loop in the hands of people. One [`beat`](Self::beat) is one control period; it does not
+/// allocate. Everything else may.
+#[derive(Debug)]
+pub struct Live {
+    scenario: Scenario,
+    arm: PlanarArm,
+    run: AnyRun,
+    state: State,
+    /// Where the obstacles are being carried, one per obstacle; None for what moves by itself.
+    hands: Vec<Option<Hand>>,
+    /// Where the target is being moved.
+    target: Option<Hand>,
+    /// Smallest clearance since the start or the last reset [m].
+    min_clearance: f64,
+    record: Option<Record>,
+    dropped: u64,
+    pulse: Pulse,
+    window: (Instant, u64),
+    /// What was changed for the clock or is odd, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Live {
+    /// The scenario at t = 0. Its duration is of no meaning.
+    ///
+    /// # Errors
+    /// If it cannot be run.
+    pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let (scenario, mut notes) = at_rate(scenario, RATE);
+        scenario.judge()?;
+        let ready = scenario.prepare_recorded(false)?;
+        notes.extend(ready.warnings);
+        let mut this = Self {
+            arm: scenario.arm.build()?,
+            hands: vec![None; scenario.obstacles.len()],
+            target: None,
+            run: ready.run,
+            state: State::Running,
+            min_clearance: f64::INFINITY,
+            record: None,
+            dropped: 0,
+            pulse: Pulse { rate: 0.0, periods: 0, missed: 0, worst: 0.0 },
+            window: (Instant::now(), 0),
+            notes,
+            scenario,
+        };
+        this.look();
+        Ok(this)
+    }
+
+    /// Goes back to t = 0 of the scenario, with the present settings. The record goes on only if there
+    /// are as many obstacles as before.
+    ///
+    /// # Errors
+    /// None that [`new`](Self::new) and [`configure`](Self::configure) have not found.
+    pub fn reset(&mut self) -> Result<(), ScenarioError> {
+        let Live { run, arm, hands, notes, .. } = Self::new(&self.scenario)?;
+        (self.run, self.arm, self.hands, self.notes) = (run, arm, hands, notes);
+        (self.state, self.target, self.min_clearance) = (State::Running, None, f64::INFINITY);
+        let count = self.snapshot().world.len();
+        self.record = self.record.take().filter(|record| record.obstacles_count == count);
+        self.look();
+        Ok(())
+    }
+
+    /// Stands still, or goes on.
+    pub fn pause(&mut self, paused: bool) {
+        match (&self.state, paused) {
+            (State::Running, true) => self.state = State::Paused,
+            (State::Paused, false) => self.state = State::Running,
+            _ => {}
+        }
+    }
+
+    /// The arm, as the controller believes it to be.
+    pub fn arm(&self) -> &PlanarArm {
+        &self.arm
+    }
+
+    /// How it is.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// How well the clock is kept.
+    pub fn pulse(&self) -> Pulse {
+        self.pulse
+    }
+
+    /// The present instant.
+    pub fn snapshot(&self) -> Snapshot<'_> {
+        self.run.snapshot()
+    }
+
+    /// [`ClosedLoop::pushes`](crate::simulation::ClosedLoop::pushes).
+    pub fn pushes(&mut self) -> Vec<[Vector<2>; 2]> {
+        either!(&mut self.run, run => run.closed_loop_mut().pushes())
+    }
+
+    /// Smallest signed surface distance since the start or the last reset [m]; ∞ without obstacles.
+    pub fn min_clearance(&self) -> f64 {
+        self.min_clearance
+    }
+
+    /// Takes over other settings of the controller, which the scenario judges.
+    ///
+    /// # Errors
+    /// If they do not fit, or ask for another task.
+    pub fn configure(&mut self, settings: Settings) -> Result<(), ScenarioError> {
+        if settings.task != self.scenario.controller.task {
+            let problem = Problem::Other("cannot change while the loop runs".into());
+            return Err(ScenarioError::new("controller.task", problem));
+        }
+        let scenario = Scenario { controller: settings, ..self.scenario.clone() };
+        scenario.judge()?;
+        let settings = &scenario.controller;
+        either!(&mut self.run, run => run.closed_loop_mut().set_gains(&Gains::new(settings)));
+        self.scenario = scenario;
+        Ok(())
+    }
+
+    /// Wants obstacle `j` to be at `place` [m], where it goes at half the reach of the arm per second at
+    /// most.
+    ///
+    /// # Errors
+    /// If there is none of that number.
+    pub fn carry(&mut self, j: usize, place: [f64; 2]) -> Result<(), ScenarioError> {
+        self.exists(j)?;
+        let goal = self.snapshot().world.position(j);
+        self.hands[j].get_or_insert(Hand { goal, wanted: goal }).wanted = place.into();
+        Ok(())
+    }
+
+    /// Wants the end effector to be at `place` [m], or as near as it can reach, where the reference goes
+    /// at a quarter of the reach per second at most.
+    pub fn aim(&mut self, place: [f64; 2]) {
+        let x_ref = self.snapshot().x_ref;
+        let (goal, angle) = (Vector::<2>::new(x_ref[0], x_ref[1]), x_ref.get(2).copied());
+        let wanted = self.within_reach(place.into(), angle);
+        self.target.get_or_insert(Hand { goal, wanted: goal }).wanted = wanted;
+    }
+
+    /// Adds an obstacle that has been judged, the last one from now on. Ends a recording.
+    pub fn add(&mut self, obstacle: &Obstacle) {
+        self.change_world(|world| world.add(obstacle.clone()));
+        self.hands.push(None);
+    }
+
+    /// Takes obstacle `j` away; those behind it move up. Ends a recording.
+    ///
+    /// # Errors
+    /// If there is none of that number.
+    pub fn remove(&mut self, j: usize) -> Result<(), ScenarioError> {
+        self.exists(j)?;
+        self.change_world(|world| world.remove(j));
+        self.hands.remove(j);
+        Ok(())
+    }
+
+    /// Begins to record, or ends it: every hundredth of a second a row, to be taken with
+    /// [`take`](Self::take).
+    ///
+    /// # Errors
+    /// If there is not enough memory.
+    pub fn record(&mut self, on: bool) -> Result<(), RecordTooLarge> {
+        self.record = on.then(|| Record::with_capacity(ROWS, &self.snapshot())).transpose()?;
+        self.dropped = 0;
+        Ok(())
+    }
+
+    /// Whether it records.
+    pub fn is_recording(&self) -> bool {
+        self.record.is_some()
+    }
+
+    /// The rows recorded since the last call, and how many were lost since the recording began because
+    /// nobody took them in time.
+    ///
+    /// # Errors
+    /// If there is not enough memory.
+    pub fn take(&mut self) -> Result<(Option<Record>, u64), RecordTooLarge> {
+        let fresh = Record::with_capacity(ROWS, &self.run.snapshot())?;
+        Ok((self.record.as_mut().map(|record| mem::replace(record, fresh)), self.dropped))
+    }
+
+    /// One control period. A fault ends in a state that says so.
+    pub fn beat(&mut self) {
+        if self.state != State::Running {
+            return;
+        }
+        match guarded(|| self.advance()) {
+            Ok(true) => self.look(),
+            Ok(false) => self.state = State::Diverged,
+            Err(fault) => self.state = State::Failed(fault),
+        }
+    }
+
+    /// Moves the hands and takes the steps of one control period; false if it cannot go on.
+    fn advance(&mut self) -> bool {
+        let Self { run, hands, target, scenario, .. } = self;
+        let (_, reach) = self.arm.reach(self.arm.dof());
+        let step = 0.5 * reach / RATE;
+        for (j, hand) in hands.iter_mut().enumerate() {
+            if let Some(hand) = hand
+                && hand.advance(step)
+            {
+                let goal = hand.goal;
+                either!(run, run => {
+                    run.closed_loop_mut().change_world(|world| world.carry(j, goal, CARRY));
+                });
+            }
+        }
+        if let Some(hand) = target
+            && hand.advance(0.5 * step)
+        {
+            let goal = hand.goal;
+            either!(run, run => run.closed_loop_mut().aim(goal, AIM));
+        }
+        (0..scenario.simulation.control_every).all(|_| run.advance(None))
+    }
+
+    /// Takes note of the present instant.
+    fn look(&mut self) {
+        let Self { run, record, min_clearance, pulse, dropped, .. } = self;
+        let snapshot = run.snapshot();
+        *min_clearance = snapshot.clearance.iter().copied().fold(*min_clearance, f64::min);
+        if let Some(record) = record
+            && pulse.periods.is_multiple_of(RECORD_EVERY)
+        {
+            if record.rows < ROWS {
+                record.push(&snapshot);
+            } else {
+                *dropped += 1;
+            }
+        }
+    }
+
+    /// Counts a period from its `begin` to its `end` that had to be over by `deadline`.
+    fn count(&mut self, begin: Instant, end: Instant, deadline: Instant) {
+        let Self { pulse, window, .. } = self;
+        pulse.periods += 1;
+        pulse.missed += u64::from(end > deadline);
+        pulse.worst = pulse.worst.max((end - begin).as_secs_f64());
+        let (since, before) = *window;
+        if end - since >= WINDOW {
+            #[expect(clippy::cast_precision_loss, reason = "some hundreds")]
+            let periods = (pulse.periods - before) as f64;
+            pulse.rate = periods / (end - since).as_secs_f64();
+            *window = (end, pulse.periods);
+        }
+    }
+
+    fn exists(&self, j: usize) -> Result<(), ScenarioError> {
+        let count = self.hands.len();
+        if j < count {
+            return Ok(());
+        }
+        let problem = Problem::Other(format!("there is none, only {count} obstacles"));
+        Err(ScenarioError::new(format!("obstacles[{j}]"), problem))
+    }
+
+    fn change_world(&mut self, change: impl Fn(&mut crate::world::World)) {
+        either!(&mut self.run, run => run.closed_loop_mut().change_world(change));
+        self.record = None;
+    }
+
+    /// The point nearest to `place` at which the end effector can be, a little inside of its reach.
+    fn within_reach(&self, place: Vector<2>, angle: Option<f64>) -> Vector<2> {
+        let n = self.arm.dof();
+        // A pose is reachable if the last joint can be where the pose puts it.
+        let (links, wrist) = match (self.scenario.controller.task, angle) {
+            (TaskKind::Pose, Some(angle)) => {
+                let (sin, cos) = angle.sin_cos();
+                (n - 1, Vector::<2>::new(cos, sin) * self.arm.links()[n - 1].length)
+            }
+            _ => (n, Vector::zeros()),
+        };
+        let (inner, outer) = self.arm.reach(links);
+        let margin = 0.02 * (outer - inner);
+        let from_base = place - wrist;
+        let distance = from_base.norm();
+        let allowed = distance.clamp(inner + margin, outer - margin);
+        let direction = if distance > 0.0 { from_base / distance } else { Vector::x() };
+        direction * allowed + wrist
+    }
+}
+
+/// Whoever panicked while it held the lock left nothing half done: [`Live::beat`] catches its own.
+pub fn lock(live: &Mutex<Live>) -> MutexGuard<'_, Live> {
+    live.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Beats at [`RATE`] until `stop` is set. Nothing allocates.
+///
+/// The deadlines are absolute; what is late is caught up with, unless it is later than 0.1 s.
+pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
+    let mut deadline = Instant::now() + PERIOD;
+    while wait_until(deadline, stop).is_some() {
+        let mut live = lock(live);
+        let begin = Instant::now();
+        live.beat();
+        let end = Instant::now();
+        deadline += PERIOD;
+        live.count(begin, end, deadline);
+        if end > deadline + PATIENCE {
+            deadline = end + PERIOD;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Projection;
+    use crate::math::Broadcast;
+    use std::sync::atomic::Ordering;
+    use std::thread;
+
+    /// A six-link arm that holds its tip still, a disc above it.
+    const SCENE: &str = "duration = 1.0\n q0 = [1.2, -0.6, -0.6, -0.5, 0.3, 0.4]\n\
+        arm = { lengths = [1, 1, 1, 1, 1, 1], masses = 1 }\n\
+        controller = { stiffness = 100, damping = 20, null_damping = 6, \
+            field = { kind = 'khatib', gain = 0.5, influence = 0.6, approach_damping = 0.7 } }\n\
+        reference = { kind = 'line', end = [5.025, 1.017], duration = 0.5 }\n\
+        obstacles = [{ shape = { kind = 'circle', radius = 0.15 }, position = [1.6, 2.9] }]";
+
+    fn live() -> Live {
+        Live::new(&Scenario::from_toml(SCENE).unwrap()).unwrap()
+    }
+
+    fn beats(live: &mut Live, count: usize) -> f64 {
+        (0..count).fold(0.0, |worst: f64, _| {
+            live.beat();
+            let error = live.snapshot().error.iter().map(|e| e * e).sum::<f64>().sqrt();
+            worst.max(error)
+        })
+    }
+
+    fn settings(projection: Projection) -> Settings {
+        Settings { projection, ..live().scenario.controller }
+    }
+
+    /// Nobody interferes: the same bits as the run of the scenario.
+    #[test]
+    fn left_alone_it_is_the_scenario() {
+        let mut live = live();
+        let mut alone = Scenario::from_toml(SCENE).unwrap().prepare().unwrap().run;
+        for _ in 0..500 {
+            live.beat();
+            assert!(alone.advance(None));
+        }
+        assert_eq!(live.snapshot().q, alone.snapshot().q);
+        assert_eq!(live.snapshot().t.to_bits(), alone.snapshot().t.to_bits());
+    }
+
+    /// A drag through the arm's place, told 20 times a second: the disc moves without a jump in
+    /// velocity and no faster than half the reach per second, the links keep clear and the tip stays
+    /// within a micrometre or two; without projection it is pushed off by millimetres.
+    #[test]
+    fn a_drag_moves_the_links_and_not_the_tip() {
+        for (projection, low, high) in
+            [(Projection::Dynamic, 0.0, 1e-4), (Projection::None, 1e-3, 1.0)]
+        {
+            let mut live = live();
+            live.configure(settings(projection)).unwrap();
+            beats(&mut live, 1000);
+            let mut worst: f64 = 0.0;
+            let mut last = Vector::<2>::zeros();
+            for k in 0..50 {
+                live.carry(0, [1.6, 2.9 - 0.05 * f64::from(k)]).unwrap();
+                for _ in 0..50 {
+                    worst = worst.max(beats(&mut live, 1));
+                    let velocity = live.snapshot().world.velocity(0);
+                    assert!(velocity.norm() < 3.0 && (velocity - last).norm() < 0.1);
+                    last = velocity;
+                }
+            }
+            beats(&mut live, 1000);
+            let place = live.snapshot().world.position(0);
+            assert!((place - Vector::<2>::new(1.6, 0.45)).norm() < 1e-9);
+            assert!(live.min_clearance() > 0.05, "{projection:?}: {}", live.min_clearance());
+            assert!(low <= worst && worst < high, "{projection:?}: {worst} m");
+        }
+    }
+
+    /// The velocity and acceleration that the world shows are those of the positions that it shows.
+    #[test]
+    fn what_is_carried_has_exact_derivatives() {
+        let mut live = live();
+        live.carry(0, [0.0, 3.5]).unwrap();
+        let h = 1e-3;
+        let mut seen = vec![];
+        for _ in 0..800 {
+            live.beat();
+            let world = live.snapshot().world;
+            seen.push([world.position(0), world.velocity(0), world.acceleration(0)]);
+        }
+        let scale = |k: i32| 3.0 * CARRY.powi(k + 2) * h * h;
+        for three in seen.windows(3) {
+            for k in 0..2 {
+                let difference = (three[2][k] - three[0][k]) / (2.0 * h);
+                let error = (difference - three[1][k + 1]).norm();
+                let order = i32::try_from(k).unwrap();
+                assert!(error < scale(order), "derivative {}: {error}", k + 1);
+            }
+        }
+    }
+
+    /// The target goes where it is wanted, and where that is out of reach as near as can be; the tip
+    /// follows all the way.
+    #[test]
+    fn the_target_stays_within_reach() {
+        let mut live = live();
+        beats(&mut live, 600);
+        live.aim([3.0, 2.0]);
+        // The law is held for a millisecond: it lags behind by that much, some tenths of a millimetre.
+        assert!(beats(&mut live, 4000) < 2e-3);
+        let tip = Vector::<2>::new(live.snapshot().x[0], live.snapshot().x[1]);
+        assert!((tip - Vector::<2>::new(3.0, 2.0)).norm() < 1e-6);
+        live.aim([30.0, 40.0]);
+        beats(&mut live, 6000);
+        let x_ref = Vector::from_column_slice(live.snapshot().x_ref);
+        assert!((x_ref - Vector::<2>::new(0.6, 0.8) * (6.0 * 0.98)).norm() < 1e-9);
+        live.aim([0.0, 0.0]);
+        beats(&mut live, 6000);
+        assert_eq!(live.state(), &State::Running);
+    }
+
+    /// Obstacles come and go, each with its own hand.
+    #[test]
+    fn obstacles_come_and_go() {
+        let mut live = live();
+        let disc = live.snapshot().world.obstacle(0).clone();
+        live.add(&Obstacle { position: [3.0, 3.0], ..disc });
+        live.carry(1, [4.0, 3.0]).unwrap();
+        beats(&mut live, 3000);
+        live.remove(0).unwrap();
+        assert_eq!(live.snapshot().world.len(), 1);
+        assert!((live.snapshot().world.position(0) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-9);
+        live.carry(0, [4.0, 3.5]).unwrap();
+        beats(&mut live, 3000);
+        assert!((live.snapshot().world.position(0) - Vector::<2>::new(4.0, 3.5)).norm() < 1e-9);
+        let fault = live.carry(1, [0.0, 0.0]).unwrap_err().to_string();
+        assert_eq!(fault, "obstacles[1]: there is none, only 1 obstacles");
+        live.remove(0).unwrap();
+        beats(&mut live, 10);
+        assert!(live.remove(0).is_err());
+        live.reset().unwrap();
+        assert_eq!((live.snapshot().world.len(), live.snapshot().t.to_bits()), (1, 0));
+    }
+
+    /// A loop that diverges stands still where it was, says so, and runs again after a reset.
+    #[test]
+    fn divergence_is_a_state() {
+        let mut live = live();
+        let wild = Settings {
+            stiffness: Broadcast::Uniform(1e9),
+            damping: Broadcast::Uniform(1e5),
+            ..settings(Projection::Dynamic)
+        };
+        live.configure(wild).unwrap();
+        live.aim([3.0, 2.0]);
+        beats(&mut live, 2000);
+        assert_eq!(live.state(), &State::Diverged);
+        assert!(live.snapshot().q.iter().all(|q| q.is_finite()));
+        live.pause(false);
+        assert_eq!(live.state(), &State::Diverged);
+        live.configure(settings(Projection::Dynamic)).unwrap();
+        live.reset().unwrap();
+        beats(&mut live, 100);
+        assert_eq!(live.state(), &State::Running);
+    }
+
+    /// What does not fit is refused, and the old settings stay.
+    #[test]
+    fn wrong_settings_are_refused() {
+        let mut live = live();
+        let negative =
+            Settings { stiffness: Broadcast::Uniform(-1.0), ..settings(Projection::Dynamic) };
+        assert!(live.configure(negative).unwrap_err().path.starts_with("controller.stiffness"));
+        let pose = Settings { task: TaskKind::Pose, ..settings(Projection::Dynamic) };
+        assert_eq!(live.configure(pose).unwrap_err().path, "controller.task");
+        live.reset().unwrap();
+        assert_eq!(live.scenario.controller, settings(Projection::Dynamic));
+    }
+
+    /// A row every ten periods, none twice, none lost while somebody takes them; then they are counted.
+    #[test]
+    fn rows_are_recorded() {
+        let mut live = live();
+        live.record(true).unwrap();
+        let mut times = vec![];
+        for _ in 0..4 {
+            for _ in 0..500 {
+                live.beat();
+                live.pulse.periods += 1;
+            }
+            let (record, dropped) = live.take().unwrap();
+            assert_eq!(dropped, 0);
+            times.extend(record.unwrap().t);
+        }
+        assert_eq!(times.len(), 200);
+        assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-12));
+        for _ in 0..(10 * ROWS + 50) {
+            live.beat();
+            live.pulse.periods += 1;
+        }
+        assert_eq!(live.take().unwrap().1, 5);
+        live.record(false).unwrap();
+        assert!(live.take().unwrap().0.is_none());
+    }
+
+    /// On its thread it beats, pauses on demand, and ends.
+    #[test]
+    fn it_serves() {
+        let (live, stop) = (Mutex::new(live()), AtomicBool::new(false));
+        thread::scope(|scope| {
+            scope.spawn(|| serve(&live, &stop));
+            let wait = |condition: &dyn Fn(&Live) -> bool| {
+                let start = Instant::now();
+                while !condition(&lock(&live)) {
+                    assert!(start.elapsed() < Duration::from_secs(20));
+                    thread::sleep(Duration::from_millis(5));
+                }
+            };
+            wait(&|live| live.pulse().periods > 700 && live.pulse().rate > 0.0);
+            lock(&live).pause(true);
+            let t = lock(&live).snapshot().t;
+            let periods = lock(&live).pulse().periods;
+            wait(&|live| live.pulse().periods > periods + 50);
+            assert_eq!(lock(&live).snapshot().t.to_bits(), t.to_bits());
+            lock(&live).pause(false);
+            wait(&|live| live.snapshot().t > t);
+            stop.store(true, Ordering::Relaxed);
+        });
+        assert!(lock(&live).pulse().worst > 0.0);
+    }
+}

@@ -1,0 +1,162 @@
+"""Pages that the installed package writes itself: scenario keys, metrics, commands, bundled scenarios."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from click.testing import CliRunner
+from sphinx.application import Sphinx
+from sphinx_gallery.scrapers import figure_rst
+
+import vffnull as vff
+from vffnull import _core
+from vffnull._record import QUANTITIES
+from vffnull.cli import _commands
+from vffnull.plotting import strobe, style
+from vffnull.scenario import read
+
+RULE = re.compile(r"^ *-{2,}( +-{2,})+ *$")
+
+
+class Order:
+    """The gallery's order: what the package is for first, then by name."""
+
+    FIRST = ("sweep_through", "follow_line", "own_loop", "compare_projections", "design_gains", "limits")
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+
+    def __call__(self, file: str) -> tuple[int, str]:
+        name = Path(file).stem
+        return (self.FIRST.index(name) if name in self.FIRST else len(self.FIRST), name)
+
+
+def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
+    """For the gallery: pictures and pages that an example has written beside itself, moved away."""
+    folder, found = Path(variables["src_file"]).parent, []
+    for picture in sorted(folder.glob("*.png")):
+        found.append(next(variables["image_path_iterator"]))
+        shutil.move(picture, found[-1])
+    shown = str(figure_rst(found, conf["src_dir"]))
+    for page in sorted(folder.glob("*.html")):
+        shutil.move(page, Path(conf["src_dir"]) / "generated" / "written" / page.name)
+        shown += f"\n`Open {page.name} <../{page.name}>`__\n"
+    return shown
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def columns(block: list[str]) -> str:
+    """The schema's table of fixed width as a Markdown table; a line without a key continues the last."""
+    starts = [found.start() for found in re.finditer(r"-+", block[1])]
+    ends = [*starts[1:], None]
+    rows: list[list[str]] = []
+    for line in (block[0], *block[2:]):
+        cells = [line[a:b].strip() for a, b in zip(starts, ends, strict=True)]
+        if cells[0] or not rows:
+            rows.append(cells)
+        else:
+            rows[-1] = [f"{old} {new}".strip() for old, new in zip(rows[-1], cells, strict=True)]
+    return table(rows[0], [[f"`{row[0]}`", *row[1:]] for row in rows[1:]])
+
+
+def keys() -> str:
+    """What `vffnull schema` prints, its tables set as tables."""
+
+    def blocks(text: str) -> Iterator[str]:
+        for part in text.split("\n\n"):
+            lines = part.splitlines()
+            indented = len(lines) > 1 and all(line.startswith("    ") for line in lines)
+            yield columns(lines) if indented and RULE.match(lines[1]) else part
+
+    return "\n\n".join(blocks(_core.schema())) + "\n"
+
+
+def quantities() -> str:
+    """What a run measures and records."""
+    metrics = [[f"`{name}`", unit, meaning] for name, (unit, meaning) in _core.METRICS.items()]
+    recorded = [[f"`{name}`", each.unit, each.meaning] for name, each in QUANTITIES.items()]
+    constants = [
+        [f"`vffnull.{name}`", ", ".join(f"`{each}`" for each in getattr(vff, name))]
+        for name in ("ENERGIES", "PORTS", "OBJECTIVES")
+    ]
+    return (
+        "# Metrics and recorded quantities\n\n"
+        "A metric that does not apply to a run is `None`, and so is an array that a run does not have.\n\n"
+        "## Metrics\n\n`Result.metrics`, one number per run.\n\n"
+        f"{table(['metric', 'unit', 'meaning'], metrics)}\n\n"
+        "## Recorded quantities\n\nArrays of a `Result`, one row per recorded instant, beside the time.\n\n"
+        f"{table(['array', 'unit', 'meaning'], recorded)}\n\n"
+        f"## Columns with names\n\n{table(['constant', 'columns'], constants)}\n"
+    )
+
+
+def commands() -> str:
+    """The help of every command."""
+    runner = CliRunner()
+
+    def shown(*words: str) -> str:
+        text = runner.invoke(_commands, [*words, "--help"], prog_name="vffnull", terminal_width=92).output
+        return f"```text\n{text.rstrip()}\n```"
+
+    parts = [f"## vffnull {name}\n\n{shown(name)}" for name in _commands.commands]
+    return "# Command line\n\n" + "\n\n".join([shown(), *parts]) + "\n"
+
+
+def scenarios(pictures: Path) -> str:
+    """Every bundled scenario with a picture, its numbers and its file."""
+    cards, parts = [], []
+    for name in vff.scenarios():
+        result = vff.simulate(name)
+        with style.look():
+            strobe.strobe(result).savefig(pictures / f"{name}.png")
+        file, metrics = f"figures/{name}.png", result.metrics
+        cards.append(
+            f":::{{grid-item-card}} {name}\n:img-top: {file}\n:img-alt: The arm in {name}\n"
+            f":link: {name}\n:link-type: ref\n\n{result.scenario.description}.\n:::"
+        )
+        rows = [
+            [f"`{key}`", f"{metrics[key]:.3g} {_core.METRICS[key][0]}".strip(), _core.METRICS[key][1]]
+            for key in ("min_clearance", "max_error_transient", "max_error_tail", "peak_torque", "peak_speed")
+            if metrics[key] is not None
+        ]
+        parts.append(
+            f"({name})=\n## {name}\n\n{result.scenario.description}. Status: *{result.status}*.\n\n"
+            f"```{{image}} {file}\n:alt: Several instants of {name}, light to dark\n:width: 460px\n```\n\n"
+            f"{table(['metric', 'value', 'meaning'], rows)}\n\n"
+            f":::{{dropdown}} vffnull show {name}\n```toml\n{read(name)}```\n:::"
+        )
+    return (
+        "# Bundled scenarios\n\n`vffnull run NAME` runs one of these, "
+        "`vff.simulate(NAME)` does so from Python. Light is early, dark is late.\n\n"
+        "::::{grid} 1 2 3 3\n:gutter: 3\n\n" + "\n\n".join(cards) + "\n::::\n\n" + "\n\n".join(parts) + "\n"
+    )
+
+
+def on_builder_inited(app: Sphinx) -> None:
+    """Write them all; a page that stays the same keeps its date."""
+    target = Path(app.srcdir) / "generated"
+    (target / "figures").mkdir(parents=True, exist_ok=True)
+    pages = {
+        "keys": keys(),
+        "quantities": quantities(),
+        "commands": commands(),
+        "scenarios": scenarios(target / "figures"),
+    }
+    for name, text in pages.items():
+        page = target / f"{name}.md"
+        if not page.exists() or page.read_text(encoding="utf-8") != text:
+            page.write_text(text, encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("builder-inited", on_builder_inited)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,47 @@
+"""The command ``live``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vffnull._simulate import prepare
+from vffnull.cli.common import INTERRUPTED, assigned, complete_scenario, set_option
+from vffnull.viewer import live as open_page
+
+__all__ = ["live"]
+
+
+@click.command()
+@click.argument("scenario", default="swing", shell_complete=complete_scenario)
+@click.option("--port", type=int, default=8080, show_default=True, help="Where the page is on 127.0.0.1.")
+@click.option("--no-browser", is_flag=True, help="Print the address instead of opening it.")
+@click.option(
+    "--record-to",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path(),
+    metavar="DIR",
+    help="Folder for recordings; default: here.",
+)
+@set_option
+def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignments: tuple[str, ...]) -> int:
+    """Run a scenario in real time on a page: drag obstacles and target, turn the knobs.
+
+    \b
+    vffnull live
+    vffnull live crowd --port 9000 --no-browser
+    vffnull live mine.toml --set controller.projection=none
+
+    The page is on this machine alone (127.0.0.1). Ctrl-C ends it. Needs pip install "vffnull[viewer]".
+    """
+    ready = prepare(scenario, assigned(assignments))
+    page = open_page(ready, port=port, open_browser=not no_browser, block=False, record_to=record_to)
+    click.echo(f"{ready.name or 'scenario'} is running at {page.url}; Ctrl-C ends it")
+    try:
+        page.wait()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    finally:
+        page.stop()
+    return 0

@@ -1,0 +1,92 @@
+"""The live page: a scenario in real time in the browser, with obstacles and a target to be dragged."""
+
+from __future__ import annotations
+
+import os
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vffnull.errors import InputError, InputTypeError
+from vffnull.logs import extra
+
+if TYPE_CHECKING:
+    from vffnull.scenario import ScenarioLike
+    from vffnull.viewer.page import LivePage
+
+__all__ = ["live"]
+
+
+def live(
+    scenario: ScenarioLike = "swing",
+    *,
+    port: int = 8080,
+    open_browser: bool = True,
+    block: bool = True,
+    record_to: str | os.PathLike[str] = ".",
+) -> LivePage:
+    """Run a scenario in real time on a page of this machine.
+
+    A thread computes plant and law at 1 kHz against the wall clock; nothing of it is slowed down by the page.
+    Obstacles and the target are dragged with the mouse. Between two messages of the browser they move
+    smoothly, and the field gets their exact velocity. The duration of the scenario is of no meaning.
+
+    Parameters
+    ----------
+    scenario : str, path, Scenario or dict, optional
+        What to start with; a bundled name, a TOML file or a scenario.
+    port : int, optional
+        Where the page is on 127.0.0.1; the next free one, if this one is taken.
+    open_browser : bool, optional
+        Show the page in the browser of the system.
+    block : bool, optional
+        Stay until Ctrl-C. Otherwise return at once; the page lives until its `LivePage.stop`.
+    record_to : path, optional
+        The folder for recordings.
+
+    Returns
+    -------
+    LivePage
+        The page; stopped if it has blocked.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the port or the folder cannot be used.
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+    ImportError
+        Without the extra ``vffnull[viewer]``.
+
+    Examples
+    --------
+    >>> page = vff.live("crowd", open_browser=False, block=False)  # doctest: +SKIP
+    >>> page.url  # doctest: +SKIP
+    'http://127.0.0.1:8080'
+    >>> page.stop()  # doctest: +SKIP
+    """
+    if isinstance(port, bool) or not isinstance(port, int):
+        raise InputTypeError(f"port: expected a whole number, got {type(port).__name__}")
+    if not 1024 <= port <= 65535:
+        raise InputError(f"port: must be from 1024 to 65535, got {port}")
+    folder = Path(record_to)
+    if not folder.is_dir():
+        raise InputError(f"record_to: there is no folder {folder}")
+    extra("viser", "viewer")
+    from vffnull._simulate import prepare
+    from vffnull.viewer.page import LivePage
+
+    page = LivePage(prepare(scenario), port, folder)
+    if block:
+        print(f"{page.url}; Ctrl-C ends it")
+    try:
+        if open_browser:
+            webbrowser.open(page.url)
+        if block:
+            page.wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if block:
+            page.stop()
+    return page

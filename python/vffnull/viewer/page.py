@@ -1,0 +1,277 @@
+"""The page: one scenario at a time, its drawing, its controls, and the thread that keeps them up to date."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from vffnull import _core
+from vffnull.scenario import Scenario
+from vffnull.viewer.panel import Panel
+from vffnull.viewer.plots import Plots
+from vffnull.viewer.recording import Recording
+from vffnull.viewer.scene import FIELD_OF_VIEW, Scene, view
+
+FRAME = 1 / 60
+"""Between two pictures [s]."""
+ASPECT = 0.92
+"""Width over height of the picture, until the browser says what it is."""
+READ = 0.15
+"""Between two updates of the numbers [s]."""
+
+
+def quiet() -> redirect_stdout[io.StringIO]:
+    """Hold back what viser prints: whoever opens the page says where it is."""
+    return redirect_stdout(io.StringIO())
+
+
+class LivePage:
+    """A page on 127.0.0.1 with a scenario that runs in real time; made by `vffnull.live`.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to start with.
+    port : int
+        The port, or the first free one after it.
+    folder : Path
+        Where recordings go.
+
+    Attributes
+    ----------
+    url : str
+        Where the page is.
+    """
+
+    def __init__(self, scenario: Scenario, port: int, folder: Path) -> None:
+        self._live = _core.Live(scenario.to_dict())  # first: nothing is left behind if it fails
+        self._folder = folder
+        self._recording: Recording | None = None
+        self._lock = threading.RLock()  # around everything that belongs to one scenario
+        self._over = threading.Event()
+        self._frames: tuple[float, int] = (time.monotonic(), 0)
+        self.frame_rate = 0.0
+        """Pictures sent per second [Hz]."""
+        with quiet():
+            self._server = viser.ViserServer(host="127.0.0.1", port=port, label="vffnull", verbose=False)
+        self.url = f"http://127.0.0.1:{self._server.get_port()}"
+        gui = self._server.gui
+        gui.set_panel_label("vffnull live")
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 84, 140))
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(340)
+        plots = gui.add_panel()
+        with plots.add_tab("Live plots"):
+            self._plots = Plots(self._server)
+        plots.dock_left()
+        plots.set_width(330)
+        self._panel = Panel(self._server, self)
+        self._server.on_client_connect(self._welcome)
+        self._open(scenario)
+        self._painter = threading.Thread(target=self._paint, name="vffnull-painter", daemon=True)
+        self._painter.start()
+
+    # ------------------------------------------------------------------------------------- for the panel
+
+    @property
+    def scenario(self) -> Scenario:
+        """What runs."""
+        return self._scenario
+
+    def open(self, scenario: Scenario) -> None:
+        """Run another scenario."""
+        live = _core.Live(scenario.to_dict())
+        with self._lock:
+            self.stop_recording()
+            old, self._live = self._live, live
+            old.stop()
+            self._open(scenario)
+            for client in self._server.get_clients().values():
+                self.look_from_above(client)
+
+    def _open(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self._scene = Scene(self._server, scenario, self._carry, self._aim)
+        self._plots.clear()
+        self._panel.show(scenario)
+        position, look_at = view(self._box(), ASPECT)
+        camera = self._server.initial_camera
+        camera.fov, camera.far = FIELD_OF_VIEW, 20 * position[2]
+        camera.up, camera.position, camera.look_at = (0.0, 1.0, 0.0), position, look_at
+        self._live.start()
+
+    def configure(self, controller: Mapping[str, Any]) -> None:
+        """Take over settings of the controller, and draw the halos as wide as its field reaches."""
+        with self._lock:
+            self._live.configure(dict(controller))
+            field = controller.get("field", {})
+            influence = float(field.get("influence", 0.0)) if field.get("gain", 0.0) > 0.0 else 0.0
+            if influence != self._scene.influence:
+                self._scene.show_influence(influence)
+
+    def pause(self, paused: bool) -> None:
+        """Stand still, or go on."""
+        with self._lock:
+            if paused:
+                self._live.pause()
+            else:
+                self._live.start()
+
+    def reset(self) -> None:
+        """Go back to the start, with the present settings."""
+        with self._lock:
+            self.stop_recording()
+            self._live.reset()
+            influence = self._scene.influence
+            self._scene = Scene(self._server, self._scenario, self._carry, self._aim)
+            self._scene.show_influence(influence)
+            self._plots.clear()
+            self._live.start()
+
+    def add_obstacle(self) -> None:
+        """Put a disc where there is room, above the arm."""
+        with self._lock:
+            self.stop_recording()
+            reach = self._scene.reach
+            count = len(self._live.snapshot()["obstacles"])
+            place = [reach * (0.15 + 0.14 * (count % 6)), reach * (0.62 - 0.07 * (count // 6 % 4))]
+            disc = {"shape": {"kind": "circle", "radius": 0.03 * reach}, "position": place}
+            self._live.add(disc)
+            self._scene.add(disc)
+            self._scene.show_influence(self._scene.influence)
+
+    def remove_obstacle(self) -> None:
+        """Take away the last obstacle."""
+        with self._lock:
+            count = len(self._live.snapshot()["obstacles"])
+            if count:
+                self.stop_recording()
+                self._live.remove(count - 1)
+                self._scene.remove(count - 1)
+
+    def start_recording(self) -> Path:
+        """Begin to record."""
+        with self._lock:
+            if self._recording is None:
+                self._recording = Recording(self._live, self._scenario, self._folder)
+                self._panel.show_recording(True)
+            return self._recording.path
+
+    def stop_recording(self) -> tuple[Path, int] | None:
+        """End a recording; its file and the number of its rows."""
+        with self._lock:
+            recording, self._recording = self._recording, None
+            if recording is None:
+                return None
+            recording.close()
+            self._panel.show_recording(False)
+            return recording.path, recording.rows
+
+    def look_from_above(self, client: viser.ClientHandle) -> None:
+        """Put the camera back where the plane is seen from above."""
+        position, look_at = view(self._box(), client.camera.aspect)
+        with client.atomic():
+            client.camera.up_direction = (0.0, 1.0, 0.0)
+            client.camera.fov = FIELD_OF_VIEW
+            client.camera.position = position
+            client.camera.look_at = look_at
+
+    # -------------------------------------------------------------------------------------- for the owner
+
+    def snapshot(self) -> _core.LiveState:
+        """The present state of the loop."""
+        return self._live.snapshot()
+
+    def wait(self) -> None:
+        """Stay until Ctrl-C or `stop`."""
+        while not self._over.wait(0.2):
+            pass
+
+    def stop(self) -> None:
+        """End loop, recording and page."""
+        if self._over.is_set():
+            return
+        self._over.set()
+        self._painter.join()
+        self.stop_recording()
+        self._live.stop()
+        with quiet():
+            self._server.stop()
+
+    # --------------------------------------------------------------------------------------------- inside
+
+    def _carry(self, obstacle: int, place: NDArray[np.float64]) -> None:
+        self._live.carry(obstacle, place)
+
+    def _aim(self, place: NDArray[np.float64]) -> None:
+        self._live.aim(place)
+
+    async def _welcome(self, client: viser.ClientHandle) -> None:
+        """Show the whole picture, now and whenever the room for it changes."""
+        fitted = 0.0
+
+        @client.camera.on_update
+        async def _(camera: viser.CameraHandle) -> None:
+            nonlocal fitted
+            if abs(camera.aspect - fitted) > 0.02:
+                fitted = camera.aspect
+                self.look_from_above(client)
+
+    def _box(self) -> tuple[float, float, float, float]:
+        """Limits [m] around the arm at its start and what it meets in the first seconds."""
+        simulation = _core.Simulation(self._scenario.to_dict())
+        reach = self._scene.reach
+        points = [np.zeros((1, 2)), self._scenario.arm.forward_kinematics(simulation.state.q)]
+        near = simulation.state.obstacles
+        points.append(near[np.hypot(*near.T) < 1.1 * reach])
+        every = np.vstack(points)
+        low, high = every.min(axis=0) - 0.12 * reach, every.max(axis=0) + 0.12 * reach
+        missing = max(0.0, 0.75 * reach - (high[1] - low[1])) / 2
+        return float(low[0]), float(high[0]), float(low[1] - missing), float(high[1] + missing)
+
+    def _paint(self) -> None:
+        """Draw until the page is stopped."""
+        read_at = 0.0
+        due = time.monotonic()
+        while not self._over.is_set():
+            due = max(due + FRAME, time.monotonic() - FRAME)
+            with self._lock:
+                state = self._live.snapshot()
+                with self._server.atomic():
+                    self._scene.draw(state)
+                self._plots.add(state)
+                now = time.monotonic()
+                if now - read_at > READ:
+                    read_at = now
+                    self._panel.read(state)
+                    self._drain()
+            self._count(now)
+            self._over.wait(max(0.0, due - time.monotonic()))
+
+    def _drain(self) -> None:
+        """Write what has been recorded; a disk that is full ends the recording, not the page."""
+        try:
+            if self._recording is not None:
+                self._recording.drain()
+        except OSError as fault:
+            self._recording = None
+            self._live.record(False)
+            self._panel.show_recording(False)
+            for client in self._server.get_clients().values():
+                client.add_notification("The recording has ended", str(fault), color="red")
+
+    def _count(self, now: float) -> None:
+        since, frames = self._frames
+        self._frames = (since, frames + 1)
+        if now - since > 1.0:
+            self.frame_rate = (frames + 1) / (now - since)
+            self._frames = (now, 0)

@@ -1,0 +1,101 @@
+"""Three curves over the last seconds: clearance, tracking error, repulsive torque."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import uplot
+
+WINDOW = 12.0
+"""What is shown [s]."""
+INTERVAL = 0.15
+"""Between two points [s]."""
+
+CURVES = (
+    ("Smallest clearance [m]", "#0072B2", 0.1),
+    ("Tracking error [mm]", "#D55E00", 1.0),
+    ("Repulsive torque [N·m]", "#009E73", 1.0),
+)
+"""Title, colour, and how far the axis goes at least: what is too small to matter shall look small."""
+
+
+class Plots:
+    """The plots, in the present container of the page."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=int(WINDOW / INTERVAL))
+        self._due = 0.0
+        self._handles = [self._add(server, *curve) for curve in CURVES]
+        self._ranges = [(0.0, least) for _, _, least in CURVES]
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._rows.clear()
+        self._due = 0.0
+
+    def add(self, state: Mapping[str, Any]) -> None:
+        """Take a state in, and show it when it is time to."""
+        if state["t"] < self._due:
+            return
+        self._due = state["t"] + INTERVAL
+        self._rows.append((state["t"], *measures(state)))
+        columns = tuple(np.array(column) for column in zip(*self._rows, strict=True))
+        for index, values in enumerate(columns[1:]):
+            self._fit(index, values)
+            self._handles[index].data = (columns[0], values)
+
+    def _fit(self, index: int, values: NDArray[np.float64]) -> None:
+        """Let the axis end at a round number that is not too far away."""
+        known = values[np.isfinite(values)]
+        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+        least = CURVES[index][2]
+        wanted = (-rounded_up(-low) if low < 0.0 else 0.0, max(least, rounded_up(high)))
+        if wanted != self._ranges[index]:
+            self._ranges[index] = wanted
+            self._handles[index].scales = scales(*wanted)
+
+    @staticmethod
+    def _add(server: viser.ViserServer, title: str, colour: str, least: float) -> viser.GuiUplotHandle:
+        return server.gui.add_uplot(
+            (np.array([0.0, 1.0]), np.array([np.nan, np.nan])),
+            (
+                uplot.Series(label="t [s]"),
+                uplot.Series(label=title, stroke=colour, width=2, points={"show": False}),
+            ),
+            title=title,
+            scales=scales(0.0, least),
+            axes=(uplot.Axis(size=30, grid={"show": False}), uplot.Axis(size=50)),
+            legend=uplot.Legend(show=False),
+            height=205,
+            padding=(10, 20, 0, 0),
+        )
+
+
+def scales(low: float, high: float) -> dict[str, uplot.Scale]:
+    """Seconds, which uPlot would take for dates, against a fixed range."""
+    return {"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=False, range=(low, high))}
+
+
+def rounded_up(value: float) -> float:
+    """The next round number, 0 for what is not positive."""
+    if value <= 0.0:
+        return 0.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(
+        power * next(step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if value <= step * power * (1 + 1e-9))
+    )
+
+
+def measures(state: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Smallest clearance [m], NaN without obstacles, distance of the tip from its reference [mm], and norm
+    of the repulsive torque before projection [N·m].
+    """
+    nearest = float(np.min(state["clearance"]))
+    error = float(np.linalg.norm(state["error"][:2]))
+    torque = float(np.linalg.norm(state["tau_vff"]))
+    return nearest if np.isfinite(nearest) else np.nan, 1e3 * error, torque
