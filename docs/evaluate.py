@@ -1,12 +1,15 @@
-"""Write docs/evaluation.md and its figures: `python docs/evaluate.py`, with vffnull[evaluate] installed.
+"""Write docs/evaluation.md and its figures: `python docs/evaluate.py`, with vffnull[evaluate,peers].
 
+Finished parts are kept in target/evaluation, so that a run that was broken off goes on where it was; remove
+the directory after changing a controller (`verdicts.json` may stay: no controller has a say in it).
 `python docs/evaluate.py 34` takes 34 instead of 334 scenes for each category and number of joints.
 """
 
 from __future__ import annotations
 
+import json
 import sys
-from collections import Counter
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +18,11 @@ import vffnull as vff
 from vffnull import evaluation, scenes
 
 DOCS = Path(__file__).resolve().parent
-COUNT = 334
+KEPT = DOCS.parent / "target" / "evaluation"
+COUNT, CHUNK = 334, 48  # scenes for each category and number of joints, in all and at a time
+FIRST = scenes.EVALUATION.start
 SIZES = (4, 6, 9)
+PEERS = 10  # scenes for each family and number of joints under other libraries
 
 # Scenes with an escape, from a study of its own 1200 scenes: collisions and, in brackets, success [%].
 ELSEWHERE = {"links-swept": "0 (98)", "path-crossed": "1 to 3", "clutter": "0 (89)", "crowd": "22 to 25"}
@@ -41,6 +47,8 @@ that came through. Every controller has the settings of the scene (K = 100/s², 
 Khatib's field with 0.3 N·m³ from 0.6 m on) and otherwise the defaults; the unprojected field is that of
 Khatib (1986).
 
+![Random scenes of the four families, at the start and later.](figures/random-scenes.png)
+
 ![Collision and success rates of all controllers in the four families.](figures/evaluation/rates.png)
 """
 
@@ -52,34 +60,73 @@ TAIL = """
 
 
 def main(count: int) -> None:
-    """Run everything and write the document."""
-    outcome = evaluation.evaluate(n=SIZES, count=count, progress=sys.stderr.isatty())
-    outcome.plot(DOCS / "figures" / "evaluation")
+    """Run what is not there yet, and write the document."""
+    ours = evaluation.join(
+        kept(f"ours-{category}-{n}-{first}-{size}", category, n, first, size)
+        for category in scenes.CATEGORIES
+        for n in SIZES
+        for first, size in chunks(count)
+    )
+    ours.plot(DOCS / "figures" / "evaluation")
     given = "" if count == COUNT else f" {count}"
-    total = len(outcome) // len(outcome.controllers)
+    total = len(ours) // len(ours.controllers)
     parts = [
-        HEAD.format(total=total, controllers=len(outcome.controllers), count=given, version=vff.__version__),
-        outcome.table(),
+        HEAD.format(total=total, controllers=len(ours.controllers), count=given, version=vff.__version__),
+        ours.table(),
         TAIL,
-        sizes(outcome),
-        elsewhere(outcome),
-        causes(outcome),
+        sizes(ours),
+        elsewhere(ours),
+        peers(),
+        causes(ours),
         "## Time of a step\n\nIn crowds, law and plant, called from Python on one thread.\n",
         evaluation.loop_times(n=SIZES),
     ]
     (DOCS / "evaluation.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
 
 
+def chunks(count: int) -> list[tuple[int, int]]:
+    """First seeds and sizes of parts."""
+    starts = range(0, count, CHUNK)
+    return [(FIRST + start, min(CHUNK, count - start)) for start in starts]
+
+
+def kept(name: str, category: int, n: int, first: int, size: int) -> vff.Evaluation:
+    """A part of the evaluation, run unless there is a file of it."""
+    file = KEPT / f"{name}.npz"
+    if not file.exists():
+        outcome = evaluation.evaluate(category=category, n=n, count=size, seed=first, verdicts=verdicts())
+        verdicts(outcome.verdicts)
+        np.savez(file, controllers=np.array(outcome.controllers), **outcome.columns)
+        print(f"{name}: done", file=sys.stderr, flush=True)
+    with np.load(file) as read:
+        columns = {key: read[key] for key in read.files if key != "controllers"}
+        return vff.Evaluation(columns, tuple(map(str, read["controllers"])))
+
+
+def verdicts(more: dict[str, str] | None = None) -> dict[str, str]:
+    """What is known of scenes; keeps more of it."""
+    KEPT.mkdir(parents=True, exist_ok=True)
+    file = KEPT / "verdicts.json"
+    known: dict[str, str] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    if more:
+        known |= more
+        file.write_text(json.dumps(known), encoding="utf-8")
+    return known
+
+
 def sizes(outcome: vff.Evaluation) -> str:
     """Collisions of cbf by the number of joints."""
     lines = [
-        "## cbf by the number of joints\n\nCollisions where an escape exists [%].\n",
-        "| family | " + " | ".join(f"n = {n}" for n in SIZES) + " |",
-        "|---" + "|--:" * len(SIZES) + "|",
+        "## cbf by the number of joints\n\nCollisions where an escape exists, and success where it holds the "
+        "tip [%].\n",
+        "| family | " + " | ".join(f"collisions, n = {n}" for n in SIZES),
     ]
+    lines[-1] += " | " + " | ".join(f"success, n = {n}" for n in SIZES) + " |"
+    lines.append("|---" + "|--:" * 2 * len(SIZES) + "|")
     for family in outcome.families:
-        rows = outcome.where(family=family, controller="cbf").feasible
-        rates = (str(rows.where(n=n).rate("collided")) for n in SIZES)
+        rows = outcome.where(family=family, controller="cbf")
+        rates = [str(rows.feasible.where(n=n).rate("collided")) for n in SIZES]
+        rates += [str(rows.where(feasibility="with tip", n=n).rate("success")) for n in SIZES]
         lines.append(f"| {family} | {' | '.join(rates)} |")
     return "\n".join(lines) + "\n"
 
@@ -88,59 +135,110 @@ def elsewhere(outcome: vff.Evaluation) -> str:
     """Beside the reference points."""
     lines = [
         "## Beside another study\n\nA study of 1200 scenes of its own, with another implementation of a cbf "
-        "law; its scenes are not these.\n",
-        "| family | collisions here, feasible [%] | success, feasible [%] "
+        "law. Its scenes are not these, nor is its judgement of what is feasible; how the null-space field "
+        "alone fares says how hard the scenes are.\n",
+        "| family | null-space field here (there): collisions, feasible [%] "
+        "| cbf here: collisions, feasible [%] | success, feasible [%] | success, feasible with tip [%] "
         "| there: collisions (success) [%] |",
-        "|---|--:|--:|--:|",
+        "|---|--:|--:|--:|--:|--:|",
     ]
+    field = {"links-swept": 1, "path-crossed": 100, "clutter": 37, "crowd": 70}
     for family in outcome.families:
+        alone = outcome.where(family=family, controller="null-space field").feasible
         rows = outcome.where(family=family, controller="cbf").feasible
-        lines.append(f"| {family} | {rows.rate('collided')} | {rows.rate('success')} | {ELSEWHERE[family]} |")
+        cells = [
+            f"{100 * alone.rate('collided').value:.0f} ({field[family]})",
+            str(rows.rate("collided")),
+            str(rows.rate("success")),
+            str(rows.where(feasibility="with tip").rate("success")),
+            ELSEWHERE[family],
+        ]
+        lines.append(f"| {family} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
+
+
+def peers() -> str:
+    """Other libraries on the first scenes of every family, beside ours on the same."""
+    sys.path.insert(0, str(DOCS.parent / "benches"))
+    from peers import avoidance
+
+    return avoidance.report(KEPT, PEERS, SIZES, verdicts)
+
+
+CAUSES = {
+    "pinched": "two or more obstacles within 0.1 m ask for opposite accelerations: the programme contradicts "
+    "itself, and a slack is recorded",
+    "out of reach": "one obstacle, and hardly a joint moves the link out of its way: contact next to the "
+    "base, or the arm stretched along the normal (effective mass above 20 kg)",
+    "speed limit": "a joint is at the barrier of its speed, 6 rad/s, and the programme yields",
+    "tip first": "one obstacle, authority of the null space ρₙ below 0.1: only the task could have given way",
+    "cornered": "one obstacle, with authority left, and the programme yields all the same to other barriers",
+    "no slack": "the programme was content: the distance was lost between two samples",
+}
 
 
 def causes(outcome: vff.Evaluation) -> str:
     """Why cbf collides where an escape exists, run by run."""
     rows = outcome.where(controller="cbf", collided=True).feasible.columns
-    found = {family: Counter[str]() for family in outcome.families}
+    found: dict[str, dict[str, list[tuple[float, float, float]]]] = {
+        family: defaultdict(list) for family in outcome.families
+    }
     for family, n, seed in zip(rows["family"], rows["n"], rows["seed"], strict=True):
         scene = scenes.random(str(family), int(n), int(seed))
-        found[str(family)][cause(vff.simulate(scene, evaluation.CONTROLLERS["cbf"]))] += 1
-    kinds = sorted(set().union(*found.values()))
+        why, *numbers = cause(vff.simulate(scene, evaluation.CONTROLLERS["cbf"]))
+        found[str(family)][why].append((numbers[0], numbers[1], numbers[2]))
+    kinds = [kind for kind in CAUSES if any(kind in counts for counts in found.values())]
     lines = [
         "## Where cbf collides although an escape exists\n",
-        "Every such run, by what the record says of the 0.2 s before the first contact: whether the "
-        "programme contradicted itself (slack), how many obstacles were within 0.1 m of the arm, and "
-        "whether a joint was at its speed limit (6 rad/s by default).\n",
+        "Every such run, by what happens in the 0.2 s before the first contact; the first cause that applies "
+        "counts.\n",
+        *(f"- **{kind}**: {CAUSES[kind]}." for kind in kinds),
+        "",
         "| family | runs | " + " | ".join(kinds) + " |",
         "|---|--:" + "|--:" * len(kinds) + "|",
     ]
     for family, counts in found.items():
-        lines.append(f"| {family} | {counts.total()} | " + " | ".join(str(counts[k]) for k in kinds) + " |")
+        total = sum(map(len, counts.values()))
+        lines.append(f"| {family} | {total} | " + " | ".join(str(len(counts[k])) for k in kinds) + " |")
+    lines += [
+        "",
+        "| cause | runs | slack, median [m/s²] | ρₙ of the touched pair, median "
+        "| fastest joint, median [rad/s] |",
+        "|---|--:|--:|--:|--:|",
+    ]
+    for kind in kinds:
+        numbers = np.array([each for counts in found.values() for each in counts[kind]])
+        slack, authority, speed = np.median(numbers, axis=0)
+        lines.append(f"| {kind} | {len(numbers)} | {slack:.3g} | {authority:.2f} | {speed:.2f} |")
     return "\n".join(lines) + "\n"
 
 
-def cause(result: vff.Result) -> str:
-    """What held the arm when it was first touched."""
+def cause(result: vff.Result) -> tuple[str, float, float, float]:
+    """What held the arm when it was first touched; slack, authority, and speed of the fastest joint."""
     hit = int(np.argmax(result.clearance.min(axis=1) < 0.0))
     before = slice(max(hit - 200, 0), hit + 1)
-    if not np.any(result.slack[before] > 1e-6):
-        return "no slack"
-    near = obstacles_near(result, hit)
-    how = "pinched by two or more" if near > 1 else "pushed by one"
-    return how + (", at the speed limit" if np.abs(result.dq[before]).max() > 5.7 else "")
-
-
-def obstacles_near(result: vff.Result, row: int) -> int:
-    """How many obstacles are within 0.1 m of a link at a recorded instant."""
-    scenario = result.scenario
-    each = []
-    for obstacle in scenario["obstacles"]:
-        alone = vff.Controller(scenario.arm, {}).terms(
-            result.q[row], result.dq[row], result.x_ref[row], obstacles=[obstacle], t=float(result.t[row])
-        )
-        each.append(alone.clearance.min())
-    return int(np.sum(np.array(each) < 0.1))
+    q, dq = result.q[hit], result.dq[hit]
+    arm, obstacles = result.scenario.arm, result.scenario["obstacles"]
+    pairs = vff.distances(arm, q, dq, obstacles, float(result.t[hit]))
+    touched = pairs.gradient[np.argmin(pairs.distance)]
+    M_inv, J = np.linalg.inv(arm.mass_matrix(q)), arm.jacobian(q)
+    N = np.eye(arm.n) - M_inv @ J.T @ np.linalg.solve(J @ M_inv @ J.T, J)
+    mobility = float(touched @ M_inv @ touched)
+    authority = float(touched @ N @ M_inv @ touched) / mobility
+    slack, speed = float(result.slack[before].max()), float(np.abs(result.dq[before]).max())
+    near = pairs.distance < 0.1
+    opposed = (pairs.gradient[near] @ M_inv @ touched).min() < 0.0
+    if slack <= 1e-6:
+        why = "no slack"
+    elif opposed and len(set(pairs.obstacle[near])) > 1:
+        why = "pinched"
+    elif mobility < 1.0 / 20.0:
+        why = "out of reach"
+    elif speed > 5.7:
+        why = "speed limit"
+    else:
+        why = "tip first" if authority < 0.1 else "cornered"
+    return why, slack, authority, speed
 
 
 if __name__ == "__main__":

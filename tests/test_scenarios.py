@@ -14,6 +14,8 @@ import vffnull as vff
 EXPECTED = {name: "completed" for name in vff.scenarios()} | {
     "on-path": "collided",
     "on-path-moving": "collided",
+    "planner-bench-circle-5": "collided",
+    "planner-bench-moving-5": "collided",
 }
 PAPER = ["paper-1", "paper-1-ramp", "paper-2", "paper-2-moving", "paper-2-printed"]
 

@@ -22,7 +22,7 @@ from vffnull.logs import extra
 from vffnull.result import Result, Status
 from vffnull.scenario import Scenario
 
-__all__ = ["CONTROLLERS", "Evaluation", "Rate", "evaluate", "loop_times", "wilson"]
+__all__ = ["CONTROLLERS", "Evaluation", "Rate", "evaluate", "join", "loop_times", "wilson"]
 
 Progress = Callable[[int, int], None]
 Column = NDArray[Any]
@@ -43,17 +43,6 @@ NEAR = 0.1  # m: without avoidance, an obstacle this near to a link is an encoun
 EVERY = 10  # steps per recorded row
 _BLOCK = 48  # scenes at a time, so that their records fit into memory
 
-_NUMBERS = {
-    "min_clearance": "smallest surface distance between a link and an obstacle [m]",
-    "max_error": "largest distance of the tip from its reference [m]",
-    "rms_error_during": "RMS distance of the tip from its reference during the encounter [m]",
-    "rms_error_after": "the same after the encounter [m]",
-    "recovery_time": "from the end of the encounter until the tip stays within 1 cm [s]",
-    "effort": "integral of the squared torque [N²·m²·s]",
-    "rms_jerk": "RMS of the third derivative of the joint angles [rad/s³]",
-    "end_time": "how far the run came [s]",
-}
-
 
 def evaluate(
     controllers: Iterable[str] | Mapping[str, Mapping[str, Any]] | None = None,
@@ -63,6 +52,7 @@ def evaluate(
     seed: int = scenes.EVALUATION.start,
     threads: int | None = None,
     progress: bool | Progress | None = None,
+    verdicts: Mapping[str, str] | None = None,
 ) -> Evaluation:
     """Run controllers on random scenes.
 
@@ -83,6 +73,9 @@ def evaluate(
         How many threads compute; as many as there are cores by default.
     progress : bool or callable, optional
         True shows a progress bar; a callable gets the number of finished runs and the number of all.
+    verdicts : Mapping of str to str, optional
+        What `vffnull.feasibility` says of scenes, by their names, where it is known already, for instance
+        `Evaluation.verdicts` of an earlier call; other scenes are judged, which takes most of the time.
 
     Returns
     -------
@@ -127,10 +120,24 @@ def evaluate(
     with _report(progress, total) as report:
         for first in range(0, len(wanted), _BLOCK):
             block = [scenes.random(*each) for each in wanted[first : first + _BLOCK]]
-            rows += _block(block, wanted[first : first + _BLOCK], chosen, threads)
+            rows += _block(block, wanted[first : first + _BLOCK], chosen, threads, verdicts or {})
             if report is not None:
                 report(len(rows), total)
-    return Evaluation({name: np.array([row[name] for row in rows]) for name in rows[0]}, tuple(chosen))
+    return Evaluation.of(rows, tuple(chosen))
+
+
+def join(parts: Iterable[Evaluation]) -> Evaluation:
+    """All rows of several evaluations.
+
+    Parameters
+    ----------
+    parts : iterable of Evaluation
+        At least one.
+    """
+    parts = list(parts)
+    names = dict.fromkeys(name for part in parts for name in part.controllers)
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    return Evaluation(columns, tuple(names))
 
 
 def _controllers(given: Iterable[str] | Mapping[str, Mapping[str, Any]] | None) -> dict[str, dict[str, Any]]:
@@ -175,36 +182,40 @@ def _block(
     wanted: Sequence[tuple[int | str, int, int]],
     chosen: Mapping[str, Mapping[str, Any]],
     threads: int | None,
+    known: Mapping[str, str],
 ) -> Iterator[dict[str, Any]]:
     """The rows of a few scenes under all controllers."""
     with ThreadPoolExecutor(threads) as pool:  # the search runs outside the GIL
-        verdicts = list(pool.map(feasibility, block))
+        verdicts = list(pool.map(lambda scene: known.get(scene.name) or feasibility(scene), block))
 
     def run(changes: Mapping[str, Any]) -> list[Result]:
         return simulate_many(block, {**changes, "simulation.record_every": EVERY}, threads)
 
     free = run(CONTROLLERS["no avoidance"])
-    spans = [_encounter(result) for result in free]
+    spans = [encounter(result) for result in free]
     for name, changes in chosen.items():
         results = free if changes == CONTROLLERS["no avoidance"] else run(changes)
         for scene, (_, n, seed), verdict, span, result in zip(
             block, wanted, verdicts, spans, results, strict=True
         ):
-            family = scene.name.rsplit("-", 2)[0]
-            yield {
-                "scene": scene.name,
-                "category": next(c for c, families in scenes.CATEGORIES.items() if family in families),
-                "family": family,
-                "n": n,
-                "seed": seed,
-                "feasibility": verdict,
-                "controller": name,
-                "status": str(result.status),
-                **_judged(result, span),
-            }
+            yield {**identity(scene, n, seed, verdict, name), **_judged(result, span)}
 
 
-def _encounter(free: Result) -> tuple[float, float] | None:
+def identity(scene: Scenario, n: int, seed: int, verdict: str, controller: str) -> dict[str, Any]:
+    """The columns that say which run a row is of."""
+    family = scene.name.rsplit("-", 2)[0]
+    return {
+        "scene": scene.name,
+        "category": next(c for c, families in scenes.CATEGORIES.items() if family in families),
+        "family": family,
+        "n": n,
+        "seed": seed,
+        "feasibility": verdict,
+        "controller": controller,
+    }
+
+
+def encounter(free: Result) -> tuple[float, float] | None:
     """From when to when the run without avoidance is near an obstacle."""
     near = np.flatnonzero(free.clearance.min(axis=1) < NEAR)
     return (float(free.t[near[0]]), float(free.t[near[-1]])) if len(near) else None
@@ -214,29 +225,54 @@ def _judged(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
     """What one run is worth."""
     metrics = result.metrics
     worst = [metrics[f"max_error_{part}"] for part in ("transient", "tail")]
-    error = max((each for each in worst if each is not None), default=np.nan)
-    clearance = metrics["min_clearance"]
-    collided = clearance is not None and clearance < -TOUCH
-    through = result.status in (Status.COMPLETED, Status.COLLIDED)
+    clearance, jerk = metrics["min_clearance"], metrics["rms_jerk"]
+    return judged(
+        status=str(result.status),
+        t=result.t,
+        error=np.linalg.norm(result.error[:, :2], axis=1),
+        span=span,
+        min_clearance=np.inf if clearance is None else clearance,
+        max_error=max((each for each in worst if each is not None), default=np.nan),
+        effort=metrics["effort"],
+        rms_jerk=np.nan if jerk is None else jerk,
+        end_time=result.end_time,
+    )
+
+
+def judged(
+    *,
+    status: str,
+    t: Column,
+    error: Column,
+    span: tuple[float, float] | None,
+    min_clearance: float,
+    max_error: float,
+    effort: float,
+    rms_jerk: float,
+    end_time: float,
+) -> dict[str, Any]:
+    """The columns that say how a run went, whoever made it; `error` [m] at the instants `t` [s]."""
+    collided = min_clearance < -TOUCH
+    through = status in (Status.COMPLETED, Status.COLLIDED)
     during = after = recovery = np.nan
     if span is not None:
-        distance = np.linalg.norm(result.error[:, :2], axis=1)
-        inside = (result.t >= span[0]) & (result.t <= span[1])
-        late = result.t > span[1]
-        during, after = _rms(distance[inside]), _rms(distance[late])
-        recovery = _recovery(result.t[late] - span[1], distance[late]) if through else np.nan
+        inside = (t >= span[0]) & (t <= span[1])
+        late = t > span[1]
+        during, after = _rms(error[inside]), _rms(error[late])
+        recovery = _recovery(t[late] - span[1], error[late]) if through else np.nan
     return {
+        "status": status,
         "collided": collided,
         "diverged": not through,
-        "success": through and not collided and error <= TIP,
-        "min_clearance": np.inf if clearance is None else clearance,
-        "max_error": error,
+        "success": through and not collided and max_error <= TIP,
+        "min_clearance": min_clearance,
+        "max_error": max_error,
         "rms_error_during": during,
         "rms_error_after": after,
         "recovery_time": recovery,
-        "effort": metrics["effort"],
-        "rms_jerk": metrics["rms_jerk"] if metrics["rms_jerk"] is not None else np.nan,
-        "end_time": result.end_time,
+        "effort": effort,
+        "rms_jerk": rms_jerk,
+        "end_time": end_time,
     }
 
 
@@ -307,17 +343,36 @@ class Evaluation:
     Parameters
     ----------
     columns : dict of str to ndarray
-        The rows, as columns: scene, category, family, n, seed, feasibility, controller, status, collided
-        (more than 1 mm), diverged, success (no collision, and the tip within 1 cm throughout), and numbers.
+        The rows, as columns; see below.
     controllers : tuple of str
         Their names, in the order of tables and figures.
+
+    Notes
+    -----
+    Columns: ``scene``, ``category``, ``family``, ``n``, ``seed``, ``feasibility``, ``controller``,
+    ``status``; ``collided``, an overlap of more than 1 mm; ``diverged``; ``success``, no collision and the
+    tip within 1 cm of its reference throughout; ``min_clearance`` [m]; ``max_error``, the largest distance of
+    the tip from its reference [m]; ``rms_error_during`` and ``rms_error_after`` the encounter [m];
+    ``recovery_time`` from the end of the encounter until the tip stays within 1 cm [s]; ``effort``, the
+    integral of the squared torque [N²·m²·s]; ``rms_jerk`` of the joint angles [rad/s³]; ``end_time`` [s].
     """
 
     def __init__(self, columns: dict[str, Column], controllers: tuple[str, ...]) -> None:
         self.columns, self.controllers = columns, controllers
 
+    @classmethod
+    def of(cls, rows: Sequence[Mapping[str, Any]], controllers: tuple[str, ...]) -> Evaluation:
+        """Of rows, each with the same keys."""
+        return cls({name: np.array([row[name] for row in rows]) for name in rows[0]}, controllers)
+
     def __len__(self) -> int:
         return len(self.columns["scene"])
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """Feasibility of every scene, by its name."""
+        pairs = zip(self.columns["scene"], self.columns["feasibility"], strict=True)
+        return {str(scene): str(verdict) for scene, verdict in pairs}
 
     def where(self, **wanted: Any) -> Evaluation:
         """The rows in which columns have given values: ``where(controller="cbf", n=[4, 6])``."""
