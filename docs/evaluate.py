@@ -22,7 +22,7 @@ KEPT = DOCS.parent / "target" / "evaluation"
 COUNT, CHUNK = 334, 48  # scenes for each category and number of joints, in all and at a time
 FIRST = scenes.EVALUATION.start
 SIZES = (4, 6, 9)
-PEERS = 10  # scenes for each family and number of joints under other libraries
+PEERS = 5  # scenes for each family and number of joints under other libraries
 
 # Scenes with an escape, from a study of its own 1200 scenes: collisions and, in brackets, success [%].
 ELSEWHERE = {"links-swept": "0 (98)", "path-crossed": "1 to 3", "clutter": "0 (89)", "crowd": "22 to 25"}
