@@ -75,7 +75,7 @@ WAYS = (
     Way(
         "mink, tuned",
         "the same with gain 0.05, a minimum distance of 0.03 m, detection from 0.3 m, a bound relaxation of "
-        "-0.6 m/s (without it, it never retreats) and a `VelocityLimit` of 6 rad/s: the best of ten settings on "
+        "-0.6 m/s (without it, it never retreats) and a `VelocityLimit` of 6 rad/s: the best of a dozen on "
         "training seeds",
         partial(Mink, limit=TUNED, speed=6.0),
     ),

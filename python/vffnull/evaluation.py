@@ -225,7 +225,7 @@ def _judged(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
     """What one run is worth."""
     metrics = result.metrics
     worst = [metrics[f"max_error_{part}"] for part in ("transient", "tail")]
-    clearance, jerk = metrics["min_clearance"], metrics["rms_jerk"]
+    clearance, effort, jerk = (metrics[name] for name in ("min_clearance", "effort", "rms_jerk"))
     return judged(
         status=str(result.status),
         t=result.t,
@@ -233,7 +233,7 @@ def _judged(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
         span=span,
         min_clearance=np.inf if clearance is None else clearance,
         max_error=max((each for each in worst if each is not None), default=np.nan),
-        effort=metrics["effort"],
+        effort=np.nan if effort is None else effort,
         rms_jerk=np.nan if jerk is None else jerk,
         end_time=result.end_time,
     )
