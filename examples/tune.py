@@ -50,13 +50,11 @@ study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=0))
 study.enqueue_trial(DEFAULTS)  # what is found is then no worse
 study.optimize(cost, n_trials=TRIALS)
 print(f"cost {study.trials[0].value:.3f} by default, {study.best_value:.3f} with {study.best_params}")
-
 both = {"default": changes(DEFAULTS), "tuned": changes(study.best_params)}
 print(vff.evaluate(both, category="clutter", n=4, count=3).table())  # seeds from 1 000 000 on
 
 with style.look():
-    fig = style.figure(2.6, 5.0)
-    ax = fig.subplots()
-    ax.plot([each.value for each in study.trials], "o-")
+    ax = style.figure(2.6, 5.0).subplots()
+    ax.plot([each.value for each in study.trials], "o-", clip_on=False)
     ax.set(xlabel="trial, the defaults first", ylabel="cost on training scenes")
-    fig.savefig("tune.png")
+    ax.figure.savefig("tune.png")
