@@ -53,9 +53,19 @@ Khatib (1986).
 """
 
 TAIL = """
+The lines are empirical distributions: how large a share of the runs came nearer, or had a smaller error.
+
 ![Distributions of the smallest clearance.](figures/evaluation/clearance.png)
 
 ![Distributions of the tip's error during the encounter and after it.](figures/evaluation/error.png)
+"""
+
+
+BUNDLED = """## Bundled scenes
+
+These are not random: `vffnull list` has them, and [their page](generated/scenarios.md) shows them one by one.
+
+![Six bundled scenes: on-path, on-path-moving, crowd, narrow-gap, pincer, chase.](figures/scenes.png)
 """
 
 
@@ -78,6 +88,7 @@ def main(count: int) -> None:
         elsewhere(ours),
         peers(),
         causes(ours),
+        BUNDLED,
         "## Time of a step\n\nIn crowds, law and plant, called from Python on one thread.\n",
         evaluation.loop_times(n=SIZES),
     ]
@@ -166,6 +177,8 @@ def peers() -> str:
 
 
 CAUSES = {
+    "flat side": "a link lies along a flat side, and the nearest point jumps from corner to corner: every sample "
+    "has a barrier for one of them alone, and the slack stays far below the 12 m/s² that hold a contact",
     "pinched": "two or more obstacles within 0.1 m ask for opposite accelerations: the programme contradicts "
     "itself, and a slack is recorded",
     "out of reach": "one obstacle, and hardly a joint moves the link out of its way: contact next to the "
@@ -191,7 +204,7 @@ def causes(outcome: vff.Evaluation) -> str:
     lines = [
         "## Where cbf collides although an escape exists\n",
         "Every such run, by what happens in the 0.2 s before the first contact; the first cause that applies "
-        "counts.\n",
+        "counts. A joint-speed barrier of 6 rad/s is the default.\n",
         *(f"- **{kind}**: {CAUSES[kind]}." for kind in kinds),
         "",
         "| family | runs | " + " | ".join(kinds) + " |",
@@ -226,10 +239,13 @@ def cause(result: vff.Result) -> tuple[str, float, float, float]:
     mobility = float(touched @ M_inv @ touched)
     authority = float(touched @ N @ M_inv @ touched) / mobility
     slack, speed = float(result.slack[before].max()), float(np.abs(result.dq[before]).max())
+    jumps = jumping(result, hit, int(np.argmin(pairs.distance)))
     near = pairs.distance < 0.1
     opposed = (pairs.gradient[near] @ M_inv @ touched).min() < 0.0
     if slack <= 1e-6:
         why = "no slack"
+    elif slack < 5.0 and jumps:
+        why = "flat side"
     elif opposed and len(set(pairs.obstacle[near])) > 1:
         why = "pinched"
     elif mobility < 1.0 / 20.0:
@@ -239,6 +255,15 @@ def cause(result: vff.Result) -> tuple[str, float, float, float]:
     else:
         why = "tip first" if authority < 0.1 else "cornered"
     return why, slack, authority, speed
+
+
+def jumping(result: vff.Result, hit: int, pair: int) -> bool:
+    """Whether a pair's nearest point jumps by 0.1 m or more from one sample to the next, before the touch."""
+    rows = range(max(hit - 200, 0), hit + 1)
+    arm, obstacles = result.scenario.arm, result.scenario["obstacles"]
+    found = vff.distances(arm, result.q[rows], result.dq[rows], obstacles, result.t[rows])
+    steps = np.linalg.norm(np.diff(found.point[:, pair], axis=0), axis=1)
+    return bool(steps.max() > 0.1)
 
 
 if __name__ == "__main__":
