@@ -63,7 +63,7 @@ The lines are empirical distributions: how large a share of the runs came nearer
 
 BUNDLED = """## Bundled scenes
 
-These are not random: `vffnull list` has them, and [their page](generated/scenarios.md) shows them one by one.
+These are not random: `vffnull list` names them.
 
 ![Six bundled scenes: on-path, on-path-moving, crowd, narrow-gap, pincer, chase.](figures/scenes.png)
 """
@@ -177,7 +177,7 @@ def peers() -> str:
 
 
 CAUSES = {
-    "flat side": "a link lies along a flat side, and the nearest point jumps from corner to corner: every sample "
+    "flat side": "a link lies along a flat side, and the nearest point jumps from corner to corner: a sample "
     "has a barrier for one of them alone, and the slack stays far below the 12 m/s² that hold a contact",
     "pinched": "two or more obstacles within 0.1 m ask for opposite accelerations: the programme contradicts "
     "itself, and a slack is recorded",
