@@ -22,6 +22,7 @@ __all__ = [
     "__version__",
     "check",
     "distances",
+    "feasibility",
     "format_toml",
     "parse_toml",
     "plant",
