@@ -89,8 +89,8 @@ def main(count: int) -> None:
         peers(),
         causes(ours),
         BUNDLED,
-        "## Time of a step\n\nIn crowds, law and plant, called from Python on one thread. The maximum is what "
-        "the operating system takes for others.\n",
+        "## Time of a step\n\nIn crowds, law and plant, called from Python on one thread. The maximum is "
+        "what the operating system takes for others.\n",
         evaluation.loop_times(n=SIZES),
     ]
     (DOCS / "evaluation.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
