@@ -98,7 +98,7 @@ def test_avoidance_decides(outcome: vff.Evaluation) -> None:
 
 def test_table_names_every_controller_with_its_interval(outcome: vff.Evaluation) -> None:
     table = outcome.table()
-    assert table.count("| cbf |") == len(scenes.FAMILIES)
+    assert table.count("| cbf |") == 2 * len(scenes.FAMILIES)  # rates, and medians
     assert "**crowd**: 2 scenes, escape:" in table
     rate = outcome.where(family="crowd", controller="relaxed").rate("collided")
     assert f"| relaxed | {rate} |" in table

@@ -398,7 +398,7 @@ class Evaluation:
         return [family for family in scenes.FAMILIES if family in self.columns["family"]]
 
     def table(self) -> str:
-        """Rates and medians as Markdown, one table for each family.
+        """Rates and medians as Markdown, two tables for each family.
 
         Raises
         ------
@@ -415,27 +415,36 @@ class Evaluation:
             f"**{family}**: {len(scenes_of)} scenes, escape: {verdicts}",
             "",
             "| controller | collisions, all [%] | collisions, feasible [%] | success, all [%] "
-            "| success, feasible with tip [%] | diverged [%] | clearance: median, 5th percentile [mm] "
-            "| error during, after [mm] | recovery [s] | effort [N²·m²·s] | jerk [rad/s³] |",
-            "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+            "| success, feasible with tip [%] | diverged [%] |",
+            "|---|--:|--:|--:|--:|--:|",
+        ]
+        for name in self.controllers:
+            of = rows.where(controller=name)
+            rates = (
+                of.rate("collided"),
+                of.feasible.rate("collided"),
+                of.rate("success"),
+                of.where(feasibility=VERDICTS[0]).rate("success"),
+                of.rate("diverged"),
+            )
+            lines.append(f"| {name} | {' | '.join(map(str, rates))} |")
+        lines += [
+            "",
+            "| controller | clearance: median, 5th percentile [mm] | error during, after [mm] | recovery [s] "
+            "| effort [N²·m²·s] | jerk [rad/s³] |",
+            "|---|--:|--:|--:|--:|--:|",
         ]
         for name in self.controllers:
             of = rows.where(controller=name)
             clearance = 1e3 * of.columns["min_clearance"]
-            cells = [
-                name,
-                str(of.rate("collided")),
-                str(of.feasible.rate("collided")),
-                str(of.rate("success")),
-                str(of.where(feasibility=VERDICTS[0]).rate("success")),
-                str(of.rate("diverged")),
+            cells = (
                 f"{np.median(clearance):.0f}, {np.percentile(clearance, 5):.0f}",
                 f"{of._median('rms_error_during', 1e3)}, {of._median('rms_error_after', 1e3)}",
                 of._median("recovery_time"),
                 of._median("effort"),
                 of._median("rms_jerk"),
-            ]
-            lines.append(f"| {' | '.join(cells)} |")
+            )
+            lines.append(f"| {name} | {' | '.join(cells)} |")
         return "\n".join(lines)
 
     def _median(self, name: str, factor: float = 1.0) -> str:
