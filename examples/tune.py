@@ -15,11 +15,7 @@ import vffnull as vff
 from vffnull import scenes
 from vffnull.plotting import style
 
-FAMILIES, SCENES, TRIALS = (
-    ("links-swept", "clutter", "crowd"),
-    3,
-    8,
-)  # quick; 100 scenes and 200 trials tell more
+FAMILIES, SCENES, TRIALS = ("links-swept", "clutter", "crowd"), 2, 6  # quick; 100 and 200 tell more
 RANGES = {
     "yielding.rate": (5.0, 40.0),  # 1/s
     "yielding.margin": (0.01, 0.1),  # m
