@@ -1,7 +1,8 @@
 """Draw the documents' figures into docs/figures: `python docs/make_figures.py`, with vffnull installed.
 
 `sweep-through.png` compares three settings of one bundled scenario, `on-path.png` the four answers to an
-obstacle on the tip's own path; `example.png` is what the README's Python example plots, made by running it.
+obstacle on the tip's own path; `scenes.png` shows bundled scenes and `random-scenes.png` random ones;
+`example.png` is what the README's Python example plots, made by running it.
 """
 
 from __future__ import annotations
@@ -162,6 +163,67 @@ def around(ax: Axes, result: vff.Result, colour: str) -> None:
     ax.set_yticks(range(-1, 3))
 
 
+# The scenes of `scenes.png`, and what is changed in them.
+GALLERY: dict[str, dict[str, str]] = {
+    "on-path": {"controller.avoidance": "cbf"},
+    "on-path-moving": {"controller.avoidance": "cbf"},
+    "crowd": {},
+    "narrow-gap": {},
+    "pincer": {},
+    "chase": {},
+}
+
+
+def bundled() -> None:
+    """Scenes side by side, each at five instants."""
+    with style.look():
+        fig = style.figure(5.0, style.PAGE)
+        for ax, (name, changes) in zip(fig.subplots(2, 3).flat, GALLERY.items(), strict=True):
+            result = vff.simulate(name, overrides=changes)
+            law = changes.get("controller.avoidance", "null space")
+            clearance = result.metrics["min_clearance"]
+            instants(ax, result, 5)
+            ax.set_title(f"{name}\n{law}, clearance {clearance:.2f} m", fontsize=7.5)
+        fig.savefig(FIGURES / "scenes.png")
+
+
+def random_scenes() -> None:
+    """One scene of each family, at its start, and where its obstacles go."""
+    with style.look():
+        fig = style.figure(2.05, style.PAGE)
+        for ax, family in zip(fig.subplots(1, 4), vff.scenes.FAMILIES, strict=True):
+            result = vff.simulate(vff.scenes.random(family, 6, 3), {"controller.field.gain": 0.0})
+            instants(ax, result, 1)
+            ax.set_title(family)
+        fig.savefig(FIGURES / "random-scenes.png")
+
+
+def instants(ax: Axes, result: vff.Result, count: int) -> None:
+    """The arm and the obstacles at a few instants, early light and late dark; the paths of all."""
+    joints, radii = geometry.joints(result), geometry.link_radii(result)
+    rows = np.linspace(0, len(result.t) - 1, count).astype(int)
+    shades = strobe.shades(count) if count > 1 else [style.INK]
+    for index, points in enumerate(geometry.obstacle_outlines(result)):
+        path = result.obstacles[:, index]
+        moves = np.ptp(path, axis=0).max() > 0.0
+        ax.plot(*path.T, color=style.MUTED, linewidth=0.6, linestyle=(0, (1, 2)), zorder=1)
+        for row, shade in zip(rows if moves else rows[:1], shades, strict=False):
+            strobe.solid(ax, points + path[row], shade if moves else style.MUTED, zorder=1.5)
+    for order, (row, shade) in enumerate(zip(rows, shades, strict=True)):
+        strobe.draw_arm(ax, joints[row], radii, shade, zorder=3 + order)
+    ax.plot(*result.x_ref.T, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)), zorder=10)
+    ax.plot(*result.x_ref[-1], marker="x", markersize=5, color=style.INK, zorder=10)
+    ax.plot(*result.x.T, color=style.ALARM, linewidth=1.2, zorder=11)
+    ax.plot(0.0, 0.0, marker="s", markersize=5, color=style.INK, zorder=2.5)
+    left, right, bottom, top = geometry.frame(result)
+    middle = ((left + right) / 2, (bottom + top) / 2)
+    half = max(right - left, top - bottom) / 2
+    ax.set_xlim(middle[0] - half, middle[0] + half)
+    ax.set_ylim(middle[1] - half, middle[1] + half)
+    ax.set_aspect("equal")
+    ax.tick_params(labelsize=6)
+
+
 def example() -> None:
     """Run the README's first Python example and keep its overview."""
     readme = (DOCS.parent / "README.md").read_text(encoding="utf-8")
@@ -182,4 +244,6 @@ if __name__ == "__main__":
     FIGURES.mkdir(exist_ok=True)
     sweep_through()
     on_path()
+    bundled()
+    random_scenes()
     example()

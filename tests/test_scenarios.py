@@ -11,7 +11,12 @@ import pytest
 import oracle
 import vffnull as vff
 
-EXPECTED = {name: "completed" for name in vff.scenarios()} | {"on-path": "collided"}
+EXPECTED = {name: "completed" for name in vff.scenarios()} | {
+    "on-path": "collided",
+    "on-path-moving": "collided",
+    "planner-bench-circle-5": "collided",
+    "planner-bench-moving-5": "collided",
+}
 PAPER = ["paper-1", "paper-1-ramp", "paper-2", "paper-2-moving", "paper-2-printed"]
 
 
@@ -31,6 +36,7 @@ def tip_motion(result: vff.Result) -> float:
 def test_contract_names_are_bundled() -> None:
     """The public interface."""
     contract = {*PAPER, "sweep-through", "on-path", "crowd", "narrow-gap"}
+    contract |= {"on-path-moving", "pincer", "chase"}
     assert contract <= set(vff.scenarios())
 
 

@@ -26,6 +26,7 @@ def on_before_read(app: Sphinx, env: object, docnames: list[str]) -> None:
     if not hasattr(typing, "type_check_only"):  # in stubs only
         typing.type_check_only = lambda described: described  # type: ignore[attr-defined]
     folder = Path(app.srcdir) / "generated"
+    stub = stub.replace(", type_check_only", "").replace("@type_check_only\n", "")  # checkers alone know it
     later = "from __future__ import annotations\n"  # a stub may name a class before it is there
     (folder / f"{MODULE}.py").write_text(later + stub, encoding="utf-8")
     sys.path.insert(0, str(folder))

@@ -42,6 +42,9 @@ from vffnull.viewer import live
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
+    from vffnull import scenes
+    from vffnull._feasibility import feasibility
+    from vffnull.evaluation import Evaluation, evaluate
     from vffnull.logs.stream import StreamRecorder
 
 __all__ = [
@@ -52,6 +55,7 @@ __all__ = [
     "ControlSettings",
     "Controller",
     "Distances",
+    "Evaluation",
     "ExtendedJacobian",
     "Field",
     "Histogram",
@@ -71,19 +75,33 @@ __all__ = [
     "compare",
     "distances",
     "errors",
+    "evaluate",
+    "feasibility",
     "live",
     "metrics_table",
     "realtime",
     "scenarios",
+    "scenes",
     "simulate",
     "simulate_many",
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """`StreamRecorder` brings NumPy along, so it is loaded when it is asked for."""
-    if name == "StreamRecorder":
-        from vffnull.logs.stream import StreamRecorder
+# What brings NumPy along is loaded when it is asked for.
+_LATER = {
+    "StreamRecorder": "vffnull.logs.stream",
+    "Evaluation": "vffnull.evaluation",
+    "evaluate": "vffnull.evaluation",
+    "feasibility": "vffnull._feasibility",
+}
 
-        return StreamRecorder
+
+def __getattr__(name: str) -> Any:
+    """What is loaded when it is asked for."""
+    import importlib
+
+    if name == "scenes":
+        return importlib.import_module("vffnull.scenes")
+    if name in _LATER:
+        return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -23,6 +23,7 @@ __all__ = [
     "__version__",
     "check",
     "distances",
+    "feasibility",
     "format_toml",
     "parse_toml",
     "plant",
@@ -721,6 +722,27 @@ def run_many(
         If a scenario cannot be run; nothing has been computed then.
     vffnull.errors.InputError
         If all records together are too large, or the threads cannot be started.
+    """
+
+def feasibility(document: Mapping[str, Any]) -> tuple[str, _Array | None]:
+    """Judge by a planner whether a scenario can be survived, with the GIL released.
+
+    Parameters
+    ----------
+    document : Mapping
+        The scenario; its task is a position.
+
+    Returns
+    -------
+    str
+        ``"with tip"``, ``"without tip"`` or ``"none found"``.
+    (k, n) ndarray or None
+        The motion that was found: joint angles every 50 ms [rad].
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be read or its task is a pose.
     """
 
 def real_time(

@@ -4,7 +4,7 @@
 use crate::convert::{array2, document, named_document, table_to_dict, wrong_type};
 use crate::errors::{self, InputError};
 use crate::watch::{PROGRESS, SIGNALS, Watch};
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,7 +14,7 @@ use std::time::Instant;
 use vff_core::control::energy::{ENERGIES, PORTS};
 use vff_core::control::limits::OBJECTIVES;
 use vff_core::scenario::batch::{Batch, BatchError, Rollout};
-use vff_core::scenario::{self, Part, Scenario};
+use vff_core::scenario::{self, Part, Scenario, feasibility};
 use vff_core::simulation::{Record, Value};
 
 /// Runs a scenario, the GIL released. Ctrl-C ends it with what there is.
@@ -81,6 +81,20 @@ pub fn run_many<'py>(
     let rollouts = py.detach(|| batch.run(SIGNALS, look));
     watch.end(py, total as u64, total as u64)?;
     rollouts.into_iter().map(|rollout| to_dict(py, rollout)).collect()
+}
+
+/// Whether a scene can be survived, and a motion that does (rows, joints); the GIL released.
+#[pyfunction(name = "feasibility")]
+pub fn judge_feasibility<'py>(
+    py: Python<'py>,
+    #[pyo3(from_py_with = document)] document: toml::Table,
+) -> PyResult<(&'static str, Option<Bound<'py, PyArray2<f64>>>)> {
+    let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
+    let (verdict, motion) =
+        py.detach(|| feasibility::judge(&scenario)).map_err(|error| errors::scenario(&error))?;
+    let shape = |motion: &feasibility::Motion| [motion.len(), scenario.q0.len()];
+    let motion = motion.map(|motion| array2(py, motion.concat(), shape(&motion))).transpose()?;
+    Ok((verdict.name(), motion))
 }
 
 /// An outcome as Python values.

@@ -26,6 +26,7 @@ from vffnull.cli.common import (
     say,
     set_option,
 )
+from vffnull.cli.evaluate import evaluate
 from vffnull.cli.live import live
 from vffnull.cli.realtime import realtime
 from vffnull.errors import ScenarioError, VffNullError
@@ -82,6 +83,7 @@ def _commands() -> None:
     vffnull run mine.toml --json           run it, print the metrics for a script
     vffnull live                           play with it in the browser
     vffnull realtime paper-1               run it against the clock
+    vffnull evaluate --count 20            controllers side by side on random scenes
     vffnull animate paper-1 paper-1.gif    film it
     vffnull report paper-1 paper-1.html    everything about it on one page
 
@@ -93,7 +95,7 @@ def _commands() -> None:
     """
 
 
-for _command in (live, realtime, results.animate, results.report, results.compare):
+for _command in (live, realtime, evaluate, results.animate, results.report, results.compare):
     _commands.add_command(_command)
 
 

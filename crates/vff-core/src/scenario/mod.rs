@@ -9,6 +9,7 @@ pub mod batch;
 mod document;
 pub mod episode;
 mod error;
+pub mod feasibility;
 mod judge;
 pub mod live;
 pub mod plant;

@@ -1,0 +1,102 @@
+"""The command ``evaluate``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from vffnull.cli.common import FINE
+
+__all__ = ["evaluate"]
+
+
+@click.command()
+@click.option(
+    "--controller",
+    "controllers",
+    multiple=True,
+    metavar="NAME",
+    help="A controller, as in the table; repeatable. All by default.",
+)
+@click.option(
+    "--category",
+    "categories",
+    multiple=True,
+    metavar="C",
+    help="1, 2 or a family; repeatable. Both categories by default.",
+)
+@click.option(
+    "-n",
+    "--joints",
+    "joints",
+    multiple=True,
+    type=int,
+    metavar="N",
+    help="Number of joints; repeatable. 4, 6 and 9 by default.",
+)
+@click.option(
+    "--count",
+    type=int,
+    default=100,
+    show_default=True,
+    help="Scenes for each category and number of joints.",
+)
+@click.option("--seed", type=int, default=1_000_000, show_default=True, help="Seed of the first scene.")
+@click.option("--threads", type=int, metavar="K", help="As many as there are cores by default.")
+@click.option(
+    "--save",
+    "save_to",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the rows, .csv or .parquet.",
+)
+@click.option(
+    "--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures as PNG."
+)
+@click.option("--times", is_flag=True, help="Time the steps of every controller, too.")
+def evaluate(
+    controllers: tuple[str, ...],
+    categories: tuple[str, ...],
+    joints: tuple[int, ...],
+    count: int,
+    seed: int,
+    threads: int | None,
+    save_to: Path | None,
+    plot_to: Path | None,
+    times: bool,
+) -> int:
+    """Run controllers on random scenes, and print rates and errors as Markdown.
+
+    \b
+    vffnull evaluate --count 20
+    vffnull evaluate --category crowd -n 6 --count 200 --save crowd.csv --plot figures/
+    vffnull evaluate --controller cbf --controller "null-space field" --category 1
+
+    Seeds below 1000000 are for tuning, the others for judging. Needs the extra vffnull[evaluate].
+
+    Exit codes: 0 fine, 2 wrong input, 130 interrupted.
+    """
+    from vffnull import evaluation
+
+    if save_to is not None:  # find out before the runs, not after them
+        evaluation.check_path(save_to)
+    evaluation.wilson(0, 1)
+    outcome = evaluation.evaluate(
+        controllers or None,
+        [int(each) if each.isdigit() else each for each in categories] or (1, 2),
+        joints or (4, 6, 9),
+        count,
+        seed,
+        threads,
+        progress=sys.stderr.isatty(),
+    )
+    click.echo(outcome.table())
+    if times:
+        click.echo("\n" + evaluation.loop_times(controllers or None, n=joints or (4, 6, 9), seed=seed))
+    files = [outcome.save(save_to)] if save_to is not None else []
+    files += outcome.plot(plot_to) if plot_to is not None else []
+    for file in files:
+        click.echo(f"wrote {file}", err=True)
+    return FINE

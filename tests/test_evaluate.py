@@ -1,0 +1,168 @@
+"""Controllers against each other: rates, intervals, rows, tables, files, and the command."""
+
+from __future__ import annotations
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull import evaluation, scenes
+from vffnull.errors import InputError, InputTypeError
+
+PAIR = ("no avoidance", "cbf")
+
+
+@pytest.fixture(scope="module")
+def outcome() -> vff.Evaluation:
+    return vff.evaluate(category=scenes.FAMILIES, n=4, count=2, seed=0, threads=2)
+
+
+def test_wilson_interval() -> None:
+    """Newcombe, Statistics in Medicine 17 (1998), table I: 81/263, 15/148, 0/20, 1/29 by Wilson's score."""
+    for count, total, low, high in [
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ]:
+        rate = evaluation.wilson(count, total)
+        assert rate.value == count / total
+        assert (rate.low, rate.high) == pytest.approx((low, high), abs=5e-5)
+    assert math.isnan(evaluation.wilson(0, 0).value) and str(evaluation.wilson(0, 0)) == "–"
+    assert str(evaluation.wilson(81, 263)) == "30.8 [25.5, 36.6]"
+
+
+def test_one_row_per_scene_and_controller(outcome: vff.Evaluation) -> None:
+    assert tuple(evaluation.CONTROLLERS) == outcome.controllers
+    assert len(outcome) == 4 * 2 * len(evaluation.CONTROLLERS)
+    pairs = set(zip(outcome.columns["scene"], outcome.columns["controller"], strict=True))
+    assert len(pairs) == len(outcome)
+    assert outcome.families == list(scenes.FAMILIES)
+    assert set(outcome.where(family="links-swept").columns["category"]) == {1}
+    assert set(outcome.where(family="crowd").columns["category"]) == {2}
+
+
+def test_rows_do_not_depend_on_threads(outcome: vff.Evaluation) -> None:
+    """Bit for bit, and known verdicts are taken as they are."""
+    one = vff.evaluate(category=scenes.FAMILIES, n=4, count=2, seed=0, threads=1, verdicts=outcome.verdicts)
+    for name, column in outcome.columns.items():
+        np.testing.assert_array_equal(column, one.columns[name])
+    told = vff.evaluate("cbf", 1, 4, 1, 0, verdicts={"links-swept-4-0": "none found"})
+    assert told.verdicts == {"links-swept-4-0": "none found"}
+
+
+def test_a_row_says_what_the_run_was(outcome: vff.Evaluation) -> None:
+    """Against the run itself, recorded at every step."""
+    for family in scenes.FAMILIES:
+        scene = scenes.random(family, 4, 1)
+        result = vff.simulate(scene, evaluation.CONTROLLERS["cbf"])
+        row = {
+            key: column[0]
+            for key, column in outcome.where(scene=scene.name, controller="cbf").columns.items()
+        }
+        error = np.linalg.norm(result.error, axis=1)
+        assert row["status"] == result.status and row["feasibility"] == vff.feasibility(scene)
+        assert row["min_clearance"] == pytest.approx(result.clearance.min(), abs=1e-12)
+        assert row["max_error"] == pytest.approx(error.max(), rel=1e-9)
+        assert row["collided"] == (result.clearance.min() < -1e-3)
+        assert row["success"] == (not row["collided"] and error.max() <= 1e-2)
+        free = vff.simulate(scene, {"controller.field.gain": 0.0})
+        near = free.t[free.clearance.min(axis=1) < 0.1]
+        if len(near):
+            during = error[(result.t >= near[0]) & (result.t <= near[-1])]
+            rms = np.sqrt(np.mean(during**2))
+            assert row["rms_error_during"] == pytest.approx(rms, rel=0.02, abs=1e-9)
+
+
+def test_recovery_is_when_the_tip_is_back_for_good() -> None:
+    t = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    assert evaluation._recovery(t, np.array([0.1, 0.0, 0.1, 0.005, 0.0])) == 3.0
+    assert evaluation._recovery(t, np.zeros(5)) == 0.0
+    assert math.isnan(evaluation._recovery(t, np.full(5, 0.02)))
+
+
+def test_avoidance_decides(outcome: vff.Evaluation) -> None:
+    """On these scenes the arm is hit without avoidance, and less with cbf where there is an escape."""
+    free, cbf = (outcome.where(controller=name).feasible for name in PAIR)
+    assert free.rate("collided").count > cbf.rate("collided").count
+    crossed = outcome.where(family="path-crossed")
+    assert crossed.where(controller="null-space field").rate("collided").value == 1.0
+    assert crossed.rate("success").count == 0  # the path itself is blocked
+
+
+def test_table_names_every_controller_with_its_interval(outcome: vff.Evaluation) -> None:
+    table = outcome.table()
+    assert table.count("| cbf |") == 2 * len(scenes.FAMILIES)  # rates, and medians
+    assert "**crowd**: 2 scenes, escape:" in table
+    rate = outcome.where(family="crowd", controller="relaxed").rate("collided")
+    assert f"| relaxed | {rate} |" in table
+
+
+def test_files_and_figures(outcome: vff.Evaluation, tmp_path: Path) -> None:
+    with outcome.save(tmp_path / "rows.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(outcome) and rows[0]["controller"] == "no avoidance"
+    assert float(rows[-1]["min_clearance"]) == outcome.columns["min_clearance"][-1]
+    import pandas as pd
+
+    frame = pd.read_parquet(outcome.save(tmp_path / "rows.parquet"))
+    assert list(frame.columns) == list(outcome.columns) and len(frame) == len(outcome)
+    for picture in outcome.plot(tmp_path):
+        assert picture.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match=r"rows are written as \.csv or \.parquet"):
+        outcome.save(tmp_path / "rows.txt")
+
+
+def test_joined_rows_are_all_rows(outcome: vff.Evaluation) -> None:
+    parts = [outcome.where(controller=name) for name in reversed(outcome.controllers)]
+    parts[0].controllers = ("cbf",)
+    both = evaluation.join(parts)
+    assert len(both) == len(outcome) and both.controllers[0] == "cbf"
+    assert set(both.controllers) == set(outcome.controllers)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"controllers": ["cbff"]}, InputError, "controllers: expected some of no avoidance"),
+        ({"controllers": []}, InputError, "controllers: at least one is needed"),
+        ({"count": 0}, InputError, "count: must be at least 1, got 0"),
+        ({"count": 1.5}, InputTypeError, "count: expected a whole number, not a float"),
+        ({"n": []}, InputError, "no category or no number of joints"),
+        ({"category": "x"}, InputError, "category: expected 1, 2 or one of"),
+        (
+            {"controllers": {"mine": {"controller.x": 1}}, "count": 1},
+            vff.errors.ScenarioError,
+            "unknown key `x`",
+        ),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict, error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        vff.evaluate(**({"category": 1, "n": 4, "count": 1, "seed": 0} | arguments))
+
+
+def test_other_controllers_may_be_given() -> None:
+    mine = {"mine": {"controller.avoidance": "cbf", "controller.yielding.margin": 0.1}}
+    found = vff.evaluate(mine, category="path-crossed", n=4, count=1, seed=0)
+    assert found.controllers == ("mine",) and list(found.columns["controller"]) == ["mine"]
+
+
+def test_command(tmp_path: Path) -> None:
+    """`vffnull evaluate` prints the table and writes rows and figures."""
+    arguments = ["evaluate", "--category", "clutter", "-n", "4", "--count", "1", "--seed", "0"]
+    arguments += ["--controller", "cbf", "--save", str(tmp_path / "rows.csv"), "--plot", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-m", "vffnull", *arguments], capture_output=True, text=True)
+    assert done.returncode == 0 and "| cbf |" in done.stdout, done.stderr
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "rows.csv",
+        "rates.png",
+        "clearance.png",
+        "error.png",
+    }
