@@ -96,6 +96,7 @@ impl<const M: usize> Brain<M> {
         let Self { controller, world, trajectory } = self;
         world.update(t);
         controller.observe(q, dq, world);
+        controller.look_ahead(world, |ahead| trajectory.at(t + ahead));
         controller.command(&trajectory.at(t))
     }
 }
