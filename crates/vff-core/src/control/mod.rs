@@ -88,8 +88,8 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
             preview: match (gains.avoidance, &gains.yielding) {
-                (Avoidance::Cbf, Yielding { preview: Some(settings), speed, .. }) => {
-                    Some(Box::new(Preview::new(&robot, settings, *speed, gains.seed)))
+                (Avoidance::Cbf, yielding @ Yielding { preview: Some(settings), .. }) => {
+                    Some(Box::new(Preview::new(&robot, yielding, settings, gains.seed)))
                 }
                 _ => None,
             },

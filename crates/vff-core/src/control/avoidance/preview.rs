@@ -1,86 +1,83 @@
-//! Look-ahead on top of `cbf` (T71–T74): whether the arm, left to itself, would be hit within the next
-//! seconds, and if so, which joint velocity would take it out of the way.
+//! Look-ahead on top of `cbf` (T71–T73): whether the arm, left to itself, is about to be hit, and if so,
+//! which motion of the next seconds takes it out of the way. That motion becomes the nominal one of the
+//! programme, which stays in charge of every distance and limit.
 
-use crate::control::{OperationalSpace, Torque, dot};
-use crate::math::{Noise, Vector};
+use super::Yielding;
+use crate::control::{OperationalSpace, Torque, dot, task};
+use crate::math::Noise;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
 use crate::world::{Contact, Surroundings};
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 use serde::Deserialize;
 
-/// The stream of random numbers that candidates are drawn from.
+/// The stream of random numbers that courses are drawn from.
 const STREAM: u64 = 4;
+
+/// Obstacles farther away than this [m] are left out of a look.
+const REACH: f64 = 4.0;
+
+/// Pairs nearer than this [m] are filtered in a roll-out.
+const NEAR: f64 = 0.5;
+
+/// How fast the arm takes up the joint velocity of a course [1/s].
+const RATE: f64 = 10.0;
+
+/// How fast a roll-out comes back to the reference [1/s].
+const PULL: f64 = 3.0;
+
+/// What a metre of distance that is lacking, and letting go of the task, cost in metres of mean error.
+const LACKING: f64 = 100.0;
+const LETTING_GO: f64 = 2.0;
 
 /// How the arm looks ahead: the `[controller.yielding.preview]` table of a scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PreviewSettings {
-    /// Time between two looks [s], > 0.
+    /// Time between two looks [s], > 0, rounded up to whole steps.
     pub period: f64,
     /// How far a look goes [s], > 0.
     pub horizon: f64,
-    /// Instants at which a look measures distances, ≥ 1.
+    /// A contact within this time [s], > 0 and at most `horizon`, makes the arm look for a way out.
+    pub alarm: f64,
+    /// Steps of a roll-out, ≥ 1.
     pub steps: usize,
-    /// Joint velocities that are tried, ≥ 1.
+    /// Courses that are tried, ≥ 1.
     pub candidates: usize,
-    /// Distance that a look wants to keep [m], > 0.
+    /// Distance [m], > 0, beyond which more of it counts for nothing.
     pub clearance: f64,
-    /// gate
-    pub gate: f64,
-    /// Spread
+    /// Standard deviation of the joint velocities that are tried [rad/s], > 0.
     pub speed: f64,
-    /// rate
-    pub rate: f64,
-    pub x1: f64,
-    pub x2: f64,
-    pub x3: f64,
-    pub x4: f64,
-    pub x5: f64,
-    pub x6: f64,
-    pub x7: f64,
-    pub x8: f64,
-    pub x9: f64,
 }
 
 impl Default for PreviewSettings {
     fn default() -> Self {
         Self {
-            period: 0.02,
-            horizon: 3.0,
-            steps: 24,
+            period: 0.04,
+            horizon: 2.0,
+            alarm: 0.6,
+            steps: 16,
             candidates: 64,
             clearance: 0.1,
-            gate: 0.0,
             speed: 1.0,
-            rate: 10.0,
-            x1: 0.0,
-            x2: 0.0,
-            x3: 0.0,
-            x4: 0.0,
-            x5: 0.5,
-            x6: 0.02,
-            x7: 0.5,
-            x8: 0.5,
-            x9: 0.03,
         }
     }
 }
 
-/// What the arm might do.
-#[derive(Debug, Clone, Default)]
+/// A motion: one joint velocity [rad/s] for some time, then another.
+#[derive(Debug, Clone)]
 struct Course {
-    /// Whether the end effector keeps to its task.
+    /// Whether the end effector keeps to its task; the joint velocities are then meant within the null space.
     holds: bool,
-    /// Joint velocity [rad/s] until `switch`, and from then on; with the end effector held, before projection.
     first: Vec<f64>,
     then: Vec<f64>,
-    /// [s] from now.
+    /// When the second begins [s from now].
     switch: f64,
 }
 
 impl Course {
-    fn new(n: usize) -> Self {
+    /// Nothing but the task.
+    fn idle(n: usize) -> Self {
         Self { holds: true, first: vec![0.0; n], then: vec![0.0; n], switch: 0.0 }
     }
 
@@ -90,78 +87,84 @@ impl Course {
         self.then.copy_from_slice(&other.then);
     }
 
+    fn make_idle(&mut self) {
+        (self.holds, self.switch) = (true, 0.0);
+        self.first.fill(0.0);
+        self.then.fill(0.0);
+    }
+
+    /// The joint velocity in `s` [s].
     fn at(&self, s: f64) -> &[f64] {
         if s < self.switch { &self.first } else { &self.then }
     }
 
-    fn elapse(&mut self, dt: f64) {
-        self.switch -= dt;
-        if self.switch <= 0.0 {
-            self.first.copy_from_slice(&self.then);
+    /// Something new.
+    fn draw(&mut self, noise: &mut Noise, speed: f64) {
+        self.holds = noise.share() < 0.5;
+        let constant = noise.share() < 0.3;
+        for (first, then) in self.first.iter_mut().zip(&mut self.then) {
+            *first = speed * noise.draw();
+            *then = if constant { *first } else { speed * noise.draw() };
+        }
+        self.switch = if constant { 0.0 } else { 1.5 * noise.share() };
+    }
+
+    /// Something like it.
+    fn vary(&mut self, noise: &mut Noise, speed: f64) {
+        for u in self.first.iter_mut().chain(&mut self.then) {
+            *u += speed * noise.draw();
+        }
+        self.switch = (self.switch + 0.2 * noise.draw()).max(0.0);
+    }
+
+    fn limit(&mut self, speed: &[f64]) {
+        for joints in [&mut self.first, &mut self.then] {
+            joints.iter_mut().zip(speed).for_each(|(u, most)| *u = u.clamp(-0.9 * most, 0.9 * most));
         }
     }
+}
+
+/// What a roll-out comes to.
+#[derive(Debug, Clone, Copy)]
+struct Forecast {
+    /// Smallest distance [m].
+    distance: f64,
+    /// Mean error of the task [m].
+    error: f64,
 }
 
 /// Look-ahead with its workspace.
 #[derive(Debug, Clone)]
 pub struct Preview<R, const D: usize, const M: usize> {
     settings: PreviewSettings,
+    margin: f64,
     seed: u64,
     noise: Noise,
     /// Time since the last look [s]; infinite before the first.
     waited: f64,
-    /// The course that is being taken; none if the arm may be left to itself.
-    course: Option<Course>,
-    spare: [Course; 2],
-    roll: Roll<R, D, M>,
-}
-
-/// What a roll-out needs.
-#[derive(Debug, Clone)]
-struct Roll<R, const D: usize, const M: usize> {
-    scout: R,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    w: Vec<f64>,
-    q0: Vec<f64>,
-    v0: Vec<f64>,
-    speed: Vec<f64>,
-    /// Obstacles that may matter, with their velocities [m/s].
-    movers: Vec<(usize, Vector<D>)>,
-    reference: Vec<Sample<M>>,
-    /// 1/M_ii
-    ease: Vec<f64>,
-    rows: Vec<Contact<D>>,
-    p: Vec<f64>,
+    /// Whether `course` is being taken.
+    active: bool,
+    course: Course,
+    best: Course,
+    trial: Course,
+    rollout: Rollout<R, D, M>,
 }
 
 impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
-    /// For `robot`.
-    pub fn new(robot: &R, settings: &PreviewSettings, speed: f64, seed: u64) -> Self {
+    /// For `robot`; random numbers come from `seed`.
+    pub fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings, seed: u64) -> Self {
         let n = robot.dof();
-        let limits = &robot.limits().velocity;
-        let zeros = || vec![0.0; n];
         Self {
             settings: settings.clone(),
+            margin: yielding.margin,
             seed,
             noise: Noise::new(seed, STREAM),
             waited: f64::INFINITY,
-            course: None,
-            spare: [Course::new(n), Course::new(n)],
-            roll: Roll {
-                scout: robot.clone(),
-                q: zeros(),
-                v: zeros(),
-                w: zeros(),
-                q0: zeros(),
-                v0: zeros(),
-                speed: if limits.is_empty() { vec![speed; n] } else { limits.clone() },
-                movers: vec![],
-                reference: Vec::with_capacity(settings.steps + 1),
-                ease: zeros(),
-                rows: vec![],
-                p: zeros(),
-            },
+            active: false,
+            course: Course::idle(n),
+            best: Course::idle(n),
+            trial: Course::idle(n),
+            rollout: Rollout::new(robot, yielding, settings),
         }
     }
 
@@ -169,18 +172,17 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.seed, STREAM);
         self.waited = f64::INFINITY;
-        self.course = None;
+        self.active = false;
+        self.course.make_idle();
     }
 
     /// Lets `dt` [s] pass.
     pub fn elapse(&mut self, dt: f64) {
         self.waited += dt;
-        if let Some(course) = &mut self.course {
-            course.elapse(dt);
-        }
+        self.course.switch -= dt;
     }
 
-    /// Looks ahead, if it is time.
+    /// Looks ahead from the state of `robot`, if it is time; `reference(s)` is that in s seconds.
     pub fn look(
         &mut self,
         robot: &R,
@@ -191,230 +193,272 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
             return;
         }
         self.waited = 0.0;
-        let Self { settings, noise, course, spare: [best, trial], roll, .. } = self;
-        let n = robot.dof();
-        roll.gather(settings, robot, surroundings, reference);
-        if roll.movers.is_empty() {
-            *course = None;
-            return;
+        let Self { settings, rollout, best, active, margin, .. } = self;
+        rollout.prepare(settings, robot, surroundings, reference);
+        best.make_idle();
+        // Left to itself; a way out is given up only once the margin is kept over the whole horizon.
+        let (until, enough) =
+            if *active { (settings.horizon, *margin) } else { (settings.alarm, 0.0) };
+        *active = !rollout.obstacles.is_empty()
+            && rollout.forecast(best, surroundings, until, |_| false).distance < enough;
+        if *active {
+            self.search(surroundings);
+        } else {
+            self.course.make_idle();
         }
-        // Left to itself.
-        best.holds = true;
-        best.first.fill(0.0);
-        best.then.fill(0.0);
-        best.switch = 0.0;
-        let gate = if course.is_some() { settings.clearance * settings.x5 } else { settings.gate };
-        let [depth, away] = roll.cost(settings, best, surroundings, f64::INFINITY);
-        if depth <= settings.clearance - gate {
-            *course = None;
-            return;
+    }
+
+    /// Finds the cheapest of the courses that are tried (T73): the one being taken, doing nothing, new ones, and
+    /// ones like the best so far.
+    fn search(&mut self, surroundings: &impl Surroundings<D>) {
+        let Self { settings, margin, noise, course, best, trial, rollout, .. } = self;
+        let (clearance, margin) = (settings.clearance, *margin);
+        let price = |forecast: Forecast, holds: bool| {
+            let lacking = (clearance - forecast.distance).max(0.0);
+            let breach = (margin - forecast.distance).max(0.0);
+            LACKING * (lacking + breach) + forecast.error + if holds { 0.0 } else { LETTING_GO }
+        };
+        let horizon = settings.horizon;
+        let idle = rollout.forecast(best, surroundings, horizon, |_| false);
+        let mut least = price(idle, true);
+        let present = rollout.forecast(course, surroundings, horizon, |_| false);
+        if price(present, course.holds) < least {
+            least = price(present, course.holds);
+            best.copy_from(course);
         }
-        let total = |[depth, away]: [f64; 2]| 100.0 * depth + away;
-        let mut least = total([depth, away]) + settings.x1;
-        if let Some(course) = course {
-            trial.copy_from(course);
-            let cost = total(roll.cost(settings, trial, surroundings, least));
-            if cost < least {
-                least = cost;
-                best.copy_from(trial);
-            }
-        }
-        least += settings.x2;
-        for k in 0..settings.candidates {
-            let refine = 2 * k >= settings.candidates || (course.is_some() && k % 2 == 0);
-            if refine {
+        // A course that keeps its distance needs little more than to be kept up to date.
+        let settled = present.distance >= clearance;
+        let count = if settled { settings.candidates / 8 } else { settings.candidates };
+        for k in 0..count {
+            if 2 * k >= count || k % 2 == 0 {
                 trial.copy_from(best);
-                let spread = settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 };
-                for i in 0..n {
-                    trial.first[i] += spread * noise.draw();
-                    trial.then[i] += spread * noise.draw();
-                }
-                trial.switch = (trial.switch + 0.2 * noise.draw()).max(0.0);
-                if k % 8 == 7 {
-                    trial.holds = !trial.holds;
-                }
+                trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
+                trial.holds ^= k % 8 == 7;
             } else {
-                trial.holds = noise.share() < 0.5;
-                let spread = settings.speed * if k % 3 == 0 { 0.4 } else { 1.0 };
-                let same = noise.share() < settings.x3;
-                for i in 0..n {
-                    trial.first[i] = spread * noise.draw();
-                    trial.then[i] = if same { trial.first[i] } else { spread * noise.draw() };
-                }
-                trial.switch = if same { 0.0 } else { 1.5 * noise.share() };
+                trial.draw(noise, settings.speed * if k % 3 == 0 { 0.4 } else { 1.0 });
             }
-            for i in 0..n {
-                let most = 0.9 * roll.speed[i];
-                trial.first[i] = trial.first[i].clamp(-most, most);
-                trial.then[i] = trial.then[i].clamp(-most, most);
-            }
-            let cost = total(roll.cost(settings, trial, surroundings, least));
+            trial.limit(&rollout.speed);
+            let hopeless = |so_far| price(so_far, trial.holds) > least;
+            let cost = price(rollout.forecast(trial, surroundings, horizon, hopeless), trial.holds);
             if cost < least {
                 least = cost;
                 std::mem::swap(best, trial);
             }
         }
-        course.get_or_insert_with(|| Course::new(n)).copy_from(best);
+        course.copy_from(best);
     }
 
-    /// Whether a course is being taken.
-    pub fn acts(&self) -> bool {
-        self.course.is_some()
+    /// Whether a way out is being taken.
+    pub fn is_active(&self) -> bool {
+        self.active
     }
 
-    /// Changes the torque of the null-space law into one that takes the course.
-    pub fn act(
-        &mut self,
-        robot: &R,
-        space: &OperationalSpace<M>,
-        bias: &[f64],
-        torque: &mut Torque,
-    ) {
-        let Self { settings, course, roll, .. } = self;
-        let Some(course) = course else { return };
-        let (change, scratch) = (&mut roll.w, &mut roll.v);
-        robot.accelerate(&torque.total, bias, scratch, change);
-        let wanted = course.at(0.0);
-        for (i, change) in change.iter_mut().enumerate() {
-            *change = settings.rate * (wanted[i] - robot.velocity()[i]) - *change;
+    /// Makes the course the nominal motion (T72): changes the torque of the null-space law into one that gives
+    /// q̈ = RATE (u − q̇), in the null space alone if the end effector holds.
+    pub fn act(&mut self, robot: &R, space: &OperationalSpace<M>, bias: &[f64], torque: &mut Torque) {
+        if !self.active {
+            return;
         }
-        if course.holds {
-            let task = robot.jacobian_mul::<M>(change);
-            space.pinv_mul(&task, scratch);
-            change.iter_mut().zip(scratch.iter()).for_each(|(c, s)| *c -= s);
+        let (change, scratch) = (&mut self.rollout.w, &mut self.rollout.v);
+        robot.accelerate(&torque.total, bias, scratch, change);
+        for ((change, u), dq) in change.iter_mut().zip(self.course.at(0.0)).zip(robot.velocity()) {
+            *change = RATE * (u - dq) - *change;
+        }
+        if self.course.holds {
+            space.pinv_mul(&robot.jacobian_mul::<M>(change), scratch);
+            change.iter_mut().zip(scratch.iter()).for_each(|(change, task)| *change -= task);
         }
         robot.mass_mul(change, scratch);
         torque.add_to_task(|i| scratch[i]);
     }
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Roll<R, D, M> {
-    fn gather(
+/// The arm as a chain without mass that follows a course, pushed aside like the real one by what the
+/// programme keeps (T71).
+#[derive(Debug, Clone)]
+struct Rollout<R, const D: usize, const M: usize> {
+    scout: R,
+    /// Configuration and joint velocity at the beginning, and on the way.
+    start: [Vec<f64>; 2],
+    q: Vec<f64>,
+    v: Vec<f64>,
+    /// The joint velocity that is wanted, and J_cᵀn̂ of a pair.
+    w: Vec<f64>,
+    row: Vec<f64>,
+    /// 1/M_ii at the beginning: how easily a joint gives way.
+    ease: Vec<f64>,
+    /// Largest joint speeds [rad/s].
+    speed: Vec<f64>,
+    obstacles: Vec<usize>,
+    pairs: Vec<Contact<D>>,
+    reference: Vec<Sample<M>>,
+    /// Duration of a step [s].
+    step: f64,
+    margin: f64,
+}
+
+impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings) -> Self {
+        let n = robot.dof();
+        let limits = &robot.limits().velocity;
+        let zeros = || vec![0.0; n];
+        Self {
+            scout: robot.clone(),
+            start: [zeros(), zeros()],
+            q: zeros(),
+            v: zeros(),
+            w: zeros(),
+            row: zeros(),
+            ease: zeros(),
+            speed: if limits.is_empty() { vec![yielding.speed; n] } else { limits.clone() },
+            obstacles: vec![],
+            pairs: vec![],
+            reference: Vec::with_capacity(settings.steps + 1),
+            step: settings.horizon / settings.steps as f64,
+            margin: yielding.margin,
+        }
+    }
+
+    /// Takes in the state, what is around and what is wanted.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn prepare(
         &mut self,
         settings: &PreviewSettings,
         robot: &R,
         surroundings: &mut impl Surroundings<D>,
         reference: impl Fn(f64) -> Sample<M>,
     ) {
-        self.movers.clear();
-        self.movers.reserve(surroundings.obstacle_count());
-        self.rows.clear();
-        self.rows.reserve(surroundings.obstacle_count() * robot.dof());
-        for i in 0..robot.dof() {
-            self.w.fill(0.0);
-            self.w[i] = 1.0;
-            robot.mass_mul(&self.w, &mut self.v);
-            self.ease[i] = 1.0 / self.v[i];
-        }
+        let Self { obstacles, pairs, w, v, ease, .. } = self;
+        obstacles.clear();
+        obstacles.reserve(surroundings.obstacle_count());
+        pairs.clear();
+        pairs.reserve(surroundings.obstacle_count() * robot.dof());
         let links = (0..robot.dof()).map(|i| robot.link(i));
-        let movers = &mut self.movers;
-        let take = |pair: &Contact<D>| {
-            if movers.iter().all(|(j, _)| *j != pair.obstacle) {
-                movers.push((pair.obstacle, pair.velocity));
+        surroundings.for_each_contact(links, REACH, |_, _| {}, |pair| {
+            if !obstacles.contains(&pair.obstacle) {
+                obstacles.push(pair.obstacle);
             }
-        };
-        surroundings.for_each_contact(links, 4.0, |_, _| {}, take);
-        self.q0.copy_from_slice(robot.configuration());
-        self.v0.copy_from_slice(robot.velocity());
+        });
+        w.fill(0.0);
+        for i in 0..robot.dof() {
+            w[i] = 1.0;
+            robot.mass_mul(w, v);
+            w[i] = 0.0;
+            ease[i] = 1.0 / v[i];
+        }
+        self.start[0].copy_from_slice(robot.configuration());
+        self.start[1].copy_from_slice(robot.velocity());
         self.reference.clear();
-        let ds = settings.horizon / settings.steps as f64;
-        self.reference.extend((0..=settings.steps).map(|k| reference(ds * k as f64)));
+        self.reference.extend((0..=settings.steps).map(|k| reference(self.step * k as f64)));
     }
 
-    /// What a course costs; more than `most` if it costs more than that.
-    fn cost(
+    /// What becomes of a course until `until` [s], or until what is known so far is `hopeless`.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn forecast(
         &mut self,
-        settings: &PreviewSettings,
         course: &Course,
         surroundings: &impl Surroundings<D>,
-        most: f64,
-    ) -> [f64; 2] {
-        let Self { scout, q, v, w, q0, v0, speed, movers, reference, ease, rows, p } = self;
-        let steps = settings.steps;
-        let ds = settings.horizon / steps as f64;
-        let follow = 1.0 - (-settings.rate * ds).exp();
-        let keep = settings.x7 / ds;
-        let n = q.len();
-        q.copy_from_slice(q0);
-        v.copy_from_slice(v0);
-        scout.place(q);
-        let (mut depth, mut away) = (0.0_f64, 0.0);
-        for k in 0..=steps {
-            let s = ds * k as f64;
-            let sample = &reference[k];
-            let e = crate::control::task::error(scout.pose::<M>(), sample.x);
-            away += e.norm() / steps as f64;
-            let u = course.at(s);
-            let mut gram = SMatrix::<f64, M, M>::identity() * settings.x6;
-            let mut along = sample.dx - e * 3.0;
-            for i in 0..n {
-                let column = scout.jacobian_column::<M>(i);
-                gram += column * column.transpose() * ease[i];
-                along -= column * u[i];
+        until: f64,
+        hopeless: impl Fn(Forecast) -> bool,
+    ) -> Forecast {
+        self.q.copy_from_slice(&self.start[0]);
+        self.v.copy_from_slice(&self.start[1]);
+        let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
+        for k in 0..self.reference.len() {
+            let s = self.step * k as f64;
+            if s > until + 1e-9 {
+                break;
             }
-            let inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
-            w.copy_from_slice(u);
-            if course.holds {
-                let f = inverse * along;
-                for i in 0..n {
-                    w[i] += ease[i] * scout.jacobian_column::<M>(i).dot(&f);
-                }
+            self.scout.place(&self.q);
+            let sample = self.reference[k];
+            let e = task::error(self.scout.pose::<M>(), sample.x);
+            forecast.error += e.norm() / self.reference.len() as f64;
+            forecast.distance = forecast.distance.min(self.measure(surroundings, s));
+            if hopeless(forecast) {
+                break;
             }
-            let mut d = f64::INFINITY;
-            rows.clear();
-            for i in 0..n {
-                let link = scout.link(i);
-                for (j, _) in movers.iter() {
-                    let pair = surroundings.contact_after(i, &link, *j, s);
-                    d = d.min(pair.distance);
-                    if pair.distance < settings.x8 {
-                        rows.push(pair);
-                    }
-                }
-            }
-            let late = 1.0 - settings.x4 * s / settings.horizon;
-            depth = depth.max((settings.clearance - d) * late);
-            if 100.0 * depth + away > most {
-                return [f64::INFINITY; 2];
-            }
-            for _ in 0..2 {
-                for pair in rows.iter() {
-                    scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, p);
-                    let rate = dot(p, w) - pair.normal.dot(&pair.velocity);
-                    let lack = -keep * (pair.distance - settings.x9) - rate;
-                    if lack > 0.0 {
-                        let mut task = nalgebra::SVector::<f64, M>::zeros();
-                        for i in 0..n {
-                            task += scout.jacobian_column::<M>(i) * (ease[i] * p[i]);
-                        }
-                        let f = if course.holds { inverse * task } else { task * 0.0 };
-                        let mut along = 0.0;
-                        for i in 0..n {
-                            let row = p[i];
-                            p[i] = ease[i] * (row - scout.jacobian_column::<M>(i).dot(&f));
-                            along += row * p[i];
-                        }
-                        let by = lack / along.max(1e-9);
-                        for i in 0..n {
-                            w[i] += by * p[i];
-                        }
-                    }
-                }
-            }
-            let ranges = &scout.limits().joint;
-            for i in 0..n {
-                let before = v[i];
-                v[i] = (v[i] + follow * (w[i] - v[i])).clamp(-speed[i], speed[i]);
-                q[i] += 0.5 * ds * (before + v[i]);
-                if let Some([low, high]) = ranges.get(i) {
-                    if q[i] < *low || q[i] > *high {
-                        q[i] = q[i].clamp(*low, *high);
-                        v[i] = 0.0;
-                    }
-                }
-            }
-            scout.place(q);
+            let wanted = course.holds.then(|| sample.dx - e * PULL);
+            self.want(course.at(s), wanted);
+            self.advance();
         }
-        [depth, away]
+        forecast
+    }
+
+    /// The smallest distance when the obstacles have gone on for `s` [s]; gathers the pairs that are near.
+    fn measure(&mut self, surroundings: &impl Surroundings<D>, s: f64) -> f64 {
+        let Self { scout, obstacles, pairs, .. } = self;
+        let mut least = f64::INFINITY;
+        pairs.clear();
+        for i in 0..scout.dof() {
+            let link = scout.link(i);
+            for &j in obstacles.iter() {
+                let pair = surroundings.contact_after(i, &link, j, s);
+                least = least.min(pair.distance);
+                if pair.distance < NEAR {
+                    pairs.push(pair);
+                }
+            }
+        }
+        least
+    }
+
+    /// The joint velocity `u`, with the task velocity `dx` where the end effector holds, and then, pair by
+    /// pair, the nearest one that lets the distance run down no faster than is allowed (T71).
+    fn want(&mut self, u: &[f64], dx: Option<SVector<f64, M>>) {
+        let Self { scout, w, row, ease, pairs, step, margin, .. } = self;
+        w.copy_from_slice(u);
+        let mut inverse = SMatrix::<f64, M, M>::zeros();
+        if let Some(mut along) = dx {
+            // Damped: where only the end effector can give way, it does.
+            let mut gram = SMatrix::<f64, M, M>::identity() * 0.02;
+            for (i, (ease, u)) in ease.iter().zip(u).enumerate() {
+                let column = scout.jacobian_column::<M>(i);
+                gram += column * column.transpose() * *ease;
+                along -= column * *u;
+            }
+            inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
+            let f = inverse * along;
+            for (i, w) in w.iter_mut().enumerate() {
+                *w += ease[i] * scout.jacobian_column::<M>(i).dot(&f);
+            }
+        }
+        for pair in pairs.iter() {
+            scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
+            let lack = -0.5 / *step * (pair.distance - *margin) - rate;
+            if lack > 0.0 {
+                let mut at_task = SVector::<f64, M>::zeros();
+                for (i, row) in row.iter().enumerate() {
+                    at_task += scout.jacobian_column::<M>(i) * (ease[i] * row);
+                }
+                let f = inverse * at_task;
+                let mut along = 0.0;
+                for (i, row) in row.iter_mut().enumerate() {
+                    let way = ease[i] * (*row - scout.jacobian_column::<M>(i).dot(&f));
+                    along += *row * way;
+                    *row = way;
+                }
+                let by = lack / along.max(1e-9);
+                w.iter_mut().zip(row.iter()).for_each(|(w, way)| *w += by * way);
+            }
+        }
+    }
+
+    /// One step on, the velocity following `w` as the real one does, within the limits of the joints.
+    fn advance(&mut self) {
+        let Self { scout, q, v, w, speed, step, .. } = self;
+        let follow = 1.0 - (-RATE * *step).exp();
+        let ranges = &scout.limits().joint;
+        for i in 0..q.len() {
+            let before = v[i];
+            v[i] = (v[i] + follow * (w[i] - v[i])).clamp(-speed[i], speed[i]);
+            q[i] += 0.5 * *step * (before + v[i]);
+            if let Some([low, high]) = ranges.get(i)
+                && !(*low..=*high).contains(&q[i])
+            {
+                (q[i], v[i]) = (q[i].clamp(*low, *high), 0.0);
+            }
+        }
     }
 }
