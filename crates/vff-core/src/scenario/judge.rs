@@ -4,8 +4,8 @@
 
 use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
-use crate::control::tank::TankSettings;
 use crate::control::avoidance::preview::PreviewSettings;
+use crate::control::tank::TankSettings;
 use crate::control::{Settings, Yielding};
 use crate::field::{Field, FieldKind};
 use crate::robot::Limits;

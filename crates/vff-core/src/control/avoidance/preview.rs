@@ -119,7 +119,10 @@ impl Course {
 
     fn limit(&mut self, speed: &[f64]) {
         for joints in [&mut self.first, &mut self.then] {
-            joints.iter_mut().zip(speed).for_each(|(u, most)| *u = u.clamp(-0.9 * most, 0.9 * most));
+            joints
+                .iter_mut()
+                .zip(speed)
+                .for_each(|(u, most)| *u = u.clamp(-0.9 * most, 0.9 * most));
         }
     }
 }
@@ -255,7 +258,13 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
 
     /// Makes the course the nominal motion (T72): changes the torque of the null-space law into one that gives
     /// q̈ = RATE (u − q̇), in the null space alone if the end effector holds.
-    pub fn act(&mut self, robot: &R, space: &OperationalSpace<M>, bias: &[f64], torque: &mut Torque) {
+    pub fn act(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        bias: &[f64],
+        torque: &mut Torque,
+    ) {
         if !self.active {
             return;
         }
@@ -335,11 +344,16 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         pairs.clear();
         pairs.reserve(surroundings.obstacle_count() * robot.dof());
         let links = (0..robot.dof()).map(|i| robot.link(i));
-        surroundings.for_each_contact(links, REACH, |_, _| {}, |pair| {
-            if !obstacles.contains(&pair.obstacle) {
-                obstacles.push(pair.obstacle);
-            }
-        });
+        surroundings.for_each_contact(
+            links,
+            REACH,
+            |_, _| {},
+            |pair| {
+                if !obstacles.contains(&pair.obstacle) {
+                    obstacles.push(pair.obstacle);
+                }
+            },
+        );
         w.fill(0.0);
         for i in 0..robot.dof() {
             w[i] = 1.0;
@@ -459,6 +473,109 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             {
                 (q[i], v[i]) = (q[i].clamp(*low, *high), 0.0);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vector;
+    use crate::robot::{PlanarArm, PlanarState, planar::Link};
+    use crate::world::{Motion, Obstacle, Shape, World};
+    use std::sync::Arc;
+
+    const START: [f64; 4] = [0.4, 0.5, -0.6, 0.3];
+
+    fn robot() -> PlanarState {
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
+        let mut state = arm.state();
+        state.update(&START, &[0.0; 4]);
+        state
+    }
+
+    fn disc(position: [f64; 2], velocity: [f64; 2]) -> Obstacle {
+        let shape = Shape::Circle { radius: 0.2 };
+        Obstacle { shape, position, angle: 0.0, motion: Motion::Linear { velocity } }
+    }
+
+    fn preview(robot: &PlanarState, settings: &PreviewSettings) -> Preview<PlanarState, 2, 2> {
+        Preview::new(robot, &Yielding::default(), settings, 7)
+    }
+
+    fn holding(robot: &PlanarState) -> Sample<2> {
+        Sample { x: robot.pose(), dx: Vector::zeros(), ddx: Vector::zeros() }
+    }
+
+    /// A free course from rest: q̇ follows u as 1 − e^(−kt), so that q − q₀ is u(t − (1 − e^(−kt))/k), up to
+    /// the error of the trapezoidal rule, u k²Δ²/12 of the whole.
+    #[test]
+    fn a_free_course_is_followed_with_a_lag() {
+        let robot = robot();
+        let settings = PreviewSettings { steps: 200, ..PreviewSettings::default() };
+        let mut preview = preview(&robot, &settings);
+        let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
+        let reference = holding(&robot);
+        preview.rollout.prepare(&settings, &robot, &mut world, |_| reference);
+        let u = [0.3, -0.2, 0.1, 0.5];
+        let course = Course { holds: false, first: u.into(), then: u.into(), switch: 0.0 };
+        preview.rollout.forecast(&course, &world, 1.0, |_| false);
+        let t = 1.0 + preview.rollout.step; // the state after the last step that was measured
+        for (i, u) in u.iter().enumerate() {
+            let expected = START[i] + u * (t - (1.0 - (-RATE * t).exp()) / RATE);
+            assert!((preview.rollout.q[i] - expected).abs() < 1e-4, "{i}");
+        }
+    }
+
+    /// The end effector is held while the null space moves: the error stays that of the steps alone.
+    #[test]
+    fn a_course_that_holds_keeps_the_end_effector() {
+        let robot = robot();
+        let settings = PreviewSettings { steps: 200, ..PreviewSettings::default() };
+        let mut preview = preview(&robot, &settings);
+        let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
+        let reference = holding(&robot);
+        preview.rollout.prepare(&settings, &robot, &mut world, |_| reference);
+        let u = vec![0.3, -0.4, 0.3, 0.1];
+        let mut course = Course { holds: true, first: u.clone(), then: u, switch: 0.0 };
+        let held = preview.rollout.forecast(&course, &world, 1.0, |_| false);
+        course.holds = false;
+        let free = preview.rollout.forecast(&course, &world, 1.0, |_| false);
+        assert!(held.error < 0.05 * free.error, "{held:?} {free:?}");
+    }
+
+    /// A disc that heads for the second link alarms, one that passes does not, and without an obstacle there is
+    /// nothing to look at. Whatever is chosen costs no more than doing nothing, and keeps the speed limits.
+    #[test]
+    fn only_what_is_ahead_alarms() {
+        let robot = robot();
+        let settings = PreviewSettings { alarm: 2.0, ..PreviewSettings::default() };
+        let reference = holding(&robot);
+        for (obstacles, expected) in [
+            (vec![], false),
+            (vec![disc([1.4, 2.4], [0.0, 0.8])], false),
+            (vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])], true),
+        ] {
+            let mut world = World::new(obstacles);
+            let mut preview = preview(&robot, &settings);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(preview.is_active(), expected);
+            if expected {
+                let Preview { course, rollout, .. } = &mut preview;
+                let idle = rollout.forecast(&Course::idle(4), &world, 2.0, |_| false);
+                let chosen = rollout.forecast(course, &world, 2.0, |_| false);
+                assert!(idle.distance < 0.0 && chosen.distance > 0.0, "{idle:?} {chosen:?}");
+                let fastest = course.first.iter().chain(&course.then).map(|u| u.abs());
+                assert!(fastest.fold(0.0, f64::max) <= Yielding::default().speed);
+            }
+            // The next look is due after a period, not before.
+            preview.active = !expected;
+            preview.elapse(0.5 * settings.period);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(preview.is_active(), !expected);
+            preview.elapse(0.5 * settings.period);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(preview.is_active(), expected);
         }
     }
 }
