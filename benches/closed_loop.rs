@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use vff_core::control::Avoidance;
+use vff_core::control::avoidance::preview::PreviewSettings;
 use vff_core::scenario::{AnyRun, Scenario};
 
 /// Plant steps of one run; a longer measurement begins another run, outside the measured time.
@@ -171,6 +172,18 @@ fn closed_loop(c: &mut Criterion) {
         scenario.controller.yielding.activation = 100.0;
         scenario.controller.yielding.margin = 0.45;
         measure("euler-hold-cbf/discs", discs, &scenario);
+    }
+    for discs in [1, 8] {
+        // A look every 40 ms; what a look costs is in the average.
+        let mut scenario = scene(6, discs, EULER);
+        scenario.controller.avoidance = Avoidance::Cbf;
+        scenario.controller.yielding.preview = Some(PreviewSettings::default());
+        measure("euler-hold-preview/discs", discs, &scenario);
+        // Alarmed all the time: no roll-out ever keeps the margin.
+        scenario.controller.yielding.margin = 0.45;
+        scenario.controller.yielding.preview =
+            Some(PreviewSettings { alarm: 2.0, clearance: 0.6, ..PreviewSettings::default() });
+        measure("euler-hold-preview-alarmed/discs", discs, &scenario);
     }
     for obstacles in [1, 10, 100] {
         measure("euler-hold/obstacles", obstacles, &scene(6, obstacles, EULER));

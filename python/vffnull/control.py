@@ -152,6 +152,7 @@ class ControlSettings:
         the others let it give way, ``"cbf"`` by no more than the distances and limits demand.
     yielding : dict, optional
         How it gives way, where it does: see ``vffnull schema`` for the keys of ``[controller.yielding]``.
+        ``{"preview": {}}`` lets ``"cbf"`` look ahead.
     singularity : float, optional
         How early the task gives way near a singular posture: below this fraction of the mobility that one
         particle of the arm's mass would have.

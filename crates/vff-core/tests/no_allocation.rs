@@ -4,6 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
+use vff_core::control::avoidance::preview::PreviewSettings;
 use vff_core::scenario::Scenario;
 use vff_core::scenario::live::{Live, State};
 use vff_core::scenario::real_time::RealTime;
@@ -205,6 +206,26 @@ fn no_step_allocates_that_gives_way() {
             let outcome = run.outcome();
             assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
         }
+    }
+}
+
+/// Nor does one that looks ahead, alarmed from beginning to end.
+#[test]
+fn no_step_allocates_that_looks_ahead() {
+    let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    for simulation in [r#"control = "hold""#, r#"control = "predictor""#] {
+        let mut scenario = scenario("position", reference, simulation, "dynamic");
+        scenario.controller.avoidance = Avoidance::Cbf;
+        let mut plain = scenario.prepare().unwrap().run;
+        scenario.controller.yielding.preview =
+            Some(PreviewSettings { alarm: 2.0, ..PreviewSettings::default() });
+        let mut run = scenario.prepare().unwrap().run;
+        let count = allocations(|| while run.step() {});
+        assert_eq!(count, 0, "{simulation}");
+        while plain.step() {}
+        let outcome = run.outcome();
+        assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+        assert_ne!(outcome.record.q, plain.outcome().record.q, "it found nothing to do");
     }
 }
 

@@ -112,6 +112,7 @@ impl<const M: usize> Shared<M> {
             let Inner { law, world, .. } = inner;
             law.elapse(elapsed);
             law.observe(q, dq, world);
+            law.look_ahead(world, |ahead| reference.carried_on(ahead));
             law.command(&reference);
             take(law)
         })

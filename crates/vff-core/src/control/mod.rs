@@ -24,6 +24,7 @@ use crate::robot::Robot;
 use crate::trajectory::Sample;
 use crate::world::Surroundings;
 use avoidance::Avoider;
+use avoidance::preview::Preview;
 use limits::Parts;
 use nalgebra::{DMatrix, SMatrix};
 
@@ -64,9 +65,11 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     error: Vector<M>,
     /// What gives way where the null space is not enough.
     avoider: Option<Box<Avoider<D>>>,
+    /// What looks ahead of it.
+    preview: Option<Box<Preview<R, D, M>>>,
 }
 
-impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
+impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// A controller for `robot`, with gains resolved for its number of joints.
     pub fn new(robot: R, gains: Gains<M>) -> Self {
         let n = robot.dof();
@@ -84,6 +87,12 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
             scaling: 0.0,
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
+            preview: match (gains.avoidance, &gains.yielding) {
+                (Avoidance::Cbf, yielding @ Yielding { preview: Some(settings), .. }) => {
+                    Some(Box::new(Preview::new(&robot, yielding, settings, gains.seed)))
+                }
+                _ => None,
+            },
             avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
             robot,
             gains,
@@ -130,6 +139,17 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
         }
     }
 
+    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
+    pub fn look_ahead(
+        &mut self,
+        surroundings: &mut impl Surroundings<D>,
+        reference: impl Fn(f64) -> Sample<M>,
+    ) {
+        if let Some(preview) = &mut self.preview {
+            preview.look(&self.robot, surroundings, reference);
+        }
+    }
+
     /// The pose x of the end effector at the observed state.
     pub fn pose(&self) -> Vector<M> {
         self.robot.pose()
@@ -171,6 +191,10 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
             && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
         {
             self.fit_torque(&ddx_c);
+        }
+        if let Some(preview) = &mut self.preview {
+            let Law { bias, torque, .. } = &mut self.law;
+            preview.act(&self.robot, &self.space, bias, torque);
         }
         if let Some(avoider) = &mut self.avoider {
             let Law { bias, torque, .. } = &mut self.law;
@@ -343,10 +367,16 @@ impl<R: Robot<D>, const D: usize, const M: usize> Controller<R, D, M> {
     /// Forgets what it remembers of the past: the tank is as full as at the start.
     pub fn reset(&mut self) {
         self.tank = self.gains.tank.map(Tank::new);
+        if let Some(preview) = &mut self.preview {
+            preview.reset();
+        }
     }
 
     /// Lets `dt` [s] pass under the last command: the tank fills or empties.
     pub fn elapse(&mut self, dt: f64) {
+        if let Some(preview) = &mut self.preview {
+            preview.elapse(dt);
+        }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
             tank.elapse(dt, self.law.damping_power - self.share * injected);

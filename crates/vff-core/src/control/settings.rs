@@ -223,6 +223,8 @@ pub struct Gains<const M: usize> {
     pub yielding: Yielding,
     /// See [`Settings::singularity`].
     pub singularity: f64,
+    /// Where the random numbers of look-ahead come from.
+    pub seed: u64,
 }
 
 impl<const M: usize> Gains<M> {
@@ -248,7 +250,14 @@ impl<const M: usize> Gains<M> {
             avoidance: settings.avoidance,
             yielding: settings.yielding.clone(),
             singularity: settings.singularity,
+            seed: 0,
         }
+    }
+
+    /// The same with random numbers from `seed`.
+    #[must_use]
+    pub fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
     }
 
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.

@@ -290,6 +290,10 @@ mod tests {
         ) {
             visit(&self.0);
         }
+
+        fn contact_after(&self, _: usize, _: &Capsule<2>, _: usize, _: f64) -> Contact<2> {
+            self.0
+        }
     }
 
     /// A disc that closes in on the base, which cannot move: the effective mass there was infinite

@@ -2,11 +2,13 @@
 
 mod broadcast;
 mod nearest;
+mod noise;
 mod pursuit;
 mod sincos;
 
 pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
+pub use noise::Noise;
 pub use pursuit::Pursuit;
 pub use sincos::{sin_cos, sin_cos_all};
 

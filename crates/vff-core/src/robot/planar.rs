@@ -313,6 +313,11 @@ impl Robot<2> for PlanarState {
         self.refresh();
     }
 
+    fn place(&mut self, q: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.kinematics();
+    }
+
     fn configuration(&self) -> &[f64] {
         &self.q
     }

@@ -4,6 +4,7 @@
 
 use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
+use crate::control::avoidance::preview::PreviewSettings;
 use crate::control::tank::TankSettings;
 use crate::control::{Settings, Yielding};
 use crate::field::{Field, FieldKind};
@@ -181,6 +182,33 @@ fn yielding(yielding: &Yielding) -> Judged {
     if outer <= inner {
         let requirement = format!("greater than inner = {inner}");
         return Err(ScenarioError::out_of_range("outer", &requirement, *outer));
+    }
+    yielding
+        .preview
+        .as_ref()
+        .map_or(Ok(()), |given| preview(given).map_err(|error| error.inside("preview")))
+}
+
+/// `[controller.yielding.preview]`.
+fn preview(settings: &PreviewSettings) -> Judged {
+    let PreviewSettings { period, horizon, alarm, clearance, speed, .. } = settings;
+    for (path, value) in [
+        ("period", period),
+        ("horizon", horizon),
+        ("alarm", alarm),
+        ("clearance", clearance),
+        ("speed", speed),
+    ] {
+        number(path, *value, positive)?;
+    }
+    if alarm > horizon {
+        let requirement = format!("at most horizon = {horizon}");
+        return Err(ScenarioError::out_of_range("alarm", &requirement, *alarm));
+    }
+    for (path, value) in [("steps", settings.steps), ("candidates", settings.candidates)] {
+        if !(1..=10_000).contains(&value) {
+            return Err(ScenarioError::out_of_range(path, "from 1 to 10000", value));
+        }
     }
     Ok(())
 }

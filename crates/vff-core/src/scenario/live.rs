@@ -191,7 +191,7 @@ impl Live {
         let scenario = Scenario { controller: settings, ..self.scenario.clone() };
         scenario.judge()?;
         let settings = &scenario.controller;
-        either!(&mut self.run, run => run.closed_loop_mut().set_gains(&Gains::new(settings)));
+        either!(&mut self.run, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(scenario.seed)));
         self.scenario = scenario;
         Ok(())
     }

@@ -376,7 +376,7 @@ impl Scenario {
             )
         })?;
         self.reachable(arm, &trajectory)?;
-        let gains = Gains::<M>::new(&self.controller);
+        let gains = Gains::<M>::new(&self.controller).with_seed(self.seed);
         let world = World::new(self.obstacles.clone());
         let options = self.simulation.clone();
         let reality = self.reality(arm)?;

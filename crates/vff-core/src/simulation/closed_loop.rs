@@ -104,9 +104,16 @@ impl<const M: usize> Brain<M> {
     ) -> &Torque {
         let Self { controller, world, trajectory } = self;
         world.update(t);
+        let reference = |ahead| trajectory.at(t + ahead);
         match perception {
-            Some(perception) => controller.observe(q, dq, perception),
-            None => controller.observe(q, dq, world),
+            Some(perception) => {
+                controller.observe(q, dq, perception);
+                controller.look_ahead(perception, reference);
+            }
+            None => {
+                controller.observe(q, dq, world);
+                controller.look_ahead(world, reference);
+            }
         }
         controller.command(&trajectory.at(t))
     }

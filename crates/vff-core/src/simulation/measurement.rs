@@ -1,9 +1,6 @@
 //! The sensors: what the controller gets to know of the state.
 
-use crate::math::Broadcast;
-use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
+use crate::math::{Broadcast, Noise};
 use serde::Deserialize;
 
 /// The `[measurement]` table of a scenario; each one number or one per joint, 0 for none.
@@ -51,29 +48,6 @@ impl MeasurementSettings {
     /// A delay in plant steps of `dt` [s], rounded up.
     pub fn steps(delay: f64, dt: f64) -> f64 {
         (delay / dt - 1e-9).ceil().max(0.0)
-    }
-}
-
-/// The random numbers of one use: every use has a stream of its own, so that none depends on another.
-#[derive(Debug, Clone)]
-pub(super) struct Noise(ChaCha8Rng);
-
-impl Noise {
-    pub(super) fn new(seed: u64, stream: u64) -> Self {
-        let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        generator.set_stream(stream);
-        Self(generator)
-    }
-
-    /// A number of the standard normal distribution.
-    pub(super) fn draw(&mut self) -> f64 {
-        StandardNormal.sample(&mut self.0)
-    }
-
-    /// A number from 0 to 1, without 1 itself, evenly spread.
-    #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
-    pub(super) fn share(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 

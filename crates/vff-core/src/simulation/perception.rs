@@ -1,7 +1,7 @@
 //! Range sensors along the links: what the controller gets to know of the obstacles.
 
-use super::measurement::{Noise, rounded};
-use crate::math::{Capsule, Vector, cross, perp};
+use super::measurement::rounded;
+use crate::math::{Capsule, Noise, Vector, cross, perp};
 use crate::world::{Contact, Feature, Surroundings, World};
 use serde::Deserialize;
 
@@ -258,27 +258,46 @@ impl Surroundings<2> for Perception {
                 if gap - capsule.radius >= reach || gap.is_infinite() {
                     continue;
                 }
-                let point = capsule.clamp(&witness);
-                let along = capsule.direction.dot(&(witness - capsule.start));
-                let inside = 0.0 < along && along < capsule.length;
-                let aside = perp(capsule.direction) * if side == 0 { -1.0 } else { 1.0 };
-                visit(&Contact {
-                    link,
-                    obstacle: side,
-                    distance: gap - capsule.radius,
-                    normal: if gap > 0.0 { (point - witness) / gap } else { aside },
-                    point,
-                    witness,
-                    velocity: Vector::zeros(),
-                    acceleration: Vector::zeros(),
-                    feature: if inside {
-                        Feature::Side { distance: gap }
-                    } else {
-                        Feature::End { distance: gap }
-                    },
-                });
+                visit(&touch(link, &capsule, side, witness));
             }
         }
+    }
+
+    /// The nearest of all points, on whichever side it comes to lie; they stay where they are.
+    fn contact_after(
+        &self,
+        link: usize,
+        capsule: &Capsule<2>,
+        obstacle: usize,
+        _: f64,
+    ) -> Contact<2> {
+        let gap = |point: &Vector<2>| (capsule.clamp(point) - point).norm_squared();
+        let nearest = self.met.iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)));
+        touch(link, capsule, obstacle, nearest.unwrap_or_else(|| Vector::repeat(f64::INFINITY)))
+    }
+}
+
+/// The contact of a link with a point at rest on one side of it.
+fn touch(link: usize, capsule: &Capsule<2>, side: usize, witness: Vector<2>) -> Contact<2> {
+    let point = capsule.clamp(&witness);
+    let gap = (point - witness).norm();
+    let along = capsule.direction.dot(&(witness - capsule.start));
+    let inside = 0.0 < along && along < capsule.length;
+    let aside = perp(capsule.direction) * if side == 0 { -1.0 } else { 1.0 };
+    Contact {
+        link,
+        obstacle: side,
+        distance: gap - capsule.radius,
+        normal: if gap > 0.0 { (point - witness) / gap } else { aside },
+        point,
+        witness,
+        velocity: Vector::zeros(),
+        acceleration: Vector::zeros(),
+        feature: if inside {
+            Feature::Side { distance: gap }
+        } else {
+            Feature::End { distance: gap }
+        },
     }
 }
 

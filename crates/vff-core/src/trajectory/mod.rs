@@ -38,6 +38,12 @@ impl<const M: usize> Sample<M> {
     fn at_rest(x: Vector<M>) -> Self {
         Self { x, dx: Vector::zeros(), ddx: Vector::zeros() }
     }
+
+    /// The reference `ahead` [s] later, were its velocity to stay.
+    #[must_use]
+    pub fn carried_on(&self, ahead: f64) -> Self {
+        Self { x: self.x + self.dx * ahead, dx: self.dx, ddx: Vector::zeros() }
+    }
 }
 
 /// A reference for a task of dimension `M`, ready to be evaluated.

@@ -34,6 +34,16 @@ pub trait Surroundings<const D: usize> {
         distance: impl FnMut(usize, f64),
         visit: impl FnMut(&Contact<D>),
     );
+
+    /// The contact of a link with `obstacle`, were that carried on for `after` [s] at its present
+    /// velocity.
+    fn contact_after(
+        &self,
+        link: usize,
+        capsule: &Capsule<D>,
+        obstacle: usize,
+        after: f64,
+    ) -> Contact<D>;
 }
 
 /// The obstacles at one instant.

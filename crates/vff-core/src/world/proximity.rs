@@ -107,6 +107,21 @@ impl Surroundings<2> for World {
             distance(link, least + 0.0);
         }
     }
+
+    #[inline]
+    fn contact_after(
+        &self,
+        link: usize,
+        capsule: &Capsule<2>,
+        obstacle: usize,
+        after: f64,
+    ) -> Contact<2> {
+        let body = &self.bodies[obstacle];
+        let mut state = body.state_at(self.time);
+        state.position += state.velocity * after;
+        let nearest = body.core.nearest(&Axis::new(capsule), to_glam(state.position));
+        body.core.contact(link, obstacle, &nearest, capsule.radius, &state)
+    }
 }
 
 impl Body {

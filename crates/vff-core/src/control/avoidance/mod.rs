@@ -5,6 +5,7 @@
 //! from the torque of the null-space law.
 
 pub mod barrier;
+pub mod preview;
 pub mod priority;
 pub mod relaxed;
 
@@ -13,6 +14,7 @@ use crate::math::Vector;
 use crate::robot::Robot;
 use crate::world::{Contact, Surroundings};
 use barrier::Barrier;
+use preview::PreviewSettings;
 use priority::Priority;
 use serde::Deserialize;
 
@@ -38,6 +40,8 @@ pub struct Yielding {
     pub slack_price: f64,
     /// Largest joint speed [rad/s], > 0, in `cbf`, where the arm has no velocity limits of its own.
     pub speed: f64,
+    /// Look-ahead on top of `cbf`; none by default.
+    pub preview: Option<PreviewSettings>,
 }
 
 impl Default for Yielding {
@@ -52,6 +56,7 @@ impl Default for Yielding {
             task_weight: 5.0,
             slack_price: 1e4,
             speed: 6.0,
+            preview: None,
         }
     }
 }

@@ -1,0 +1,581 @@
+//! Look-ahead on top of `cbf` (T71–T73): whether the arm, left to itself, is about to be hit, and if so,
+//! which motion of the next seconds takes it out of the way. That motion becomes the nominal one of the
+//! programme, which stays in charge of every distance and limit.
+
+use super::Yielding;
+use crate::control::{OperationalSpace, Torque, dot, task};
+use crate::math::Noise;
+use crate::robot::Robot;
+use crate::trajectory::Sample;
+use crate::world::{Contact, Surroundings};
+use nalgebra::{SMatrix, SVector};
+use serde::Deserialize;
+
+/// The stream of random numbers that courses are drawn from.
+const STREAM: u64 = 4;
+
+/// Obstacles farther away than this [m] are left out of a look.
+const REACH: f64 = 4.0;
+
+/// Pairs nearer than this [m] are filtered in a roll-out.
+const NEAR: f64 = 0.5;
+
+/// How fast the arm takes up the joint velocity of a course [1/s].
+const RATE: f64 = 10.0;
+
+/// How fast a roll-out comes back to the reference [1/s].
+const PULL: f64 = 3.0;
+
+/// What a metre of distance that is lacking, and letting go of the task, cost in metres of mean error.
+const LACKING: f64 = 100.0;
+const LETTING_GO: f64 = 2.0;
+
+/// How the arm looks ahead: the `[controller.yielding.preview]` table of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PreviewSettings {
+    /// Time between two looks [s], > 0, rounded up to whole steps.
+    pub period: f64,
+    /// How far a look goes [s], > 0.
+    pub horizon: f64,
+    /// A contact within this time [s], > 0 and at most `horizon`, makes the arm look for a way out.
+    pub alarm: f64,
+    /// Steps of a roll-out, ≥ 1.
+    pub steps: usize,
+    /// Courses that are tried, ≥ 1.
+    pub candidates: usize,
+    /// Distance [m], > 0, beyond which more of it counts for nothing.
+    pub clearance: f64,
+    /// Standard deviation of the joint velocities that are tried [rad/s], > 0.
+    pub speed: f64,
+}
+
+impl Default for PreviewSettings {
+    fn default() -> Self {
+        Self {
+            period: 0.04,
+            horizon: 2.0,
+            alarm: 0.6,
+            steps: 16,
+            candidates: 64,
+            clearance: 0.1,
+            speed: 1.0,
+        }
+    }
+}
+
+/// A motion: one joint velocity [rad/s] for some time, then another.
+#[derive(Debug, Clone)]
+struct Course {
+    /// Whether the end effector keeps to its task; the joint velocities are then meant within the null space.
+    holds: bool,
+    first: Vec<f64>,
+    then: Vec<f64>,
+    /// When the second begins [s from now].
+    switch: f64,
+}
+
+impl Course {
+    /// Nothing but the task.
+    fn idle(n: usize) -> Self {
+        Self { holds: true, first: vec![0.0; n], then: vec![0.0; n], switch: 0.0 }
+    }
+
+    fn copy_from(&mut self, other: &Self) {
+        (self.holds, self.switch) = (other.holds, other.switch);
+        self.first.copy_from_slice(&other.first);
+        self.then.copy_from_slice(&other.then);
+    }
+
+    fn make_idle(&mut self) {
+        (self.holds, self.switch) = (true, 0.0);
+        self.first.fill(0.0);
+        self.then.fill(0.0);
+    }
+
+    /// The joint velocity in `s` [s].
+    fn at(&self, s: f64) -> &[f64] {
+        if s < self.switch { &self.first } else { &self.then }
+    }
+
+    /// Something new.
+    fn draw(&mut self, noise: &mut Noise, speed: f64) {
+        self.holds = noise.share() < 0.5;
+        let constant = noise.share() < 0.3;
+        for (first, then) in self.first.iter_mut().zip(&mut self.then) {
+            *first = speed * noise.draw();
+            *then = if constant { *first } else { speed * noise.draw() };
+        }
+        self.switch = if constant { 0.0 } else { 1.5 * noise.share() };
+    }
+
+    /// Something like it.
+    fn vary(&mut self, noise: &mut Noise, speed: f64) {
+        for u in self.first.iter_mut().chain(&mut self.then) {
+            *u += speed * noise.draw();
+        }
+        self.switch = (self.switch + 0.2 * noise.draw()).max(0.0);
+    }
+
+    fn limit(&mut self, speed: &[f64]) {
+        for joints in [&mut self.first, &mut self.then] {
+            joints
+                .iter_mut()
+                .zip(speed)
+                .for_each(|(u, most)| *u = u.clamp(-0.9 * most, 0.9 * most));
+        }
+    }
+}
+
+/// What a roll-out comes to.
+#[derive(Debug, Clone, Copy)]
+struct Forecast {
+    /// Smallest distance [m].
+    distance: f64,
+    /// Mean error of the task [m].
+    error: f64,
+}
+
+/// Look-ahead with its workspace.
+#[derive(Debug, Clone)]
+pub struct Preview<R, const D: usize, const M: usize> {
+    settings: PreviewSettings,
+    margin: f64,
+    seed: u64,
+    noise: Noise,
+    /// Time since the last look [s]; infinite before the first.
+    waited: f64,
+    /// Whether `course` is being taken.
+    active: bool,
+    course: Course,
+    best: Course,
+    trial: Course,
+    rollout: Rollout<R, D, M>,
+}
+
+impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
+    /// For `robot`; random numbers come from `seed`.
+    pub fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings, seed: u64) -> Self {
+        let n = robot.dof();
+        Self {
+            settings: settings.clone(),
+            margin: yielding.margin,
+            seed,
+            noise: Noise::new(seed, STREAM),
+            waited: f64::INFINITY,
+            active: false,
+            course: Course::idle(n),
+            best: Course::idle(n),
+            trial: Course::idle(n),
+            rollout: Rollout::new(robot, yielding, settings),
+        }
+    }
+
+    /// Forgets the past.
+    pub fn reset(&mut self) {
+        self.noise = Noise::new(self.seed, STREAM);
+        self.waited = f64::INFINITY;
+        self.active = false;
+        self.course.make_idle();
+    }
+
+    /// Lets `dt` [s] pass.
+    pub fn elapse(&mut self, dt: f64) {
+        self.waited += dt;
+        self.course.switch -= dt;
+    }
+
+    /// Looks ahead from the state of `robot`, if it is time; `reference(s)` is that in s seconds.
+    pub fn look(
+        &mut self,
+        robot: &R,
+        surroundings: &mut impl Surroundings<D>,
+        reference: impl Fn(f64) -> Sample<M>,
+    ) {
+        if self.waited < self.settings.period - 1e-9 {
+            return;
+        }
+        self.waited = 0.0;
+        let Self { settings, rollout, best, active, margin, .. } = self;
+        rollout.prepare(settings, robot, surroundings, reference);
+        best.make_idle();
+        // Left to itself; a way out is given up only once the margin is kept over the whole horizon.
+        let (until, enough) =
+            if *active { (settings.horizon, *margin) } else { (settings.alarm, 0.0) };
+        *active = !rollout.obstacles.is_empty()
+            && rollout.forecast(best, surroundings, until, |_| false).distance < enough;
+        if *active {
+            self.search(surroundings);
+        } else {
+            self.course.make_idle();
+        }
+    }
+
+    /// Finds the cheapest of the courses that are tried (T73): the one being taken, doing nothing, new ones, and
+    /// ones like the best so far.
+    fn search(&mut self, surroundings: &impl Surroundings<D>) {
+        let Self { settings, margin, noise, course, best, trial, rollout, .. } = self;
+        let (clearance, margin) = (settings.clearance, *margin);
+        let price = |forecast: Forecast, holds: bool| {
+            let lacking = (clearance - forecast.distance).max(0.0);
+            let breach = (margin - forecast.distance).max(0.0);
+            LACKING * (lacking + breach) + forecast.error + if holds { 0.0 } else { LETTING_GO }
+        };
+        let horizon = settings.horizon;
+        let idle = rollout.forecast(best, surroundings, horizon, |_| false);
+        let mut least = price(idle, true);
+        let present = rollout.forecast(course, surroundings, horizon, |_| false);
+        if price(present, course.holds) < least {
+            least = price(present, course.holds);
+            best.copy_from(course);
+        }
+        // A course that keeps its distance needs little more than to be kept up to date.
+        let settled = present.distance >= clearance;
+        let count = if settled { settings.candidates / 8 } else { settings.candidates };
+        for k in 0..count {
+            if 2 * k >= count || k % 2 == 0 {
+                trial.copy_from(best);
+                trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
+                trial.holds ^= k % 8 == 7;
+            } else {
+                trial.draw(noise, settings.speed * if k % 3 == 0 { 0.4 } else { 1.0 });
+            }
+            trial.limit(&rollout.speed);
+            let hopeless = |so_far| price(so_far, trial.holds) > least;
+            let cost = price(rollout.forecast(trial, surroundings, horizon, hopeless), trial.holds);
+            if cost < least {
+                least = cost;
+                std::mem::swap(best, trial);
+            }
+        }
+        course.copy_from(best);
+    }
+
+    /// Whether a way out is being taken.
+    pub fn is_active(&self) -> bool {
+        self.active
+    }
+
+    /// Makes the course the nominal motion (T72): changes the torque of the null-space law into one that gives
+    /// q̈ = RATE (u − q̇), in the null space alone if the end effector holds.
+    pub fn act(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        bias: &[f64],
+        torque: &mut Torque,
+    ) {
+        if !self.active {
+            return;
+        }
+        let (change, scratch) = (&mut self.rollout.w, &mut self.rollout.v);
+        robot.accelerate(&torque.total, bias, scratch, change);
+        for ((change, u), dq) in change.iter_mut().zip(self.course.at(0.0)).zip(robot.velocity()) {
+            *change = RATE * (u - dq) - *change;
+        }
+        if self.course.holds {
+            space.pinv_mul(&robot.jacobian_mul::<M>(change), scratch);
+            change.iter_mut().zip(scratch.iter()).for_each(|(change, task)| *change -= task);
+        }
+        robot.mass_mul(change, scratch);
+        torque.add_to_task(|i| scratch[i]);
+    }
+}
+
+/// The arm as a chain without mass that follows a course, pushed aside like the real one by what the
+/// programme keeps (T71).
+#[derive(Debug, Clone)]
+struct Rollout<R, const D: usize, const M: usize> {
+    scout: R,
+    /// Configuration and joint velocity at the beginning, and on the way.
+    start: [Vec<f64>; 2],
+    q: Vec<f64>,
+    v: Vec<f64>,
+    /// The joint velocity that is wanted, and J_cᵀn̂ of a pair.
+    w: Vec<f64>,
+    row: Vec<f64>,
+    /// 1/M_ii at the beginning: how easily a joint gives way.
+    ease: Vec<f64>,
+    /// Largest joint speeds [rad/s].
+    speed: Vec<f64>,
+    obstacles: Vec<usize>,
+    pairs: Vec<Contact<D>>,
+    reference: Vec<Sample<M>>,
+    /// Duration of a step [s].
+    step: f64,
+    margin: f64,
+}
+
+impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings) -> Self {
+        let n = robot.dof();
+        let limits = &robot.limits().velocity;
+        let zeros = || vec![0.0; n];
+        Self {
+            scout: robot.clone(),
+            start: [zeros(), zeros()],
+            q: zeros(),
+            v: zeros(),
+            w: zeros(),
+            row: zeros(),
+            ease: zeros(),
+            speed: if limits.is_empty() { vec![yielding.speed; n] } else { limits.clone() },
+            obstacles: vec![],
+            pairs: vec![],
+            reference: Vec::with_capacity(settings.steps + 1),
+            step: settings.horizon / settings.steps as f64,
+            margin: yielding.margin,
+        }
+    }
+
+    /// Takes in the state, what is around and what is wanted.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn prepare(
+        &mut self,
+        settings: &PreviewSettings,
+        robot: &R,
+        surroundings: &mut impl Surroundings<D>,
+        reference: impl Fn(f64) -> Sample<M>,
+    ) {
+        let Self { obstacles, pairs, w, v, ease, .. } = self;
+        obstacles.clear();
+        obstacles.reserve(surroundings.obstacle_count());
+        pairs.clear();
+        pairs.reserve(surroundings.obstacle_count() * robot.dof());
+        let links = (0..robot.dof()).map(|i| robot.link(i));
+        surroundings.for_each_contact(
+            links,
+            REACH,
+            |_, _| {},
+            |pair| {
+                if !obstacles.contains(&pair.obstacle) {
+                    obstacles.push(pair.obstacle);
+                }
+            },
+        );
+        w.fill(0.0);
+        for i in 0..robot.dof() {
+            w[i] = 1.0;
+            robot.mass_mul(w, v);
+            w[i] = 0.0;
+            ease[i] = 1.0 / v[i];
+        }
+        self.start[0].copy_from_slice(robot.configuration());
+        self.start[1].copy_from_slice(robot.velocity());
+        self.reference.clear();
+        self.reference.extend((0..=settings.steps).map(|k| reference(self.step * k as f64)));
+    }
+
+    /// What becomes of a course until `until` [s], or until what is known so far is `hopeless`.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    fn forecast(
+        &mut self,
+        course: &Course,
+        surroundings: &impl Surroundings<D>,
+        until: f64,
+        hopeless: impl Fn(Forecast) -> bool,
+    ) -> Forecast {
+        self.q.copy_from_slice(&self.start[0]);
+        self.v.copy_from_slice(&self.start[1]);
+        let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
+        for k in 0..self.reference.len() {
+            let s = self.step * k as f64;
+            if s > until + 1e-9 {
+                break;
+            }
+            self.scout.place(&self.q);
+            let sample = self.reference[k];
+            let e = task::error(self.scout.pose::<M>(), sample.x);
+            forecast.error += e.norm() / self.reference.len() as f64;
+            forecast.distance = forecast.distance.min(self.measure(surroundings, s));
+            if hopeless(forecast) {
+                break;
+            }
+            let wanted = course.holds.then(|| sample.dx - e * PULL);
+            self.want(course.at(s), wanted);
+            self.advance();
+        }
+        forecast
+    }
+
+    /// The smallest distance when the obstacles have gone on for `s` [s]; gathers the pairs that are near.
+    fn measure(&mut self, surroundings: &impl Surroundings<D>, s: f64) -> f64 {
+        let Self { scout, obstacles, pairs, .. } = self;
+        let mut least = f64::INFINITY;
+        pairs.clear();
+        for i in 0..scout.dof() {
+            let link = scout.link(i);
+            for &j in obstacles.iter() {
+                let pair = surroundings.contact_after(i, &link, j, s);
+                least = least.min(pair.distance);
+                if pair.distance < NEAR {
+                    pairs.push(pair);
+                }
+            }
+        }
+        least
+    }
+
+    /// The joint velocity `u`, with the task velocity `dx` where the end effector holds, and then, pair by
+    /// pair, the nearest one that lets the distance run down no faster than is allowed (T71).
+    fn want(&mut self, u: &[f64], dx: Option<SVector<f64, M>>) {
+        let Self { scout, w, row, ease, pairs, step, margin, .. } = self;
+        w.copy_from_slice(u);
+        let mut inverse = SMatrix::<f64, M, M>::zeros();
+        if let Some(mut along) = dx {
+            // Damped: where only the end effector can give way, it does.
+            let mut gram = SMatrix::<f64, M, M>::identity() * 0.02;
+            for (i, (ease, u)) in ease.iter().zip(u).enumerate() {
+                let column = scout.jacobian_column::<M>(i);
+                gram += column * column.transpose() * *ease;
+                along -= column * *u;
+            }
+            inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
+            let f = inverse * along;
+            for (i, w) in w.iter_mut().enumerate() {
+                *w += ease[i] * scout.jacobian_column::<M>(i).dot(&f);
+            }
+        }
+        for pair in pairs.iter() {
+            scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
+            let lack = -0.5 / *step * (pair.distance - *margin) - rate;
+            if lack > 0.0 {
+                let mut at_task = SVector::<f64, M>::zeros();
+                for (i, row) in row.iter().enumerate() {
+                    at_task += scout.jacobian_column::<M>(i) * (ease[i] * row);
+                }
+                let f = inverse * at_task;
+                let mut along = 0.0;
+                for (i, row) in row.iter_mut().enumerate() {
+                    let way = ease[i] * (*row - scout.jacobian_column::<M>(i).dot(&f));
+                    along += *row * way;
+                    *row = way;
+                }
+                let by = lack / along.max(1e-9);
+                w.iter_mut().zip(row.iter()).for_each(|(w, way)| *w += by * way);
+            }
+        }
+    }
+
+    /// One step on, the velocity following `w` as the real one does, within the limits of the joints.
+    fn advance(&mut self) {
+        let Self { scout, q, v, w, speed, step, .. } = self;
+        let follow = 1.0 - (-RATE * *step).exp();
+        let ranges = &scout.limits().joint;
+        for i in 0..q.len() {
+            let before = v[i];
+            v[i] = (v[i] + follow * (w[i] - v[i])).clamp(-speed[i], speed[i]);
+            q[i] += 0.5 * *step * (before + v[i]);
+            if let Some([low, high]) = ranges.get(i)
+                && !(*low..=*high).contains(&q[i])
+            {
+                (q[i], v[i]) = (q[i].clamp(*low, *high), 0.0);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vector;
+    use crate::robot::{PlanarArm, PlanarState, planar::Link};
+    use crate::world::{Motion, Obstacle, Shape, World};
+    use std::sync::Arc;
+
+    const START: [f64; 4] = [0.4, 0.5, -0.6, 0.3];
+
+    fn robot() -> PlanarState {
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
+        let mut state = arm.state();
+        state.update(&START, &[0.0; 4]);
+        state
+    }
+
+    fn disc(position: [f64; 2], velocity: [f64; 2]) -> Obstacle {
+        let shape = Shape::Circle { radius: 0.2 };
+        Obstacle { shape, position, angle: 0.0, motion: Motion::Linear { velocity } }
+    }
+
+    fn preview(robot: &PlanarState, settings: &PreviewSettings) -> Preview<PlanarState, 2, 2> {
+        Preview::new(robot, &Yielding::default(), settings, 7)
+    }
+
+    fn holding(robot: &PlanarState) -> Sample<2> {
+        Sample { x: robot.pose(), dx: Vector::zeros(), ddx: Vector::zeros() }
+    }
+
+    /// A free course from rest: q̇ follows u as 1 − e^(−kt), so that q − q₀ is u(t − (1 − e^(−kt))/k), up to
+    /// the error of the trapezoidal rule, u k²Δ²/12 of the whole.
+    #[test]
+    fn a_free_course_is_followed_with_a_lag() {
+        let robot = robot();
+        let settings = PreviewSettings { steps: 200, ..PreviewSettings::default() };
+        let mut preview = preview(&robot, &settings);
+        let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
+        let reference = holding(&robot);
+        preview.rollout.prepare(&settings, &robot, &mut world, |_| reference);
+        let u = [0.3, -0.2, 0.1, 0.5];
+        let course = Course { holds: false, first: u.into(), then: u.into(), switch: 0.0 };
+        preview.rollout.forecast(&course, &world, 1.0, |_| false);
+        let t = 1.0 + preview.rollout.step; // the state after the last step that was measured
+        for (i, u) in u.iter().enumerate() {
+            let expected = START[i] + u * (t - (1.0 - (-RATE * t).exp()) / RATE);
+            assert!((preview.rollout.q[i] - expected).abs() < 1e-4, "{i}");
+        }
+    }
+
+    /// The end effector is held while the null space moves: the error stays that of the steps alone.
+    #[test]
+    fn a_course_that_holds_keeps_the_end_effector() {
+        let robot = robot();
+        let settings = PreviewSettings { steps: 200, ..PreviewSettings::default() };
+        let mut preview = preview(&robot, &settings);
+        let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
+        let reference = holding(&robot);
+        preview.rollout.prepare(&settings, &robot, &mut world, |_| reference);
+        let u = vec![0.3, -0.4, 0.3, 0.1];
+        let mut course = Course { holds: true, first: u.clone(), then: u, switch: 0.0 };
+        let held = preview.rollout.forecast(&course, &world, 1.0, |_| false);
+        course.holds = false;
+        let free = preview.rollout.forecast(&course, &world, 1.0, |_| false);
+        assert!(held.error < 0.05 * free.error, "{held:?} {free:?}");
+    }
+
+    /// A disc that heads for the second link alarms, one that passes does not, and without an obstacle there is
+    /// nothing to look at. Whatever is chosen costs no more than doing nothing, and keeps the speed limits.
+    #[test]
+    fn only_what_is_ahead_alarms() {
+        let robot = robot();
+        let settings = PreviewSettings { alarm: 2.0, ..PreviewSettings::default() };
+        let reference = holding(&robot);
+        for (obstacles, expected) in [
+            (vec![], false),
+            (vec![disc([1.4, 2.4], [0.0, 0.8])], false),
+            (vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])], true),
+        ] {
+            let mut world = World::new(obstacles);
+            let mut preview = preview(&robot, &settings);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(preview.is_active(), expected);
+            if expected {
+                let Preview { course, rollout, .. } = &mut preview;
+                let idle = rollout.forecast(&Course::idle(4), &world, 2.0, |_| false);
+                let chosen = rollout.forecast(course, &world, 2.0, |_| false);
+                assert!(idle.distance < 0.0 && chosen.distance > 0.0, "{idle:?} {chosen:?}");
+                let fastest = course.first.iter().chain(&course.then).map(|u| u.abs());
+                assert!(fastest.fold(0.0, f64::max) <= Yielding::default().speed);
+            }
+            // The next look is due after a period, not before.
+            preview.active = !expected;
+            preview.elapse(0.5 * settings.period);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(preview.is_active(), !expected);
+            preview.elapse(0.5 * settings.period);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(preview.is_active(), expected);
+        }
+    }
+}

@@ -1,0 +1,99 @@
+"""Look-ahead on top of `cbf`: idle where nothing is ahead, out of the way where something is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+
+LOOKING = {"controller.avoidance": "cbf", "controller.yielding.preview": {}}
+
+
+def closing(**preview: Any) -> dict[str, Any]:
+    """Three discs that close on four links: one from outside, two that swing through their middle."""
+
+    def disc(radius: float, position: list[float], motion: dict[str, Any]) -> dict[str, Any]:
+        return {"shape": {"kind": "circle", "radius": radius}, "position": position, "motion": motion}
+
+    swing = {
+        "kind": "sinusoid",
+        "amplitude": [-0.3306, 1.024],
+        "angular_frequency": 0.2334,
+        "phase": -1.5708,
+    }
+    path = {
+        "kind": "waypoints",
+        "times": [0.8234, 6.032],
+        "points": [[-1.0793, -0.8717], [-1.8118, -2.524]],
+    }
+    return {
+        "duration": 8.0,
+        "q0": [2.7799, 0.5883, 0.886, 0.59],
+        "arm": {"lengths": [1.0] * 4, "masses": 1.0, "radius": 0.03},
+        "reference": {"kind": "setpoint", "point": [-2.2206, -1.759]},
+        "controller": {
+            "stiffness": 100.0,
+            "damping": 20.0,
+            "null_damping": 6.0,
+            "field": {"kind": "khatib", "gain": 0.3, "influence": 0.6, "floor": 0.05},
+            "avoidance": "cbf",
+            "yielding": {"preview": preview},
+        },
+        "obstacles": [
+            disc(0.2463, [-1.8926, -1.5068], swing),
+            disc(0.2461, [-1.0793, -0.8717], path),
+            disc(0.2307, [-3.2638, -1.3261], {"kind": "linear", "velocity": [0.2126, 0.0079]}),
+        ],
+    }
+
+
+def test_without_danger_bits_are_those_of_cbf() -> None:
+    """The null space suffices in `sweep-through`: no roll-out touches the disc, the law is untouched."""
+    plain = vff.simulate("sweep-through", {"controller.avoidance": "cbf"})
+    looking = vff.simulate("sweep-through", LOOKING)
+    assert np.array_equal(plain.tau, looking.tau)
+    assert np.array_equal(plain.q, looking.q)
+
+
+def test_same_seed_same_bits() -> None:
+    """Courses are drawn from the scenario's seed, and from nothing else."""
+    first, again = (vff.simulate(closing(alarm=2.0)) for _ in range(2))
+    other = vff.simulate({**closing(alarm=2.0), "seed": 1})
+    assert np.array_equal(first.q, again.q)
+    assert not np.array_equal(first.q, other.q)
+
+
+def test_without_cbf_it_is_not_asked() -> None:
+    """Look-ahead gives a nominal motion to the programme; the other laws have none."""
+    plain = vff.simulate("on-path", {"controller.avoidance": "relaxed"})
+    looking = vff.simulate("on-path", {**LOOKING, "controller.avoidance": "relaxed"})
+    assert np.array_equal(plain.q, looking.q)
+
+
+def test_closing_discs_are_left_before_they_close() -> None:
+    """Without look-ahead a link is 0.1 m and more inside a disc; with it, none touches one."""
+    document = closing()
+    document["controller"]["yielding"] = {}
+    assert vff.simulate(document).metrics.min_clearance < -0.1  # type: ignore[operator]
+    for seed in range(4):
+        looking = vff.simulate({**closing(), "seed": seed})
+        assert looking.metrics.min_clearance > 0.0  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("period", 0.0, "greater than 0"),
+        ("alarm", 5.0, "at most horizon = 2"),
+        ("steps", 0, "from 1 to 10000"),
+        ("candidates", 0, "from 1 to 10000"),
+        ("horizons", 1.0, "horizon"),
+    ],
+)
+def test_wrong_settings_are_named(key: str, value: float, words: str) -> None:
+    with pytest.raises(vff.errors.ScenarioError, match=words) as caught:
+        vff.ControlSettings(avoidance="cbf", yielding={"preview": {key: value}})
+    assert "yielding.preview" in str(caught.value)
