@@ -77,9 +77,17 @@ impl<const M: usize> Truth<M> {
     }
 }
 
-/// Whether all values are finite; without leaving early, which would be a branch for each.
+/// Whether all values are finite: 0 x is 0 then. Four side by side, without leaving early, which would
+/// be a branch for each.
 fn is_finite(values: &[f64]) -> bool {
-    values.iter().fold(true, |all, v| all & v.is_finite())
+    let (chunks, rest) = values.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for chunk in chunks {
+        for k in 0..4 {
+            sums[k] += 0.0 * chunk[k];
+        }
+    }
+    rest.iter().chain(&sums).fold(0.0, |sum, v| sum + 0.0 * v) == 0.0
 }
 
 /// The controller with what it perceives and what it is told.
@@ -303,7 +311,7 @@ impl<const M: usize> ClosedLoop<M> {
                 .then(|| forces.self_clearance()),
             slack: controller.slack(),
             yields: controller.yields(),
-            manipulability: space.manipulability,
+            manipulability: controller.manipulability(),
             singular: space.singular,
         }
     }
@@ -334,8 +342,7 @@ impl<const M: usize> ClosedLoop<M> {
             if ideal && (continuous || stage.first) {
                 plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
             } else {
-                plant.update(q, dq);
-                plant.accelerate(tau, ddq);
+                plant.accelerate(q, dq, tau, ddq);
             }
         });
         let weight = match options.integrator {
