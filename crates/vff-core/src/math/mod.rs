@@ -8,7 +8,7 @@ mod sincos;
 pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
 pub use pursuit::Pursuit;
-pub use sincos::{sin_cos, sin_cos_all};
+pub use sincos::{sin_cos, sin_cos_pair};
 
 use nalgebra::SVector;
 

@@ -12,7 +12,7 @@
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
 use super::{Limits, Matrices, Robot, dense};
-use crate::math::{Capsule, Vector, cross, perp, sin_cos_all};
+use crate::math::{Capsule, Vector, cross, perp, sin_cos, sin_cos_pair};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -153,9 +153,6 @@ impl PlanarArm {
             arm: Arc::clone(self),
             q: vec![0.0; n],
             dq: vec![0.0; n],
-            angles: vec![0.0; n],
-            sin: vec![0.0; n],
-            cos: vec![0.0; n],
             joints: self
                 .composite
                 .iter()
@@ -173,7 +170,8 @@ impl PlanarArm {
 /// What depends on (q, q̇) at one joint and its link.
 #[derive(Debug, Clone, Copy, Default)]
 struct Joint {
-    /// Absolute rate of the link [rad/s].
+    /// Absolute angle [rad] and rate [rad/s] of the link.
+    angle: f64,
     rate: f64,
     /// Position [m] and velocity [m/s] of the joint, and its acceleration while q̈ = 0: −Σ w² l.
     position: Vector<2>,
@@ -197,10 +195,6 @@ pub struct PlanarState {
     arm: Arc<PlanarArm>,
     q: Vec<f64>,
     dq: Vec<f64>,
-    /// Absolute angles of the links [rad], their sines and cosines.
-    angles: Vec<f64>,
-    sin: Vec<f64>,
-    cos: Vec<f64>,
     joints: Vec<Joint>,
     tip: Vector<2>,
     tip_velocity: Vector<2>,
@@ -221,7 +215,7 @@ impl PlanarState {
 
     /// The absolute angle of link `i` [rad].
     pub fn link_angle(&self, i: usize) -> f64 {
-        self.angles[i]
+        self.joints[i].angle
     }
 
     /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
@@ -237,38 +231,27 @@ impl PlanarState {
 
     /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
     fn kinematics(&mut self, q: &[f64], dq: &[f64]) {
-        let n = self.joints.len();
         self.q.copy_from_slice(q);
         self.dq.copy_from_slice(dq);
-        let (dq, links) = (&dq[..n], &self.arm.composite[..n]);
-        let mut angle = 0.0;
-        for (absolute, q) in self.angles.iter_mut().zip(q) {
-            angle += q;
-            *absolute = angle;
+        let mut tip = Joint::default();
+        let (joints, links) = (self.joints.as_chunks_mut::<2>(), self.arm.composite.as_chunks::<2>());
+        let (q, dq) = (q.as_chunks::<2>(), dq.as_chunks::<2>());
+        for (((joint, link), q), dq) in joints.0.iter_mut().zip(links.0).zip(q.0).zip(dq.0) {
+            let first = tip.angle + q[0];
+            let angles = [first, first + q[1]];
+            let (sin, cos) = sin_cos_pair(angles);
+            for k in 0..2 {
+                tip.carry(&mut joint[k], &link[k], angles[k], dq[k], [cos[k], sin[k]]);
+            }
         }
-        sin_cos_all(&self.angles, &mut self.sin, &mut self.cos);
-        let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
-        let mut rate = 0.0;
-        let mut position = Vector::<2>::zeros();
-        let mut velocity = Vector::<2>::zeros();
-        let mut acceleration = Vector::<2>::zeros();
-        for (i, joint) in self.joints.iter_mut().enumerate() {
-            rate += dq[i];
-            let x = Vector::<2>::new(cos[i], sin[i]);
-            joint.rate = rate;
-            joint.position = position;
-            joint.velocity = velocity;
-            joint.acceleration = acceleration;
-            joint.x = x;
-            joint.l = x * links[i].length;
-            joint.b = x * links[i].moment.x + perp(x) * links[i].moment.y;
-            position += joint.l;
-            velocity += perp(joint.l) * rate;
-            acceleration -= joint.l * (rate * rate);
+        for (((joint, link), q), dq) in joints.1.iter_mut().zip(links.1).zip(q.1).zip(dq.1) {
+            let angle = tip.angle + q;
+            let (sin, cos) = sin_cos(angle);
+            tip.carry(joint, link, angle, *dq, [cos, sin]);
         }
-        self.tip_bias = acceleration;
-        self.tip = position;
-        self.tip_velocity = velocity;
+        self.tip = tip.position;
+        self.tip_velocity = tip.velocity;
+        self.tip_bias = tip.acceleration;
     }
 
     /// Tip to base: the factorisation of M alone.
@@ -290,6 +273,27 @@ impl PlanarState {
             *out = alpha - previous;
             previous = alpha;
         }
+    }
+}
+
+impl Joint {
+    /// Places `joint` here, and goes on along its link to the next.
+    #[inline(always)]
+    fn carry(&mut self, joint: &mut Joint, link: &Composite, angle: f64, dq: f64, x: [f64; 2]) {
+        self.angle = angle;
+        self.rate += dq;
+        let x = Vector::from(x);
+        joint.angle = angle;
+        joint.rate = self.rate;
+        joint.position = self.position;
+        joint.velocity = self.velocity;
+        joint.acceleration = self.acceleration;
+        joint.x = x;
+        joint.l = x * link.length;
+        joint.b = x * link.moment.x + perp(x) * link.moment.y;
+        self.position += joint.l;
+        self.velocity += perp(joint.l) * self.rate;
+        self.acceleration -= joint.l * (self.rate * self.rate);
     }
 }
 
@@ -542,7 +546,7 @@ impl Robot<2> for PlanarState {
     }
 
     fn pose<const M: usize>(&self) -> SVector<f64, M> {
-        twist(self.tip, self.angles.last().copied().unwrap_or(0.0))
+        twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle))
     }
 
     #[inline]

@@ -77,17 +77,13 @@ impl<const M: usize> Truth<M> {
     }
 }
 
-/// Whether all values are finite: 0 x is 0 then. Four side by side, without leaving early, which would
-/// be a branch for each.
+/// Whether all values are finite. Only a full exponent plus one carries into the sign; bits, because
+/// the compiler tests several at once without leaving early.
 fn is_finite(values: &[f64]) -> bool {
-    let (chunks, rest) = values.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for chunk in chunks {
-        for k in 0..4 {
-            sums[k] += 0.0 * chunk[k];
-        }
-    }
-    rest.iter().chain(&sums).fold(0.0, |sum, v| sum + 0.0 * v) == 0.0
+    const EXPONENT: u64 = f64::INFINITY.to_bits();
+    const ONE: u64 = 1 << 52;
+    let signs = values.iter().fold(0, |signs, v| signs | ((v.to_bits() & EXPONENT) + ONE));
+    signs >> 63 == 0
 }
 
 /// The controller with what it perceives and what it is told.
