@@ -107,7 +107,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         (self.potential, self.obstacle_power, self.approach_power) = (0.0, 0.0, 0.0);
         self.clearance.fill(f64::INFINITY);
         let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
-        let links = (0..robot.dof()).map(|i| robot.link(i));
+        let links = robot.links();
         let mut clearance = std::mem::take(&mut self.clearance);
         let nearest = |link: usize, d: f64| clearance[link] = d;
         surroundings.for_each_contact(links, influence, nearest, |contact| {
@@ -197,7 +197,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.self_clearance = f64::INFINITY;
         let mut links = std::mem::take(&mut self.links);
         links.clear();
-        links.extend((0..robot.dof()).map(|i| robot.link(i)));
+        links.extend(robot.links());
         let middle = |link: &Capsule<D>| link.start + link.direction * (0.5 * link.length);
         for (j, b) in links.iter().enumerate().skip(2) {
             for (i, a) in links[..j - 1].iter().enumerate() {

@@ -153,6 +153,10 @@ pub trait Robot<const D: usize> {
 
     /// The shape of link `i` in the world.
     fn link(&self, i: usize) -> Capsule<D>;
+    /// All of them, from the base.
+    fn links(&self) -> impl Iterator<Item = Capsule<D>> {
+        (0..self.dof()).map(|i| self.link(i))
+    }
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` [m/s].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.

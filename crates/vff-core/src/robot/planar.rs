@@ -627,9 +627,12 @@ impl Robot<2> for PlanarState {
     }
 
     fn link(&self, i: usize) -> Capsule<2> {
-        let joint = &self.joints[i];
-        let Link { length, radius, .. } = self.arm.links[i];
-        Capsule { start: joint.position, direction: joint.x, length, radius }
+        capsule(&self.joints[i], &self.arm.links[i])
+    }
+
+    fn links(&self) -> impl Iterator<Item = Capsule<2>> {
+        let pairs = self.joints.iter().zip(&self.arm.links);
+        pairs.map(|(joint, link)| capsule(joint, link))
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<2>) -> Vector<2> {
@@ -692,6 +695,12 @@ pub struct PlanarWrench {
     pub force: Vector<2>,
     /// Moment about the link's joint [N·m].
     pub moment: f64,
+}
+
+#[inline(always)]
+fn capsule(joint: &Joint, link: &Link) -> Capsule<2> {
+    let Link { length, radius, .. } = *link;
+    Capsule { start: joint.position, direction: joint.x, length, radius }
 }
 
 /// The first `M` components of a planar twist: two linear, one angular.

@@ -74,8 +74,8 @@ impl Surroundings<2> for World {
         if bodies.is_empty() {
             return;
         }
-        let mut meet = |link: usize, axis: &Axis, radius: f64, j: usize, body: &Body| {
-            let nearest = body.core.nearest(axis, to_glam(body.state.position));
+        let mut meet = |link: usize, axis: Axis, radius: f64, j: usize, body: &Body| {
+            let nearest = body.core.nearest(&axis, to_glam(body.state.position));
             let contact = body.core.contact(link, j, &nearest, radius, &body.state);
             if contact.distance < reach {
                 visit(&contact);
@@ -89,10 +89,10 @@ impl Surroundings<2> for World {
             };
             // The same is done with the few that a crowd names as with all: measured first, and only
             // links with something in reach are looked at again.
-            let (axis, bodies) = (&axis, &*bodies);
+            let bodies = &*bodies;
             let least = match near {
-                None => least_distance(bodies, axis, radius),
-                Some(near) => least_distance(near.iter().map(|&j| &bodies[j]), axis, radius),
+                None => least_distance(bodies, &axis, radius),
+                Some(near) => least_distance(near.iter().map(|&j| &bodies[j]), &axis, radius),
             };
             distance(link, least);
             if least < reach {
