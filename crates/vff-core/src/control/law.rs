@@ -7,7 +7,7 @@
 //! The end effector then obeys ẍ = ẍ_c + J M⁻¹ τ_ext exactly (T14), and the null space is a passive
 //! impedance, Λ_n ν̇ + (μ_nn + D_n) ν = Zᵀ(τ_sec + τ_ext) (T15).
 
-use super::{Gains, OperationalSpace, Projection};
+use super::{Gains, OperationalSpace, Projection, dot};
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
@@ -108,11 +108,13 @@ impl Law {
         }
 
         // Null motion N q̇ = q̇ − J#ẋ and its damping D_q N q̇
-        self.null_energy = 0.5 * subtract_from(v, dq, w);
+        subtract_from(v, dq);
+        self.null_energy = 0.5 * dot(v, w);
         gains.null_damping.scale_momentum(robot, self.brake, v, w, total);
+        self.damping_power = dot(v, w);
 
         // Null-space torque before projection  y = J̇ᵀ Λẋ − Cᵀ J#ẋ + τ_sec − D_q N q̇         (T12)
-        self.damping_power = add_damped(y, tau_sec, w, v);
+        add_difference(y, tau_sec, w);
 
         // Projection  Nᵀ y = y − Jᵀ(Λ J M⁻¹ y)                                               (T4)
         let leak = leak(robot, space, gains.projection, y, v);
@@ -143,24 +145,14 @@ impl Law {
     }
 }
 
-/// `v ← q̇ − v`; returns v · p.
-fn subtract_from(v: &mut [f64], dq: &[f64], p: &[f64]) -> f64 {
-    let mut product = 0.0;
-    for ((v, dq), p) in v.iter_mut().zip(dq).zip(p) {
-        *v = dq - *v;
-        product += *v * p;
-    }
-    product
+/// `a ← b − a`.
+fn subtract_from(a: &mut [f64], b: &[f64]) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a = b - *a);
 }
 
-/// `y ← y + τ − w`, w the torque of damping at the velocity v; returns its power v · w.
-fn add_damped(y: &mut [f64], tau: &[f64], w: &[f64], v: &[f64]) -> f64 {
-    let mut power = 0.0;
-    for (((y, tau), w), v) in y.iter_mut().zip(tau).zip(w).zip(v) {
-        *y += tau - w;
-        power += v * w;
-    }
-    power
+/// `a ← a + b − c`.
+fn add_difference(a: &mut [f64], b: &[f64], c: &[f64]) {
+    a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a += b - c);
 }
 
 /// The task force in a joint torque `y`, which the projector takes out.

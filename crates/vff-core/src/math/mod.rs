@@ -8,7 +8,7 @@ mod sincos;
 pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
 pub use pursuit::Pursuit;
-pub use sincos::{sin_cos, sin_cos_pair};
+pub use sincos::{sin_cos, unit_vectors};
 
 use nalgebra::SVector;
 

@@ -35,33 +35,29 @@ const COS: [f64; 6] = [
 /// `(sin x, cos x)`.
 #[inline]
 pub fn sin_cos(x: f64) -> (f64, f64) {
-    let (sin, cos) = sin_cos_pair([x; 2]);
-    (sin[0], cos[0])
+    if x.abs() <= LIMIT {
+        let (sin, cos) = reduced(f64x2::splat(x));
+        (sin.to_array()[0], cos.to_array()[0])
+    } else {
+        x.sin_cos()
+    }
 }
 
-/// The sines and the cosines of two angles, bit for bit those of each alone, for the price of one.
+/// `[cos x, sin x]` of two angles, bit for bit as [`sin_cos`] of each, for the price of one.
 #[inline]
-pub fn sin_cos_pair(x: [f64; 2]) -> ([f64; 2], [f64; 2]) {
-    if (x[0].abs() <= LIMIT) & (x[1].abs() <= LIMIT) {
-        let (sin, cos) = reduced(f64x2::new(x));
-        (sin.to_array(), cos.to_array())
+pub fn unit_vectors(x: f64, y: f64) -> [[f64; 2]; 2] {
+    if (x.abs() <= LIMIT) & (y.abs() <= LIMIT) {
+        let (sin, cos) = reduced(f64x2::new([x, y]));
+        f64x2::transpose([cos, sin]).map(f64x2::to_array)
     } else {
-        large(x)
+        large(x, y)
     }
 }
 
 #[cold]
-fn large(x: [f64; 2]) -> ([f64; 2], [f64; 2]) {
-    let of = |x: f64| {
-        if x.abs() <= LIMIT {
-            let (sin, cos) = reduced(f64x2::splat(x));
-            (sin.to_array()[0], cos.to_array()[0])
-        } else {
-            x.sin_cos()
-        }
-    };
-    let [(s0, c0), (s1, c1)] = x.map(of);
-    ([s0, s1], [c0, c1])
+#[inline(never)]
+fn large(x: f64, y: f64) -> [[f64; 2]; 2] {
+    [x, y].map(sin_cos).map(|(sin, cos)| [cos, sin])
 }
 
 #[inline(always)]
@@ -119,12 +115,10 @@ mod tests {
         for k in 0..9 {
             for other in [0.3, -7.0, 2e5, f64::INFINITY, f64::NAN] {
                 let x = 1.7 * f64::from(k) - 3.0;
-                for pair in [[x, other], [other, x]] {
-                    let (sin, cos) = sin_cos_pair(pair);
-                    for k in 0..2 {
-                        let (s, c) = sin_cos(pair[k]);
-                        assert_eq!([sin[k], cos[k]].map(f64::to_bits), [s, c].map(f64::to_bits));
-                    }
+                for [x, y] in [[x, other], [other, x]] {
+                    let alone = [x, y].map(sin_cos).map(|(sin, cos)| [cos, sin]);
+                    let bits = |pair: [[f64; 2]; 2]| pair.map(|x| x.map(f64::to_bits));
+                    assert_eq!(bits(unit_vectors(x, y)), bits(alone), "{x} {y}");
                 }
             }
         }

@@ -12,7 +12,7 @@
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
 use super::{Limits, Matrices, Robot, dense};
-use crate::math::{Capsule, Vector, cross, perp, sin_cos, sin_cos_pair};
+use crate::math::{Capsule, Vector, cross, perp, sin_cos, unit_vectors};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -233,25 +233,41 @@ impl PlanarState {
     fn kinematics(&mut self, q: &[f64], dq: &[f64]) {
         self.q.copy_from_slice(q);
         self.dq.copy_from_slice(dq);
-        let mut tip = Joint::default();
-        let (joints, links) = (self.joints.as_chunks_mut::<2>(), self.arm.composite.as_chunks::<2>());
-        let (q, dq) = (q.as_chunks::<2>(), dq.as_chunks::<2>());
-        for (((joint, link), q), dq) in joints.0.iter_mut().zip(links.0).zip(q.0).zip(dq.0) {
-            let first = tip.angle + q[0];
-            let angles = [first, first + q[1]];
-            let (sin, cos) = sin_cos_pair(angles);
-            for k in 0..2 {
-                tip.carry(&mut joint[k], &link[k], angles[k], dq[k], [cos[k], sin[k]]);
-            }
+        // First all the sines, which wait for nothing but each other's angle, and then the sums.
+        let mut angle = 0.0;
+        let (pairs, rest) = self.joints.as_chunks_mut::<2>();
+        let (q, last) = q.as_chunks::<2>();
+        for (joint, q) in pairs.iter_mut().zip(q) {
+            let first = angle + q[0];
+            angle = first + q[1];
+            let [x, y] = unit_vectors(first, angle);
+            (joint[0].angle, joint[0].x) = (first, x.into());
+            (joint[1].angle, joint[1].x) = (angle, y.into());
         }
-        for (((joint, link), q), dq) in joints.1.iter_mut().zip(links.1).zip(q.1).zip(dq.1) {
-            let angle = tip.angle + q;
-            let (sin, cos) = sin_cos(angle);
-            tip.carry(joint, link, angle, *dq, [cos, sin]);
+        for (joint, q) in rest.iter_mut().zip(last) {
+            let (sin, cos) = sin_cos(angle + q);
+            (joint.angle, joint.x) = (angle + q, Vector::<2>::new(cos, sin));
         }
-        self.tip = tip.position;
-        self.tip_velocity = tip.velocity;
-        self.tip_bias = tip.acceleration;
+        let mut rate = 0.0;
+        let mut position = Vector::<2>::zeros();
+        let mut velocity = Vector::<2>::zeros();
+        let mut acceleration = Vector::<2>::zeros();
+        for ((joint, link), dq) in self.joints.iter_mut().zip(&self.arm.composite).zip(dq) {
+            let x = joint.x;
+            rate += dq;
+            joint.rate = rate;
+            joint.position = position;
+            joint.velocity = velocity;
+            joint.acceleration = acceleration;
+            joint.l = x * link.length;
+            joint.b = x * link.moment.x + perp(x) * link.moment.y;
+            position += joint.l;
+            velocity += perp(joint.l) * rate;
+            acceleration -= joint.l * (rate * rate);
+        }
+        self.tip_bias = acceleration;
+        self.tip = position;
+        self.tip_velocity = velocity;
     }
 
     /// Tip to base: the factorisation of M alone.
@@ -273,27 +289,6 @@ impl PlanarState {
             *out = alpha - previous;
             previous = alpha;
         }
-    }
-}
-
-impl Joint {
-    /// Places `joint` here, and goes on along its link to the next.
-    #[inline(always)]
-    fn carry(&mut self, joint: &mut Joint, link: &Composite, angle: f64, dq: f64, x: [f64; 2]) {
-        self.angle = angle;
-        self.rate += dq;
-        let x = Vector::from(x);
-        joint.angle = angle;
-        joint.rate = self.rate;
-        joint.position = self.position;
-        joint.velocity = self.velocity;
-        joint.acceleration = self.acceleration;
-        joint.x = x;
-        joint.l = x * link.length;
-        joint.b = x * link.moment.x + perp(x) * link.moment.y;
-        self.position += joint.l;
-        self.velocity += perp(joint.l) * self.rate;
-        self.acceleration -= joint.l * (self.rate * self.rate);
     }
 }
 
