@@ -100,7 +100,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         surroundings: &mut impl Surroundings<D>,
     ) {
         let field = &gains.field;
-        let before = std::mem::replace(&mut self.pushed, usize::MAX..0);
+        let before = std::mem::take(&mut self.pushed);
         self.resultant[before.clone()].fill(Vector::zeros());
         self.magnitude[before.clone()].fill(0.0);
         self.wrenches[before.clone()].fill(W::default());
@@ -119,9 +119,6 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             let reach = if avoid { influence } else { f64::NEG_INFINITY };
             self.measure_links(robot, space, field, reach);
         }
-        if self.pushed.is_empty() {
-            self.pushed = 0..0;
-        }
         // Nothing pushes from beyond the last.
         let Range { start, end } = self.pushed;
         robot.wrenches_tr_mul(&self.wrenches[..end], &mut self.torque[..end]);
@@ -136,7 +133,8 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     /// Counts link `i` among those that are pushed.
     #[inline]
     fn push_link(&mut self, i: usize) {
-        self.pushed = self.pushed.start.min(i)..self.pushed.end.max(i + 1);
+        let Range { start, end } = self.pushed;
+        self.pushed = if start < end { start.min(i)..end.max(i + 1) } else { i..i + 1 };
     }
 
     #[inline(always)]

@@ -284,8 +284,13 @@ impl PlanarState {
     fn yield_forward(joints: &[Joint], out: &mut [f64]) {
         let (mut previous, mut a) = (0.0, Vector::<2>::zeros());
         for (joint, out) in joints.iter().zip(out) {
-            let alpha = *out - joint.h.dot(&a);
-            a += perp(joint.l) * alpha;
+            let Joint { l, h, .. } = *joint;
+            let alpha = *out - h.dot(&a);
+            // a + perp(l) α, in the order that makes the next link wait least.
+            a = Vector::<2>::new(
+                a.x * (1.0 + l.y * h.x) + (a.y * (l.y * h.y) - l.y * *out),
+                a.y * (1.0 - l.x * h.y) + (l.x * *out - a.x * (l.x * h.x)),
+            );
             *out = alpha - previous;
             previous = alpha;
         }
@@ -448,9 +453,14 @@ impl Robot<2> for PlanarState {
         // Backward (T23): the moment left over at each link once the outer joints have yielded.
         let (mut next, mut force) = (0.0, Vector::<2>::zeros());
         for i in (0..out.len()).rev() {
-            let e = b[i] - next - cross(joints[i].l, force);
-            force += joints[i].h * e;
-            out[i] = e * joints[i].d_inv;
+            let Joint { l, h, d_inv, .. } = joints[i];
+            let left = b[i] - next;
+            out[i] = (left - cross(l, force)) * d_inv;
+            // force + h (left − l × force), in the order that makes the next link wait least.
+            force = Vector::<2>::new(
+                force.x * (1.0 + h.x * l.y) + (h.x * left - force.y * (h.x * l.x)),
+                force.y * (1.0 - h.y * l.x) + (h.y * left + force.x * (h.y * l.y)),
+            );
             next = b[i];
         }
         Self::yield_forward(joints, out);

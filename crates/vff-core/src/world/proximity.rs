@@ -96,13 +96,10 @@ impl Surroundings<2> for World {
             };
             distance(link, least);
             if least < reach {
+                let mut meet = |j: usize| meet(link, axis, radius, j, &bodies[j]);
                 match near {
-                    None => {
-                        bodies.iter().enumerate().for_each(|(j, b)| meet(link, axis, radius, j, b))
-                    }
-                    Some(near) => {
-                        near.iter().for_each(|&j| meet(link, axis, radius, j, &bodies[j]))
-                    }
+                    None => (0..bodies.len()).for_each(meet),
+                    Some(near) => near.iter().for_each(|&j| meet(j)),
                 }
             }
         }
@@ -111,11 +108,7 @@ impl Surroundings<2> for World {
 
 /// The distance between the surfaces of a link and the nearest of these bodies [m]; ∞ if there are none.
 #[inline(always)] // discs, by far the most frequent, stay within the loop over the links
-fn least_distance<'a>(
-    bodies: impl IntoIterator<Item = &'a Body>,
-    axis: &Axis,
-    radius: f64,
-) -> f64 {
+fn least_distance<'a>(bodies: impl IntoIterator<Item = &'a Body>, axis: &Axis, radius: f64) -> f64 {
     let distances = bodies.into_iter().map(|body| body.distance(axis, radius));
     let least = distances.fold(f64::INFINITY, |a, b| if b < a { b } else { a });
     // Of 0 and −0 either may have been the first: + 0 makes them one.
