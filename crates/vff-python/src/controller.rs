@@ -268,7 +268,7 @@ impl Controller {
             granted: *law.granted(),
             tank: law.tank().map(Tank::level),
             self_clearance: law.forces().self_clearance(),
-            manipulability: law.space().manipulability,
+            manipulability: law.manipulability(),
             singular: law.space().singular,
             null_acceleration: law.null_acceleration(),
         }))

@@ -92,34 +92,29 @@ impl Law {
         let (total, task, y) = (&mut total[..n], &mut task[..n], &mut null[..n]);
         let (bias, v, w) = (&mut self.bias[..n], &mut self.v[..n], &mut self.w[..n]);
         let dq = &robot.velocity()[..n];
-        let momentum = space.lambda_damped * space.dx; // Λ ẋ
+        // Λ ẋ, and without the damping of a singularity, where the projector stays exact
+        let (damped, momentum) = (space.lambda_damped * space.dx, space.lambda * space.dx);
 
-        // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇)                                        (T12)
-        robot.momentum_and_coriolis(w, bias);
+        // Task force  f = Λ (ẍ_c + J M⁻¹ C q̇ − J̇ q̇); M N q̇ = M q̇ − JᵀΛẋ on the way          (T12)
+        robot.momentum_and_coriolis(&momentum, w, bias);
         let c_dq = space.response(bias);
         let f = space.lambda_damped * (ddx_c + c_dq - robot.task_bias_acceleration());
 
-        // Coupling Cᵀ J#ẋ, null motion N q̇ = q̇ − J#ẋ and its damping D_q N q̇; its momentum
-        // M N q̇ = M q̇ − JᵀΛẋ needs no product with M, because M J# = JᵀΛ
-        space.response_mul(&momentum, v);
-        robot.coriolis_tr_mul(v, y);
-        let mut of_task = momentum;
+        // Coupling J̇ᵀ Λẋ − Cᵀ J#ẋ
+        space.response_mul(&damped, v);
+        robot.coupling_torque(&damped, v, y);
         if space.singular {
-            of_task = space.lambda * space.dx; // the projector stays exact where the coupling is damped
-            space.response_mul(&of_task, v);
+            space.response_mul(&momentum, v);
         }
-        for i in 0..n {
-            v[i] = dq[i] - v[i];
-            w[i] -= robot.jacobian_column::<M>(i).dot(&of_task);
-        }
+
+        // Null motion N q̇ = q̇ − J#ẋ and its damping D_q N q̇
+        subtract_from(v, dq);
         self.null_energy = 0.5 * dot(v, w);
         gains.null_damping.scale_momentum(robot, self.brake, v, w, total);
         self.damping_power = dot(v, w);
 
         // Null-space torque before projection  y = J̇ᵀ Λẋ − Cᵀ J#ẋ + τ_sec − D_q N q̇         (T12)
-        for i in 0..n {
-            y[i] = momentum.dot(&robot.jacobian_dot_column(i)) - y[i] + tau_sec[i] - w[i];
-        }
+        add_difference(y, tau_sec, w);
 
         // Projection  Nᵀ y = y − Jᵀ(Λ J M⁻¹ y)                                               (T4)
         let leak = leak(robot, space, gains.projection, y, v);
@@ -148,6 +143,16 @@ impl Law {
             *y -= robot.jacobian_column::<M>(i).dot(&leak);
         }
     }
+}
+
+/// `a ← b − a`.
+fn subtract_from(a: &mut [f64], b: &[f64]) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a = b - *a);
+}
+
+/// `a ← a + b − c`.
+fn add_difference(a: &mut [f64], b: &[f64], c: &[f64]) {
+    a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a += b - c);
 }
 
 /// The task force in a joint torque `y`, which the projector takes out.

@@ -131,8 +131,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl Surroundings<D>) {
-        self.robot.update(q, dq);
-        self.space.refresh(&self.robot);
+        self.space.update(&mut self.robot, q, dq);
         self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
         if let Some(avoider) = &mut self.avoider {
             avoider.observe(&self.robot, surroundings);
@@ -153,6 +152,11 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// The pose x of the end effector at the observed state.
     pub fn pose(&self) -> Vector<M> {
         self.robot.pose()
+    }
+
+    /// √det(J Jᵀ) at the observed state [m²]; 0 in a singularity.
+    pub fn manipulability(&self) -> f64 {
+        operational_space::manipulability::<R, D, M>(&self.robot)
     }
 
     /// The reference of the last command.
@@ -400,10 +404,18 @@ fn null_power<const M: usize>(space: &OperationalSpace<M>, dq: &[f64], tau: &[f6
     dot(dq, tau) - space.dx.dot(&space.pinv_tr_mul(tau))
 }
 
-/// `a · b`.
+/// `a · b`, as four sums side by side: one alone would wait for itself.
 #[inline]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    let (a, b) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.0.iter().zip(b.0) {
+        for k in 0..4 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = a.1.iter().zip(b.1).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
 #[cfg(test)]

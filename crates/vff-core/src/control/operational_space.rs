@@ -18,8 +18,6 @@ pub struct OperationalSpace<const M: usize> {
     pub dx: SVector<f64, M>,
     /// Whether the damping was active.
     pub singular: bool,
-    /// √det(J Jᵀ), Yoshikawa's manipulability [m²; m² too with an orientation]; 0 in a singularity.
-    pub manipulability: f64,
     threshold: f64,
 }
 
@@ -33,21 +31,28 @@ impl<const M: usize> OperationalSpace<M> {
             lambda_damped: SMatrix::zeros(),
             dx: SVector::zeros(),
             singular: false,
-            manipulability: 0.0,
             threshold,
         }
     }
 
-    /// Takes over the state of `robot` (T3).
+    /// Moves `robot` to the state (q, q̇) and takes it over (T3).
+    pub fn update<R: Robot<D>, const D: usize>(&mut self, robot: &mut R, q: &[f64], dq: &[f64]) {
+        let lambda_inv = robot.update_with_response(q, dq, &mut self.y);
+        self.take_over(robot, lambda_inv);
+    }
+
+    /// Takes over the state of `robot`.
     pub fn refresh<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
         let lambda_inv = robot.task_response(&mut self.y);
+        self.take_over(robot, lambda_inv);
+    }
+
+    fn take_over<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        lambda_inv: SMatrix<f64, M, M>,
+    ) {
         self.dx = robot.task_velocity();
-        let mut gram = SMatrix::<f64, M, M>::zeros();
-        for i in 0..robot.dof() {
-            let column = robot.jacobian_column::<M>(i);
-            gram += column * column.transpose();
-        }
-        self.manipulability = determinant(gram).max(0.0).sqrt();
         // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
         // than the inverse.
         let regular = lambda_inv.try_inverse().filter(|l| {
@@ -86,11 +91,17 @@ impl<const M: usize> OperationalSpace<M> {
     /// `J M⁻¹ y = Yᵀ y`, the end effector's acceleration per joint torque.
     #[inline]
     pub fn response(&self, torque: &[f64]) -> SVector<f64, M> {
-        let mut sum = SVector::zeros();
-        for (row, t) in self.y.iter().zip(torque) {
-            sum += row * *t;
+        // Two sums side by side: one alone would wait for itself.
+        let (rows, torques) = (self.y.as_chunks::<2>(), torque.as_chunks::<2>());
+        let (mut even, mut odd) = (SVector::zeros(), SVector::zeros());
+        for (row, t) in rows.0.iter().zip(torques.0) {
+            even += row[0] * t[0];
+            odd += row[1] * t[1];
         }
-        sum
+        for (row, t) in rows.1.iter().zip(torques.1) {
+            even += row * *t;
+        }
+        even + odd
     }
 
     /// `J#ᵀ y = Λ Yᵀ y`, the task force of a joint torque.
@@ -112,6 +123,16 @@ impl<const M: usize> OperationalSpace<M> {
             *out = row.dot(force);
         }
     }
+}
+
+/// √det(J Jᵀ), Yoshikawa's manipulability [m²; m² too with an orientation]; 0 in a singularity.
+pub fn manipulability<R: Robot<D>, const D: usize, const M: usize>(robot: &R) -> f64 {
+    let mut gram = SMatrix::<f64, M, M>::zeros();
+    for i in 0..robot.dof() {
+        let column = robot.jacobian_column::<M>(i);
+        gram += column * column.transpose();
+    }
+    determinant(gram).max(0.0).sqrt()
 }
 
 /// The determinant of a small symmetric positive semidefinite matrix, by elimination: nalgebra's own

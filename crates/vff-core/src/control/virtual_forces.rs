@@ -6,6 +6,7 @@ use crate::field::{Field, Response};
 use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
 use crate::world::{Contact, Surroundings};
+use std::ops::Range;
 
 /// What the virtual force field does to every link at one instant.
 #[derive(Debug, Clone)]
@@ -24,8 +25,9 @@ pub struct VirtualForces<W, const D: usize> {
     potential: f64,
     obstacle_power: f64,
     approach_power: f64,
-    /// Whether any pair is within the influence of the field.
-    active: bool,
+    /// From the first to the last link that is pushed: resultants, magnitudes and wrenches of all
+    /// others are zero.
+    pushed: Range<usize>,
 }
 
 impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
@@ -44,7 +46,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             potential: 0.0,
             obstacle_power: 0.0,
             approach_power: 0.0,
-            active: false,
+            pushed: 0..0,
         }
     }
 
@@ -98,15 +100,14 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         surroundings: &mut impl Surroundings<D>,
     ) {
         let field = &gains.field;
-        if self.active {
-            self.resultant.fill(Vector::zeros());
-            self.wrenches.fill(W::default());
-            (self.potential, self.obstacle_power, self.approach_power) = (0.0, 0.0, 0.0);
-        }
-        let was_active = std::mem::take(&mut self.active);
+        let before = std::mem::take(&mut self.pushed);
+        self.resultant[before.clone()].fill(Vector::zeros());
+        self.magnitude[before.clone()].fill(0.0);
+        self.wrenches[before.clone()].fill(W::default());
+        (self.potential, self.obstacle_power, self.approach_power) = (0.0, 0.0, 0.0);
         self.clearance.fill(f64::INFINITY);
         let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
-        let links = (0..robot.dof()).map(|i| robot.link(i));
+        let links = robot.links();
         let mut clearance = std::mem::take(&mut self.clearance);
         let nearest = |link: usize, d: f64| clearance[link] = d;
         surroundings.for_each_contact(links, influence, nearest, |contact| {
@@ -118,15 +119,22 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             let reach = if avoid { influence } else { f64::NEG_INFINITY };
             self.measure_links(robot, space, field, reach);
         }
-        if self.active {
-            robot.wrenches_tr_mul(&self.wrenches, &mut self.torque);
-            for (magnitude, force) in self.magnitude.iter_mut().zip(&self.resultant) {
-                *magnitude = force.norm();
-            }
-        } else if was_active {
-            self.magnitude.fill(0.0);
-            self.torque.fill(0.0);
+        // Nothing pushes from beyond the last.
+        let Range { start, end } = self.pushed;
+        robot.wrenches_tr_mul(&self.wrenches[..end], &mut self.torque[..end]);
+        if end < before.end {
+            self.torque[end..before.end].fill(0.0);
         }
+        for i in start..end {
+            self.magnitude[i] = self.resultant[i].norm();
+        }
+    }
+
+    /// Counts link `i` among those that are pushed.
+    #[inline]
+    fn push_link(&mut self, i: usize) {
+        let Range { start, end } = self.pushed;
+        self.pushed = if start < end { start.min(i)..end.max(i + 1) } else { i..i + 1 };
     }
 
     #[inline(always)]
@@ -137,8 +145,8 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         field: &Field,
         contact: &Contact<D>,
     ) {
-        self.active = true;
         let Contact { link, point, normal, .. } = contact;
+        self.push_link(*link);
         let response = field.at(contact.distance);
         let mut force = response.force;
         if field.approach_damping > 0.0 {
@@ -187,7 +195,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.self_clearance = f64::INFINITY;
         let mut links = std::mem::take(&mut self.links);
         links.clear();
-        links.extend((0..robot.dof()).map(|i| robot.link(i)));
+        links.extend(robot.links());
         let middle = |link: &Capsule<D>| link.start + link.direction * (0.5 * link.length);
         for (j, b) in links.iter().enumerate().skip(2) {
             for (i, a) in links[..j - 1].iter().enumerate() {
@@ -214,7 +222,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         links: [usize; 2],
         found: &Nearest<D>,
     ) {
-        self.active = true;
+        links.iter().for_each(|link| self.push_link(*link));
         let Nearest { points, normal, distance } = found;
         let response = field.at(*distance);
         let velocity = |k: usize| robot.point_velocity(links[k], &points[k]);

@@ -10,7 +10,7 @@ pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
 pub use noise::Noise;
 pub use pursuit::Pursuit;
-pub use sincos::{sin_cos, sin_cos_all};
+pub use sincos::{sin_cos, unit_vectors};
 
 use nalgebra::SVector;
 

@@ -53,10 +53,26 @@ pub trait Robot<const D: usize> {
     fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]);
     /// `out = g(q)`, the torque that holds the arm against gravity [N·m].
     fn gravity_torque(&self, out: &mut [f64]);
-    /// `momentum = M q̇` and `coriolis = C q̇` at the robot's velocity.
-    fn momentum_and_coriolis(&self, momentum: &mut [f64], coriolis: &mut [f64]) {
+    /// `momentum = M q̇ − Jᵀp` and `coriolis = C q̇` at the robot's velocity. With p = Λẋ the first is
+    /// the momentum M N q̇ of the null motion, without a product more, because M J# = JᵀΛ.
+    fn momentum_and_coriolis<const M: usize>(
+        &self,
+        p: &SVector<f64, M>,
+        momentum: &mut [f64],
+        coriolis: &mut [f64],
+    ) {
         self.mass_mul(self.velocity(), momentum);
         self.coriolis_mul(self.velocity(), coriolis);
+        for (i, momentum) in momentum.iter_mut().enumerate() {
+            *momentum -= p.dot(&self.jacobian_column(i));
+        }
+    }
+    /// `out = J̇ᵀ p − Cᵀ u`. With u = J#ẋ and p = Λẋ it is what couples the null space to the task.
+    fn coupling_torque<const M: usize>(&self, p: &SVector<f64, M>, u: &[f64], out: &mut [f64]) {
+        self.coriolis_tr_mul(u, out);
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = p.dot(&self.jacobian_dot_column(i)) - *out;
+        }
     }
     /// `out = C q̇ + g` at the robot's velocity [N·m].
     fn bias_torque(&self, out: &mut [f64]);
@@ -115,8 +131,35 @@ pub trait Robot<const D: usize> {
     /// and returns `Λ⁻¹ = J M⁻¹ Jᵀ` (T24: one factorisation, `M` half solves).
     fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M>;
 
+    /// [`update`](Self::update) and [`task_response`](Self::task_response) in one.
+    fn update_with_response<const M: usize>(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        y: &mut [SVector<f64, M>],
+    ) -> SMatrix<f64, M, M> {
+        self.update(q, dq);
+        self.task_response(y)
+    }
+    /// [`update`](Self::update) and [`forward_dynamics`](Self::forward_dynamics) in one.
+    fn update_with_dynamics(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        tau: &[f64],
+        scratch: &mut [f64],
+        out: &mut [f64],
+    ) {
+        self.update(q, dq);
+        self.forward_dynamics(tau, scratch, out);
+    }
+
     /// The shape of link `i` in the world.
     fn link(&self, i: usize) -> Capsule<D>;
+    /// All of them, from the base.
+    fn links(&self) -> impl Iterator<Item = Capsule<D>> {
+        (0..self.dof()).map(|i| self.link(i))
+    }
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` [m/s].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.
@@ -127,7 +170,8 @@ pub trait Robot<const D: usize> {
     fn point_mobility(&self, i: usize, point: &Vector<D>, n: &Vector<D>) -> f64;
     /// Adds a force acting at `point` of link `i` to the wrench of that link.
     fn add_force(&self, wrenches: &mut [Self::Wrench], i: usize, point: &Vector<D>, f: &Vector<D>);
-    /// `out = Σ J_iᵀ F_i`, all links' wrenches in one backward sweep [N·m].
+    /// `out = Σ J_iᵀ F_i`, all links' wrenches in one backward sweep [N·m]. Both may end at the last
+    /// link with a wrench.
     fn wrenches_tr_mul(&self, wrenches: &[Self::Wrench], out: &mut [f64]);
 
     /// The same robot at the same state as matrices, for the explicit extended-Jacobian form.

@@ -12,7 +12,7 @@
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
 use super::{Limits, Matrices, Robot, dense};
-use crate::math::{Capsule, Vector, cross, perp, sin_cos_all};
+use crate::math::{Capsule, Vector, cross, perp, sin_cos, unit_vectors};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
 
@@ -153,9 +153,6 @@ impl PlanarArm {
             arm: Arc::clone(self),
             q: vec![0.0; n],
             dq: vec![0.0; n],
-            angles: vec![0.0; n],
-            sin: vec![0.0; n],
-            cos: vec![0.0; n],
             joints: self
                 .composite
                 .iter()
@@ -165,7 +162,7 @@ impl PlanarArm {
             tip_velocity: Vector::<2>::zeros(),
             tip_bias: Vector::<2>::zeros(),
         };
-        state.refresh();
+        state.update(&vec![0.0; n], &vec![0.0; n]);
         state
     }
 }
@@ -173,7 +170,8 @@ impl PlanarArm {
 /// What depends on (q, q̇) at one joint and its link.
 #[derive(Debug, Clone, Copy, Default)]
 struct Joint {
-    /// Absolute rate of the link [rad/s].
+    /// Absolute angle [rad] and rate [rad/s] of the link.
+    angle: f64,
     rate: f64,
     /// Position [m] and velocity [m/s] of the joint, and its acceleration while q̈ = 0: −Σ w² l.
     position: Vector<2>,
@@ -186,7 +184,7 @@ struct Joint {
     b: Vector<2>,
     /// A_ii [kg·m²].
     diagonal: f64,
-    /// Articulated-body factorisation: coupling h [kg·m] and 1/D [1/(kg·m²)].
+    /// Articulated-body factorisation: coupling h/D [1/m] and 1/D [1/(kg·m²)].
     h: Vector<2>,
     d_inv: f64,
 }
@@ -197,10 +195,6 @@ pub struct PlanarState {
     arm: Arc<PlanarArm>,
     q: Vec<f64>,
     dq: Vec<f64>,
-    /// Absolute angles of the links [rad], their sines and cosines.
-    angles: Vec<f64>,
-    sin: Vec<f64>,
-    cos: Vec<f64>,
     joints: Vec<Joint>,
     tip: Vector<2>,
     tip_velocity: Vector<2>,
@@ -221,7 +215,7 @@ impl PlanarState {
 
     /// The absolute angle of link `i` [rad].
     pub fn link_angle(&self, i: usize) -> f64 {
-        self.angles[i]
+        self.joints[i].angle
     }
 
     /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
@@ -235,36 +229,38 @@ impl PlanarState {
         (&self.joints, &v[..n], &mut out[..n])
     }
 
-    fn refresh(&mut self) {
-        self.kinematics();
-        self.factorise();
-    }
-
     /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
-    fn kinematics(&mut self) {
-        let n = self.joints.len();
-        let (q, dq, links) = (&self.q[..n], &self.dq[..n], &self.arm.composite[..n]);
+    fn kinematics(&mut self, q: &[f64], dq: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.dq.copy_from_slice(dq);
+        // First all the sines, which wait for nothing but each other's angle, and then the sums.
         let mut angle = 0.0;
-        for (absolute, q) in self.angles.iter_mut().zip(q) {
-            angle += q;
-            *absolute = angle;
+        let (pairs, rest) = self.joints.as_chunks_mut::<2>();
+        let (q, last) = q.as_chunks::<2>();
+        for (joint, q) in pairs.iter_mut().zip(q) {
+            let first = angle + q[0];
+            angle = first + q[1];
+            let [x, y] = unit_vectors(first, angle);
+            (joint[0].angle, joint[0].x) = (first, x.into());
+            (joint[1].angle, joint[1].x) = (angle, y.into());
         }
-        sin_cos_all(&self.angles, &mut self.sin, &mut self.cos);
-        let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
+        for (joint, q) in rest.iter_mut().zip(last) {
+            let (sin, cos) = sin_cos(angle + q);
+            (joint.angle, joint.x) = (angle + q, Vector::<2>::new(cos, sin));
+        }
         let mut rate = 0.0;
         let mut position = Vector::<2>::zeros();
         let mut velocity = Vector::<2>::zeros();
         let mut acceleration = Vector::<2>::zeros();
-        for (i, joint) in self.joints.iter_mut().enumerate() {
-            rate += dq[i];
-            let x = Vector::<2>::new(cos[i], sin[i]);
+        for ((joint, link), dq) in self.joints.iter_mut().zip(&self.arm.composite).zip(dq) {
+            let x = joint.x;
+            rate += dq;
             joint.rate = rate;
             joint.position = position;
             joint.velocity = velocity;
             joint.acceleration = acceleration;
-            joint.x = x;
-            joint.l = x * links[i].length;
-            joint.b = x * links[i].moment.x + perp(x) * links[i].moment.y;
+            joint.l = x * link.length;
+            joint.b = x * link.moment.x + perp(x) * link.moment.y;
             position += joint.l;
             velocity += perp(joint.l) * rate;
             acceleration -= joint.l * (rate * rate);
@@ -274,27 +270,129 @@ impl PlanarState {
         self.tip_velocity = velocity;
     }
 
-    /// Tip to base: the articulated inertia seen at each joint, a symmetric 2×2 block K (T22).
-    ///
-    /// With K of the outer part at the far joint, a link whose joint accelerates by `a` and which
-    /// turns with `α` needs the moment `D α + h·a`, and leaves `K − h hᵀ/D + m I` to its parent.
+    /// Tip to base: the factorisation of M alone.
     fn factorise(&mut self) {
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        let n = self.joints.len();
-        let links = &self.arm.composite[..n];
-        for (i, joint) in self.joints.iter_mut().enumerate().rev() {
-            let link = &links[i];
-            // m c in the world frame: the composite moment without the carried masses.
-            let mc = joint.b - joint.l * link.carried;
-            let lp = perp(joint.l);
-            let kl = Vector::<2>::new(xx * lp.x + xy * lp.y, xy * lp.x + yy * lp.y);
-            let h = perp(mc) + kl;
-            joint.d_inv = 1.0 / (link.about_joint + lp.dot(&kl));
-            joint.h = h;
-            let hd = h * joint.d_inv;
-            xx += link.mass - h.x * hd.x;
-            xy -= h.x * hd.y;
-            yy += link.mass - h.y * hd.y;
+        let mut outer = ArticulatedInertia::default();
+        for (joint, link) in self.joints.iter_mut().zip(&self.arm.composite).rev() {
+            outer.take_in(joint, link);
+        }
+    }
+
+    /// Base to tip, the second half of a solve: what the joints yield to each other, and back from
+    /// absolute to joint coordinates.
+    #[inline(always)]
+    fn yield_forward(joints: &[Joint], out: &mut [f64]) {
+        let (mut previous, mut a) = (0.0, Vector::<2>::zeros());
+        for (joint, out) in joints.iter().zip(out) {
+            let Joint { l, h, .. } = *joint;
+            let alpha = *out - h.dot(&a);
+            // a + perp(l) α, in the order that makes the next link wait least.
+            a = Vector::<2>::new(
+                a.x * (1.0 + l.y * h.x) + (a.y * (l.y * h.y) - l.y * *out),
+                a.y * (1.0 - l.x * h.y) + (l.x * *out - a.x * (l.x * h.x)),
+            );
+            *out = alpha - previous;
+            previous = alpha;
+        }
+    }
+}
+
+/// The inertia of the outer part of the arm as its first joint shows it, all joints yielding: a
+/// symmetric 2×2 block K (T22).
+#[derive(Debug, Clone, Copy, Default)]
+struct ArticulatedInertia {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl ArticulatedInertia {
+    /// Goes on by one link towards the base, and leaves the factorisation in its joint.
+    ///
+    /// With K at the far joint, a link whose joint accelerates by `a` and which turns with `α` needs
+    /// the moment `D α + h·a`, and leaves `K − h hᵀ/D + m I` to its parent. One link waits for the
+    /// other here, so the terms are ordered for the shortest way through the division.
+    #[inline(always)]
+    fn take_in(&mut self, joint: &mut Joint, link: &Composite) {
+        let Self { xx, xy, yy } = *self;
+        let lp = perp(joint.l);
+        let turning = link.about_joint + yy * (lp.y * lp.y);
+        let d = (turning + xy * (2.0 * lp.x * lp.y)) + xx * (lp.x * lp.x);
+        let d_inv = 1.0 / d;
+        // m c in the world frame: the composite moment without the carried masses.
+        let mc = joint.b - joint.l * link.carried;
+        let kl = Vector::<2>::new(xx * lp.x + xy * lp.y, xy * lp.x + yy * lp.y);
+        let h = perp(mc) + kl;
+        self.xx = (xx + link.mass) - (h.x * h.x) * d_inv;
+        self.xy = xy - (h.x * h.y) * d_inv;
+        self.yy = (yy + link.mass) - (h.y * h.y) * d_inv;
+        (joint.d_inv, joint.h) = (d_inv, h * d_inv);
+    }
+}
+
+/// What unit task forces, one per column, leave at the joints on their way from tip to base (T24).
+struct TaskForces<const M: usize> {
+    x: SVector<f64, M>,
+    y: SVector<f64, M>,
+    lambda_inv: SMatrix<f64, M, M>,
+}
+
+impl<const M: usize> TaskForces<M> {
+    /// At the tip, where they enter as reactions.
+    fn new() -> Self {
+        Self {
+            x: twist(Vector::<2>::new(-1.0, 0.0), 0.0),
+            y: twist(Vector::<2>::new(0.0, -1.0), 0.0),
+            lambda_inv: SMatrix::zeros(),
+        }
+    }
+
+    /// Goes on by one link towards the base; a unit moment acts on the `last` one.
+    #[inline(always)]
+    fn take_in(&mut self, joint: &Joint, last: bool, y: &mut SVector<f64, M>) {
+        let mut e = self.x * joint.l.y - self.y * joint.l.x;
+        if M > 2 && last {
+            e[2] += 1.0;
+        }
+        *y = e * joint.d_inv;
+        self.lambda_inv += e * y.transpose();
+        self.x += e * joint.h.x;
+        self.y += e * joint.h.y;
+    }
+
+    /// Base to tip, the second half: as [`PlanarState::yield_forward`].
+    #[inline(always)]
+    fn yield_forward(joints: &[Joint], y: &mut [SVector<f64, M>]) {
+        let mut previous = SVector::zeros();
+        let (mut ax, mut ay) = (SVector::zeros(), SVector::zeros());
+        for (joint, y) in joints.iter().zip(y) {
+            let alpha: SVector<f64, M> = *y - (ax * joint.h.x + ay * joint.h.y);
+            ax -= alpha * joint.l.y;
+            ay += alpha * joint.l.x;
+            *y = alpha - previous;
+            previous = alpha;
+        }
+    }
+}
+
+impl PlanarState {
+    /// `out = J̇ᵀ f − Cᵀ u` for a force f at the tip:
+    /// (Cᵀ u)_abs,i = −w_i Σ_j A_ij sin(θ_i − θ_j) (L u)_j and (J̇ᵀ f)_abs,i = −w_i l_i·f.
+    #[inline(always)]
+    fn transposed_coriolis(&self, f: Vector<2>, u: &[f64], out: &mut [f64]) {
+        let (joints, u, out) = self.with(u, out);
+        let (mut s, mut inner) = (0.0, Vector::<2>::zeros());
+        for i in 0..out.len() {
+            s += u[i];
+            out[i] = cross(inner, joints[i].b);
+            inner += joints[i].l * s;
+        }
+        let (mut sum, mut outer) = (0.0, perp(f));
+        for i in (0..out.len()).rev() {
+            sum += joints[i].rate * (out[i] - cross(joints[i].l, outer));
+            out[i] = sum;
+            outer += joints[i].b * s;
+            s -= u[i];
         }
     }
 }
@@ -308,9 +406,8 @@ impl Robot<2> for PlanarState {
     }
 
     fn update(&mut self, q: &[f64], dq: &[f64]) {
-        self.q.copy_from_slice(q);
-        self.dq.copy_from_slice(dq);
-        self.refresh();
+        self.kinematics(q, dq);
+        self.factorise();
     }
 
     fn place(&mut self, q: &[f64]) {
@@ -361,19 +458,17 @@ impl Robot<2> for PlanarState {
         // Backward (T23): the moment left over at each link once the outer joints have yielded.
         let (mut next, mut force) = (0.0, Vector::<2>::zeros());
         for i in (0..out.len()).rev() {
-            let e = (b[i] - next - cross(joints[i].l, force)) * joints[i].d_inv;
-            force += joints[i].h * e;
-            out[i] = e;
+            let Joint { l, h, d_inv, .. } = joints[i];
+            let left = b[i] - next;
+            out[i] = (left - cross(l, force)) * d_inv;
+            // force + h (left − l × force), in the order that makes the next link wait least.
+            force = Vector::<2>::new(
+                force.x * (1.0 + h.x * l.y) + (h.x * left - force.y * (h.x * l.x)),
+                force.y * (1.0 - h.y * l.x) + (h.y * left + force.x * (h.y * l.y)),
+            );
             next = b[i];
         }
-        // Forward: absolute angular accelerations, then back to joint coordinates.
-        let (mut previous, mut a) = (0.0, Vector::<2>::zeros());
-        for i in 0..out.len() {
-            let alpha = out[i] - joints[i].d_inv * joints[i].h.dot(&a);
-            a += perp(joints[i].l) * alpha;
-            out[i] = alpha - previous;
-            previous = alpha;
-        }
+        Self::yield_forward(joints, out);
     }
 
     fn coriolis_mul(&self, v: &[f64], out: &mut [f64]) {
@@ -395,40 +490,40 @@ impl Robot<2> for PlanarState {
     }
 
     fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]) {
-        let (joints, u, out) = self.with(u, out);
-        // (Cᵀ u)_abs,i = −w_i Σ_j A_ij sin(θ_i − θ_j) (L u)_j.
-        let (mut s, mut inner) = (0.0, Vector::<2>::zeros());
-        for i in 0..out.len() {
-            s += u[i];
-            out[i] = cross(inner, joints[i].b);
-            inner += joints[i].l * s;
-        }
-        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
-        for i in (0..out.len()).rev() {
-            sum -= joints[i].rate * (out[i] - cross(joints[i].l, outer));
-            out[i] = sum;
-            outer += joints[i].b * s;
-            s -= u[i];
-        }
+        self.transposed_coriolis(Vector::<2>::zeros(), u, out);
+        out.iter_mut().for_each(|out| *out = -*out);
     }
 
     /// Both in one sweep from the tip: the sums from the base are in the joints already, the first
-    /// turned by 90° in their velocities, the second with another sign in their accelerations.
-    fn momentum_and_coriolis(&self, momentum: &mut [f64], coriolis: &mut [f64]) {
+    /// turned by 90° in their velocities, the second with another sign in their accelerations. The
+    /// sweep begins at the tip with what acts there, −p.
+    fn momentum_and_coriolis<const M: usize>(
+        &self,
+        p: &SVector<f64, M>,
+        momentum: &mut [f64],
+        coriolis: &mut [f64],
+    ) {
         let (joints, _, coriolis) = self.with(&self.dq, coriolis);
         let momentum = &mut momentum[..joints.len()];
-        let (mut p, mut c) = (0.0, 0.0);
-        let (mut outer, mut outer_squared) = (Vector::<2>::zeros(), Vector::<2>::zeros());
+        let (force, moment) = parts(p);
+        let (mut sum, mut c) = (-moment, 0.0);
+        let (mut outer, mut outer_squared) = (perp(force), Vector::<2>::zeros());
         for i in (0..joints.len()).rev() {
             let Joint { rate, velocity, acceleration, l, b, diagonal, .. } = joints[i];
-            p += diagonal * rate + cross(b, velocity) + l.dot(&outer);
+            sum += diagonal * rate + cross(b, velocity) + l.dot(&outer);
             c += cross(b, acceleration) - cross(l, outer_squared);
-            momentum[i] = p;
+            momentum[i] = sum;
             coriolis[i] = c;
             let bw = b * rate;
             outer += bw;
             outer_squared += bw * rate;
         }
+    }
+
+    /// As [`coriolis_tr_mul`](Self::coriolis_tr_mul): J̇ᵀp is what a force at the tip adds to the sum
+    /// from there.
+    fn coupling_torque<const M: usize>(&self, p: &SVector<f64, M>, u: &[f64], out: &mut [f64]) {
+        self.transposed_coriolis(parts(p).0, u, out);
     }
 
     /// Gravity enters as an acceleration of the base against it.
@@ -461,7 +556,7 @@ impl Robot<2> for PlanarState {
     }
 
     fn pose<const M: usize>(&self) -> SVector<f64, M> {
-        twist(self.tip, self.angles.last().copied().unwrap_or(0.0))
+        twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle))
     }
 
     #[inline]
@@ -485,35 +580,69 @@ impl Robot<2> for PlanarState {
     }
 
     fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M> {
-        // Half solves (T24). Unit task forces enter as reactions at the tip, unit moments on the last link.
-        let mut fx = twist::<M>(Vector::<2>::new(-1.0, 0.0), 0.0);
-        let mut fy = twist::<M>(Vector::<2>::new(0.0, -1.0), 0.0);
-        let mut moment = twist::<M>(Vector::<2>::zeros(), 1.0);
-        let mut lambda_inv = SMatrix::zeros();
-        for (joint, y) in self.joints.iter().zip(y.iter_mut()).rev() {
-            let e = moment + fx * joint.l.y - fy * joint.l.x;
-            *y = e * joint.d_inv;
-            lambda_inv += e * y.transpose();
-            fx += *y * joint.h.x;
-            fy += *y * joint.h.y;
-            moment = SVector::zeros();
+        let mut forces = TaskForces::new();
+        let last = self.joints.len() - 1;
+        for (i, (joint, y)) in self.joints.iter().zip(y.iter_mut()).enumerate().rev() {
+            forces.take_in(joint, i == last, y);
         }
-        let mut previous = SVector::zeros();
-        let (mut ax, mut ay) = (SVector::zeros(), SVector::zeros());
-        for (joint, y) in self.joints.iter().zip(y.iter_mut()) {
-            let alpha: SVector<f64, M> = *y - (ax * joint.h.x + ay * joint.h.y) * joint.d_inv;
-            ax -= alpha * joint.l.y;
-            ay += alpha * joint.l.x;
-            *y = alpha - previous;
-            previous = alpha;
+        TaskForces::yield_forward(&self.joints, y);
+        forces.lambda_inv
+    }
+
+    /// Factorisation and half solves in one sweep: the first waits for its divisions, the second fills
+    /// the time.
+    fn update_with_response<const M: usize>(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        y: &mut [SVector<f64, M>],
+    ) -> SMatrix<f64, M, M> {
+        self.kinematics(q, dq);
+        let mut outer = ArticulatedInertia::default();
+        let mut forces = TaskForces::new();
+        let last = self.joints.len() - 1;
+        let links = self.joints.iter_mut().zip(&self.arm.composite);
+        for (i, ((joint, link), y)) in links.zip(y.iter_mut()).enumerate().rev() {
+            outer.take_in(joint, link);
+            forces.take_in(joint, i == last, y);
         }
-        lambda_inv
+        TaskForces::yield_forward(&self.joints, y);
+        forces.lambda_inv
+    }
+
+    /// The articulated-body algorithm: factorisation, bias and half solve in one sweep.
+    fn update_with_dynamics(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        tau: &[f64],
+        _scratch: &mut [f64],
+        out: &mut [f64],
+    ) {
+        self.kinematics(q, dq);
+        let gravity = self.arm.gravity;
+        let mut outer = ArticulatedInertia::default();
+        // The torque of the joint farther out, and the force that its link receives.
+        let (mut next, mut force) = (0.0, Vector::<2>::zeros());
+        let links = self.joints.iter_mut().zip(&self.arm.composite);
+        for ((joint, link), (tau, out)) in links.zip(tau.iter().zip(out.iter_mut())).rev() {
+            outer.take_in(joint, link);
+            let Joint { rate, acceleration, l, b, h, d_inv, .. } = *joint;
+            let e = tau - next - cross(b, acceleration - gravity) - cross(l, force);
+            force += h * e - b * (rate * rate);
+            *out = e * d_inv;
+            next = *tau;
+        }
+        Self::yield_forward(&self.joints, out);
     }
 
     fn link(&self, i: usize) -> Capsule<2> {
-        let joint = &self.joints[i];
-        let Link { length, radius, .. } = self.arm.links[i];
-        Capsule { start: joint.position, direction: joint.x, length, radius }
+        capsule(&self.joints[i], &self.arm.links[i])
+    }
+
+    fn links(&self) -> impl Iterator<Item = Capsule<2>> {
+        let pairs = self.joints.iter().zip(&self.arm.links);
+        pairs.map(|(joint, link)| capsule(joint, link))
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<2>) -> Vector<2> {
@@ -542,7 +671,7 @@ impl Robot<2> for PlanarState {
             let joint = &self.joints[inner];
             let e = -perp(arm).dot(&force);
             sum += e * e * joint.d_inv;
-            force += joint.h * (e * joint.d_inv);
+            force += joint.h * e;
             if inner > 0 {
                 arm = self.joints[inner - 1].l;
             }
@@ -578,11 +707,23 @@ pub struct PlanarWrench {
     pub moment: f64,
 }
 
+#[inline(always)]
+fn capsule(joint: &Joint, link: &Link) -> Capsule<2> {
+    let Link { length, radius, .. } = *link;
+    Capsule { start: joint.position, direction: joint.x, length, radius }
+}
+
 /// The first `M` components of a planar twist: two linear, one angular.
 #[inline(always)]
 fn twist<const M: usize>(linear: Vector<2>, angular: f64) -> SVector<f64, M> {
     const { assert!(M == 2 || M == 3, "a planar task has dimension 2 or 3") };
     SVector::from_fn(|row, _| if row < 2 { linear[row] } else { angular })
+}
+
+/// A task force as force and moment at the tip: the transpose of [`twist`].
+#[inline(always)]
+fn parts<const M: usize>(f: &SVector<f64, M>) -> (Vector<2>, f64) {
+    (Vector::<2>::new(f[0], f[1]), if M > 2 { f[2] } else { 0.0 })
 }
 
 #[cfg(test)]
@@ -622,9 +763,13 @@ mod tests {
             check(state.jacobian_dot_mul::<3>(&c.v).as_slice(), (&dense.jacobian_dot * &v).as_slice());
             let dq = DVector::from_column_slice(&c.dq);
             let (mut momentum, mut coriolis) = (vec![f64::NAN; n], vec![f64::NAN; n]);
-            state.momentum_and_coriolis(&mut momentum, &mut coriolis);
-            check(&momentum, (&dense.mass * &dq).as_slice());
+            state.momentum_and_coriolis(&f, &mut momentum, &mut coriolis);
+            check(&momentum, (&dense.mass * &dq - j.transpose() * f).as_slice());
             check(&coriolis, (&dense.coriolis * &dq).as_slice());
+            check(
+                &apply(n, |out| state.coupling_torque(&f, &c.u, out)),
+                (dense.jacobian_dot.transpose() * f - dense.coriolis.transpose() * &u).as_slice(),
+            );
             let bias = &dense.coriolis * &dq + &dense.gravity;
             check(&apply(n, |out| state.bias_torque(out)), bias.as_slice());
             check(state.task_velocity::<3>().as_slice(), (j * &dq).as_slice());

@@ -81,9 +81,13 @@ impl<const M: usize> Truth<M> {
     }
 }
 
-/// Whether all values are finite; without leaving early, which would be a branch for each.
+/// Whether all values are finite. Only a full exponent plus one carries into the sign; bits, because
+/// the compiler tests several at once without leaving early.
 fn is_finite(values: &[f64]) -> bool {
-    values.iter().fold(true, |all, v| all & v.is_finite())
+    const EXPONENT: u64 = f64::INFINITY.to_bits();
+    const ONE: u64 = 1 << 52;
+    let signs = values.iter().fold(0, |signs, v| signs | ((v.to_bits() & EXPONENT) + ONE));
+    signs >> 63 == 0
 }
 
 /// The controller with what it perceives and what it is told.
@@ -359,7 +363,7 @@ impl<const M: usize> ClosedLoop<M> {
                 .then(|| forces.self_clearance()),
             slack: controller.slack(),
             yields: controller.yields(),
-            manipulability: space.manipulability,
+            manipulability: controller.manipulability(),
             singular: space.singular,
         }
     }
@@ -390,8 +394,7 @@ impl<const M: usize> ClosedLoop<M> {
             if ideal && (continuous || stage.first) {
                 plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
             } else {
-                plant.update(q, dq);
-                plant.accelerate(tau, ddq);
+                plant.accelerate(q, dq, tau, ddq);
             }
         });
         let weight = match options.integrator {

@@ -54,8 +54,7 @@ impl Stepper {
                 for (offset, weight) in [(0.5 * dt, 2.0), (0.5 * dt, 2.0), (dt, 1.0)] {
                     self.q.copy_from_slice(q);
                     integrate(&mut self.q, &self.dq, offset);
-                    self.dq.copy_from_slice(dq);
-                    add_scaled(&mut self.dq, offset, &self.ddq);
+                    set_sum(&mut self.dq, dq, offset, &self.ddq);
                     let stage = Stage { first: false, offset };
                     acceleration(stage, &self.q, &self.dq, &mut self.ddq);
                     add_scaled(&mut self.sum_dq, weight, &self.dq);
@@ -70,6 +69,11 @@ impl Stepper {
 
 fn add_scaled(y: &mut [f64], a: f64, x: &[f64]) {
     y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
+}
+
+/// `out = y + a x`.
+fn set_sum(out: &mut [f64], y: &[f64], a: f64, x: &[f64]) {
+    out.iter_mut().zip(y).zip(x).for_each(|((out, y), x)| *out = y + a * x);
 }
 
 #[cfg(test)]

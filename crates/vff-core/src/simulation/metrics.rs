@@ -71,6 +71,29 @@ fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
+/// Sums and maxima over joints.
+#[derive(Debug, Clone, Copy, Default)]
+struct Effort {
+    squares: f64,
+    power: f64,
+    jerk: f64,
+    torque: f64,
+    speed: f64,
+}
+
+impl Effort {
+    #[inline(always)]
+    fn take_in(&mut self, tau: f64, dq: f64, before: &mut f64, last: &mut f64) {
+        self.torque = larger(self.torque, tau.abs());
+        self.speed = larger(self.speed, dq.abs());
+        self.squares += tau * tau;
+        self.power += (tau * dq).abs();
+        let curve = dq - 2.0 * *last + *before;
+        self.jerk += curve * curve;
+        (*before, *last) = (*last, dq);
+    }
+}
+
 /// Running sums of a run.
 #[derive(Debug, Clone)]
 pub struct Metrics {
@@ -232,22 +255,26 @@ impl Metrics {
     }
 
     fn effort(&mut self, s: &Snapshot<'_>) {
-        // Sums of Σ τ², Σ |τ q̇| and Σ (dt² jerk)²; scaled once a step and once a run.
-        let (mut squares, mut power, mut jerk) = (0.0, 0.0, 0.0);
-        let (mut peak_torque, mut peak_speed) = (self.peak_torque, self.peak_speed);
+        // Sums of Σ τ², Σ |τ q̇| and Σ (dt² jerk)², scaled once a step and once a run; two joints side
+        // by side.
         let [before, last] = &mut self.dq;
-        let speeds = s.dq.iter().zip(before.iter_mut().zip(last.iter_mut()));
-        for (&tau, (&dq, (before, last))) in s.torque.total.iter().zip(speeds) {
-            peak_torque = larger(peak_torque, tau.abs());
-            peak_speed = larger(peak_speed, dq.abs());
-            squares += tau * tau;
-            power += (tau * dq).abs();
-            let curve = dq - 2.0 * *last + *before;
-            jerk += curve * curve;
-            *before = *last;
-            *last = dq;
+        let (tau, dq) = (s.torque.total.as_chunks::<2>(), s.dq.as_chunks::<2>());
+        let (before, last) = (before.as_chunks_mut::<2>(), last.as_chunks_mut::<2>());
+        let mut sums = [Effort::default(); 2];
+        let speeds = dq.0.iter().zip(before.0.iter_mut().zip(last.0));
+        for (tau, (dq, (before, last))) in tau.0.iter().zip(speeds) {
+            for k in 0..2 {
+                sums[k].take_in(tau[k], dq[k], &mut before[k], &mut last[k]);
+            }
         }
-        (self.peak_torque, self.peak_speed) = (peak_torque, peak_speed);
+        let speeds = dq.1.iter().zip(before.1.iter_mut().zip(last.1));
+        for (tau, (dq, (before, last))) in tau.1.iter().zip(speeds) {
+            sums[0].take_in(*tau, *dq, before, last);
+        }
+        let [a, b] = sums;
+        let (squares, power, jerk) = (a.squares + b.squares, a.power + b.power, a.jerk + b.jerk);
+        self.peak_torque = larger(self.peak_torque, larger(a.torque, b.torque));
+        self.peak_speed = larger(self.peak_speed, larger(a.speed, b.speed));
         self.effort += squares * self.dt;
         self.energy += power * self.dt;
         if self.samples >= 2 {

@@ -68,11 +68,11 @@ impl Plant {
         self.state.update(q, dq);
     }
 
-    /// q̈ under a torque at the state of the last [`update`](Self::update).
-    pub fn accelerate(&mut self, tau: &[f64], ddq: &mut [f64]) {
+    /// Moves to the state (q, q̇): q̈ under a torque there.
+    pub fn accelerate(&mut self, q: &[f64], dq: &[f64], tau: &[f64], ddq: &mut [f64]) {
         let Self { physics, state, torque, scratch, .. } = self;
-        let tau = resisted(&physics.viscous, tau, state.velocity(), torque);
-        state.forward_dynamics(tau, scratch, ddq);
+        let tau = resisted(&physics.viscous, tau, dq, torque);
+        state.update_with_dynamics(q, dq, tau, scratch, ddq);
     }
 
     /// The same where a controller whose model is the plant stands at this very state: what it has

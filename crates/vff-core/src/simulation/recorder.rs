@@ -165,16 +165,22 @@ impl Record {
         for position in s.obstacles() {
             self.obstacles.extend_from_slice(position.as_slice());
         }
-        self.q_measured.extend_from_slice(s.q_measured);
-        self.dq_measured.extend_from_slice(s.dq_measured);
-        self.tau_applied.extend_from_slice(s.tau_applied);
         for point in s.sensed {
             self.sensed.extend_from_slice(point.as_slice());
         }
         self.energy.extend_from_slice(&s.energy.values());
         self.power.extend_from_slice(&s.power.values());
         self.manipulability.push(s.manipulability);
-        self.granted.extend_from_slice(s.granted.map_or(&[], |granted| granted));
+        if !s.q_measured.is_empty() {
+            self.q_measured.extend_from_slice(s.q_measured);
+            self.dq_measured.extend_from_slice(s.dq_measured);
+        }
+        if !s.tau_applied.is_empty() {
+            self.tau_applied.extend_from_slice(s.tau_applied);
+        }
+        if let Some(granted) = s.granted {
+            self.granted.extend_from_slice(granted);
+        }
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);
         self.slack.extend(s.slack);

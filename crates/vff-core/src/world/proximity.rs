@@ -75,36 +75,34 @@ impl Surroundings<2> for World {
         if bodies.is_empty() {
             return;
         }
-        // The same is done with the few that a crowd names as with all.
-        let mut meet =
-            |link: usize, axis: &Axis, radius: f64, j: usize, body: &Body, least: f64| {
-                let (nearest, surface) = body.measure(axis, radius);
-                if surface < reach {
-                    visit(&body.core.contact(link, j, &nearest, radius, &body.state));
-                }
-                if surface < least { surface } else { least }
-            };
+        let mut meet = |link: usize, axis: Axis, radius: f64, j: usize, body: &Body| {
+            let nearest = body.core.nearest(&axis, to_glam(body.state.position));
+            let contact = body.core.contact(link, j, &nearest, radius, &body.state);
+            if contact.distance < reach {
+                visit(&contact);
+            }
+        };
         for (link, capsule) in links.into_iter().enumerate() {
             let (axis, radius) = (Axis::new(&capsule), capsule.radius);
-            let mut least = f64::INFINITY;
             let near = match crowd {
                 Some(crowd) => crowd.near(bodies, *time, &axis, radius, reach),
                 None => None,
             };
-            match near {
-                None => {
-                    for (j, body) in bodies.iter().enumerate() {
-                        least = meet(link, &axis, radius, j, body, least);
-                    }
-                }
-                Some(near) => {
-                    for &j in near {
-                        least = meet(link, &axis, radius, j, &bodies[j], least);
-                    }
+            // The same is done with the few that a crowd names as with all: measured first, and only
+            // links with something in reach are looked at again.
+            let bodies = &*bodies;
+            let least = match near {
+                None => least_distance(bodies, &axis, radius),
+                Some(near) => least_distance(near.iter().map(|&j| &bodies[j]), &axis, radius),
+            };
+            distance(link, least);
+            if least < reach {
+                let mut meet = |j: usize| meet(link, axis, radius, j, &bodies[j]);
+                match near {
+                    None => (0..bodies.len()).for_each(meet),
+                    Some(near) => near.iter().for_each(|&j| meet(j)),
                 }
             }
-            // Of 0 and −0 either may have been the first: + 0 makes them one.
-            distance(link, least + 0.0);
         }
     }
 
@@ -124,12 +122,21 @@ impl Surroundings<2> for World {
     }
 }
 
+/// The distance between the surfaces of a link and the nearest of these bodies [m]; ∞ if there are none.
+#[inline(always)] // discs, by far the most frequent, stay within the loop over the links
+fn least_distance<'a>(bodies: impl IntoIterator<Item = &'a Body>, axis: &Axis, radius: f64) -> f64 {
+    let distances = bodies.into_iter().map(|body| body.distance(axis, radius));
+    let least = distances.fold(f64::INFINITY, |a, b| if b < a { b } else { a });
+    // Of 0 and −0 either may have been the first: + 0 makes them one.
+    least + 0.0
+}
+
 impl Body {
-    /// The nearest points to a link of this `radius`, and the distance between the surfaces [m].
-    #[inline]
-    fn measure(&self, axis: &Axis, radius: f64) -> (Nearest, f64) {
-        let nearest = self.core.nearest(axis, to_glam(self.state.position));
-        (nearest, nearest.distance - self.core.radius - radius)
+    /// The distance between the surfaces of obstacle and link [m], bit for bit that of their contact.
+    #[inline(always)]
+    fn distance(&self, axis: &Axis, radius: f64) -> f64 {
+        let position = to_glam(self.state.position);
+        self.core.distance(axis, position) - self.core.radius - radius
     }
 }
 
@@ -190,13 +197,22 @@ impl Core {
     }
 
     /// The nearest points to an axis when the obstacle is at `position` [m], relative to it.
-    #[inline(always)] // discs, by far the most frequent, stay within the loop of the caller
+    #[inline]
     fn nearest(&self, axis: &Axis, position: Point) -> Nearest {
         let axis = axis.seen_from(position);
         match &self.solid {
             Solid::Point(point) => axis.to_disc(*point),
             Solid::Segment(face) => axis.to_segment(face),
             Solid::Convex(faces) => axis.to_convex(faces),
+        }
+    }
+
+    /// Their distance alone, for most links are too far from most obstacles for anything else.
+    #[inline(always)] // as above
+    fn distance(&self, axis: &Axis, position: Point) -> f64 {
+        match &self.solid {
+            Solid::Point(point) => axis.seen_from(position).distance_to_disc(*point),
+            _ => self.nearest(axis, position).distance,
         }
     }
 
@@ -353,6 +369,18 @@ impl Axis {
             // The centre is the end of the axis itself, or nothing at all (NaN).
             Nearest { distance, ..self.beside(offset, point) }
         }
+    }
+
+    /// The distance of [`to_disc`](Self::to_disc), bit for bit.
+    #[inline(always)]
+    fn distance_to_disc(self, centre: Point) -> f64 {
+        let offset = self.start - centre;
+        let along = -self.forward.dot(offset);
+        if along > 0.0 && along < self.length {
+            return self.left().dot(offset).abs();
+        }
+        let end = if along > 0.0 { self.length } else { 0.0 };
+        (offset + self.forward * end).length()
     }
 
     /// The foot `point` of the perpendicular lies between the ends: the normal of the axis is known

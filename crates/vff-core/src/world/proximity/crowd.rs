@@ -101,14 +101,14 @@ impl Crowd {
             return None;
         };
         bodies[*likely].move_to(t);
-        let mut least = f64::INFINITY.min(bodies[*likely].measure(axis, radius).1);
+        let mut least = f64::INFINITY.min(bodies[*likely].distance(axis, radius));
         let mut count = 0;
         for tree in [&*fixed, &*moving] {
             let mut useful = 0;
             let measured = tree.for_each_within(&link, least.max(reach), |j| {
                 let body = &mut bodies[j];
                 body.move_to(t);
-                let surface = body.measure(axis, radius).1;
+                let surface = body.distance(axis, radius);
                 if surface < reach {
                     met[count] = j;
                     count += 1;
