@@ -14,6 +14,7 @@
 use super::{Limits, Matrices, Robot, dense};
 use crate::math::{Capsule, Vector, cross, perp, sin_cos, unit_vectors};
 use nalgebra::{SMatrix, SVector};
+use std::mem;
 use std::sync::Arc;
 
 /// The physical parameters of one link.
@@ -229,10 +230,14 @@ impl PlanarState {
         (&self.joints, &v[..n], &mut out[..n])
     }
 
-    /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
-    fn kinematics(&mut self, q: &[f64], dq: &[f64]) {
+    fn move_to(&mut self, q: &[f64], dq: &[f64]) {
         self.q.copy_from_slice(q);
         self.dq.copy_from_slice(dq);
+        self.kinematics(q, dq);
+    }
+
+    /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
+    fn kinematics(&mut self, q: &[f64], dq: &[f64]) {
         // First all the sines, which wait for nothing but each other's angle, and then the sums.
         let mut angle = 0.0;
         let (pairs, rest) = self.joints.as_chunks_mut::<2>();
@@ -406,13 +411,15 @@ impl Robot<2> for PlanarState {
     }
 
     fn update(&mut self, q: &[f64], dq: &[f64]) {
-        self.kinematics(q, dq);
+        self.move_to(q, dq);
         self.factorise();
     }
 
     fn place(&mut self, q: &[f64]) {
         self.q.copy_from_slice(q);
-        self.kinematics();
+        let dq = mem::take(&mut self.dq);
+        self.kinematics(q, &dq);
+        self.dq = dq;
     }
 
     fn configuration(&self) -> &[f64] {
@@ -597,7 +604,7 @@ impl Robot<2> for PlanarState {
         dq: &[f64],
         y: &mut [SVector<f64, M>],
     ) -> SMatrix<f64, M, M> {
-        self.kinematics(q, dq);
+        self.move_to(q, dq);
         let mut outer = ArticulatedInertia::default();
         let mut forces = TaskForces::new();
         let last = self.joints.len() - 1;
@@ -619,7 +626,7 @@ impl Robot<2> for PlanarState {
         _scratch: &mut [f64],
         out: &mut [f64],
     ) {
-        self.kinematics(q, dq);
+        self.move_to(q, dq);
         let gravity = self.arm.gravity;
         let mut outer = ArticulatedInertia::default();
         // The torque of the joint farther out, and the force that its link receives.
