@@ -1,7 +1,7 @@
 """Write docs/evaluation.md and its figures: `python docs/evaluate.py`, with vffnull[evaluate,peers].
 
 Finished parts are kept in target/evaluation, so that a run that was broken off goes on where it was; remove
-the directory after changing a controller (`verdicts.json` may stay: no controller has a say in it).
+those of a controller after changing it (`verdicts.json` may stay: no controller has a say in it).
 `python docs/evaluate.py 34` takes 34 instead of 334 scenes for each category and number of joints.
 """
 
@@ -25,7 +25,11 @@ SIZES = (4, 6, 9)
 PEERS = 5  # scenes for each family and number of joints under other libraries
 
 # Scenes with an escape, from a study of its own 1200 scenes: collisions and, in brackets, success [%].
-ELSEWHERE = {"links-swept": "0 (98)", "path-crossed": "1 to 3", "clutter": "0 (89)", "crowd": "22 to 25"}
+ELSEWHERE = {
+    "null-space field": {"links-swept": "1", "path-crossed": "100", "clutter": "37", "crowd": "70"},
+    "cbf": {"links-swept": "0 (98)", "path-crossed": "1 to 3", "clutter": "0 (89)", "crowd": "22 to 25"},
+    "cbf + preview": {"crowd": "7 to 11"},
+}
 
 HEAD = """# Controllers against each other
 
@@ -72,7 +76,15 @@ These are not random: `vffnull list` names them.
 def main(count: int) -> None:
     """Run what is not there yet, and write the document."""
     ours = evaluation.join(
-        kept(f"ours-{category}-{n}-{first}-{size}", category, n, first, size)
+        kept(
+            f"{name.replace(' ', '-')}-{category}-{n}-{first}-{size}",
+            category,
+            n,
+            first,
+            size,
+            {name: changes},
+        )
+        for name, changes in evaluation.CONTROLLERS.items()
         for category in scenes.CATEGORIES
         for n in SIZES
         for first, size in chunks(count)
@@ -134,20 +146,24 @@ def verdicts(more: dict[str, str] | None = None) -> dict[str, str]:
     return known
 
 
+CBF = ("cbf", "cbf + preview")
+
+
 def sizes(outcome: vff.Evaluation) -> str:
     """Collisions of cbf by the number of joints."""
     lines = [
         "## cbf by the number of joints\n\nCollisions where an escape exists, and success where it holds the "
         "tip [%].\n",
-        "| family | " + " | ".join(f"collisions, n = {n}" for n in SIZES),
+        "| family | controller | " + " | ".join(f"collisions, n = {n}" for n in SIZES),
     ]
     lines[-1] += " | " + " | ".join(f"success, n = {n}" for n in SIZES) + " |"
-    lines.append("|---" + "|--:" * 2 * len(SIZES) + "|")
+    lines.append("|---|---" + "|--:" * 2 * len(SIZES) + "|")
     for family in outcome.families:
-        rows = outcome.where(family=family, controller="cbf")
-        rates = [str(rows.feasible.where(n=n).rate("collided")) for n in SIZES]
-        rates += [str(rows.where(feasibility="with tip", n=n).rate("success")) for n in SIZES]
-        lines.append(f"| {family} | {' | '.join(rates)} |")
+        for name in CBF:
+            rows = outcome.where(family=family, controller=name)
+            rates = [str(rows.feasible.where(n=n).rate("collided")) for n in SIZES]
+            rates += [str(rows.where(feasibility="with tip", n=n).rate("success")) for n in SIZES]
+            lines.append(f"| {family} | {name} | {' | '.join(rates)} |")
     return "\n".join(lines) + "\n"
 
 
@@ -157,24 +173,21 @@ def elsewhere(outcome: vff.Evaluation) -> str:
         "## Beside another study\n\nA study of 1200 scenes of its own, with another implementation of a cbf "
         "law. Its scenes are not these, nor is its judgement of what is feasible; how the null-space field "
         "alone fares says how hard the scenes are.\n",
-        "| family | null-space field here (there): collisions, feasible [%] "
-        "| cbf here: collisions, feasible [%] | the same, feasible with tip [%] | success, feasible [%] "
-        "| success, feasible with tip [%] | there: collisions (success) [%] |",
-        "|---|--:|--:|--:|--:|--:|--:|",
+        "| family | controller | collisions, feasible [%] | the same, feasible with tip [%] "
+        "| success, feasible [%] | success, feasible with tip [%] | there: collisions (success) [%] |",
+        "|---|---|--:|--:|--:|--:|--:|",
     ]
-    field = {"links-swept": 1, "path-crossed": 100, "clutter": 37, "crowd": 70}
     for family in outcome.families:
-        alone = outcome.where(family=family, controller="null-space field").feasible
-        rows = outcome.where(family=family, controller="cbf").feasible
-        cells = [
-            f"{100 * alone.rate('collided').value:.0f} ({field[family]})",
-            str(rows.rate("collided")),
-            str(rows.where(feasibility="with tip").rate("collided")),
-            str(rows.rate("success")),
-            str(rows.where(feasibility="with tip").rate("success")),
-            ELSEWHERE[family],
-        ]
-        lines.append(f"| {family} | {' | '.join(cells)} |")
+        for name, there in ELSEWHERE.items():
+            rows = outcome.where(family=family, controller=name).feasible
+            cells = [
+                str(rows.rate("collided")),
+                str(rows.where(feasibility="with tip").rate("collided")),
+                str(rows.rate("success")),
+                str(rows.where(feasibility="with tip").rate("success")),
+                there.get(family, "–"),
+            ]
+            lines.append(f"| {family} | {name} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
 
@@ -247,14 +260,15 @@ CAUSES = {
 
 def causes(outcome: vff.Evaluation) -> str:
     """Why cbf collides where an escape exists, run by run."""
-    rows = outcome.where(controller="cbf", collided=True).feasible.columns
-    found: dict[str, dict[str, list[tuple[float, float, float]]]] = {
-        family: defaultdict(list) for family in outcome.families
+    rows = outcome.where(controller=CBF, collided=True).feasible.columns
+    found: dict[tuple[str, str], dict[str, list[tuple[float, float, float]]]] = {
+        (family, name): defaultdict(list) for family in outcome.families for name in CBF
     }
-    for family, n, seed in zip(rows["family"], rows["n"], rows["seed"], strict=True):
+    keys = (rows[key] for key in ("family", "controller", "n", "seed"))
+    for family, name, n, seed in zip(*keys, strict=True):
         scene = scenes.random(str(family), int(n), int(seed))
-        why, *numbers = cause(vff.simulate(scene, evaluation.CONTROLLERS["cbf"]))
-        found[str(family)][why].append((numbers[0], numbers[1], numbers[2]))
+        why, *numbers = cause(vff.simulate(scene, evaluation.CONTROLLERS[str(name)]))
+        found[str(family), str(name)][why].append((numbers[0], numbers[1], numbers[2]))
     kinds = [kind for kind in CAUSES if any(kind in counts for counts in found.values())]
     lines = [
         "## Where cbf collides although an escape exists\n",
@@ -262,12 +276,14 @@ def causes(outcome: vff.Evaluation) -> str:
         "counts. A joint-speed barrier of 6 rad/s is the default.\n",
         *(f"- **{kind}**: {CAUSES[kind]}." for kind in kinds),
         "",
-        "| family | runs | " + " | ".join(kinds) + " |",
-        "|---|--:" + "|--:" * len(kinds) + "|",
+        "| family | controller | runs | " + " | ".join(kinds) + " |",
+        "|---|---|--:" + "|--:" * len(kinds) + "|",
     ]
-    for family, counts in found.items():
+    for (family, name), counts in found.items():
         total = sum(map(len, counts.values()))
-        lines.append(f"| {family} | {total} | " + " | ".join(str(len(counts[k])) for k in kinds) + " |")
+        lines.append(
+            f"| {family} | {name} | {total} | " + " | ".join(str(len(counts[k])) for k in kinds) + " |"
+        )
     lines += [
         "",
         "| cause | runs | slack, median [m/s²] | ρₙ of the touched pair, median "

@@ -34,6 +34,7 @@ CONTROLLERS: dict[str, dict[str, Any]] = {
     "relaxed": {"controller.avoidance": "relaxed"},
     "priority": {"controller.avoidance": "priority"},
     "cbf": {"controller.avoidance": "cbf"},
+    "cbf + preview": {"controller.avoidance": "cbf", "controller.yielding.preview": {}},
 }
 """What each controller changes of a scene."""
 

@@ -28,7 +28,7 @@ const PULL: f64 = 3.0;
 
 /// What a metre of distance that is lacking, and letting go of the task, cost in metres of mean error.
 const LACKING: f64 = 100.0;
-const LETTING_GO: f64 = 2.0;
+const LETTING_GO: f64 = 4.0;
 
 /// How the arm looks ahead: the `[controller.yielding.preview]` table of a scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -53,9 +53,9 @@ pub struct PreviewSettings {
 impl Default for PreviewSettings {
     fn default() -> Self {
         Self {
-            period: 0.04,
-            horizon: 2.0,
-            alarm: 0.6,
+            period: 0.02,
+            horizon: 1.5,
+            alarm: 0.4,
             steps: 16,
             candidates: 64,
             clearance: 0.1,
