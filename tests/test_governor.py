@@ -52,7 +52,7 @@ def test_a_disc_that_passes_costs_less_of_the_path(avoidance: str) -> None:
 @pytest.mark.parametrize("avoidance", LAWS)
 @pytest.mark.parametrize("control", ["hold", "predictor"])
 def test_the_clock_never_runs_backwards_nor_ahead(avoidance: str, control: str) -> None:
-    """Between `floor` = 0.2 and 1 second per second, late in the end, and x_ref is the path at that time: here
+    """Between `floor` = 0.2 and 1 second per second, late in the end, and x_ref is the path at that time:
     y(s) = y₀ + (y₁ − y₀)(10s³ − 15s⁴ + 6s⁵)."""
     result = run("on-path", avoidance, True, control)
     assert result.path_time is not None
@@ -76,6 +76,21 @@ def test_while_the_error_is_small_nothing_changes(control: str) -> None:
     assert np.array_equal(governed.path_time, governed.t)  # type: ignore[arg-type]
     for name, values in plain.recorded().items():
         assert np.array_equal(values, governed.recorded()[name]), name
+
+
+@pytest.mark.parametrize("avoidance", LAWS)
+def test_the_torque_stays_continuous_and_peaks_less(avoidance: str) -> None:
+    """Half the change from step to step at half the step. An arm that need not catch up pushes less: with
+    `priority` and `cbf`, which stay near the disc, less than a quarter as hard."""
+    changes = {"controller.avoidance": avoidance, "simulation.control": "hold"} | GOVERNED
+    coarse, fine = (
+        np.abs(np.diff(vff.simulate("on-path", changes | {"simulation.dt": dt}).tau, axis=0)).max()
+        for dt in (5e-4, 2.5e-4)
+    )
+    assert fine < 0.3
+    assert fine == pytest.approx(coarse / 2, rel=0.05)
+    with_, without = (np.abs(run("on-path", avoidance, governed).tau).max() for governed in (True, False))
+    assert with_ < (1.0 if avoidance == "relaxed" else 0.25) * without
 
 
 def test_a_controller_leaves_its_reference_as_it_is() -> None:
