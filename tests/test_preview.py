@@ -94,8 +94,8 @@ def changes(name: str, dt: float) -> tuple[Any, Any]:
 
 def test_the_torque_jumps_where_the_course_changes_and_nowhere_else() -> None:
     """A change of course changes the nominal acceleration at once (T72), and the torque with it, however
-    short the step. On `on-path` courses change at looks alone, by less than 300 N·m; in between, the torque is
-    continuous: it changes half as much in half the step."""
+    short the step. On `on-path` courses change at looks alone, by less than 300 N·m; in between, the torque
+    is continuous: it changes half as much in half the step."""
     coarse, fine = (changes("on-path", dt) for dt in (5e-4, 2.5e-4))
     assert fine[0].max() < 300.0
     assert fine[0].max() == pytest.approx(coarse[0].max(), rel=0.05)
