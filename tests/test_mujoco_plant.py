@@ -275,6 +275,13 @@ def test_other_references_are_refused() -> None:
     assert caught.value.path == "reference.kind"
 
 
+def test_a_governor_is_refused() -> None:
+    changes = {"controller.governor": {}, "simulation.control": "hold"}
+    with pytest.raises(ScenarioError, match=r"^controller.governor: ") as caught:
+        vff.simulate("on-path", changes, plant="mujoco")
+    assert caught.value.path == "controller.governor"
+
+
 def test_an_arm_that_mujoco_cannot_have() -> None:
     """A point mass at the end of a rod is fine with us."""
     overrides = {"arm.inertias": 0.0, "duration": 0.1}

@@ -47,12 +47,14 @@ def test_where_the_null_space_suffices_the_tip_does_not_notice(name: str, avoida
     assert errors(run(name, avoidance)).max() < 1e-3
 
 
+@pytest.mark.parametrize(("name", "bound"), [("on-path", 1.0), ("on-path-moving", 3.0)])
 @pytest.mark.parametrize("avoidance", LAWS)
-def test_the_torque_is_continuous(avoidance: str) -> None:
+def test_the_torque_is_continuous(avoidance: str, name: str, bound: float) -> None:
     """A torque that is continuous in time changes half as much from step to step at half the step; one that
-    jumps by J changes by J however short the step. No step of 0.25 ms changes it by more than 1 N·m."""
-    coarse, fine = (np.abs(np.diff(run("on-path", avoidance, dt).tau, axis=0)).max() for dt in (5e-4, 2.5e-4))
-    assert fine < 1.0
+    jumps by J changes by J however short the step. No step of 0.25 ms changes it by more than 1 N·m beside a
+    disc at rest, and 3 N·m beside one that moves."""
+    coarse, fine = (np.abs(np.diff(run(name, avoidance, dt).tau, axis=0)).max() for dt in (5e-4, 2.5e-4))
+    assert fine < bound
     assert fine == pytest.approx(coarse / 2, rel=0.05)
 
 

@@ -297,7 +297,8 @@ class Controller:
             Joint angles [rad] and velocities [rad/s].
         x_ref, dx_ref, ddx_ref : (m,) array_like
             Reference of the end effector [m], its velocity [m/s] and acceleration [m/s²]; the last two are 0
-            if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last.
+            if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last. It is taken as
+            it is: the settings' `governor` acts in simulations alone.
         obstacles : sequence of Obstacle or dict, optional
             What to keep away from; nothing by default.
         t : float, optional

@@ -47,6 +47,7 @@ QUANTITIES: dict[str, Quantity] = {
     "self_clearance": Quantity("m", "distance of the nearest two links", (), optional=True),
     "tank": Quantity("J", "energy in the tank", (), optional=True),
     "slack": Quantity("m/s²", "breach of the barriers", (), optional=True),
+    "path_time": Quantity("s", "path time of the reference", (), optional=True),
     "q_measured": Quantity("rad", "measured joint angle", ("joint",), optional=True),
     "dq_measured": Quantity("rad/s", "measured joint velocity", ("joint",), optional=True),
     "tau_applied": Quantity("N·m", "torque of the drive", ("joint",), optional=True),

@@ -153,6 +153,10 @@ class ControlSettings:
     yielding : dict, optional
         How it gives way, where it does: see ``vffnull schema`` for the keys of ``[controller.yielding]``.
         ``{"preview": {}}`` lets ``"cbf"`` look ahead.
+    governor : dict, optional
+        Lets the reference wait while the end effector is off it: see ``vffnull schema`` for the keys of
+        ``[controller.governor]``; ``{}`` takes every default. It acts in simulations; a `Controller` is given
+        its reference and leaves it as it is.
     singularity : float, optional
         How early the task gives way near a singular posture: below this fraction of the mobility that one
         particle of the arm's mass would have.
@@ -182,6 +186,7 @@ class ControlSettings:
     projection: Literal["dynamic", "kinematic", "none"] | None = None
     avoidance: Literal["null_space", "relaxed", "priority", "cbf"] | None = None
     yielding: Document | None = None
+    governor: Document | None = None
     singularity: float | None = None
 
     def __post_init__(self) -> None:

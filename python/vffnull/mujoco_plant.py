@@ -164,7 +164,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     ------
     vffnull.errors.ScenarioError
         If the reference is of another kind, if MuJoCo cannot simulate the arm, or if the scenario has
-        sensors or drives, which it has not.
+        sensors, drives or a governor, which it has not.
     ImportError
         Without the extra ``vffnull[mujoco]``.
     """
@@ -271,6 +271,12 @@ class _Brain:
     def __init__(self, scenario: Scenario) -> None:
         document = scenario.to_dict()
         settings = document.get("controller", {})
+        if "governor" in settings:
+            raise ScenarioError(
+                "controller.governor: with MuJoCo as the plant there is none; remove the table, or simulate "
+                "with the core",
+                "controller.governor",
+            )
         self.pose = settings.get("task", "position") == "pose"
         self._arm = scenario.arm
         self._controller = Controller(self._arm, settings)

@@ -161,6 +161,9 @@ class Result:
         Energy in the tank [J]; None without one.
     slack : (T,) ndarray or None
         By how much the barriers of ``avoidance = "cbf"`` are broken at most [m/s²]; None with other laws.
+    path_time : (T,) ndarray or None
+        Time [s] of the reference, which a governor slows down; `x_ref` and `error` are those of the reference
+        that waits. None without a table ``[controller.governor]``.
     q_measured, dq_measured : (T, n) ndarray or None
         What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
         has sensors, a table ``[measurement]``. Everything else is of the true state.
@@ -210,6 +213,7 @@ class Result:
     self_clearance: Array | None = None
     tank: Array | None = None
     slack: Array | None = None
+    path_time: Array | None = None
     q_measured: Array | None = None
     dq_measured: Array | None = None
     tau_applied: Array | None = None

@@ -48,6 +48,11 @@ formulation = "recursive"
 projection = "dynamic"
 avoidance = "null_space"
 singularity = 1e-3
+[controller.governor]
+inner = 0.01
+outer = 0.2
+rate = 30.0
+floor = 0.1
 [controller.field]
 kind = "cubic"
 gain = 0.5

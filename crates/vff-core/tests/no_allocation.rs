@@ -9,6 +9,7 @@ use vff_core::scenario::Scenario;
 use vff_core::scenario::live::{Live, State};
 use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
+use vff_core::trajectory::GovernorSettings;
 use vff_core::world::{Motion, Obstacle, Shape};
 
 struct Counting;
@@ -226,6 +227,24 @@ fn no_step_allocates_that_looks_ahead() {
         let outcome = run.outcome();
         assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
         assert_ne!(outcome.record.q, plain.outcome().record.q, "it found nothing to do");
+    }
+}
+
+/// Nor does one whose reference waits.
+#[test]
+fn no_step_allocates_that_waits() {
+    let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    for simulation in [r#"control = "hold", control_every = 3"#, r#"control = "predictor""#] {
+        let mut scenario = scenario("position", reference, simulation, "dynamic");
+        scenario.controller.avoidance = Avoidance::Cbf;
+        scenario.controller.governor = Some(GovernorSettings::default());
+        let mut run = scenario.prepare().unwrap().run;
+        let count = allocations(|| while run.step() {});
+        assert_eq!(count, 0, "{simulation}");
+        let outcome = run.outcome();
+        assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+        let late = outcome.record.t.last().unwrap() - outcome.record.path_time.last().unwrap();
+        assert!(late > 0.01, "it had nothing to wait for: {late}");
     }
 }
 

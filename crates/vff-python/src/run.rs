@@ -161,7 +161,12 @@ pub fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
     let sensed = Some(r.sensed).filter(given);
     let sensed = sensed.map(|values| PyArray1::from_vec(py, values).reshape([rows, rays, 2]));
     dict.set_item("sensed", sensed.transpose()?)?;
-    let series = [("self_clearance", r.self_clearance), ("tank", r.tank), ("slack", r.slack)];
+    let series = [
+        ("self_clearance", r.self_clearance),
+        ("tank", r.tank),
+        ("slack", r.slack),
+        ("path_time", r.path_time),
+    ];
     for (name, values) in series {
         let values = Some(values).filter(given);
         dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;

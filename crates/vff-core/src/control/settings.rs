@@ -5,6 +5,7 @@ use super::tank::TankSettings;
 use crate::field::Field;
 use crate::math::Broadcast;
 use crate::robot::Robot;
+use crate::trajectory::GovernorSettings;
 use nalgebra::SVector;
 use serde::Deserialize;
 
@@ -116,6 +117,8 @@ pub struct Settings {
     pub avoidance: Avoidance,
     /// How the end effector yields, where it does.
     pub yielding: Yielding,
+    /// How the reference waits for the end effector; it does not by default.
+    pub governor: Option<GovernorSettings>,
     /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
     /// 1/(mass of the arm), > 0.
     pub singularity: f64,
@@ -139,6 +142,7 @@ impl Default for Settings {
             projection: Projection::Dynamic,
             avoidance: Avoidance::NullSpace,
             yielding: Yielding::default(),
+            governor: None,
             singularity: 3e-2,
         }
     }
@@ -221,6 +225,8 @@ pub struct Gains<const M: usize> {
     pub avoidance: Avoidance,
     /// How the end effector yields.
     pub yielding: Yielding,
+    /// How the reference waits.
+    pub governor: Option<GovernorSettings>,
     /// See [`Settings::singularity`].
     pub singularity: f64,
     /// Where the random numbers of look-ahead come from.
@@ -249,6 +255,7 @@ impl<const M: usize> Gains<M> {
             projection: settings.projection,
             avoidance: settings.avoidance,
             yielding: settings.yielding.clone(),
+            governor: settings.governor,
             singularity: settings.singularity,
             seed: 0,
         }

@@ -4,6 +4,7 @@
 //! empty weakens the repulsion, but never below its floor, and only while it injects: what slows an
 //! approach keeps its full strength.
 
+use crate::math::smoothstep;
 use serde::Deserialize;
 
 /// `[controller.tank]`.
@@ -55,11 +56,6 @@ impl Tank {
     pub fn elapse(&mut self, dt: f64, inflow: f64) {
         self.level = (self.level + dt * inflow).clamp(0.0, self.settings.capacity);
     }
-}
-
-fn smoothstep(x: f64) -> f64 {
-    let x = x.clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
 }
 
 #[cfg(test)]

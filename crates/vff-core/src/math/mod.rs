@@ -14,6 +14,13 @@ pub use sincos::{sin_cos, unit_vectors};
 
 use nalgebra::SVector;
 
+/// 0 below 0, 1 above 1, and 3s² − 2s³ between.
+#[inline]
+pub fn smoothstep(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
+}
+
 /// A point, displacement, velocity or force in the `D`-dimensional space of the robot.
 pub type Vector<const D: usize> = SVector<f64, D>;
 

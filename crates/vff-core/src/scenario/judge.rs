@@ -13,6 +13,7 @@ use crate::simulation::{
     ActuatorSettings, Control, Measurement, MeasurementSettings, Options, Perception,
     PerceptionSettings,
 };
+use crate::trajectory::GovernorSettings;
 use crate::world::{Motion, Obstacle, Shape, is_convex};
 use toml::Value;
 
@@ -160,6 +161,9 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
     if let Some(tank) = &settings.tank {
         self::tank(tank).map_err(|error| error.inside("tank"))?;
     }
+    if let Some(governor) = &settings.governor {
+        self::governor(governor).map_err(|error| error.inside("governor"))?;
+    }
     field(&settings.field).map_err(|error| error.inside("field"))
 }
 
@@ -223,6 +227,18 @@ fn tank(tank: &TankSettings) -> Judged {
         return Err(ScenarioError::out_of_range("initial", &requirement, initial));
     }
     number("floor", tank.floor, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
+}
+
+/// `[controller.governor]`.
+fn governor(governor: &GovernorSettings) -> Judged {
+    let GovernorSettings { inner, outer, rate, floor } = *governor;
+    number("inner", inner, not_negative)?;
+    if outer <= inner {
+        let requirement = format!("greater than inner = {inner}");
+        return Err(ScenarioError::out_of_range("outer", &requirement, outer));
+    }
+    number("rate", rate, positive)?;
+    number("floor", floor, ("in [0, 1)", |x| (0.0..1.0).contains(&x)))
 }
 
 /// What a controller needs of the limits of its arm.

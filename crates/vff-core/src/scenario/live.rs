@@ -388,8 +388,9 @@ pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Projection;
+    use crate::control::{Avoidance, Projection};
     use crate::math::Broadcast;
+    use crate::trajectory::GovernorSettings;
     use std::sync::atomic::Ordering;
     use std::thread;
 
@@ -501,6 +502,33 @@ mod tests {
         live.aim([0.0, 0.0]);
         beats(&mut live, 6000);
         assert_eq!(live.state(), &State::Running);
+    }
+
+    /// A reference that waits does not jump when it gets another target, or is told to wait no more.
+    #[test]
+    fn a_reference_that_waits_does_not_jump() {
+        let mut live = live();
+        let waiting = Settings {
+            avoidance: Avoidance::Cbf,
+            governor: Some(GovernorSettings { floor: 0.0, ..GovernorSettings::default() }),
+            ..settings(Projection::Dynamic)
+        };
+        live.configure(waiting.clone()).unwrap();
+        beats(&mut live, 200);
+        live.aim([3.0, 2.0]);
+        live.carry(0, [4.0, 1.5]).unwrap();
+        beats(&mut live, 3000);
+        let late = |live: &Live| live.snapshot().t - live.snapshot().path_time.unwrap();
+        let place = |live: &Live| Vector::<2>::from_column_slice(live.snapshot().x_ref);
+        let (delay, before) = (late(&live), place(&live));
+        assert!(delay > 0.1, "it had nothing to wait for: {delay}");
+        live.aim([4.0, 3.0]);
+        assert!((place(&live) - before).norm() < 1e-12);
+        live.configure(Settings { governor: None, ..waiting }).unwrap();
+        assert!((place(&live) - before).norm() < 1e-12);
+        beats(&mut live, 6000);
+        assert!(late(&live) >= delay);
+        assert!((place(&live) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-3);
     }
 
     /// Obstacles come and go, each with its own hand.

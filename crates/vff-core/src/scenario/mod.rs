@@ -278,13 +278,17 @@ impl Scenario {
         judge::controller(&self.controller, Some(n))
             .and_then(|()| judge::controller_of(&self.controller, model.limits()))
             .map_err(|error| error.inside("controller"))?;
-        if self.controller.tank.is_some() && self.simulation.control == Control::Continuous {
-            let problem = Problem::Other(
-                "fills and empties from sample to sample: it needs simulation.control = \"hold\" or \
-                 \"predictor\""
-                    .into(),
-            );
-            return Err(ScenarioError::new("controller.tank", problem));
+        let Settings { tank, governor, .. } = &self.controller;
+        for (key, given, what) in [
+            ("controller.tank", tank.is_some(), "fills and empties from sample to sample"),
+            ("controller.governor", governor.is_some(), "hears of the error from sample to sample"),
+        ] {
+            if given && self.simulation.control == Control::Continuous {
+                let problem = Problem::Other(format!(
+                    "{what}: it needs simulation.control = \"hold\" or \"predictor\""
+                ));
+                return Err(ScenarioError::new(key, problem));
+            }
         }
         judge::simulation(&self.simulation).map_err(|error| error.inside("simulation"))?;
         if self.duration / self.simulation.dt > MAX_STEPS {

@@ -9,7 +9,7 @@ use super::{Control, Integrator, Options, Snapshot};
 use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits, task};
 use crate::math::{Pursuit, Vector};
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Governor, Trajectory};
 use crate::world::{Surroundings, World};
 use std::iter;
 use std::sync::Arc;
@@ -40,6 +40,8 @@ pub struct ClosedLoop<const M: usize> {
     measurement: Option<Measurement>,
     perception: Option<Perception>,
     actuator: Option<Actuator>,
+    /// What makes the reference wait.
+    governor: Option<Governor>,
     /// What is so, where the controller does not see it.
     truth: Option<Truth<M>>,
     stepper: Stepper,
@@ -99,16 +101,21 @@ struct Brain<const M: usize> {
 }
 
 impl<const M: usize> Brain<M> {
-    /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it.
+    /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it,
+    /// for the reference that `governor` makes wait.
     fn torque_at(
         &mut self,
         t: f64,
         [q, dq]: [&[f64]; 2],
         perception: Option<&mut Perception>,
+        governor: Option<&Governor>,
     ) -> &Torque {
         let Self { controller, world, trajectory } = self;
         world.update(t);
-        let reference = |ahead| trajectory.at(t + ahead);
+        let reference = |ahead| match governor {
+            Some(governor) => governor.sample(trajectory, t + ahead),
+            None => trajectory.at(t + ahead),
+        };
         match perception {
             Some(perception) => {
                 controller.observe(q, dq, perception);
@@ -119,7 +126,7 @@ impl<const M: usize> Brain<M> {
                 controller.look_ahead(world, reference);
             }
         }
-        controller.command(&trajectory.at(t))
+        controller.command(&reference(0.0))
     }
 }
 
@@ -145,6 +152,7 @@ impl<const M: usize> ClosedLoop<M> {
             !measurement.is_perfect()
         });
         let imperfect = imperfect || perception.is_some();
+        let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
         let brain = Brain { controller: Controller::new(arm.state(), gains), world, trajectory };
         let mut this = Self {
             arm: Arc::clone(arm),
@@ -154,6 +162,7 @@ impl<const M: usize> ClosedLoop<M> {
             measurement,
             perception,
             actuator,
+            governor,
             truth: imperfect.then(|| Truth::new(n)),
             stepper: Stepper::new(options.integrator, n),
             step: 0,
@@ -181,6 +190,8 @@ impl<const M: usize> ClosedLoop<M> {
         if let Some(foresight) = &mut self.foresight {
             foresight.controller.reset();
         }
+        let settings = self.controller().gains().governor;
+        self.governor = settings.map(|settings| Governor::new(settings, 0.0));
         self.q.copy_from_slice(&self.start[0]);
         self.dq.copy_from_slice(&self.start[1]);
         if let Some(measurement) = &mut self.measurement {
@@ -207,6 +218,11 @@ impl<const M: usize> ClosedLoop<M> {
         for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
             brain.controller = Controller::new(self.arm.state(), gains.clone());
         }
+        let t = self.time();
+        match (&mut self.governor, gains.governor) {
+            (Some(governor), settings) => governor.configure(settings, t),
+            (none, settings) => *none = settings.map(|settings| Governor::new(settings, t)),
+        }
         self.control();
     }
 
@@ -223,7 +239,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// Lets go of the reference and sends the end effector to `goal` [m] from now on, smoothly, with the
     /// pole `rate` [1/s]; its orientation stays where it is.
     pub fn aim(&mut self, goal: Vector<2>, rate: f64) {
-        let t = self.time();
+        let t = self.path_time().unwrap_or(self.time());
         let now = self.brain.trajectory.at(t);
         let mut pose = now.x;
         pose.fixed_rows_mut::<2>(0).copy_from(&goal);
@@ -308,6 +324,11 @@ impl<const M: usize> ClosedLoop<M> {
         self.options.time(self.step)
     }
 
+    /// The path time σ [s] of the reference; None without a governor.
+    fn path_time(&self) -> Option<f64> {
+        self.governor.as_ref().map(|governor| governor.path_time(self.time()))
+    }
+
     /// Whether the state is finite and no joint turns faster than [`MAX_SPEED`](Self::MAX_SPEED).
     fn is_sane(&self) -> bool {
         let slow = self.dq.iter().fold(true, |all, v| all & (v.abs() < Self::MAX_SPEED));
@@ -350,6 +371,7 @@ impl<const M: usize> ClosedLoop<M> {
             x: self.x.as_slice(),
             dx: dx.as_slice(),
             x_ref: controller.reference().x.as_slice(),
+            path_time: self.path_time(),
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
@@ -387,7 +409,7 @@ impl<const M: usize> ClosedLoop<M> {
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
         stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
             if continuous && !stage.first {
-                brain.torque_at(t + stage.offset, [q, dq], None);
+                brain.torque_at(t + stage.offset, [q, dq], None, None);
             }
             let controller = &brain.controller;
             let tau = if continuous { &controller.torque().total } else { held };
@@ -421,6 +443,10 @@ impl<const M: usize> ClosedLoop<M> {
                 return true;
             }
             self.step -= 1;
+            let t = self.time();
+            if let Some(governor) = &mut self.governor {
+                governor.undo(t);
+            }
             if let Some(measurement) = &mut self.measurement {
                 measurement.undo();
             }
@@ -457,11 +483,18 @@ impl<const M: usize> ClosedLoop<M> {
     fn control(&mut self) {
         let t = self.time();
         let seen = self.measurement.as_ref().map_or([&self.q[..], &self.dq], Measurement::seen);
-        let torque = self.brain.torque_at(t, seen, self.perception.as_mut());
         let period_begins = self.step.is_multiple_of(self.options.control_every);
+        if period_begins && let Some(governor) = &mut self.governor {
+            governor.begin(t);
+        }
+        let torque =
+            self.brain.torque_at(t, seen, self.perception.as_mut(), self.governor.as_ref());
         if period_begins {
             self.held.copy_from(torque);
             self.granted = *self.brain.controller.granted();
+            if let Some(governor) = &mut self.governor {
+                governor.hear(self.brain.controller.error().fixed_rows::<2>(0).norm());
+            }
         }
         self.x = match &mut self.truth {
             Some(truth) => {
@@ -497,7 +530,8 @@ impl<const M: usize> ClosedLoop<M> {
         for (v, ddq) in dq.iter_mut().zip(ddq.iter()) {
             *v += 0.5 * half * ddq;
         }
-        self.held.copy_from(foresight.torque_at(t + half, [q, dq], self.perception.as_mut()));
+        let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
+        self.held.copy_from(foresight.torque_at(t + half, [q, dq], perception, governor));
         self.granted = *foresight.controller.granted();
         self.null_acceleration = foresight.controller.null_acceleration();
     }

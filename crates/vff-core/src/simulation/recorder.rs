@@ -67,6 +67,8 @@ pub struct Record {
     pub tank: Vec<f64>,
     /// (T), or empty.
     pub slack: Vec<f64>,
+    /// (T), or empty.
+    pub path_time: Vec<f64>,
 }
 
 /// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems
@@ -112,7 +114,7 @@ impl Record {
     }
 
     /// Every array with the length of its rows: of a run like `s`, or of one that has everything.
-    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 25] {
+    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 26] {
         let (n, m) = (self.joints, self.task);
         let optional = |given: fn(&Snapshot<'_>) -> bool, width: usize| {
             if s.is_none_or(given) { width } else { 0 }
@@ -143,6 +145,7 @@ impl Record {
             (&mut self.self_clearance, optional(|s| s.self_clearance.is_some(), 1)),
             (&mut self.tank, optional(|s| s.tank.is_some(), 1)),
             (&mut self.slack, optional(|s| s.slack.is_some(), 1)),
+            (&mut self.path_time, optional(|s| s.path_time.is_some(), 1)),
         ]
     }
 
@@ -184,5 +187,6 @@ impl Record {
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);
         self.slack.extend(s.slack);
+        self.path_time.extend(s.path_time);
     }
 }

@@ -30,8 +30,10 @@ pub struct Snapshot<'a> {
     pub x: &'a [f64],
     /// Its rate [m/s, rad/s], (m).
     pub dx: &'a [f64],
-    /// Reference [m, rad], (m).
+    /// Reference [m, rad], (m), after the governor if there is one.
     pub x_ref: &'a [f64],
+    /// Path time σ [s]; `None` without a governor.
+    pub path_time: Option<f64>,
     /// x − x_ref, (m).
     pub error: &'a [f64],
     /// Magnitude of the repulsion on each link [N], (n).

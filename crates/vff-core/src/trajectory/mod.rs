@@ -4,6 +4,7 @@
 //! dimension and prepares it; [`Trajectory::at`] evaluates it without allocating.
 
 mod error;
+mod governor;
 mod line;
 mod piecewise;
 mod planar;
@@ -13,6 +14,7 @@ mod table;
 mod waypoints;
 
 pub use error::TrajectoryError;
+pub use governor::{Governor, GovernorSettings};
 pub use reference::Reference;
 
 use crate::math::{Pursuit, Vector};

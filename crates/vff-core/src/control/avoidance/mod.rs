@@ -61,13 +61,6 @@ impl Default for Yielding {
     }
 }
 
-/// 0 below 0, 1 above 1, and 3s² − 2s³ between.
-#[inline]
-fn smoothstep(s: f64) -> f64 {
-    let s = s.clamp(0.0, 1.0);
-    s * s * (3.0 - 2.0 * s)
-}
-
 /// One of the three ways, with its workspace.
 #[derive(Debug, Clone)]
 pub struct Avoider<const D: usize> {

@@ -1,8 +1,8 @@
 //! `relaxed`: near an obstacle the task lets go, and the field pushes the end effector, too (T63, T64).
 
-use super::{Yielding, smoothstep};
+use super::Yielding;
 use crate::control::{OperationalSpace, Torque, VirtualForces};
-use crate::math::Vector;
+use crate::math::{Vector, smoothstep};
 use crate::robot::Robot;
 
 /// λ: 1 while nothing is near, 0 where the nearest obstacle is within `inner` (T63).
