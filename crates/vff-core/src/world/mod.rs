@@ -35,6 +35,22 @@ pub trait Surroundings<const D: usize> {
         visit: impl FnMut(&Contact<D>),
     );
 
+    /// The most barriers that one link can have.
+    fn barrier_count(&self) -> usize {
+        self.obstacle_count()
+    }
+
+    /// Calls `visit` with all distances nearer than `reach` [m] that must be kept so that every contact is:
+    /// the contacts themselves, or, where nearest features change at once, each feature that may be next.
+    fn for_each_barrier(
+        &mut self,
+        links: impl IntoIterator<Item = Capsule<D>>,
+        reach: f64,
+        visit: impl FnMut(&Contact<D>),
+    ) {
+        self.for_each_contact(links, reach, |_, _| {}, visit);
+    }
+
     /// The contact of a link with `obstacle`, were that carried on for `after` [s] at its present
     /// velocity.
     fn contact_after(
@@ -52,6 +68,8 @@ pub struct World {
     bodies: Vec<Body>,
     /// Indices of the obstacles that are not static.
     moving: Vec<usize>,
+    /// The most barriers that one link can have.
+    barriers: usize,
     /// The present instant [s].
     time: f64,
     /// Which obstacles may be near, where they are too many to ask each.
@@ -104,6 +122,10 @@ impl Body {
     }
 }
 
+fn barriers_of(bodies: &[Body]) -> usize {
+    bodies.iter().map(|body| body.core.barriers()).sum()
+}
+
 impl World {
     /// The given obstacles at t = 0.
     ///
@@ -114,7 +136,8 @@ impl World {
         let moving =
             (0..bodies.len()).filter(|&j| !bodies[j].obstacle.motion.is_static()).collect();
         let crowd = (bodies.len() >= Crowd::LEAST).then(|| Crowd::new(&bodies));
-        Self { bodies, moving, time: 0.0, crowd }
+        let barriers = barriers_of(&bodies);
+        Self { bodies, moving, barriers, time: 0.0, crowd }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
@@ -187,6 +210,7 @@ impl World {
     /// more that move than ever before.
     fn rearrange(&mut self) {
         self.crowd = None;
+        self.barriers = barriers_of(&self.bodies);
         let moves = |&j: &usize| !self.bodies[j].obstacle.motion.is_static();
         self.moving.clear();
         self.moving.extend((0..self.bodies.len()).filter(moves));

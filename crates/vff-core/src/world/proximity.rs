@@ -27,6 +27,9 @@ use parry2d_f64::math::Vector as Point;
 /// mostly rounding and has no direction, whereas a separating axis always has one.
 const TOUCHING: f64 = 1e-13;
 
+/// What a corner gains in distance per metre that it lies beyond an end of a link (T74).
+const RELIEF: f64 = 10.0;
+
 impl World {
     /// The nearest points between `capsule`, which is link number `link`, and obstacle `j`.
     ///
@@ -53,23 +56,17 @@ impl World {
         let nearest = body.core.nearest(&Axis::new(capsule), to_glam(state.position));
         body.core.contact(link, j, &nearest, capsule.radius, state)
     }
-}
-
-impl Surroundings<2> for World {
-    fn obstacle_count(&self) -> usize {
-        self.len()
-    }
 
     /// Link by link from the first of `links` on, and for each link in the order of the obstacles.
     ///
     /// See [`World::contact`] for what is expected of a link.
-    #[inline]
-    fn for_each_contact(
+    #[inline(always)] // twice
+    fn for_each_near(
         &mut self,
         links: impl IntoIterator<Item = Capsule<2>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
-        mut visit: impl FnMut(&Contact<2>),
+        mut visit: impl FnMut(&Contact<2>, &Axis, f64, &Body),
     ) {
         let Self { bodies, crowd, time, .. } = self;
         if bodies.is_empty() {
@@ -79,7 +76,7 @@ impl Surroundings<2> for World {
             let nearest = body.core.nearest(&axis, to_glam(body.state.position));
             let contact = body.core.contact(link, j, &nearest, radius, &body.state);
             if contact.distance < reach {
-                visit(&contact);
+                visit(&contact, &axis, radius, body);
             }
         };
         for (link, capsule) in links.into_iter().enumerate() {
@@ -104,6 +101,49 @@ impl Surroundings<2> for World {
                 }
             }
         }
+    }
+}
+
+impl Surroundings<2> for World {
+    fn obstacle_count(&self) -> usize {
+        self.len()
+    }
+
+    #[inline]
+    fn for_each_contact(
+        &mut self,
+        links: impl IntoIterator<Item = Capsule<2>>,
+        reach: f64,
+        distance: impl FnMut(usize, f64),
+        mut visit: impl FnMut(&Contact<2>),
+    ) {
+        self.for_each_near(links, reach, distance, |contact, _, _, _| visit(contact));
+    }
+
+    fn barrier_count(&self) -> usize {
+        self.barriers
+    }
+
+    /// One for a circle; for every other obstacle those of (T74).
+    #[inline]
+    fn for_each_barrier(
+        &mut self,
+        links: impl IntoIterator<Item = Capsule<2>>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<2>),
+    ) {
+        self.for_each_near(
+            links,
+            reach,
+            |_, _| {},
+            |contact, axis, radius, body| {
+                body.core.for_each_barrier(contact, axis, radius, &body.state, |barrier| {
+                    if barrier.distance < reach {
+                        visit(barrier);
+                    }
+                });
+            },
+        );
     }
 
     #[inline]
@@ -246,6 +286,57 @@ impl Core {
         }
     }
 
+    /// The edges; none of a point.
+    fn edges(&self) -> &[Face] {
+        match &self.solid {
+            Solid::Point(_) => &[],
+            Solid::Segment(face) => std::slice::from_ref(face),
+            Solid::Convex(faces) => faces,
+        }
+    }
+
+    /// The most barriers that one link can have.
+    pub(super) fn barriers(&self) -> usize {
+        match &self.solid {
+            Solid::Point(_) => 1,
+            Solid::Segment(_) => 4,
+            Solid::Convex(faces) => 2 + faces.len(),
+        }
+    }
+
+    /// Every distance of an end or a corner that may be the least when features change hands (T74);
+    /// of a point, or where the axis has got into the core, that of `contact` alone.
+    #[inline]
+    fn for_each_barrier(
+        &self,
+        contact: &Contact<2>,
+        axis: &Axis,
+        radius: f64,
+        state: &MotionState,
+        mut visit: impl FnMut(&Contact<2>),
+    ) {
+        let edges = self.edges();
+        let apart = contact.distance + self.radius + radius > TOUCHING;
+        if edges.is_empty() || !apart {
+            return visit(contact);
+        }
+        let axis = axis.seen_from(to_glam(state.position));
+        let mut visit = |nearest: &Nearest, beyond: f64| {
+            let found = self.contact(contact.link, contact.obstacle, nearest, radius, state);
+            visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
+        };
+        for end in [axis.start, axis.end()] {
+            visit(&end_to_edges(end, edges), 0.0);
+        }
+        let last = matches!(self.solid, Solid::Segment(_)).then(|| edges[0].end());
+        for corner in edges.iter().map(|edge| edge.start).chain(last) {
+            let along = axis.forward.dot(corner - axis.start);
+            let foot = axis.start + axis.forward * along;
+            let beyond = (-along).max(along - axis.length).max(0.0);
+            visit(&axis.beside(axis.start - corner, foot), beyond);
+        }
+    }
+
     /// Opposite corners of the box around the obstacle, relative to its position [m].
     fn extent(&self) -> [Point; 2] {
         let [low, high] = match &self.solid {
@@ -262,6 +353,24 @@ impl Core {
         };
         [low - Point::splat(self.radius), high + Point::splat(self.radius)]
     }
+}
+
+/// The nearest point of these edges to an end of a link outside of what they enclose. It counts as a face
+/// everywhere: that the normal turns about a corner is left out, which is the safe side (T74).
+fn end_to_edges(end: Point, edges: &[Face]) -> Nearest {
+    let mut nearest =
+        Nearest { distance: f64::INFINITY, normal: Point::ZERO, point: end, meets: Meets::Face };
+    for edge in edges {
+        let along = edge.normal.perp().dot(end - edge.start);
+        let height = edge.height(end);
+        let beyond = along - along.clamp(0.0, edge.length);
+        let distance = height.hypot(beyond);
+        if distance < nearest.distance {
+            let offset = edge.normal * height + edge.normal.perp() * beyond;
+            nearest = Nearest { distance, normal: offset / distance, ..nearest };
+        }
+    }
+    nearest
 }
 
 /// The edges of the polygon with these counter-clockwise corners, except those without length.

@@ -65,7 +65,7 @@ impl Default for Yielding {
 #[derive(Debug, Clone)]
 pub struct Avoider<const D: usize> {
     settings: Yielding,
-    /// The pairs that matter at the observed state.
+    /// The pairs that matter at the observed state; of `cbf` the barriers.
     pairs: Vec<Contact<D>>,
     way: Way,
     slack: f64,
@@ -105,20 +105,23 @@ impl<const D: usize> Avoider<D> {
 
     /// Takes in the pairs near `robot`.
     pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl Surroundings<D>) {
-        let reach = match self.way {
-            Way::Relaxed => return,
-            Way::Priority(_) => self.settings.outer,
-            Way::Barrier(_) => self.settings.activation,
-        };
         let links = (0..robot.dof()).map(|i| robot.link(i));
-        let Self { pairs, way, .. } = self;
-        // All pairs may come near some day: once there is room for them, nothing allocates.
-        let count = robot.dof() * surroundings.obstacle_count();
+        let Self { settings, pairs, way, .. } = self;
         pairs.clear();
-        pairs.reserve(count);
-        surroundings.for_each_contact(links, reach, |_, _| {}, |pair| pairs.push(*pair));
-        if let Way::Barrier(barrier) = way {
-            barrier.reserve(count);
+        // All pairs may come near some day: once there is room for them, nothing allocates.
+        match way {
+            Way::Relaxed => {}
+            Way::Priority(_) => {
+                pairs.reserve(robot.dof() * surroundings.obstacle_count());
+                let visit = |pair: &Contact<D>| pairs.push(*pair);
+                surroundings.for_each_contact(links, settings.outer, |_, _| {}, visit);
+            }
+            Way::Barrier(barrier) => {
+                let count = robot.dof() * surroundings.barrier_count();
+                pairs.reserve(count);
+                barrier.reserve(count);
+                surroundings.for_each_barrier(links, settings.activation, |pair| pairs.push(*pair));
+            }
         }
     }
 
