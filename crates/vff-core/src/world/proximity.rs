@@ -1021,6 +1021,33 @@ mod tests {
         assert!((found.distance - 3.0).abs() < 1e-15);
     }
 
+    proptest! {
+        /// The least of the barriers is the distance itself; there are no more than announced, and a
+        /// circle has its contact alone.
+        #[test]
+        fn the_least_barrier_is_the_distance(
+            link in any_link(),
+            shape in prop_oneof![
+                Just(Shape::Circle { radius: 0.4 }),
+                Just(Shape::Box { size: [1.0, 0.4] }),
+                Just(Shape::Capsule { a: [-0.5, 0.1], b: [0.5, 0.0], radius: 0.1 }),
+                any_polygon(),
+            ],
+            angle in 0.0..TAU,
+        ) {
+            let mut world = World::new(vec![fixed(shape.clone(), [0.3, -0.2], angle)]);
+            let contact = world.contact(0, &link, 0);
+            let mut barriers = vec![];
+            world.for_each_barrier([link], f64::INFINITY, |barrier| barriers.push(*barrier));
+            prop_assert!(barriers.len() <= world.barrier_count());
+            let least = barriers.iter().map(|b| b.distance).fold(f64::INFINITY, f64::min);
+            prop_assert!((least - contact.distance).abs() < 1e-12, "{least} {contact:?}");
+            if matches!(shape, Shape::Circle { .. }) {
+                prop_assert_eq!(barriers, vec![contact]);
+            }
+        }
+    }
+
     #[test]
     fn collinear_segments_apart() {
         let bar = Shape::Capsule { a: [-1.0, 0.0], b: [1.0, 0.0], radius: 0.0 };
