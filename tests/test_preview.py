@@ -83,35 +83,17 @@ def test_closing_discs_are_left_before_they_close() -> None:
         assert looking.metrics.min_clearance > 0.0  # type: ignore[operator]
 
 
-def changes(name: str, dt: float) -> tuple[Any, Any]:
-    """The largest change of a joint torque from one control period to the next [N·m]: where a look, every
-    40 ms, begins the latter, and elsewhere."""
+def largest_change(name: str, dt: float) -> float:
+    """The largest change of a joint torque from one control period to the next [N·m]."""
     result = vff.simulate(name, LOOKING | {"simulation.control": "hold", "simulation.dt": dt})
-    change = np.abs(np.diff(result.tau, axis=0)).max(axis=1)
-    looks = np.arange(1, len(change) + 1) % round(0.04 / dt) == 0
-    return change[looks], change[~looks]
+    return float(np.abs(np.diff(result.tau, axis=0)).max())
 
 
-def test_the_torque_jumps_where_the_course_changes_and_nowhere_else() -> None:
-    """A change of course changes the nominal acceleration at once (T72), and the torque with it, however
-    short the step. On `on-path` courses change at looks alone, by less than 300 N·m; in between, the torque
-    is continuous: it changes half as much in half the step."""
-    coarse, fine = (changes("on-path", dt) for dt in (5e-4, 2.5e-4))
-    assert fine[0].max() < 300.0
-    assert fine[0].max() == pytest.approx(coarse[0].max(), rel=0.05)
-    assert fine[1].max() < 1.5
-    assert fine[1].max() == pytest.approx(coarse[1].max() / 2, rel=0.05)
-
-
-def test_a_course_that_switches_jumps_too() -> None:
-    """On `on-path-moving` two courses come to their second joint velocity between two looks. No jump is
-    beyond 600 N·m, and without these two the torque is continuous between looks."""
-    coarse, fine = (changes("on-path-moving", dt) for dt in (5e-4, 2.5e-4))
-    assert fine[0].max() < 600.0
-    assert np.sort(fine[1])[-2:] == pytest.approx(np.sort(coarse[1])[-2:], rel=0.05)
-    assert fine[1].max() < 600.0
-    assert np.sort(fine[1])[-3] < 2.0
-    assert np.sort(fine[1])[-3] == pytest.approx(np.sort(coarse[1])[-3] / 2, rel=0.05)
+@pytest.mark.parametrize("name", ["on-path", "on-path-moving"])
+def test_the_torque_does_not_jump(name: str) -> None:
+    """Courses are taken up with a lag (T72): the torque changes half as much in half the step."""
+    coarse, fine = (largest_change(name, dt) for dt in (2.5e-4, 1.25e-4))
+    assert fine == pytest.approx(coarse / 2, rel=0.15)
 
 
 @pytest.mark.parametrize(

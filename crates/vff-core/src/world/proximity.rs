@@ -27,7 +27,7 @@ use parry2d_f64::math::Vector as Point;
 /// mostly rounding and has no direction, whereas a separating axis always has one.
 const TOUCHING: f64 = 1e-13;
 
-/// What a corner gains in distance per metre that it lies beyond an end of a link (T74).
+/// What a corner gains in distance per metre that it lies beyond an end of a link (T77).
 const RELIEF: f64 = 10.0;
 
 impl World {
@@ -124,7 +124,7 @@ impl Surroundings<2> for World {
         self.barriers
     }
 
-    /// One for a circle; for every other obstacle those of (T74).
+    /// One for a circle; for every other obstacle those of (T77).
     #[inline]
     fn for_each_barrier(
         &mut self,
@@ -304,7 +304,7 @@ impl Core {
         }
     }
 
-    /// Every distance of an end or a corner that may be the least when features change hands (T74);
+    /// Every distance of an end or a corner that may be the least when features change hands (T77);
     /// of a point, or where the axis has got into the core, that of `contact` alone.
     #[inline]
     fn for_each_barrier(
@@ -356,7 +356,7 @@ impl Core {
 }
 
 /// The nearest point of these edges to an end of a link outside of what they enclose. It counts as a face
-/// everywhere: that the normal turns about a corner is left out, which is the safe side (T74).
+/// everywhere: that the normal turns about a corner is left out, which is the safe side (T77).
 fn end_to_edges(end: Point, edges: &[Face]) -> Nearest {
     let mut nearest =
         Nearest { distance: f64::INFINITY, normal: Point::ZERO, point: end, meets: Meets::Face };
@@ -1019,6 +1019,33 @@ mod tests {
         let turned = fixed(Shape::Box { size: [4.0, 2.0] }, [1.0, 1.0], 0.5 * PI);
         let found = contact(&capsule([5.0, 0.5], [6.0, 2.0], 0.0), &turned);
         assert!((found.distance - 3.0).abs() < 1e-15);
+    }
+
+    proptest! {
+        /// The least of the barriers is the distance itself; there are no more than announced, and a
+        /// circle has its contact alone.
+        #[test]
+        fn the_least_barrier_is_the_distance(
+            link in any_link(),
+            shape in prop_oneof![
+                Just(Shape::Circle { radius: 0.4 }),
+                Just(Shape::Box { size: [1.0, 0.4] }),
+                Just(Shape::Capsule { a: [-0.5, 0.1], b: [0.5, 0.0], radius: 0.1 }),
+                any_polygon(),
+            ],
+            angle in 0.0..TAU,
+        ) {
+            let mut world = World::new(vec![fixed(shape.clone(), [0.3, -0.2], angle)]);
+            let contact = world.contact(0, &link, 0);
+            let mut barriers = vec![];
+            world.for_each_barrier([link], f64::INFINITY, |barrier| barriers.push(*barrier));
+            prop_assert!(barriers.len() <= world.barrier_count());
+            let least = barriers.iter().map(|b| b.distance).fold(f64::INFINITY, f64::min);
+            prop_assert!((least - contact.distance).abs() < 1e-12, "{least} {contact:?}");
+            if matches!(shape, Shape::Circle { .. }) {
+                prop_assert_eq!(barriers, vec![contact]);
+            }
+        }
     }
 
     #[test]

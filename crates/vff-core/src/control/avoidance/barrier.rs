@@ -293,4 +293,53 @@ mod tests {
             assert_eq!(at_limit > 50, torque.is_some(), "{at_limit}");
         }
     }
+
+    /// A link held flat above a box, a capsule and a polygon, pushed down by its task, rocks through
+    /// parallel: in steps of 1e-5 rad the torque never changes by more than 0.05 N·m, and it pushes back.
+    #[test]
+    fn a_link_rocks_on_a_flat_side_without_a_jump() {
+        let shapes = [
+            r#"{ kind = "box", size = [0.6, 0.2] }"#,
+            r#"{ kind = "capsule", a = [-0.3, 0], b = [0.3, 0], radius = 0.1 }"#,
+            r#"{ kind = "polygon", vertices = [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.1], [-0.3, 0.1]] }"#,
+        ];
+        for shape in shapes {
+            let text = format!(
+                r#"
+                duration = 1.0
+                q0 = [1.2, -1.2, 0.0]
+                arm = {{ lengths = [1, 1, 1], masses = 1, radius = 0.05 }}
+                reference = {{ kind = "setpoint", point = [2.3, 0.5] }}
+                controller = {{ avoidance = "cbf" }}
+                [[obstacles]]
+                shape = {shape}
+                position = [1.86, 0.74]
+                "#
+            );
+            let scenario = Scenario::from_toml(&text).unwrap();
+            let arm = Arc::new(scenario.arm.build().unwrap());
+            let mut start = arm.state();
+            start.update(&scenario.q0, &[0.0; 3]);
+            let trajectory = Trajectory::<2>::new(&scenario.reference, start.pose()).unwrap();
+            let gains = Gains::<2>::new(&scenario.controller);
+            let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
+            let mut world = World::new(scenario.obstacles.clone());
+            let mut last: Option<Vec<f64>> = None;
+            let (mut largest, mut pushed): (f64, usize) = (0.0, 0);
+            for k in -1000..=1000 {
+                let q = [1.2, -1.2 + 1e-5 * f64::from(k), 0.0];
+                controller.observe(&q, &[0.0, -0.2, 0.0], &mut world);
+                let torque = controller.command(&trajectory.at(0.0)).total.clone();
+                pushed += usize::from(controller.slack().unwrap() > 0.0);
+                if let Some(last) = last {
+                    let change = last.iter().zip(&torque).map(|(a, b)| (a - b).abs());
+                    largest = change.fold(largest, f64::max);
+                }
+                last = Some(torque);
+            }
+            println!("{shape}: {largest}, {pushed}");
+            assert!(largest < 0.05, "{shape}: {largest}");
+            assert_eq!(pushed, 2001, "{shape}");
+        }
+    }
 }

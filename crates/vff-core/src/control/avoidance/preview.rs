@@ -23,6 +23,9 @@ const NEAR: f64 = 0.5;
 /// How fast the arm takes up the joint velocity of a course [1/s].
 const RATE: f64 = 10.0;
 
+/// How fast the nominal motion goes over to another course [1/s].
+const BLEND: f64 = 60.0;
+
 /// How fast a roll-out comes back to the reference [1/s].
 const PULL: f64 = 3.0;
 
@@ -148,6 +151,12 @@ pub struct Preview<R, const D: usize, const M: usize> {
     /// Whether `course` is being taken.
     active: bool,
     course: Course,
+    /// The nominal motion, which follows the course with a lag, so that no torque jumps: the joint
+    /// velocity that is aimed at [rad/s], and how far, from 0 to 1, the end effector holds and the
+    /// course counts.
+    aim: Vec<f64>,
+    hold: f64,
+    weight: f64,
     best: Course,
     trial: Course,
     rollout: Rollout<R, D, M>,
@@ -165,6 +174,9 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
             waited: f64::INFINITY,
             active: false,
             course: Course::idle(n),
+            aim: vec![0.0; n],
+            hold: 1.0,
+            weight: 0.0,
             best: Course::idle(n),
             trial: Course::idle(n),
             rollout: Rollout::new(robot, yielding, settings),
@@ -176,6 +188,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         self.noise = Noise::new(self.seed, STREAM);
         self.waited = f64::INFINITY;
         self.active = false;
+        self.weight = 0.0;
         self.course.make_idle();
     }
 
@@ -183,6 +196,17 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     pub fn elapse(&mut self, dt: f64) {
         self.waited += dt;
         self.course.switch -= dt;
+        if !self.is_felt() {
+            return;
+        }
+        let share = 1.0 - (-BLEND * dt).exp();
+        let go = |from: &mut f64, to: f64| *from += share * (to - *from);
+        self.aim.iter_mut().zip(self.course.at(0.0)).for_each(|(aim, u)| go(aim, *u));
+        go(&mut self.hold, f64::from(self.course.holds));
+        go(&mut self.weight, f64::from(self.active));
+        if !self.active && self.weight < 1e-6 {
+            self.weight = 0.0;
+        }
     }
 
     /// Looks ahead from the state of `robot`, if it is time; `reference(s)` is that in s seconds.
@@ -205,6 +229,9 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         *active = !rollout.obstacles.is_empty()
             && rollout.forecast(best, surroundings, until, |_| false).distance < enough;
         if *active {
+            if self.weight == 0.0 {
+                self.aim.copy_from_slice(robot.velocity());
+            }
             self.search(surroundings);
         } else {
             self.course.make_idle();
@@ -256,6 +283,11 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         self.active
     }
 
+    /// Whether the nominal motion is, or is still a little, that of a course.
+    fn is_felt(&self) -> bool {
+        self.active || self.weight > 0.0
+    }
+
     /// Makes the course the nominal motion (T72): changes the torque of the null-space law into one that gives
     /// q̈ = RATE (u − q̇), in the null space alone if the end effector holds.
     pub fn act(
@@ -265,17 +297,17 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         bias: &[f64],
         torque: &mut Torque,
     ) {
-        if !self.active {
+        if !self.is_felt() {
             return;
         }
         let (change, scratch) = (&mut self.rollout.w, &mut self.rollout.v);
         robot.accelerate(&torque.total, bias, scratch, change);
-        for ((change, u), dq) in change.iter_mut().zip(self.course.at(0.0)).zip(robot.velocity()) {
+        for ((change, u), dq) in change.iter_mut().zip(&self.aim).zip(robot.velocity()) {
             *change = RATE * (u - dq) - *change;
         }
-        if self.course.holds {
-            space.pinv_mul(&robot.jacobian_mul::<M>(change), scratch);
-            change.iter_mut().zip(scratch.iter()).for_each(|(change, task)| *change -= task);
+        space.pinv_mul(&robot.jacobian_mul::<M>(change), scratch);
+        for (change, task) in change.iter_mut().zip(scratch.iter()) {
+            *change = self.weight * (*change - self.hold * task);
         }
         robot.mass_mul(change, scratch);
         torque.add_to_task(|i| scratch[i]);
@@ -512,7 +544,7 @@ mod tests {
     #[test]
     fn a_free_course_is_followed_with_a_lag() {
         let robot = robot();
-        let settings = PreviewSettings { steps: 200, ..PreviewSettings::default() };
+        let settings = PreviewSettings { horizon: 2.0, steps: 200, ..PreviewSettings::default() };
         let mut preview = preview(&robot, &settings);
         let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
         let reference = holding(&robot);
