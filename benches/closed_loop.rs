@@ -174,7 +174,7 @@ fn closed_loop(c: &mut Criterion) {
         measure("euler-hold-cbf/discs", discs, &scenario);
     }
     for discs in [1, 8] {
-        // A look every 40 ms; what a look costs is in the average.
+        // A look every 20 ms; what a look costs is in the average.
         let mut scenario = scene(6, discs, EULER);
         scenario.controller.avoidance = Avoidance::Cbf;
         scenario.controller.yielding.preview = Some(PreviewSettings::default());
@@ -182,7 +182,7 @@ fn closed_loop(c: &mut Criterion) {
         // Alarmed all the time: no roll-out ever keeps the margin.
         scenario.controller.yielding.margin = 0.45;
         scenario.controller.yielding.preview =
-            Some(PreviewSettings { alarm: 2.0, clearance: 0.6, ..PreviewSettings::default() });
+            Some(PreviewSettings { alarm: 1.2, clearance: 0.6, ..PreviewSettings::default() });
         measure("euler-hold-preview-alarmed/discs", discs, &scenario);
     }
     for obstacles in [1, 10, 100] {

@@ -57,7 +57,7 @@ impl Default for PreviewSettings {
     fn default() -> Self {
         Self {
             period: 0.02,
-            horizon: 1.5,
+            horizon: 1.2,
             alarm: 0.4,
             steps: 16,
             candidates: 64,
