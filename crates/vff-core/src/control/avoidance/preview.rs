@@ -581,7 +581,7 @@ mod tests {
     #[test]
     fn only_what_is_ahead_alarms() {
         let robot = robot();
-        let settings = PreviewSettings { alarm: 2.0, ..PreviewSettings::default() };
+        let settings = PreviewSettings { horizon: 2.0, alarm: 2.0, ..PreviewSettings::default() };
         let reference = holding(&robot);
         for (obstacles, expected) in [
             (vec![], false),
