@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 import subprocess
 import sys
@@ -166,3 +167,15 @@ def test_command(tmp_path: Path) -> None:
         "clearance.png",
         "error.png",
     }
+
+
+def test_command_as_json() -> None:
+    """The counts of `vff.evaluate`, with its intervals."""
+    arguments = ["evaluate", "--category", "clutter", "-n", "4", "--count", "3", "--seed", "0", "--json"]
+    arguments += ["--controller", "no avoidance"]
+    done = subprocess.run([sys.executable, "-m", "vffnull", *arguments], capture_output=True, text=True)
+    told = json.loads(done.stdout)["clutter"]["no avoidance"]
+    outcome = vff.evaluate("no avoidance", "clutter", 4, 3, 0)
+    rate = outcome.rate("collided")
+    assert told["collisions"] == {"count": rate.count, "total": 3, "interval": [rate.low, rate.high]}
+    assert told["success_feasible_with_tip"]["total"] == len(outcome.where(feasibility="with tip"))

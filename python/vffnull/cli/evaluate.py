@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from vffnull.cli.common import FINE
+
+if TYPE_CHECKING:
+    from vffnull.evaluation import Evaluation
 
 __all__ = ["evaluate"]
 
@@ -56,6 +61,7 @@ __all__ = ["evaluate"]
     "--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures as PNG."
 )
 @click.option("--times", is_flag=True, help="Time the steps of every controller, too.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object: counts and rates.")
 def evaluate(
     controllers: tuple[str, ...],
     categories: tuple[str, ...],
@@ -66,6 +72,7 @@ def evaluate(
     save_to: Path | None,
     plot_to: Path | None,
     times: bool,
+    as_json: bool,
 ) -> int:
     """Run controllers on random scenes, and print rates and errors as Markdown.
 
@@ -92,11 +99,37 @@ def evaluate(
         threads,
         progress=sys.stderr.isatty(),
     )
-    click.echo(outcome.table())
+    if as_json:
+        click.echo(json.dumps(_rates(outcome), ensure_ascii=False))
+    else:
+        click.echo(outcome.table())
     if times:
-        click.echo("\n" + evaluation.loop_times(controllers or None, n=joints or (4, 6, 9), seed=seed))
+        table = evaluation.loop_times(controllers or None, n=joints or (4, 6, 9), seed=seed)
+        click.echo("\n" + table, err=as_json)
     files = [outcome.save(save_to)] if save_to is not None else []
     files += outcome.plot(plot_to) if plot_to is not None else []
     for file in files:
         click.echo(f"wrote {file}", err=True)
     return FINE
+
+
+def _rates(outcome: Evaluation) -> dict[str, Any]:
+    """Counts of every family and controller, with the interval of the rate; null where there is no scene."""
+
+    def told(rows: Evaluation, name: str) -> dict[str, Any]:
+        rate = rows.rate(name)
+        interval = [rate.low, rate.high] if rate.total else None
+        return {"count": rate.count, "total": rate.total, "interval": interval}
+
+    found: dict[str, Any] = {}
+    for family in outcome.families:
+        for name in outcome.controllers:
+            rows = outcome.where(family=family, controller=name)
+            found.setdefault(family, {})[name] = {
+                "collisions": told(rows, "collided"),
+                "collisions_feasible": told(rows.feasible, "collided"),
+                "success": told(rows, "success"),
+                "success_feasible_with_tip": told(rows.where(feasibility="with tip"), "success"),
+                "diverged": told(rows, "diverged"),
+            }
+    return found
