@@ -34,7 +34,7 @@ ELSEWHERE = {
 HEAD = """# Controllers against each other
 
 {total} random scenes under {controllers} controllers, made by `python docs/evaluate.py{count}`, vffnull
-{version}, in half an hour on two cores that other work shared. `vffnull.scenes` makes the scenes from a seed;
+{version}, in a quarter of an hour on two cores. `vffnull.scenes` makes the scenes from a seed;
 those from 1 000 000 on serve here, and nothing has been tuned to them.
 
 **Escape.** A planner that knows the future and no controller looks for a motion of the arm that keeps 1 mm or
