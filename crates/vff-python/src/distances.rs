@@ -95,7 +95,7 @@ pub fn distances(
         for (b, (q, dq)) in angles.chunks_exact(n).zip(speeds.chunks_exact(n)).enumerate() {
             state.update(q, dq);
             world.update(times[b % times.len()]);
-            let links = (0..n).map(|i| state.link(i));
+            let links = state.links();
             world.for_each_contact(
                 links,
                 f64::INFINITY,

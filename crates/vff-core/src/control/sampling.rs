@@ -33,7 +33,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
             springs.push(Spring { column, compliance, stiffness, clearance });
         }
     };
-    let links = (0..n).map(|i| robot.link(i));
+    let links = robot.links();
     surroundings.for_each_contact(
         links,
         gains.field.influence,

@@ -483,7 +483,7 @@ fn observe<const M: usize>(inner: &ClosedLoop<M>, world: &mut World, out: &mut V
     let (n, first) = (robot.dof(), out.len());
     out.resize(first + 3 * n, f64::INFINITY);
     let (clearance, nearest) = out[first..].split_at_mut(n);
-    let links = (0..n).map(|i| robot.link(i));
+    let links = robot.links();
     world.for_each_contact(
         links,
         f64::INFINITY,

@@ -77,7 +77,7 @@ impl<const M: usize> Truth<M> {
     fn refresh(&mut self, plant: &PlanarState, reference: Vector<M>, world: &mut World) {
         self.dx = plant.task_velocity();
         self.error = task::error(plant.pose(), reference);
-        let links = (0..plant.dof()).map(|i| plant.link(i));
+        let links = plant.links();
         let nearest = |link: usize, d: f64| self.clearance[link] = d;
         world.for_each_contact(links, f64::NEG_INFINITY, nearest, |_| {});
     }
@@ -256,7 +256,7 @@ impl<const M: usize> ClosedLoop<M> {
         let Brain { controller, world, .. } = &mut self.brain;
         let (robot, field) = (controller.robot(), controller.gains().field);
         let mut means = vec![(Vector::<2>::zeros(), 0.0); robot.dof()];
-        let links = (0..robot.dof()).map(|i| robot.link(i));
+        let links = robot.links();
         world.for_each_contact(
             links,
             field.influence,

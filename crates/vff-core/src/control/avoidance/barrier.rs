@@ -40,8 +40,6 @@ impl Barrier {
     /// For the joints of `robot`.
     pub fn new<R: Robot<D>, const D: usize>(robot: &R, settings: &Yielding) -> Self {
         let n = robot.dof();
-        let limits = &robot.limits().velocity;
-        let speed = if limits.is_empty() { vec![settings.speed; n] } else { limits.clone() };
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
             program: QuadraticProgram::new(n, 0, MOST_BROKEN),
@@ -53,7 +51,7 @@ impl Barrier {
             normals: vec![],
             bounds: vec![],
             softness: vec![],
-            speed,
+            speed: settings.joint_speeds(robot),
         };
         this.reserve(0);
         this
@@ -337,7 +335,6 @@ mod tests {
                 }
                 last = Some(torque);
             }
-            println!("{shape}: {largest}, {pushed}");
             assert!(largest < 0.05, "{shape}: {largest}");
             assert_eq!(pushed, 2001, "{shape}");
         }

@@ -61,6 +61,14 @@ impl Default for Yielding {
     }
 }
 
+impl Yielding {
+    /// Largest speed of every joint [rad/s]: that of the arm, or else `speed`.
+    fn joint_speeds<R: Robot<D>, const D: usize>(&self, robot: &R) -> Vec<f64> {
+        let limits = &robot.limits().velocity;
+        if limits.is_empty() { vec![self.speed; robot.dof()] } else { limits.clone() }
+    }
+}
+
 /// One of the three ways, with its workspace.
 #[derive(Debug, Clone)]
 pub struct Avoider<const D: usize> {
@@ -105,7 +113,7 @@ impl<const D: usize> Avoider<D> {
 
     /// Takes in the pairs near `robot`.
     pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl Surroundings<D>) {
-        let links = (0..robot.dof()).map(|i| robot.link(i));
+        let links = robot.links();
         let Self { settings, pairs, way, .. } = self;
         pairs.clear();
         // All pairs may come near some day: once there is room for them, nothing allocates.

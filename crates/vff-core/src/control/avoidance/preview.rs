@@ -342,7 +342,6 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
-        let limits = &robot.limits().velocity;
         let zeros = || vec![0.0; n];
         Self {
             scout: robot.clone(),
@@ -352,7 +351,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             w: zeros(),
             row: zeros(),
             ease: zeros(),
-            speed: if limits.is_empty() { vec![yielding.speed; n] } else { limits.clone() },
+            speed: yielding.joint_speeds(robot),
             obstacles: vec![],
             pairs: vec![],
             reference: Vec::with_capacity(settings.steps + 1),
@@ -375,9 +374,8 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         obstacles.reserve(surroundings.obstacle_count());
         pairs.clear();
         pairs.reserve(surroundings.obstacle_count() * robot.dof());
-        let links = (0..robot.dof()).map(|i| robot.link(i));
         surroundings.for_each_contact(
-            links,
+            robot.links(),
             REACH,
             |_, _| {},
             |pair| {
