@@ -1,0 +1,89 @@
+//! The slowest steps of the closed loop, which an average does not show: every step is timed on its own.
+//!
+//! `cargo bench --bench single_steps`
+
+mod scene;
+
+use scene::{EULER, STEPS, alarmed, barriers, prepare, preview, scene};
+use std::fmt::Write as _;
+use std::hint::black_box;
+use std::time::Instant;
+use vff_core::scenario::Scenario;
+
+/// Equal runs of each scene, and times of the clock alone.
+const RUNS: usize = 100;
+const TICKS: usize = 200_000;
+
+/// Times of the single steps of `runs` equal runs [ns], and the least of every step in all of them: what the
+/// step itself takes, whatever else the machine did meanwhile. A control loop records nothing, nor do they.
+fn times(scenario: &Scenario, runs: usize) -> [Vec<u64>; 2] {
+    let mut scenario = scenario.clone();
+    scenario.simulation.record_every = STEPS as usize;
+    let (mut all, mut least) = (vec![], vec![u64::MAX; STEPS as usize]);
+    for _ in 0..runs {
+        let mut run = prepare(&scenario);
+        for least in &mut least {
+            let time = timed(|| assert!(run.step()));
+            all.push(time);
+            *least = time.min(*least);
+        }
+    }
+    all.sort_unstable();
+    least.sort_unstable();
+    [all, least]
+}
+
+/// How long it takes [ns], the clock included.
+fn timed<T>(work: impl FnOnce() -> T) -> u64 {
+    let start = Instant::now();
+    black_box(work());
+    start.elapsed().as_nanos() as u64
+}
+
+/// The time [µs] that so many per cent of these [ns] stay within.
+fn at(times: &[u64], share: f64) -> f64 {
+    let rank = (share / 100.0 * times.len() as f64).ceil() as usize;
+    times[rank.clamp(1, times.len()) - 1] as f64 * 1e-3
+}
+
+fn main() {
+    // `cargo test --benches` only wants to know whether it runs.
+    let timing = std::env::args().any(|a| a == "--bench");
+    let runs = if timing { RUNS } else { 1 };
+    let mut clock: Vec<_> = (0..TICKS).map(|_| timed(|| ())).collect();
+    clock.sort_unstable();
+    let mut table = vec![("the clock alone".to_owned(), [clock, vec![0]])];
+    for n in [6, 9] {
+        for (what, scenario) in [
+            ("1 disc", scene(n, 1, EULER)),
+            ("1 disc, cbf", barriers(n, 1)),
+            ("8 discs, cbf", barriers(n, 8)),
+            ("8 discs, cbf + preview", preview(n, 8)),
+            ("8 discs, cbf + preview in alarm", alarmed(n, 8)),
+        ] {
+            table.push((format!("{n} joints, {what}"), times(&scenario, runs)));
+        }
+    }
+    let columns = ["p50", "p99", "p99.9", "max", "p99.9*", "max*"];
+    println!("single steps of {runs} runs [µs]; * the least time of the same step in all of them");
+    println!("{:42}{}", "", columns.map(|c| format!("{c:>9}")).concat());
+    let mut json = String::new();
+    for (name, [all, least]) in &table {
+        let times = [
+            at(all, 50.0),
+            at(all, 99.0),
+            at(all, 99.9),
+            at(all, 100.0),
+            at(least, 99.9),
+            at(least, 100.0),
+        ];
+        println!("{name:42}{}", times.map(|t| format!("{t:9.2}")).concat());
+        let comma = if json.is_empty() { "" } else { ",\n" };
+        let _ = write!(json, "{comma}  {name:?}: {times:?}");
+    }
+    if timing {
+        // For benches/table.py.
+        let file = concat!(env!("CARGO_TARGET_TMPDIR"), "/single_steps.json");
+        std::fs::write(file, format!("{{\n{json}\n}}\n")).expect("a file that can be written");
+    }
+}
