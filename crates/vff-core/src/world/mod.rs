@@ -51,8 +51,8 @@ pub trait Surroundings<const D: usize> {
         self.for_each_contact(links, reach, |_, _| {}, visit);
     }
 
-    /// The contact of a link with `obstacle`, were that carried on for `after` [s] at its present
-    /// velocity.
+    /// The contact of a link with `obstacle`, were that carried on for `after` [s], or back for −`after`, at
+    /// its present velocity.
     fn contact_after(
         &self,
         link: usize,
