@@ -374,6 +374,8 @@ struct Rollout<R, const D: usize, const M: usize> {
     /// The joint velocity that is wanted, and J_cᵀn̂ of a pair.
     w: Vec<f64>,
     row: Vec<f64>,
+    /// The columns of the Jacobian of the task, where the end effector holds.
+    columns: Vec<SVector<f64, M>>,
     /// 1/M_ii at the beginning: how easily a joint gives way.
     ease: Vec<f64>,
     /// Largest joint speeds [rad/s].
@@ -414,6 +416,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             v: zeros(),
             w: zeros(),
             row: zeros(),
+            columns: vec![SVector::zeros(); n],
             ease: zeros(),
             speed: yielding.joint_speeds(robot),
             obstacles: vec![],
@@ -538,36 +541,38 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
     /// The joint velocity `u`, with the task velocity `dx` where the end effector holds, and then, pair by
     /// pair, the nearest one that lets the distance run down no faster than is allowed (T71).
     fn want(&mut self, u: &[f64], dx: Option<SVector<f64, M>>) {
-        let Self { scout, w, row, ease, pairs, step, margin, .. } = self;
+        let Self { scout, w, row, columns, ease, pairs, step, margin, .. } = self;
         w.copy_from_slice(u);
-        let mut inverse = SMatrix::<f64, M, M>::zeros();
-        if let Some(mut along) = dx {
+        let inverse = dx.map(|mut along| {
             // Damped: where only the end effector can give way, it does.
             let mut gram = SMatrix::<f64, M, M>::identity() * 0.02;
-            for (i, (ease, u)) in ease.iter().zip(u).enumerate() {
-                let column = scout.jacobian_column::<M>(i);
-                gram += column * column.transpose() * *ease;
-                along -= column * *u;
+            for (i, ((column, ease), u)) in columns.iter_mut().zip(&*ease).zip(u).enumerate() {
+                *column = scout.jacobian_column(i);
+                gram += *column * column.transpose() * *ease;
+                along -= *column * *u;
             }
-            inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
+            let inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
             let f = inverse * along;
-            for (i, w) in w.iter_mut().enumerate() {
-                *w += ease[i] * scout.jacobian_column::<M>(i).dot(&f);
+            for ((w, column), ease) in w.iter_mut().zip(&*columns).zip(&*ease) {
+                *w += ease * column.dot(&f);
             }
-        }
+            inverse
+        });
         for pair in pairs.iter() {
             scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
             let lack = -0.5 / *step * (pair.distance - *margin) - rate;
             if lack > 0.0 {
-                let mut at_task = SVector::<f64, M>::zeros();
-                for (i, row) in row.iter().enumerate() {
-                    at_task += scout.jacobian_column::<M>(i) * (ease[i] * row);
-                }
-                let f = inverse * at_task;
+                let f = inverse.map_or_else(SVector::zeros, |inverse| {
+                    let parts = columns.iter().zip(&*ease).zip(&*row);
+                    inverse
+                        * parts.fold(SVector::<f64, M>::zeros(), |sum, ((column, ease), row)| {
+                            sum + column * (ease * row)
+                        })
+                });
                 let mut along = 0.0;
-                for (i, row) in row.iter_mut().enumerate() {
-                    let way = ease[i] * (*row - scout.jacobian_column::<M>(i).dot(&f));
+                for ((row, column), ease) in row.iter_mut().zip(&*columns).zip(&*ease) {
+                    let way = ease * (*row - column.dot(&f));
                     along += *row * way;
                     *row = way;
                 }
@@ -600,6 +605,7 @@ mod tests {
     use crate::math::Vector;
     use crate::robot::{PlanarArm, PlanarState, planar::Link};
     use crate::world::{Motion, Obstacle, Shape, World};
+    use std::cell::Cell;
     use std::sync::Arc;
 
     const START: [f64; 4] = [0.4, 0.5, -0.6, 0.3];
@@ -694,5 +700,134 @@ mod tests {
             preview.look(&robot, &mut world, |_| reference);
             assert_eq!(preview.is_active(), expected);
         }
+    }
+
+    /// A world that counts how often it is asked for a contact to come.
+    struct Asked {
+        world: World,
+        times: Cell<usize>,
+    }
+
+    impl Surroundings<2> for Asked {
+        fn obstacle_count(&self) -> usize {
+            self.world.obstacle_count()
+        }
+
+        fn for_each_contact(
+            &mut self,
+            links: impl IntoIterator<Item = Capsule<2>>,
+            reach: f64,
+            distance: impl FnMut(usize, f64),
+            visit: impl FnMut(&Contact<2>),
+        ) {
+            self.world.for_each_contact(links, reach, distance, visit);
+        }
+
+        fn contact_after(&self, i: usize, link: &Capsule<2>, j: usize, after: f64) -> Contact<2> {
+            self.times.set(self.times.get() + 1);
+            self.world.contact_after(i, link, j, after)
+        }
+    }
+
+    fn closing() -> World {
+        World::new(vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])])
+    }
+
+    /// However long the control period is: every look tries all courses, no step does more than its share of the
+    /// roll-outs, and only the first step of all, which does not know the period, does a whole look.
+    #[test]
+    fn a_look_is_spread_over_its_period() {
+        let robot = robot();
+        let reference = holding(&robot);
+        // Nothing is ever far enough away: courses are tried as long as there is time.
+        let settings = PreviewSettings {
+            horizon: 2.0,
+            alarm: 2.0,
+            clearance: 9.0,
+            ..PreviewSettings::default()
+        };
+        let most = (settings.steps + 1) * robot.dof() * 2; // questions of a roll-out
+        // 66 roll-outs, two of them at once.
+        for (dt, steps, share) in [
+            (2.5e-4, 80, 2),
+            (1e-3, 20, 4),
+            (3e-3, 7, 10),
+            (0.015, 2, 50),
+            (0.02, 1, 66),
+            (0.05, 1, 66),
+        ] {
+            let mut world = Asked { world: closing(), times: Cell::new(0) };
+            let mut preview = preview(&robot, &settings);
+            preview.look(&robot, &mut world, |_| reference);
+            assert!(preview.is_active());
+            assert_eq!(preview.tried, settings.candidates);
+            for step in 1..4 * steps {
+                let begins = step % steps == 0;
+                let before = if begins { 0 } else { preview.tried };
+                world.times.set(0);
+                preview.elapse(dt);
+                preview.look(&robot, &mut world, |_| reference);
+                assert_eq!(preview.waited == 0.0, begins, "{dt}: {step}");
+                let (tried, asked) = (preview.tried - before, world.times.get());
+                assert!(tried <= share && asked <= share * most, "{dt}: {tried}, {asked}");
+                if (step + 1) % steps == 0 {
+                    assert_eq!(preview.tried, settings.candidates, "{dt}");
+                }
+            }
+            // Where no time passes, there is nothing to do.
+            world.times.set(0);
+            preview.look(&robot, &mut world, |_| reference);
+            assert_eq!(world.times.get(), 0);
+        }
+    }
+
+    /// Roll-outs of one look mean the same instants, whenever in its period they are made; and obstacles may go away
+    /// meanwhile.
+    #[test]
+    fn a_later_share_looks_at_the_same_instants() {
+        let robot = robot();
+        let settings = PreviewSettings::default();
+        let mut preview = preview(&robot, &settings);
+        let (mut world, reference) = (closing(), holding(&robot));
+        preview.rollout.prepare(&settings, &robot, &mut world, |_| reference);
+        let idle = Course::idle(4);
+        let now = preview.rollout.forecast(&idle, &world, 0.0, |_, _| false);
+        world.update(0.015);
+        let later = preview.rollout.forecast(&idle, &world, 0.015, |_, _| false);
+        assert!((now.distance - later.distance).abs() < 1e-12, "{now:?} {later:?}");
+        assert!((now.error - later.error).abs() < 1e-12);
+        world.remove(1);
+        preview.rollout.forget(world.len());
+        let alone = preview.rollout.forecast(&idle, &world, 0.015, |_, _| false);
+        assert!(alone.distance >= later.distance);
+    }
+
+    /// Pairs that are too far apart to matter are not asked for, and that changes nothing: the same bits as where
+    /// all are.
+    #[test]
+    fn what_is_left_out_does_not_matter() {
+        let robot = robot();
+        let settings = PreviewSettings::default();
+        let mut preview = preview(&robot, &settings);
+        let mut discs = vec![disc([1.4, 2.4], [0.0, -0.8]), disc([-1.0, -2.0], [1.5, 1.0])];
+        discs.extend((0..6).map(|k| disc([2.0 + 0.3 * f64::from(k), 2.5], [-0.5, 0.1])));
+        let mut world = Asked { world: World::new(discs), times: Cell::new(0) };
+        let reference = holding(&robot);
+        preview.rollout.prepare(&settings, &robot, &mut world, |_| reference);
+        let mut noise = Noise::new(3, STREAM);
+        let mut course = Course::idle(4);
+        let mut asked = [0, 0];
+        for _ in 0..50 {
+            let [few, all] = [NEAR, f64::INFINITY].map(|reach| {
+                preview.rollout.reach = reach;
+                world.times.set(0);
+                let forecast = preview.rollout.forecast(&course, &world, 0.0, |_, _| false);
+                asked[usize::from(reach > NEAR)] += world.times.get();
+                (forecast.distance.min(NEAR), forecast.error, preview.rollout.q.clone())
+            });
+            assert_eq!(few, all);
+            course.draw(&mut noise, 1.0);
+        }
+        assert!(asked[0] < asked[1] / 2, "{asked:?}");
     }
 }
