@@ -58,6 +58,15 @@ def closed_loop(times: dict[str, float]) -> None:
         print(f"From 10 to 100 joints the step takes {joints[100] / joints[10]:.1f} times as long.\n")
 
 
+def single_steps(file: Path) -> None:
+    """How long single steps take that look at their slowest."""
+    if not file.exists():
+        return
+    body = [(name, *(f"{t:.2f}" for t in times)) for name, times in json.loads(file.read_text()).items()]
+    rows(("single steps [µs]", "p50", "p99", "p99.9", "max", "p99.9*", "max*"), body)
+    print("\\* of every step the least time in equal runs\n")
+
+
 def by_number(times: dict[str, float], prefix: str) -> dict[int, float]:
     found = {int(name.removeprefix(prefix)): t for name, t in times.items() if name.startswith(prefix)}
     return dict(sorted(found.items()))
@@ -86,6 +95,7 @@ def main() -> None:
     if not times:
         sys.exit(f"nothing measured in {root}: run `cargo bench` first")
     closed_loop(times)
+    single_steps(root.parent / "tmp" / "single_steps.json")
     for group in SECTIONS:
         section(times, group)
 
