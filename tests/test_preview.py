@@ -85,15 +85,20 @@ def test_closing_discs_are_left_before_they_close() -> None:
 
 def largest_change(name: str, dt: float) -> float:
     """The largest change of a joint torque from one control period to the next [N·m]."""
-    result = vff.simulate(name, LOOKING | {"simulation.control": "hold", "simulation.dt": dt})
+    changes = {"simulation.control": "hold", "simulation.dt": dt, "seed": 1}
+    result = vff.simulate(name, LOOKING | changes)
     return float(np.abs(np.diff(result.tau, axis=0)).max())
 
 
 @pytest.mark.parametrize("name", ["on-path", "on-path-moving"])
 def test_the_torque_does_not_jump(name: str) -> None:
-    """Courses are taken up with a lag (T72): the torque changes half as much in half the step."""
+    """Courses are taken up with a lag (T72): the torque changes half as much in half the step.
+
+    That is to be seen only where both steps take the same courses, as with this seed: of two that cost nearly the
+    same, another step may choose the other.
+    """
     coarse, fine = (largest_change(name, dt) for dt in (2.5e-4, 1.25e-4))
-    assert fine == pytest.approx(coarse / 2, rel=0.15)
+    assert fine == pytest.approx(coarse / 2, rel=0.05)
 
 
 @pytest.mark.parametrize(

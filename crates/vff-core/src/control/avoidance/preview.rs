@@ -159,7 +159,7 @@ pub struct Preview<R, const D: usize, const M: usize> {
     margin: f64,
     seed: u64,
     noise: Noise,
-    /// Time since the beginning of the look, and since the last share of it [s]; infinite before the first.
+    /// Time since the beginning of the look, and since the last control step [s]; infinite before the first.
     waited: f64,
     since: f64,
     /// Whether `course` is being taken, the cheapest of those that have been tried, and what it costs.
@@ -238,26 +238,25 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         surroundings: &mut impl Surroundings<D>,
         reference: impl Fn(f64) -> Sample<M>,
     ) {
-        let mut share = self.share();
-        self.since = 0.0;
         if self.waited >= self.settings.period - 1e-9 {
             self.begin(robot, surroundings, reference);
-            share = share.saturating_sub(FIRST);
         }
-        self.search(surroundings, share);
+        self.search(surroundings);
+        self.since = 0.0;
     }
 
-    /// How many roll-outs are due after the time since the last share, for a look to be done within its period:
-    /// all of them in the very first step, which knows no control period.
+    /// How many courses have to be tried by now, for the look to be done in the last control step of its period:
+    /// all of them in the very first step, which does not know how long one is.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "judged before, and the cast of infinity is the largest number"
     )]
-    fn share(&self) -> usize {
-        let all = (self.settings.candidates + FIRST) as f64;
-        (all * self.since / self.settings.period).ceil() as usize
+    fn due(&self) -> usize {
+        let share = (self.waited + self.since) / self.settings.period;
+        let rollouts = (FIRST + self.settings.candidates) as f64 * share;
+        self.count.min(((rollouts - 1e-9).ceil() as usize).saturating_sub(FIRST))
     }
 
     /// Begins a look: finds out whether the arm, left to itself, has to get out of the way, and whether the course
@@ -300,13 +299,12 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         self.count = if settled { settings.candidates / 8 } else { settings.candidates };
     }
 
-    /// Tries so many of the courses that are left to this look, new ones and ones like the best so far, and takes
-    /// the cheapest (T73).
-    fn search(&mut self, surroundings: &impl Surroundings<D>, share: usize) {
+    /// Tries the courses that are due, new ones and ones like the best so far, and takes the cheapest (T73).
+    fn search(&mut self, surroundings: &impl Surroundings<D>) {
+        let due = self.due();
         let Self { settings, margin, noise, course, cost, trial, rollout, .. } = self;
         rollout.forget(surroundings.obstacle_count());
-        let last = self.count.min(self.tried.saturating_add(share));
-        for k in self.tried..last {
+        for k in self.tried..due {
             if 2 * k >= self.count || k % 2 == 0 {
                 trial.copy_from(course);
                 trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
@@ -323,7 +321,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
                 std::mem::swap(course, trial);
             }
         }
-        self.tried = last;
+        self.tried = self.tried.max(due);
     }
 
     /// Whether a way out is being taken.
