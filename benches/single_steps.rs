@@ -52,7 +52,7 @@ fn main() {
     let runs = if timing { RUNS } else { 1 };
     let mut clock: Vec<_> = (0..TICKS).map(|_| timed(|| ())).collect();
     clock.sort_unstable();
-    let mut table = vec![("the clock alone".to_owned(), [clock, vec![0]])];
+    let mut table = vec![("the clock alone".to_owned(), [clock.clone(), vec![clock[0]]])];
     for n in [6, 9] {
         for (what, scenario) in [
             ("1 disc", scene(n, 1, EULER)),
@@ -79,7 +79,8 @@ fn main() {
         ];
         println!("{name:42}{}", times.map(|t| format!("{t:9.2}")).concat());
         let comma = if json.is_empty() { "" } else { ",\n" };
-        let _ = write!(json, "{comma}  {name:?}: {times:?}");
+        let times = times.map(|t| format!("{t:.3}")).join(", ");
+        let _ = write!(json, "{comma}  {name:?}: [{times}]");
     }
     if timing {
         // For benches/table.py.

@@ -94,8 +94,8 @@ def largest_change(name: str, dt: float) -> float:
 def test_the_torque_does_not_jump(name: str) -> None:
     """Courses are taken up with a lag (T72): the torque changes half as much in half the step.
 
-    That is to be seen only where both steps take the same courses, as with this seed: of two that cost nearly the
-    same, another step may choose the other.
+    That is to be seen only where both steps take the same courses, as with this seed: of two that cost
+    nearly the same, another step may choose the other.
     """
     coarse, fine = (largest_change(name, dt) for dt in (2.5e-4, 1.25e-4))
     assert fine == pytest.approx(coarse / 2, rel=0.05)
