@@ -438,6 +438,7 @@ mod tests {
             influence: 2.0,
             floor: None,
             approach_damping: 0.5,
+            sliding: 20.0,
         };
         Settings { field, formulation, projection, ..Settings::default() }
     }
