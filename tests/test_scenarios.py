@@ -238,7 +238,7 @@ def test_avoidance_decides(name: str) -> None:
     assert vff.simulate(name, {"controller.field.gain": 0.0}).status == "collided"
 
 
-SHAKEN = list(itertools.product((0.03, 0.06, 0.09), (0.3, 0.4), (-0.03, 0.0, 0.03)))
+SHAKEN = list(itertools.product((0.05, 0.08, 0.11), (0.35, 0.45), (-0.03, 0.0, 0.03)))
 """x of the disc [m], its speed [m/s], change of every joint [rad]."""
 
 
@@ -262,7 +262,7 @@ def head_on(sliding: float) -> list[vff.Result]:
 def test_sliding_frees_an_elbow_that_the_field_holds() -> None:
     """(T82): not one lucky posture, but centimetres, degrees and speeds about it, and for a range of κ₀."""
     held = [result.metrics["min_clearance"] < -0.1 for result in head_on(0.0)]
-    assert sum(held) >= len(SHAKEN) / 3 and held[SHAKEN.index((0.06, 0.3, 0.0))]
+    assert sum(held) > len(SHAKEN) / 2 and held[SHAKEN.index((0.08, 0.35, 0.0))]
     for sliding in (80.0, 120.0):
         for result in head_on(sliding):
             assert result.metrics["min_clearance"] > 0.1
