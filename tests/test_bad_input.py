@@ -154,6 +154,7 @@ WRONG = [
     ("controller.field.floor", 0.5, "controller.field.floor", "0.4"),
     ("controller.field.floor", 0.0, "controller.field.floor", "between 0"),
     ("controller.field.approach_damping", -1.0, "controller.field.approach_damping", "0 or more"),
+    ("controller.field.sliding", -1.0, "controller.field.sliding", "0 or more"),
     ("obstacles", {"shape": 1}, "obstacles", "list"),
     ("obstacles.0", 3, "obstacles[0]", "table"),
     ("obstacles.0.shape.radius", 0.0, "obstacles[0].shape.radius", "greater than 0"),

@@ -65,6 +65,18 @@ def test_balances_with_approach_damping() -> None:
     assert max(defects(fine)) < max(defects(coarse)) / 4 < 1e-5
 
 
+def test_sliding_exchanges_energy_with_the_obstacle_alone() -> None:
+    """(T82) stands on the velocity, so the ports there are account for all of it."""
+    free, slid = (
+        vff.simulate(
+            "head-on", {"controller.field": CUBIC | {"sliding": s}, "simulation.control": "continuous"}
+        )
+        for s in (0.0, 80.0)
+    )
+    assert np.abs(free.q - slid.q).max() > 0.1
+    assert max(defects(slid)) < 1e-6
+
+
 def test_signs_of_the_ports() -> None:
     """Damping takes; an obstacle that closes in gives; the kinetic energy is that of the matrices."""
     result = vff.simulate("sweep-through")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from typing import Any
 
 import numpy as np
@@ -235,6 +236,37 @@ def test_avoidance_decides(name: str) -> None:
     """§6: scenes in which links overlap obstacles without the field, and do not with it."""
     assert run(name).metrics["min_clearance"] > 0.05
     assert vff.simulate(name, {"controller.field.gain": 0.0}).status == "collided"
+
+
+SHAKEN = list(itertools.product((0.05, 0.08, 0.11), (0.35, 0.45), (-0.03, 0.0, 0.03)))
+"""x of the disc [m], its speed [m/s], change of every joint [rad]."""
+
+
+def head_on(sliding: float) -> list[vff.Result]:
+    changes = []
+    for x, speed, turn in SHAKEN:
+        q0 = np.array([1.57, -1.2, -0.6]) + turn
+        links = np.cumsum(q0)
+        changes.append(
+            {
+                "q0": q0,
+                "reference.point": [np.cos(links).sum(), np.sin(links).sum()],
+                "obstacles.0.position": [x, 2.4],
+                "obstacles.0.motion.velocity": [0.0, -speed],
+                "controller.field.sliding": sliding,
+            }
+        )
+    return vff.simulate_many("head-on", changes)
+
+
+def test_sliding_frees_an_elbow_that_the_field_holds() -> None:
+    """(T82): not one lucky posture, but centimetres, degrees and speeds about it, and for a range of κ₀."""
+    held = [result.metrics["min_clearance"] < -0.1 for result in head_on(0.0)]
+    assert sum(held) > len(SHAKEN) / 2 and held[SHAKEN.index((0.08, 0.35, 0.0))]
+    for sliding in (80.0, 120.0):
+        for result in head_on(sliding):
+            assert result.metrics["min_clearance"] > 0.1
+            assert tip_motion(result) < 1e-4
 
 
 def test_on_path_cannot_be_avoided_by_the_null_space() -> None:

@@ -35,6 +35,9 @@ class Field:
     approach_damping : float
         Damping ratio against an approaching obstacle [1]; 0 switches it off. It never holds back a link
         that moves away.
+    sliding : float
+        How strongly links are turned past an obstacle that comes at them [N·s/m]; 0 switches it off. The
+        force stands on the velocity of link and obstacle against each other.
 
     Raises
     ------
@@ -47,6 +50,7 @@ class Field:
     influence: float
     floor: float | None = None
     approach_damping: float = 0.0
+    sliding: float = 0.0
 
     def __post_init__(self) -> None:
         _core.check("field", self.to_dict())
@@ -54,7 +58,11 @@ class Field:
 
     @staticmethod
     def khatib(
-        gain: float, influence: float, floor: float | None = None, approach_damping: float = 0.0
+        gain: float,
+        influence: float,
+        floor: float | None = None,
+        approach_damping: float = 0.0,
+        sliding: float = 0.0,
     ) -> Field:
         """Khatib's field, U = ½ η (1/d − 1/d_s)², the one of the paper.
 
@@ -64,14 +72,18 @@ class Field:
             η [N·m³].
         influence : float
             d_s [m].
-        floor, approach_damping : float, optional
+        floor, approach_damping, sliding : float, optional
             As in the class.
         """
-        return Field("khatib", gain, influence, floor, approach_damping)
+        return Field("khatib", gain, influence, floor, approach_damping, sliding)
 
     @staticmethod
     def cubic(
-        gain: float, influence: float, floor: float | None = None, approach_damping: float = 0.0
+        gain: float,
+        influence: float,
+        floor: float | None = None,
+        approach_damping: float = 0.0,
+        sliding: float = 0.0,
     ) -> Field:
         """A field that sets in more softly, U = ⅓ η (1/d − 1/d_s)³: its stiffness has no step at d_s.
 
@@ -81,13 +93,15 @@ class Field:
             η [N·m⁴].
         influence : float
             d_s [m].
-        floor, approach_damping : float, optional
+        floor, approach_damping, sliding : float, optional
             As in the class.
         """
-        return Field("cubic", gain, influence, floor, approach_damping)
+        return Field("cubic", gain, influence, floor, approach_damping, sliding)
 
     @staticmethod
-    def bounded(gain: float, influence: float, *, approach_damping: float = 0.0) -> Field:
+    def bounded(
+        gain: float, influence: float, *, approach_damping: float = 0.0, sliding: float = 0.0
+    ) -> Field:
         """A field of limited force, F = F_max (1 − d/d_s)².
 
         Parameters
@@ -96,16 +110,17 @@ class Field:
             F_max [N], the force at contact.
         influence : float
             d_s [m].
-        approach_damping : float, optional
+        approach_damping, sliding : float, optional
             As in the class.
         """
-        return Field("bounded", gain, influence, approach_damping=approach_damping)
+        return Field("bounded", gain, influence, None, approach_damping, sliding)
 
     def to_dict(self) -> Document:
         """The field as a part of a scenario document."""
         document = _given(self)
-        if not self.approach_damping:
-            del document["approach_damping"]
+        for key in ("approach_damping", "sliding"):
+            if not getattr(self, key):
+                del document[key]
         return document
 
     def __repr__(self) -> str:

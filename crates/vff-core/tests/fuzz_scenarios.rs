@@ -59,6 +59,7 @@ gain = 0.5
 influence = 0.8
 floor = 0.1
 approach_damping = 0.3
+sliding = 20.0
 [reference]
 kind = "waypoints"
 times = [0.0, 0.5, 1.0]

@@ -57,7 +57,7 @@ fn text(task: &str, reference: &str, simulation: &str, projection: &str) -> Stri
         projection = "{projection}"
         posture = [0, 0, 0, 0, 0, 0]
         posture_stiffness = 1.0
-        field = {{ kind = "bounded", gain = 5, influence = 0.8, approach_damping = 0.3 }}
+        field = {{ kind = "bounded", gain = 5, influence = 0.8, approach_damping = 0.3, sliding = 20 }}
 
         [[obstacles]]
         shape = {{ kind = "circle", radius = 0.2 }}

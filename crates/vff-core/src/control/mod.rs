@@ -438,6 +438,7 @@ mod tests {
             influence: 2.0,
             floor: None,
             approach_damping: 0.5,
+            sliding: 20.0,
         };
         Settings { field, formulation, projection, ..Settings::default() }
     }
@@ -530,6 +531,20 @@ mod tests {
                 controller.command(&reference());
                 prop_assert!(controller.law.damping_power >= 0.0);
             }
+        }
+
+        /// The sliding force (T82) stands on the velocity of link and obstacle against each other: all the
+        /// power it has comes from obstacles that move.
+        #[test]
+        fn sliding_does_no_work_of_its_own(c in case(3usize..9)) {
+            let slid = settings(Formulation::Recursive, Projection::Dynamic);
+            let mut plain = slid.clone();
+            plain.field.sliding = 0.0;
+            let (slid, plain) = (sensed::<2>(&c, &slid), sensed::<2>(&c, &plain));
+            let power = slid.forces.power(&c.dq) - plain.forces.power(&c.dq);
+            let moved = slid.forces.obstacle_power() - plain.forces.obstacle_power();
+            let scale = slid.forces.power(&c.dq).abs() + slid.forces.obstacle_power().abs() + 1.0;
+            prop_assert!((power - moved).abs() <= 1e-10 * scale, "{power} {moved}");
         }
 
         /// Basis independence: the extended Jacobian in a turned basis ZR has

@@ -55,7 +55,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         &self.clearance
     }
 
-    /// The sum of the repulsive forces on each link [N].
+    /// The sum of the forces of the field on each link [N].
     pub fn resultant(&self) -> &[Vector<D>] {
         &self.resultant
     }
@@ -149,8 +149,8 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.push_link(*link);
         let response = field.at(contact.distance);
         let mut force = response.force;
-        if field.approach_damping > 0.0 {
-            force += self.resist(robot, space, field, contact, response);
+        if field.feels_motion() {
+            force += self.react(robot, space, field, contact, response);
         }
         self.potential += response.potential;
         self.obstacle_power += force * normal.dot(&contact.velocity);
@@ -159,9 +159,33 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot.add_force(&mut self.wrenches, *link, point, &force);
     }
 
-    /// The force that damps the approach of link and obstacle. Not inlined, for most fields have none
-    /// and the loop over the pairs needs the registers.
+    /// What the field does about the motion of link and obstacle: adds the force that slides past, and
+    /// returns the one along the normal. Not inlined, for most fields have neither and the loop over
+    /// the pairs needs the registers.
     #[inline(never)]
+    fn react<R: Robot<D, Wrench = W>, const M: usize>(
+        &mut self,
+        robot: &R,
+        space: &OperationalSpace<M>,
+        field: &Field,
+        contact: &Contact<D>,
+        response: Response,
+    ) -> f64 {
+        let Contact { link, point, normal, .. } = contact;
+        if field.sliding > 0.0 {
+            let u = robot.point_velocity(*link, point) - contact.velocity;
+            let force = field.slide(contact.distance, normal, &u);
+            self.obstacle_power += force.dot(&contact.velocity);
+            self.resultant[*link] += force;
+            robot.add_force(&mut self.wrenches, *link, point, &force);
+        }
+        if field.approach_damping > 0.0 {
+            return self.resist(robot, space, field, contact, response);
+        }
+        0.0
+    }
+
+    /// The force that damps the approach of link and obstacle.
     fn resist<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -319,6 +343,7 @@ mod tests {
             influence: 1.0,
             floor: None,
             approach_damping: 0.7,
+            sliding: 0.0,
         };
         let normal = Vector::<2>::new(1.0, 0.0);
         let contact = Contact {

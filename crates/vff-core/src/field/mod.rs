@@ -4,7 +4,11 @@
 //! along the contact normal. It is the negative slope of a potential U(d) and vanishes at the
 //! influence distance. The forces of all link–obstacle pairs add up.
 
+use crate::math::Vector;
 use serde::Deserialize;
+
+/// Sine of the angle to the normal at which a link slides with 1/√2 of the full force.
+const HEAD_ON: f64 = 0.1;
 
 /// The shape of a field (T27). η is the gain, d_s the influence distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -36,6 +40,10 @@ pub struct Field {
     /// Damping ratio ζ ≥ 0 of the approach against the obstacle (T30), 0 by default.
     #[serde(default)]
     pub approach_damping: f64,
+    /// κ₀ ≥ 0 [N·s/m], how strongly links are turned past an obstacle that comes at them (T82), 0 by
+    /// default.
+    #[serde(default)]
+    pub sliding: f64,
 }
 
 /// A field at one distance.
@@ -57,6 +65,7 @@ impl Field {
         influence: 1.0,
         floor: None,
         approach_damping: 0.0,
+        sliding: 0.0,
     };
 
     /// The distance below which the force is continued linearly [m].
@@ -115,6 +124,28 @@ impl Field {
         s * s * (3.0 - 2.0 * s)
     }
 
+    /// Whether it depends on velocities, too.
+    #[inline]
+    pub fn feels_motion(&self) -> bool {
+        self.approach_damping > 0.0 || self.sliding > 0.0
+    }
+
+    /// The force that turns a link past an obstacle at the distance `d`, whose surface it has the
+    /// velocity `u` against (T82). It stands on `u` and thus does no work on the motion of the one
+    /// against the other; 0 while the distance grows.
+    pub fn slide<const D: usize>(&self, d: f64, normal: &Vector<D>, u: &Vector<D>) -> Vector<D> {
+        let closing = -normal.dot(u);
+        if closing <= 0.0 {
+            return Vector::zeros();
+        }
+        let across = u + normal * closing;
+        let (speed, lateral) = (u.norm(), across.norm_squared());
+        let near = 1.0 - d.max(0.0) / self.influence;
+        let strength = self.sliding * near * near * closing / speed;
+        let turn = across * closing + normal * lateral;
+        turn * (strength / (lateral + (HEAD_ON * speed).powi(2)).sqrt())
+    }
+
     /// `unit`, the field of gain 1, down to the floor; below it, the C¹ continuation (T28) with constant
     /// stiffness, defined for penetration too.
     #[inline]
@@ -146,7 +177,7 @@ mod tests {
     use super::*;
 
     fn field(kind: FieldKind) -> Field {
-        Field { kind, gain: 2.5, influence: 0.8, floor: None, approach_damping: 0.0 }
+        Field { kind, gain: 2.5, influence: 0.8, ..Field::OFF }
     }
 
     const KINDS: [FieldKind; 3] = [FieldKind::Khatib, FieldKind::Cubic, FieldKind::Bounded];
@@ -209,6 +240,31 @@ mod tests {
             assert!((below.force / above.force - 1.0).abs() < 1e-9);
             assert!((below.stiffness / above.stiffness - 1.0).abs() < 1e-9);
         }
+    }
+
+    /// Of the sliding force (T82): it stands on the velocity, vanishes at d_s, head on and while the
+    /// distance grows, pushes the way the link passes, and never repels less for it.
+    #[test]
+    fn sliding_turns_the_velocity_and_does_no_work() {
+        let field = Field { sliding: 30.0, ..field(FieldKind::Khatib) };
+        let rest = Vector::<2>::zeros();
+        let normal = Vector::<2>::new(0.6, 0.8);
+        let aside = Vector::<2>::new(-0.8, 0.6);
+        for k in 0..200 {
+            let angle = 0.0314 * f64::from(k) + 0.01;
+            let u = (normal * -angle.cos() + aside * angle.sin()) * 0.7;
+            let force = field.slide(0.3, &normal, &u);
+            assert!(force.dot(&u).abs() <= 1e-14 * force.norm());
+            assert!(force.norm() <= 30.0 * (0.5_f64 / 0.8).powi(2) * u.norm());
+            assert_eq!(field.slide(0.8, &normal, &u), rest);
+            if angle.cos() < 0.0 {
+                assert_eq!(force, rest);
+            } else {
+                assert!(force.dot(&aside) * u.dot(&aside) > 0.0 && force.dot(&normal) > 0.0);
+            }
+        }
+        assert!(field.slide(0.3, &normal, &(normal * -0.5)).norm() < 1e-12);
+        assert_eq!(field.slide(0.3, &normal, &rest), rest);
     }
 
     /// The paper prints U without the square; then F would not be −dU/dd (docs/theory.md, section 10).

@@ -260,6 +260,7 @@ pub fn field(field: &Field) -> Judged {
     number("gain", field.gain, not_negative)?;
     number("influence", field.influence, positive)?;
     number("approach_damping", field.approach_damping, not_negative)?;
+    number("sliding", field.sliding, not_negative)?;
     match field.floor {
         Some(floor) if field.kind == FieldKind::Bounded => {
             Err(ScenarioError::out_of_range("floor", "absent: a bounded field has none", floor))
