@@ -88,8 +88,8 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
             preview: match (gains.avoidance, &gains.yielding) {
-                (Avoidance::Cbf, yielding @ Yielding { preview: Some(settings), .. }) => {
-                    Some(Box::new(Preview::new(&robot, yielding, settings, gains.seed)))
+                (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
+                    Some(Box::new(Preview::new(&robot, &gains, settings)))
                 }
                 _ => None,
             },
@@ -135,6 +135,13 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
         self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
         if let Some(avoider) = &mut self.avoider {
             avoider.observe(&self.robot, surroundings);
+        }
+    }
+
+    /// Makes room for so many obstacles, so that observing them does not allocate.
+    fn reserve(&mut self, obstacles: usize) {
+        if let Some(avoider) = &mut self.avoider {
+            avoider.reserve(self.robot.dof() * obstacles);
         }
     }
 

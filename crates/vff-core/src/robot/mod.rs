@@ -11,6 +11,7 @@ pub mod planar;
 
 use crate::math::{Capsule, Vector};
 use nalgebra::{SMatrix, SVector};
+use std::fmt::Debug;
 
 pub use dense::Matrices;
 pub use limits::Limits;
@@ -23,7 +24,7 @@ pub use planar::{PlanarArm, PlanarState};
 /// end effector's twist, positions before orientation.
 pub trait Robot<const D: usize> {
     /// Force and moment acting on one link.
-    type Wrench: Copy + Default;
+    type Wrench: Copy + Default + Debug;
 
     /// The number of joints n.
     fn dof(&self) -> usize;

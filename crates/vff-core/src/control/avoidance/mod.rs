@@ -7,6 +7,7 @@
 pub mod barrier;
 pub mod preview;
 pub mod priority;
+pub mod rehearsal;
 pub mod relaxed;
 
 use super::{Avoidance, OperationalSpace, Torque, VirtualForces};
@@ -47,13 +48,13 @@ pub struct Yielding {
 impl Default for Yielding {
     fn default() -> Self {
         Self {
-            margin: 0.03,
-            rate: 20.0,
+            margin: 0.02,
+            rate: 40.0,
             inner: 0.05,
             outer: 0.3,
             saturation: 0.5,
             activation: 1.2,
-            task_weight: 5.0,
+            task_weight: 20.0,
             slack_price: 1e4,
             speed: 6.0,
             preview: None,
@@ -111,23 +112,36 @@ impl<const D: usize> Avoider<D> {
         matches!(self.way, Way::Barrier(_)).then_some(self.slack)
     }
 
+    /// Forgets the pairs and makes room for so many: all may come near some day, and nothing is to allocate then.
+    pub fn reserve(&mut self, count: usize) {
+        let Self { pairs, way, .. } = self;
+        pairs.clear();
+        match way {
+            Way::Relaxed => {}
+            Way::Priority(_) => pairs.reserve(count),
+            Way::Barrier(barrier) => {
+                pairs.reserve(count);
+                barrier.reserve(count);
+            }
+        }
+    }
+
     /// Takes in the pairs near `robot`.
     pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl Surroundings<D>) {
         let links = robot.links();
+        let obstacles = match self.way {
+            Way::Barrier(_) => surroundings.barrier_count(),
+            _ => surroundings.obstacle_count(),
+        };
+        self.reserve(robot.dof() * obstacles);
         let Self { settings, pairs, way, .. } = self;
-        pairs.clear();
-        // All pairs may come near some day: once there is room for them, nothing allocates.
         match way {
             Way::Relaxed => {}
             Way::Priority(_) => {
-                pairs.reserve(robot.dof() * surroundings.obstacle_count());
                 let visit = |pair: &Contact<D>| pairs.push(*pair);
                 surroundings.for_each_contact(links, settings.outer, |_, _| {}, visit);
             }
-            Way::Barrier(barrier) => {
-                let count = robot.dof() * surroundings.barrier_count();
-                pairs.reserve(count);
-                barrier.reserve(count);
+            Way::Barrier(_) => {
                 surroundings.for_each_barrier(links, settings.activation, |pair| pairs.push(*pair));
             }
         }

@@ -3,10 +3,12 @@
 //! programme, which stays in charge of every distance and limit.
 //!
 //! A look is spread over the control steps of its period, so that none takes much longer than the others: the
-//! first finds out whether there is cause for alarm, and every one tries its share of the courses.
+//! first finds out whether there may be cause for alarm. Then the law itself is rehearsed, and once that has been
+//! hit, too, every step tries its share of the courses.
 
 use super::Yielding;
-use crate::control::{OperationalSpace, Torque, dot, task};
+use super::rehearsal::Rehearsal;
+use crate::control::{Gains, OperationalSpace, Torque, dot, task};
 use crate::math::{Capsule, Noise};
 use crate::robot::Robot;
 use crate::trajectory::Sample;
@@ -39,6 +41,9 @@ const LETTING_GO: f64 = 4.0;
 /// Roll-outs that a look begins with: left to itself, and along the course being taken.
 const FIRST: usize = 2;
 
+/// Looks that a rehearsal takes.
+const REHEARSED: f64 = 2.0;
+
 /// How the arm looks ahead: the `[controller.yielding.preview]` table of a scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -64,7 +69,7 @@ impl Default for PreviewSettings {
         Self {
             period: 0.02,
             horizon: 1.2,
-            alarm: 0.4,
+            alarm: 1.2,
             steps: 16,
             candidates: 64,
             clearance: 0.1,
@@ -154,7 +159,7 @@ fn price(settings: &PreviewSettings, margin: f64, forecast: Forecast, holds: boo
 
 /// Look-ahead with its workspace.
 #[derive(Debug, Clone)]
-pub struct Preview<R, const D: usize, const M: usize> {
+pub struct Preview<R: Robot<D>, const D: usize, const M: usize> {
     settings: PreviewSettings,
     margin: f64,
     seed: u64,
@@ -162,6 +167,10 @@ pub struct Preview<R, const D: usize, const M: usize> {
     /// Time since the beginning of the look, and since the last control step [s]; infinite before the first.
     waited: f64,
     since: f64,
+    /// What the law would come to, since when that is rehearsed [s ago], and whether the last one was hit.
+    rehearsal: Rehearsal<R, D, M>,
+    rehearsed: f64,
+    hit: bool,
     /// Whether `course` is being taken, the cheapest of those that have been tried, and what it costs.
     active: bool,
     course: Course,
@@ -180,16 +189,20 @@ pub struct Preview<R, const D: usize, const M: usize> {
 }
 
 impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
-    /// For `robot`; random numbers come from `seed`.
-    pub fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings, seed: u64) -> Self {
+    /// For the law with these gains on `robot`.
+    pub fn new(robot: &R, gains: &Gains<M>, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
+        let Gains { yielding, seed, .. } = gains;
         Self {
             settings: settings.clone(),
             margin: yielding.margin,
-            seed,
-            noise: Noise::new(seed, STREAM),
+            seed: *seed,
+            noise: Noise::new(*seed, STREAM),
             waited: f64::INFINITY,
             since: f64::INFINITY,
+            rehearsal: Rehearsal::new(robot, gains, settings.alarm),
+            rehearsed: 0.0,
+            hit: false,
             active: false,
             course: Course::idle(n),
             cost: 0.0,
@@ -208,6 +221,8 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         self.noise = Noise::new(self.seed, STREAM);
         (self.waited, self.since) = (f64::INFINITY, f64::INFINITY);
         (self.tried, self.count) = (0, 0);
+        self.rehearsal.stop();
+        self.hit = false;
         self.active = false;
         self.weight = 0.0;
         self.course.make_idle();
@@ -217,6 +232,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     pub fn elapse(&mut self, dt: f64) {
         self.waited += dt;
         self.since += dt;
+        self.rehearsed += dt;
         if !self.is_felt() {
             return;
         }
@@ -239,8 +255,10 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         reference: impl Fn(f64) -> Sample<M>,
     ) {
         if self.waited >= self.settings.period - 1e-9 {
-            self.begin(robot, surroundings, reference);
+            self.begin(robot, surroundings, &reference);
         }
+        self.rollout.forget(surroundings.obstacle_count());
+        self.rehearse(surroundings, &reference);
         self.search(surroundings);
         self.since = 0.0;
     }
@@ -265,21 +283,31 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         &mut self,
         robot: &R,
         surroundings: &mut impl Surroundings<D>,
-        reference: impl Fn(f64) -> Sample<M>,
+        reference: &impl Fn(f64) -> Sample<M>,
     ) {
-        let Self { settings, rollout, course, trial, active, margin, .. } = self;
+        let Self { settings, rollout, course, trial, active, margin, rehearsal, .. } = self;
         let (horizon, margin) = (settings.horizon, *margin);
         course.switch -= self.waited;
         self.waited = 0.0;
+        (self.tried, self.count) = (0, 0);
+        if rehearsal.goes_on() {
+            return;
+        }
         rollout.prepare(settings, robot, surroundings, reference);
+        rehearsal.reserve(surroundings.obstacle_count());
         trial.make_idle();
         // Left to itself; a way out is given up only once the margin is kept over the whole horizon.
+        *active |= std::mem::take(&mut self.hit);
         let (until, enough) = if *active { (horizon, margin) } else { (settings.alarm, 0.0) };
         let step = rollout.step;
         let fine = |so_far: Forecast, s| s + step > until + 1e-9 && so_far.distance >= enough;
         let idle = rollout.forecast(trial, surroundings, 0.0, fine);
-        *active = !rollout.obstacles.is_empty() && idle.distance < enough;
-        (self.tried, self.count) = (0, 0);
+        let ahead = !rollout.obstacles.is_empty() && idle.distance < enough;
+        if !*active && ahead {
+            rehearsal.begin(robot);
+            self.rehearsed = 0.0;
+        }
+        *active &= ahead;
         if !*active {
             course.make_idle();
             return;
@@ -299,11 +327,24 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         self.count = if settled { settings.candidates / 8 } else { settings.candidates };
     }
 
+    /// Does its share of the rehearsal, if there is one, so that it is done in so many looks.
+    fn rehearse(
+        &mut self,
+        surroundings: &impl Surroundings<D>,
+        reference: &impl Fn(f64) -> Sample<M>,
+    ) {
+        let Self { settings, rehearsal, rollout, since, rehearsed, .. } = self;
+        if rehearsal.goes_on() {
+            let share = (*rehearsed + *since) / (REHEARSED * settings.period);
+            let obstacles = &rollout.obstacles;
+            self.hit = rehearsal.go_on(share, *rehearsed, surroundings, obstacles, reference);
+        }
+    }
+
     /// Tries the courses that are due, new ones and ones like the best so far, and takes the cheapest (T73).
     fn search(&mut self, surroundings: &impl Surroundings<D>) {
         let due = self.due();
         let Self { settings, margin, noise, course, cost, trial, rollout, .. } = self;
-        rollout.forget(surroundings.obstacle_count());
         for k in self.tried..due {
             if 2 * k >= self.count || k % 2 == 0 {
                 trial.copy_from(course);
@@ -600,6 +641,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::{Avoidance, Settings};
     use crate::math::Vector;
     use crate::robot::{PlanarArm, PlanarState, planar::Link};
     use crate::world::{Motion, Obstacle, Shape, World};
@@ -621,7 +663,8 @@ mod tests {
     }
 
     fn preview(robot: &PlanarState, settings: &PreviewSettings) -> Preview<PlanarState, 2, 2> {
-        Preview::new(robot, &Yielding::default(), settings, 7)
+        let law = Settings { avoidance: Avoidance::Cbf, ..Settings::default() };
+        Preview::new(robot, &Gains::new(&law).with_seed(7), settings)
     }
 
     fn holding(robot: &PlanarState) -> Sample<2> {
@@ -665,38 +708,37 @@ mod tests {
         assert!(held.error < 0.05 * free.error, "{held:?} {free:?}");
     }
 
-    /// A disc that heads for the second link alarms, one that passes does not, and without an obstacle there is
-    /// nothing to look at. Whatever is chosen costs no more than doing nothing, and keeps the speed limits.
+    /// Discs that close on the second link alarm; one that passes does not, nor does one from which the law gets
+    /// away, though a roll-out touches it; and without an obstacle there is nothing to look at. What is chosen costs
+    /// no more than doing nothing, and keeps the speed limits.
     #[test]
     fn only_what_is_ahead_alarms() {
         let robot = robot();
         let settings = PreviewSettings { horizon: 2.0, alarm: 2.0, ..PreviewSettings::default() };
         let reference = holding(&robot);
-        for (obstacles, expected) in [
-            (vec![], false),
-            (vec![disc([1.4, 2.4], [0.0, 0.8])], false),
-            (vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])], true),
+        for (obstacles, touched, expected) in [
+            (vec![], false, false),
+            (vec![disc([1.4, 2.4], [0.0, 0.8])], false, false),
+            (vec![disc([1.4, 2.6], [0.0, -0.8])], true, false),
+            (vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])], true, true),
         ] {
             let mut world = World::new(obstacles);
             let mut preview = preview(&robot, &settings);
-            preview.look(&robot, &mut world, |_| reference);
-            assert_eq!(preview.is_active(), expected);
+            // The very first step does all of the rehearsal, but the next look is due after a period, not before.
+            for half in 0..6 {
+                preview.look(&robot, &mut world, |_| reference);
+                assert_eq!(preview.is_active(), expected && half >= 2, "{half}: {world:?}");
+                preview.elapse(0.5 * settings.period);
+            }
+            let Preview { course, rollout, .. } = &mut preview;
+            let idle = rollout.forecast(&Course::idle(4), &world, 0.0, |_, _| false);
+            assert_eq!(idle.distance < 0.0, touched, "{idle:?}");
             if expected {
-                let Preview { course, rollout, .. } = &mut preview;
-                let idle = rollout.forecast(&Course::idle(4), &world, 0.0, |_, _| false);
                 let chosen = rollout.forecast(course, &world, 0.0, |_, _| false);
-                assert!(idle.distance < 0.0 && chosen.distance > 0.0, "{idle:?} {chosen:?}");
+                assert!(chosen.distance > 0.0, "{chosen:?}");
                 let fastest = course.first.iter().chain(&course.then).map(|u| u.abs());
                 assert!(fastest.fold(0.0, f64::max) <= Yielding::default().speed);
             }
-            // The next look is due after a period, not before.
-            preview.active = !expected;
-            preview.elapse(0.5 * settings.period);
-            preview.look(&robot, &mut world, |_| reference);
-            assert_eq!(preview.is_active(), !expected);
-            preview.elapse(0.5 * settings.period);
-            preview.look(&robot, &mut world, |_| reference);
-            assert_eq!(preview.is_active(), expected);
         }
     }
 
@@ -731,8 +773,8 @@ mod tests {
         World::new(vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])])
     }
 
-    /// However long the control period is: every look tries all courses, no step does more than its share of the
-    /// roll-outs, and only the first step of all, which does not know the period, does a whole look.
+    /// However long the control period is: every look tries all courses, and no step does more than its share of the
+    /// roll-outs. Only the first step of all, which does not know the period, does all of the rehearsal.
     #[test]
     fn a_look_is_spread_over_its_period() {
         let robot = robot();
@@ -757,8 +799,7 @@ mod tests {
             let mut world = Asked { world: closing(), times: Cell::new(0) };
             let mut preview = preview(&robot, &settings);
             preview.look(&robot, &mut world, |_| reference);
-            assert!(preview.is_active());
-            assert_eq!(preview.tried, settings.candidates);
+            assert!(preview.hit);
             for step in 1..4 * steps {
                 let begins = step % steps == 0;
                 let before = if begins { 0 } else { preview.tried };
@@ -766,6 +807,10 @@ mod tests {
                 preview.elapse(dt);
                 preview.look(&robot, &mut world, |_| reference);
                 assert_eq!(preview.waited == 0.0, begins, "{dt}: {step}");
+                assert_eq!(preview.is_active(), step >= steps, "{dt}: {step}");
+                if step < steps {
+                    continue;
+                }
                 let (tried, asked) = (preview.tried - before, world.times.get());
                 assert!(tried <= share && asked <= share * most, "{dt}: {tried}, {asked}");
                 if (step + 1) % steps == 0 {
@@ -776,6 +821,35 @@ mod tests {
             world.times.set(0);
             preview.look(&robot, &mut world, |_| reference);
             assert_eq!(world.times.get(), 0);
+        }
+    }
+
+    /// A rehearsal takes two looks, and no step does more than its share; a new one begins at once, as long as a
+    /// roll-out is hit.
+    #[test]
+    fn a_rehearsal_is_spread_over_two_looks() {
+        let robot = robot();
+        let settings = PreviewSettings { horizon: 2.0, alarm: 2.0, ..PreviewSettings::default() };
+        let reference = holding(&robot);
+        for (dt, steps, share) in [(1e-3, 20, 5), (0.015, 2, 75), (0.05, 1, 200)] {
+            // A roll-out touches this disc, the law does not.
+            let mut world = World::new(vec![disc([1.4, 2.6], [0.0, -0.8])]);
+            let mut preview = preview(&robot, &settings);
+            preview.look(&robot, &mut world, |_| reference);
+            assert!(!preview.hit && !preview.rehearsal.goes_on());
+            for step in 1..=6 * steps {
+                let before = preview.rehearsal.done();
+                preview.elapse(dt);
+                preview.look(&robot, &mut world, |_| reference);
+                let done = preview.rehearsal.done();
+                let done = if done < before { done } else { done - before };
+                assert!(done <= share, "{dt}: {done}");
+                if steps == 20 {
+                    let over = (step + 1) % (2 * steps) == steps;
+                    assert_eq!(preview.rehearsal.goes_on(), step >= steps && !over, "{step}");
+                }
+            }
+            assert!(!preview.hit && preview.rehearsal.done() > 0);
         }
     }
 

@@ -1,0 +1,245 @@
+//! Whether the law would be hit if it were left to itself: the closed loop itself, in coarse steps, with the
+//! obstacles carried on (T83).
+//!
+//! Roll-outs without mass see contact where the law would have avoided it. Nobody has to leave the law, and with
+//! it the task, before a rehearsal has been hit, too.
+
+use crate::control::{Controller, Gains};
+use crate::math::Capsule;
+use crate::robot::Robot;
+use crate::trajectory::Sample;
+use crate::world::{Contact, Surroundings};
+
+/// Longest step of a rehearsal [s], and the largest product of a step and a rate of the law.
+const STEP: f64 = 0.01;
+const STEP_TIMES_RATE: f64 = 0.4;
+
+/// A distance below this share of the margin is taken for a contact: the programme keeps the margin unless it
+/// cannot.
+const CONTACT: f64 = 0.5;
+
+/// The closed loop on its own, with its workspace.
+#[derive(Debug, Clone)]
+pub struct Rehearsal<R: Robot<D>, const D: usize, const M: usize> {
+    controller: Controller<R, D, M>,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    ddq: Vec<f64>,
+    scratch: Vec<f64>,
+    /// Duration of a step [s].
+    step: f64,
+    /// How many steps have been done, and how many make a whole rehearsal.
+    done: usize,
+    count: usize,
+    /// The smallest distance that is no contact [m].
+    least: f64,
+}
+
+impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
+    /// Of the law with these gains on `robot`, over `duration` [s].
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "judged before: positive, and not too many"
+    )]
+    pub fn new(robot: &R, gains: &Gains<M>, duration: f64) -> Self {
+        let n = robot.dof();
+        let zeros = || vec![0.0; n];
+        let mut gains = gains.clone();
+        gains.yielding.preview = None;
+        let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
+        let fastest = rates.fold(gains.yielding.rate, f64::max);
+        let step = STEP.min(STEP_TIMES_RATE / fastest);
+        let count = (duration / step).ceil() as usize;
+        Self {
+            least: CONTACT * gains.yielding.margin,
+            controller: Controller::new(robot.clone(), gains),
+            q: zeros(),
+            dq: zeros(),
+            ddq: zeros(),
+            scratch: zeros(),
+            step,
+            done: count,
+            count,
+        }
+    }
+
+    /// Makes room for so many obstacles, so that no rehearsal allocates.
+    pub fn reserve(&mut self, obstacles: usize) {
+        self.controller.reserve(obstacles);
+    }
+
+    /// Begins again, at the state of `robot`.
+    pub fn begin(&mut self, robot: &R) {
+        self.q.copy_from_slice(robot.configuration());
+        self.dq.copy_from_slice(robot.velocity());
+        self.done = 0;
+    }
+
+    /// Breaks off.
+    pub fn stop(&mut self) {
+        self.done = self.count;
+    }
+
+    /// Whether it is still going on.
+    pub fn goes_on(&self) -> bool {
+        self.done < self.count
+    }
+
+    /// How many steps have been done.
+    #[cfg(test)]
+    pub fn done(&self) -> usize {
+        self.done
+    }
+
+    /// Goes on up to this share of the whole and returns whether there was a contact. It began `ago` [s] before the
+    /// present, for which `surroundings` and `reference`, in so many seconds, speak.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "few steps, and the cast of infinity is the largest number"
+    )]
+    pub fn go_on(
+        &mut self,
+        share: f64,
+        ago: f64,
+        surroundings: &impl Surroundings<D>,
+        obstacles: &[usize],
+        reference: &impl Fn(f64) -> Sample<M>,
+    ) -> bool {
+        let due = self.count.min((self.count as f64 * share - 1e-9).ceil() as usize);
+        while self.done < due {
+            let after = self.step * self.done as f64 - ago;
+            let mut later = Later { surroundings, obstacles, after };
+            self.controller.observe(&self.q, &self.dq, &mut later);
+            if self.controller.forces().clearance().iter().any(|distance| *distance < self.least) {
+                self.stop();
+                return true;
+            }
+            self.controller.command(&reference(after));
+            self.advance();
+            self.done += 1;
+        }
+        false
+    }
+
+    /// One step of semi-implicit Euler.
+    fn advance(&mut self) {
+        let Self { controller, q, dq, ddq, scratch, step, .. } = self;
+        controller.robot().accelerate(&controller.torque().total, controller.bias(), scratch, ddq);
+        for ((q, dq), ddq) in q.iter_mut().zip(dq).zip(ddq) {
+            *dq += *step * *ddq;
+            *q += *step * *dq;
+        }
+    }
+}
+
+/// Some of the obstacles, carried on for a while at their present velocities.
+struct Later<'a, S> {
+    surroundings: &'a S,
+    obstacles: &'a [usize],
+    after: f64,
+}
+
+impl<S: Surroundings<D>, const D: usize> Surroundings<D> for Later<'_, S> {
+    fn obstacle_count(&self) -> usize {
+        self.obstacles.len()
+    }
+
+    fn for_each_contact(
+        &mut self,
+        links: impl IntoIterator<Item = Capsule<D>>,
+        reach: f64,
+        mut distance: impl FnMut(usize, f64),
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        for (i, link) in links.into_iter().enumerate() {
+            let mut least = f64::INFINITY;
+            for &j in self.obstacles {
+                let contact = self.surroundings.contact_after(i, &link, j, self.after);
+                least = least.min(contact.distance);
+                if contact.distance < reach {
+                    visit(&contact);
+                }
+            }
+            distance(i, least);
+        }
+    }
+
+    fn contact_after(&self, link: usize, capsule: &Capsule<D>, j: usize, after: f64) -> Contact<D> {
+        self.surroundings.contact_after(link, capsule, j, self.after + after)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Avoidance, Gains, Settings};
+    use crate::math::{Noise, Vector};
+    use crate::robot::{PlanarArm, PlanarState, planar::Link};
+    use crate::world::{Motion, Obstacle, Shape, World};
+    use std::sync::Arc;
+
+    const DURATION: f64 = 1.0;
+
+    /// The smallest distance of the same loop in steps of 1 ms, and whether its rehearsal was hit.
+    fn both(q: &[f64; 4], discs: Vec<Obstacle>) -> (f64, bool) {
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
+        let mut state = arm.state();
+        state.update(q, &[0.0; 4]);
+        let reference =
+            Sample { x: state.pose::<2>(), dx: Vector::zeros(), ddx: Vector::zeros() };
+        let gains =
+            Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
+        let world = World::new(discs);
+        let obstacles: Vec<usize> = (0..world.len()).collect();
+        let mut rehearsal = Rehearsal::<PlanarState, 2, 2>::new(&state, &gains, DURATION);
+        rehearsal.begin(&state);
+        let hit = rehearsal.go_on(1.0, 0.0, &world, &obstacles, &|_| reference);
+
+        let mut controller = Controller::new(state, gains);
+        let mut world = world;
+        let (mut q, mut dq) = (*q, [0.0; 4]);
+        let (mut ddq, mut scratch) = ([0.0; 4], [0.0; 4]);
+        let mut least = f64::INFINITY;
+        for k in 0..1000 {
+            world.update(1e-3 * f64::from(k));
+            controller.observe(&q, &dq, &mut world);
+            least = controller.forces().clearance().iter().copied().fold(least, f64::min);
+            let torque = controller.command(&reference).total.clone();
+            controller.robot().accelerate(&torque, controller.bias(), &mut scratch, &mut ddq);
+            for i in 0..4 {
+                dq[i] += 1e-3 * ddq[i];
+                q[i] += 1e-3 * dq[i];
+            }
+        }
+        (least, hit)
+    }
+
+    /// A rehearsal says of two discs that close on an arm what the loop in ten times finer steps says, wherever that
+    /// is clear: a pinch is a contact, a distance of half the margin and 5 mm more is none.
+    #[test]
+    fn a_rehearsal_foresees_what_happens() {
+        let mut noise = Noise::new(1, 0);
+        let (mut hits, mut free) = (0, 0);
+        for _ in 0..60 {
+            let q = [0.4, 0.8, -1.0, 0.7].map(|q| q + 0.2 * noise.draw());
+            let mut disc = |side: f64| Obstacle {
+                shape: Shape::Circle { radius: 0.2 },
+                position: [1.3 + 0.1 * noise.draw(), 0.7 + side * (0.6 + 0.1 * noise.draw())],
+                angle: 0.0,
+                motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
+            };
+            let (least, hit) = both(&q, vec![disc(1.0), disc(-1.0)]);
+            if least < 0.0 {
+                hits += 1;
+                assert!(hit, "{q:?}: {least}");
+            } else if least > 0.015 {
+                free += 1;
+                assert!(!hit, "{q:?}: {least}");
+            }
+        }
+        assert!(hits >= 5 && free >= 20, "{hits} {free}");
+    }
+}
