@@ -193,12 +193,12 @@ def elsewhere(outcome: vff.Evaluation) -> str:
 
 VARIANTS = {
     "defaults": {},
-    "rate = 10": {"yielding.rate": 10.0},
-    "rate = 30": {"yielding.rate": 30.0},
-    "margin = 0.015": {"yielding.margin": 0.015},
-    "margin = 0.05": {"yielding.margin": 0.05},
-    "task_weight = 2": {"yielding.task_weight": 2.0},
-    "task_weight = 50": {"yielding.task_weight": 50.0},
+    "rate = 20": {"yielding.rate": 20.0},
+    "rate = 80": {"yielding.rate": 80.0},
+    "margin = 0.01": {"yielding.margin": 0.01},
+    "margin = 0.03": {"yielding.margin": 0.03},
+    "task_weight = 5": {"yielding.task_weight": 5.0},
+    "task_weight = 100": {"yielding.task_weight": 100.0},
     "activation = 0.6": {"yielding.activation": 0.6},
     "speed = 4": {"yielding.speed": 4.0},
     "slack_price = 1e3": {"yielding.slack_price": 1e3},
@@ -246,7 +246,7 @@ def peers() -> str:
 
 CAUSES = {
     "flat side": "a link lies along a flat side, and the nearest point jumps from corner to corner: a sample "
-    "has a barrier for one of them alone, and the slack stays far below the 12 m/s² that hold a contact",
+    "has a barrier for one of them alone, and the slack stays far below the 32 m/s² that hold a contact",
     "pinched": "two or more obstacles within 0.1 m ask for opposite accelerations: the programme contradicts "
     "itself, and a slack is recorded",
     "out of reach": "one obstacle, and hardly a joint moves the link out of its way: contact next to the "

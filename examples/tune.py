@@ -17,12 +17,12 @@ from vffnull.plotting import style
 
 FAMILIES, SCENES, TRIALS = ("links-swept", "clutter", "crowd"), 2, 6  # quick; 100 and 200 tell more
 RANGES = {
-    "yielding.rate": (5.0, 40.0),  # 1/s
+    "yielding.rate": (10.0, 100.0),  # 1/s
     "yielding.margin": (0.01, 0.1),  # m
     "yielding.task_weight": (1.0, 100.0),  # kg
     "field.gain": (0.03, 3.0),  # N·m³
 }
-DEFAULTS = {"yielding.rate": 20.0, "yielding.margin": 0.03, "yielding.task_weight": 5.0, "field.gain": 0.3}
+DEFAULTS = {"yielding.rate": 40.0, "yielding.margin": 0.02, "yielding.task_weight": 20.0, "field.gain": 0.3}
 
 # Scenes with an escape, by seeds that are meant for tuning. No gain has a say in that.
 drawn = [scenes.random(family, 4, seed) for family in FAMILIES for seed in scenes.TRAINING[:SCENES]]

@@ -122,8 +122,7 @@ WAYS = (
     ),
     Way(
         "cbfpy, tuned",
-        "α(h) = 20 h and weight 5 on the task, the defaults of our cbf, and the obstacles' velocities in the "
-        "barriers",
+        "α(h) = 20 h, weight 5 on the task, and the obstacles' velocities in the barriers",
         partial(Cbfpy, rate=20.0, weight=5.0, motion=True),
     ),
 )
