@@ -233,9 +233,9 @@ mod tests {
         let cones: Vec<SupportedConeT<f64>> = vec![NonnegativeConeT(m)];
         let settings = DefaultSettings {
             verbose: false,
-            tol_gap_abs: 1e-12,
-            tol_gap_rel: 1e-12,
-            tol_feas: 1e-12,
+            tol_gap_abs: 1e-10,
+            tol_gap_rel: 1e-10,
+            tol_feas: 1e-10,
             ..DefaultSettings::default()
         };
         let [p, a] = [&p, &a].map(|matrix| CscMatrix::from(&columns(matrix)));
@@ -308,7 +308,8 @@ mod tests {
                 q0 = [1.2, -1.2, 0.0]
                 arm = {{ lengths = [1, 1, 1], masses = 1, radius = 0.05 }}
                 reference = {{ kind = "setpoint", point = [2.3, 0.5] }}
-                controller = {{ avoidance = "cbf" }}
+                controller.avoidance = "cbf"
+                controller.yielding = {{ margin = 0.03, rate = 20, task_weight = 5 }}
                 [[obstacles]]
                 shape = {shape}
                 position = [1.86, 0.74]

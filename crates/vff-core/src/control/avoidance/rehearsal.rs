@@ -188,10 +188,8 @@ mod tests {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(q, &[0.0; 4]);
-        let reference =
-            Sample { x: state.pose::<2>(), dx: Vector::zeros(), ddx: Vector::zeros() };
-        let gains =
-            Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
+        let reference = Sample { x: state.pose::<2>(), dx: Vector::zeros(), ddx: Vector::zeros() };
+        let gains = Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
         let world = World::new(discs);
         let obstacles: Vec<usize> = (0..world.len()).collect();
         let mut rehearsal = Rehearsal::<PlanarState, 2, 2>::new(&state, &gains, DURATION);
