@@ -29,20 +29,19 @@ def stretch(result: vff.Result) -> float:
 
 
 def test_the_path_is_resumed_where_it_was_left() -> None:
-    """The disc of `on-path` and its margin cover 0.56 m of the path. With the governor the tip is back within
+    """The disc of `on-path` and its margin cover 0.54 m of the path. With the governor the tip is back within
     0.2 m behind them; without, it jumps ahead by another half metre, to where the reference is by then."""
     with_, without = run("on-path", "cbf", True), run("on-path", "cbf", False)
-    blocked = 2.0 * (0.25 + 0.03)
+    blocked = 2.0 * (0.25 + 0.02)
     assert blocked < stretch(with_) < blocked + 0.2
     assert stretch(without) > blocked + 0.6
     assert np.linalg.norm(with_.error[-1]) < 1e-9
-    assert with_.metrics.min_clearance > 0.029  # type: ignore[operator]
+    assert with_.metrics.min_clearance > 0.019  # type: ignore[operator]
 
 
 @pytest.mark.parametrize("avoidance", LAWS)
 def test_a_disc_that_passes_costs_less_of_the_path(avoidance: str) -> None:
-    """Whatever way the end effector gives way by: less than half of the stretch, and it arrives. Without the
-    governor `priority` is hit after having been pushed off its path."""
+    """Whatever way the end effector gives way by: less than half of the stretch, and it arrives."""
     with_, without = run("on-path-moving", avoidance, True), run("on-path-moving", avoidance, False)
     assert stretch(with_) < 0.5 * stretch(without)
     assert with_.status == "completed"
@@ -87,7 +86,7 @@ def test_the_torque_stays_continuous_and_peaks_less(avoidance: str) -> None:
         np.abs(np.diff(vff.simulate("on-path", changes | {"simulation.dt": dt}).tau, axis=0)).max()
         for dt in (5e-4, 2.5e-4)
     )
-    assert fine < 0.3
+    assert fine < 1.0
     assert fine == pytest.approx(coarse / 2, rel=0.05)
     with_, without = (np.abs(run("on-path", avoidance, governed).tau).max() for governed in (True, False))
     assert with_ < (1.0 if avoidance == "relaxed" else 0.25) * without

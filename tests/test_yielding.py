@@ -30,7 +30,7 @@ def test_on_path_is_avoided_and_the_path_taken_up_again(avoidance: str) -> None:
     result = run("on-path", avoidance)
     assert result.status == "completed"
     assert errors(result)[-1] < 1e-5
-    least = {"relaxed": 0.1, "priority": 0.029, "cbf": 0.029}[avoidance]
+    least = {"relaxed": 0.1, "priority": 0.019, "cbf": 0.019}[avoidance]
     assert result.metrics.min_clearance > least  # type: ignore[operator]
 
 
@@ -89,12 +89,12 @@ def test_the_torque_of_the_programme_is_the_nearest_one() -> None:
     (a,), (d,), (rate,), (bias,) = (
         each[near] for each in (pairs.gradient, pairs.distance, pairs.rate, pairs.bias)
     )
-    k, weight, price = 20.0, 5.0, 1e4
+    k, weight, price = 40.0, 20.0, 4e4
     (normal,) = pairs.normal[near]
     axis = np.diff(arm.forward_kinematics(q)[-2:], axis=0)[0]
     assert abs(normal @ axis) > 0.2  # clear of the end of the link, where the sliding term fades
     ddq = arm.forward_dynamics(q, dq, nominal)
-    b = -(a @ ddq + bias + 2 * k * rate + k * k * (d - 0.03))
+    b = -(a @ ddq + bias + 2 * k * rate + k * k * (d - 0.02))
     assert b > 1.0
     M, J = arm.mass_matrix(q), arm.jacobian(q)
     N = arm.extended_jacobian(q, dq).N
@@ -125,7 +125,7 @@ def test_cbf_keeps_the_limits_of_the_joints() -> None:
     assert free.metrics.peak_speed > 3.0  # type: ignore[operator]
     slow = limited(velocity_limits=2.0)
     assert slow.metrics.velocity_limit_ratio < 1.001  # type: ignore[operator]
-    assert slow.metrics.min_clearance > 0.029  # type: ignore[operator]
+    assert slow.metrics.min_clearance > 0.019  # type: ignore[operator]
 
     assert free.metrics.peak_torque > 60.0  # type: ignore[operator]
     weak = limited(torque_limits=60.0)
@@ -155,12 +155,12 @@ def test_what_cannot_be_kept_is_slack_not_an_exception() -> None:
 
 
 def test_metrics_that_do_not_apply_are_none() -> None:
-    """Slack belongs to barriers; the energy balance is that of the null-space law alone."""
+    """Slack belongs to barriers, and is less than 1 % of the k²δ that hold a contact; the energy balance is that of the null-space law alone."""
     null_space, relaxed, cbf = (run("on-path", law).metrics for law in ("null_space", "relaxed", "cbf"))
     assert null_space.max_slack is None and null_space.slack_steps is None
     assert relaxed.max_slack is None and relaxed.passivity_residual is None
     assert null_space.passivity_residual is not None
-    assert cbf.max_slack < 0.1 and cbf.slack_steps == 0  # type: ignore[operator]
+    assert cbf.max_slack < 0.01 * 40.0**2 * 0.02 and cbf.slack_steps == 0  # type: ignore[operator]
     assert run("on-path", "relaxed").slack is None
 
 

@@ -172,9 +172,11 @@ fn yielding(yielding: &Yielding) -> Judged {
     let Yielding { margin, rate, inner, outer, saturation, activation, .. } = yielding;
     let Yielding { task_weight, slack_price, speed, .. } = yielding;
     number("inner", *inner, not_negative)?;
+    if let Some(rate) = rate {
+        number("rate", *rate, positive)?;
+    }
     for (path, value) in [
         ("margin", margin),
-        ("rate", rate),
         ("saturation", saturation),
         ("activation", activation),
         ("task_weight", task_weight),

@@ -15,6 +15,9 @@ use crate::robot::Robot;
 use crate::world::Contact;
 use nalgebra::SMatrix;
 
+/// k where it is not given [1/s].
+pub const RATE: f64 = 40.0;
+
 /// Barriers that may be broken at one instant; beyond that the programme is left unfinished.
 const MOST_BROKEN: usize = 48;
 
@@ -121,7 +124,7 @@ impl Barrier {
         robot: &R,
         pairs: &[Contact<D>],
     ) {
-        let k = settings.rate;
+        let k = settings.rate.unwrap_or(RATE);
         for pair in pairs {
             let motion = DistanceRate::cautious(robot, pair);
             let start = self.normals.len();
@@ -136,7 +139,7 @@ impl Barrier {
 
     /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
     fn keep_joints<R: Robot<D>, const D: usize>(&mut self, settings: &Yielding, robot: &R) {
-        let (k, n) = (settings.rate, self.nominal.len());
+        let (k, n) = (settings.rate.unwrap_or(RATE), self.nominal.len());
         let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
         for i in 0..n {
             let mut lower = -k * (self.speed[i] + dq[i]);

@@ -25,8 +25,9 @@ use serde::Deserialize;
 pub struct Yielding {
     /// δ [m] > 0, the distance that `priority` and `cbf` keep.
     pub margin: f64,
-    /// k [1/s] > 0, how fast a distance may run down to the margin (T65), in `priority` and `cbf`.
-    pub rate: f64,
+    /// k [1/s] > 0, how fast a distance may run down to the margin (T65): by default [`priority::RATE`] or
+    /// [`barrier::RATE`].
+    pub rate: Option<f64>,
     /// d₁ [m] ≥ 0: from here inwards the task gives way altogether, in `relaxed` and `priority`.
     pub inner: f64,
     /// d₂ [m] > d₁: from here outwards it does not.
@@ -49,13 +50,13 @@ impl Default for Yielding {
     fn default() -> Self {
         Self {
             margin: 0.02,
-            rate: 40.0,
+            rate: None,
             inner: 0.05,
             outer: 0.3,
             saturation: 0.5,
             activation: 1.2,
             task_weight: 20.0,
-            slack_price: 1e4,
+            slack_price: 4e4,
             speed: 6.0,
             preview: None,
         }

@@ -7,6 +7,9 @@ use crate::math::smoothstep;
 use crate::robot::Robot;
 use crate::world::Contact;
 
+/// k where it is not given [1/s]: the torque changes with k², and there is no programme to make up for it.
+pub const RATE: f64 = 20.0;
+
 /// Workspace of the law.
 #[derive(Debug, Clone)]
 pub struct Priority {
@@ -51,7 +54,7 @@ impl Priority {
                 smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
-            let k = settings.rate;
+            let k = settings.rate.unwrap_or(RATE);
             let wanted = -2.0 * k * motion.rate - k * k * (pair.distance - settings.margin);
             let lacking = wanted - motion.bias - dot(gradient, acceleration);
             if lacking <= 0.0 {

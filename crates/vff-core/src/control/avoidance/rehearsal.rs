@@ -4,6 +4,7 @@
 //! Roll-outs without mass see contact where the law would have avoided it. Nobody has to leave the law, and with
 //! it the task, before a rehearsal has been hit, too.
 
+use super::barrier;
 use crate::control::{Controller, Gains};
 use crate::math::Capsule;
 use crate::robot::Robot;
@@ -48,7 +49,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         let mut gains = gains.clone();
         gains.yielding.preview = None;
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
-        let fastest = rates.fold(gains.yielding.rate, f64::max);
+        let fastest = rates.fold(gains.yielding.rate.unwrap_or(barrier::RATE), f64::max);
         let step = STEP.min(STEP_TIMES_RATE / fastest);
         let count = (duration / step).ceil() as usize;
         Self {
