@@ -74,8 +74,8 @@ def test_without_cbf_it_is_not_asked() -> None:
 
 
 def test_closing_discs_are_left_before_they_close() -> None:
-    """Without look-ahead a link is 0.1 m and more inside a disc; with it, none touches one, but in one of eight
-    searches, whose courses are drawn at random, and then by less than 0.02 m."""
+    """Without look-ahead a link is 0.1 m and more inside a disc; with it, none touches one, but in one of
+    eight searches, whose courses are drawn at random, and then by less than 0.02 m."""
     document = closing()
     document["controller"]["yielding"] = {}
     assert vff.simulate(document).metrics.min_clearance < -0.1  # type: ignore[operator]

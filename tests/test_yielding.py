@@ -155,7 +155,8 @@ def test_what_cannot_be_kept_is_slack_not_an_exception() -> None:
 
 
 def test_metrics_that_do_not_apply_are_none() -> None:
-    """Slack belongs to barriers, and is less than 1 % of the k²δ that hold a contact; the energy balance is that of the null-space law alone."""
+    """Slack belongs to barriers, and is less than 1 % of the k²δ that hold a contact; the energy balance is
+    that of the null-space law alone."""
     null_space, relaxed, cbf = (run("on-path", law).metrics for law in ("null_space", "relaxed", "cbf"))
     assert null_space.max_slack is None and null_space.slack_steps is None
     assert relaxed.max_slack is None and relaxed.passivity_residual is None
