@@ -103,10 +103,7 @@ pub fn barriers(n: usize, discs: usize) -> Scenario {
 
 /// The same for `cbf` that looks ahead.
 pub fn preview(n: usize, discs: usize) -> Scenario {
-    let mut scenario = scene(n, discs, EULER);
-    scenario.controller.avoidance = Avoidance::Cbf;
-    scenario.controller.yielding.preview = Some(PreviewSettings::default());
-    scenario
+    looking(scene(n, discs, EULER))
 }
 
 /// And alarmed all the time: one of the discs is at the base, where no course ever leaves it.
@@ -115,7 +112,10 @@ pub fn alarmed(n: usize, discs: usize) -> Scenario {
         let beside = beside(joints).into_iter();
         std::iter::once([-0.05, 0.0]).chain(beside).take(discs).collect()
     };
-    let mut scenario = furnished(n, places, true, EULER);
+    looking(furnished(n, places, true, EULER))
+}
+
+fn looking(mut scenario: Scenario) -> Scenario {
     scenario.controller.avoidance = Avoidance::Cbf;
     scenario.controller.yielding.preview = Some(PreviewSettings::default());
     scenario

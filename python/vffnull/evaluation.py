@@ -388,6 +388,16 @@ class Evaluation:
         """How often ``"collided"``, ``"diverged"`` or ``"success"`` holds in the rows."""
         return wilson(int(self.columns[name].sum()), len(self))
 
+    def rates(self) -> dict[str, Rate]:
+        """The rates that `table` and ``vffnull evaluate --json`` give, by name."""
+        return {
+            "collisions": self.rate("collided"),
+            "collisions_feasible": self.feasible.rate("collided"),
+            "success": self.rate("success"),
+            "success_feasible_with_tip": self.where(feasibility=VERDICTS[0]).rate("success"),
+            "diverged": self.rate("diverged"),
+        }
+
     @property
     def feasible(self) -> Evaluation:
         """The rows of scenes in which an escape has been found."""
@@ -421,14 +431,7 @@ class Evaluation:
         ]
         for name in self.controllers:
             of = rows.where(controller=name)
-            rates = (
-                of.rate("collided"),
-                of.feasible.rate("collided"),
-                of.rate("success"),
-                of.where(feasibility=VERDICTS[0]).rate("success"),
-                of.rate("diverged"),
-            )
-            lines.append(f"| {name} | {' | '.join(map(str, rates))} |")
+            lines.append(f"| {name} | {' | '.join(map(str, of.rates().values()))} |")
         lines += [
             "",
             "| controller | clearance: median, 5th percentile [mm] | error during, after [mm] | recovery [s] "

@@ -12,7 +12,7 @@ import click
 from vffnull.cli.common import FINE
 
 if TYPE_CHECKING:
-    from vffnull.evaluation import Evaluation
+    from vffnull.evaluation import Evaluation, Rate
 
 __all__ = ["evaluate"]
 
@@ -116,20 +116,14 @@ def evaluate(
 def _rates(outcome: Evaluation) -> dict[str, Any]:
     """Counts of every family and controller, with the interval of the rate; null where there is no scene."""
 
-    def told(rows: Evaluation, name: str) -> dict[str, Any]:
-        rate = rows.rate(name)
+    def told(rate: Rate) -> dict[str, Any]:
         interval = [rate.low, rate.high] if rate.total else None
         return {"count": rate.count, "total": rate.total, "interval": interval}
 
-    found: dict[str, Any] = {}
-    for family in outcome.families:
-        for name in outcome.controllers:
-            rows = outcome.where(family=family, controller=name)
-            found.setdefault(family, {})[name] = {
-                "collisions": told(rows, "collided"),
-                "collisions_feasible": told(rows.feasible, "collided"),
-                "success": told(rows, "success"),
-                "success_feasible_with_tip": told(rows.where(feasibility="with tip"), "success"),
-                "diverged": told(rows, "diverged"),
-            }
-    return found
+    def rates(family: str, name: str) -> dict[str, Any]:
+        rows = outcome.where(family=family, controller=name)
+        return {what: told(rate) for what, rate in rows.rates().items()}
+
+    return {
+        family: {name: rates(family, name) for name in outcome.controllers} for family in outcome.families
+    }

@@ -160,7 +160,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     }
 
     /// What the field does about the motion of link and obstacle: adds the force that slides past, and
-    /// returns the one along the normal. Not inlined, for most fields have neither and the loop over
+    /// returns the one that damps their approach. Not inlined, for most fields have neither and the loop over
     /// the pairs needs the registers.
     #[inline(never)]
     fn react<R: Robot<D, Wrench = W>, const M: usize>(
@@ -172,31 +172,15 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         response: Response,
     ) -> f64 {
         let Contact { link, point, normal, .. } = contact;
+        let u = robot.point_velocity(*link, point) - contact.velocity;
         if field.sliding > 0.0 {
-            let u = robot.point_velocity(*link, point) - contact.velocity;
             let force = field.slide(contact.distance, normal, &u);
             self.obstacle_power += force.dot(&contact.velocity);
             self.resultant[*link] += force;
             robot.add_force(&mut self.wrenches, *link, point, &force);
         }
-        if field.approach_damping > 0.0 {
-            return self.resist(robot, space, field, contact, response);
-        }
-        0.0
-    }
-
-    /// The force that damps the approach of link and obstacle.
-    fn resist<R: Robot<D, Wrench = W>, const M: usize>(
-        &mut self,
-        robot: &R,
-        space: &OperationalSpace<M>,
-        field: &Field,
-        contact: &Contact<D>,
-        response: Response,
-    ) -> f64 {
-        let Contact { link, point, normal, .. } = contact;
-        let closing = normal.dot(&(contact.velocity - robot.point_velocity(*link, point))); // −ḋ
-        if closing > 0.0 {
+        let closing = -normal.dot(&u); // −ḋ
+        if field.approach_damping > 0.0 && closing > 0.0 {
             robot.point_jacobian_tr_mul(*link, point, normal, &mut self.column);
             let mobility = robot.point_mobility(*link, point, normal);
             let damping = self.damping(robot, space, field, contact.distance, response, mobility);

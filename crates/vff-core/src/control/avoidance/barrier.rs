@@ -18,6 +18,11 @@ use nalgebra::SMatrix;
 /// k where it is not given [1/s].
 pub const RATE: f64 = 40.0;
 
+/// k [1/s].
+pub fn rate(settings: &Yielding) -> f64 {
+    settings.rate.unwrap_or(RATE)
+}
+
 /// Barriers that may be broken at one instant; beyond that the programme is left unfinished.
 const MOST_BROKEN: usize = 48;
 
@@ -124,7 +129,7 @@ impl Barrier {
         robot: &R,
         pairs: &[Contact<D>],
     ) {
-        let k = settings.rate.unwrap_or(RATE);
+        let k = rate(settings);
         for pair in pairs {
             let motion = DistanceRate::cautious(robot, pair);
             let start = self.normals.len();
@@ -139,7 +144,7 @@ impl Barrier {
 
     /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
     fn keep_joints<R: Robot<D>, const D: usize>(&mut self, settings: &Yielding, robot: &R) {
-        let (k, n) = (settings.rate.unwrap_or(RATE), self.nominal.len());
+        let (k, n) = (rate(settings), self.nominal.len());
         let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
         for i in 0..n {
             let mut lower = -k * (self.speed[i] + dq[i]);
@@ -198,6 +203,7 @@ mod tests {
     use super::super::Way;
     use super::*;
     use crate::control::{Avoidance, Controller, Gains};
+    use crate::robot::PlanarState;
     use crate::scenario::Scenario;
     use crate::trajectory::Trajectory;
     use crate::world::World;
@@ -250,6 +256,16 @@ mod tests {
         solver.solution.x[..n].to_vec()
     }
 
+    /// The controller of a scenario, with its world and its reference.
+    fn loop_of(scenario: &Scenario) -> (Controller<PlanarState, 2, 2>, World, Trajectory<2>) {
+        let arm = Arc::new(scenario.arm.build().unwrap());
+        let mut start = arm.state();
+        start.update(&scenario.q0, &vec![0.0; arm.dof()]);
+        let trajectory = Trajectory::new(&scenario.reference, start.pose()).unwrap();
+        let controller = Controller::new(arm.state(), Gains::new(&scenario.controller));
+        (controller, World::new(scenario.obstacles.clone()), trajectory)
+    }
+
     /// The programmes of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
     #[test]
     fn programmes_of_a_run_agree_with_clarabel() {
@@ -258,13 +274,7 @@ mod tests {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
             scenario.arm.torque_limits = torque.map(crate::math::Broadcast::Uniform);
-            let arm = Arc::new(scenario.arm.build().unwrap());
-            let mut start = arm.state();
-            start.update(&scenario.q0, &vec![0.0; arm.dof()]);
-            let trajectory = Trajectory::<2>::new(&scenario.reference, start.pose()).unwrap();
-            let gains = Gains::<2>::new(&scenario.controller);
-            let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
-            let mut world = World::new(scenario.obstacles.clone());
+            let (mut controller, mut world, trajectory) = loop_of(&scenario);
             let mut run = scenario.prepare().unwrap().run;
             let (mut solved, mut at_limit) = (0, 0);
             while run.step() {
@@ -319,13 +329,7 @@ mod tests {
                 "#
             );
             let scenario = Scenario::from_toml(&text).unwrap();
-            let arm = Arc::new(scenario.arm.build().unwrap());
-            let mut start = arm.state();
-            start.update(&scenario.q0, &[0.0; 3]);
-            let trajectory = Trajectory::<2>::new(&scenario.reference, start.pose()).unwrap();
-            let gains = Gains::<2>::new(&scenario.controller);
-            let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
-            let mut world = World::new(scenario.obstacles.clone());
+            let (mut controller, mut world, trajectory) = loop_of(&scenario);
             let mut last: Option<Vec<f64>> = None;
             let (mut largest, mut pushed): (f64, usize) = (0.0, 0);
             for k in -1000..=1000 {

@@ -71,6 +71,18 @@ impl Yielding {
     }
 }
 
+/// How much of a work of `count` parts has to be done after this share of its time: all of it if the share is
+/// infinite.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "few parts, and the cast of infinity is the largest number"
+)]
+fn due(count: usize, share: f64) -> usize {
+    (count as f64 * share - 1e-9).ceil() as usize
+}
+
 /// One of the three ways, with its workspace.
 #[derive(Debug, Clone)]
 pub struct Avoider<const D: usize> {

@@ -6,8 +6,8 @@
 //! first finds out whether there may be cause for alarm. Then the law itself is rehearsed, and once that has been
 //! hit, too, every step tries its share of the courses.
 
-use super::Yielding;
 use super::rehearsal::Rehearsal;
+use super::{Yielding, due};
 use crate::control::{Gains, OperationalSpace, Torque, dot, task};
 use crate::math::{Capsule, Noise};
 use crate::robot::Robot;
@@ -257,24 +257,19 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         if self.waited >= self.settings.period - 1e-9 {
             self.begin(robot, surroundings, &reference);
         }
-        self.rollout.forget(surroundings.obstacle_count());
-        self.rehearse(surroundings, &reference);
-        self.search(surroundings);
+        if self.rehearsal.goes_on() || self.tried < self.count {
+            self.rollout.forget(surroundings.obstacle_count());
+            self.rehearse(surroundings, &reference);
+            self.search(surroundings);
+        }
         self.since = 0.0;
     }
 
     /// How many courses have to be tried by now, for the look to be done in the last control step of its period:
     /// all of them in the very first step, which does not know how long one is.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "judged before, and the cast of infinity is the largest number"
-    )]
     fn due(&self) -> usize {
         let share = (self.waited + self.since) / self.settings.period;
-        let rollouts = (FIRST + self.settings.candidates) as f64 * share;
-        self.count.min(((rollouts - 1e-9).ceil() as usize).saturating_sub(FIRST))
+        due(FIRST + self.settings.candidates, share).saturating_sub(FIRST).min(self.count)
     }
 
     /// Begins a look: finds out whether the arm, left to itself, has to get out of the way, and whether the course

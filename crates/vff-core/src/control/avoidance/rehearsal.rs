@@ -4,7 +4,7 @@
 //! Roll-outs without mass see contact where the law would have avoided it. Nobody has to leave the law, and with
 //! it the task, before a rehearsal has been hit, too.
 
-use super::barrier;
+use super::{barrier, due};
 use crate::control::{Controller, Gains};
 use crate::math::Capsule;
 use crate::robot::Robot;
@@ -49,7 +49,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         let mut gains = gains.clone();
         gains.yielding.preview = None;
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
-        let fastest = rates.fold(gains.yielding.rate.unwrap_or(barrier::RATE), f64::max);
+        let fastest = rates.fold(barrier::rate(&gains.yielding), f64::max);
         let step = STEP.min(STEP_TIMES_RATE / fastest);
         let count = (duration / step).ceil() as usize;
         Self {
@@ -95,12 +95,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
 
     /// Goes on up to this share of the whole and returns whether there was a contact. It began `ago` [s] before the
     /// present, for which `surroundings` and `reference`, in so many seconds, speak.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "few steps, and the cast of infinity is the largest number"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn go_on(
         &mut self,
         share: f64,
@@ -109,7 +104,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         obstacles: &[usize],
         reference: &impl Fn(f64) -> Sample<M>,
     ) -> bool {
-        let due = self.count.min((self.count as f64 * share - 1e-9).ceil() as usize);
+        let due = due(self.count, share).min(self.count);
         while self.done < due {
             let after = self.step * self.done as f64 - ago;
             let mut later = Later { surroundings, obstacles, after };
