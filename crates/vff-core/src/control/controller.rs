@@ -1,4 +1,7 @@
 //! The parts strung together: observe, then command.
+//!
+//! [`ReactiveController`] sees the present alone. [`Controller`] is the same with look-ahead on top of it, if the
+//! settings ask for that; the look-ahead runs a reactive controller of its own.
 
 use super::avoidance::Avoider;
 use super::avoidance::preview::Preview;
@@ -12,13 +15,14 @@ use crate::robot::Robot;
 use crate::trajectory::Sample;
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, SMatrix};
+use std::ops::Deref;
 
-/// A torque controller for a robot `R` with a task of dimension `M`.
+/// The torque controller of [`Controller`] without look-ahead: the law, the forces, the limits, and what gives way.
 ///
 /// Call [`observe`](Self::observe) with the state and the surroundings, then [`command`](Self::command) with the
 /// reference. Nothing allocates after construction (`formulation = recursive`).
 #[derive(Debug, Clone)]
-pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
+pub struct ReactiveController<R: Robot<D>, const D: usize, const M: usize> {
     robot: R,
     gains: Gains<M>,
     space: OperationalSpace<M>,
@@ -40,11 +44,9 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     error: Vector<M>,
     /// What gives way where the null space is not enough.
     pub(super) avoider: Option<Box<Avoider<D>>>,
-    /// What looks ahead of it.
-    preview: Option<Box<Preview<R, D, M>>>,
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
+impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
     /// A controller for `robot`, with gains resolved for its number of joints.
     pub fn new(robot: R, gains: Gains<M>) -> Self {
         let n = robot.dof();
@@ -62,12 +64,6 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
             scaling: 0.0,
             reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
             error: Vector::zeros(),
-            preview: match (gains.avoidance, &gains.yielding) {
-                (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
-                    Some(Box::new(Preview::new(&robot, &gains, settings)))
-                }
-                _ => None,
-            },
             avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
             robot,
             gains,
@@ -120,17 +116,6 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
         }
     }
 
-    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
-    pub fn look_ahead(
-        &mut self,
-        surroundings: &mut impl CollisionQuery<D>,
-        reference: impl Fn(f64) -> Sample<M>,
-    ) {
-        if let Some(preview) = &mut self.preview {
-            preview.look(&self.robot, surroundings, reference);
-        }
-    }
-
     /// The pose x of the end effector at the observed state.
     pub fn pose(&self) -> Vector<M> {
         self.robot.pose()
@@ -153,6 +138,13 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
 
     /// The torque at the observed and sensed state for this reference.
     pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
+        self.follow(reference);
+        self.give_way();
+        &self.law.torque
+    }
+
+    /// The torque of the null-space law, within the torque limits.
+    fn follow(&mut self, reference: &Sample<M>) {
         self.reference = *reference;
         self.error = task::error(self.robot.pose(), reference.x);
         self.objective_scale = limits::ALL;
@@ -171,22 +163,21 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
                 &mut self.law,
             ),
         }
-        // The programme of `cbf` has the torque limits among its rows.
+        // The QP of `cbf` has the torque limits among its rows.
         if self.gains.enforce_limits
             && self.slack().is_none()
             && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
         {
             self.fit_torque(&ddx_c);
         }
-        if let Some(preview) = &mut self.preview {
-            let Law { bias, torque, .. } = &mut self.law;
-            preview.act(&self.robot, &self.space, bias, torque);
-        }
+    }
+
+    /// Changes that torque where the end effector has to give way.
+    fn give_way(&mut self) {
         if let Some(avoider) = &mut self.avoider {
             let Law { bias, torque, .. } = &mut self.law;
             avoider.act(&self.robot, &self.space, &self.forces, bias, torque);
         }
-        &self.law.torque
     }
 
     /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37).
@@ -353,16 +344,10 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// Forgets what it remembers of the past: the tank is as full as at the start.
     pub fn reset(&mut self) {
         self.tank = self.gains.tank.map(Tank::new);
-        if let Some(preview) = &mut self.preview {
-            preview.reset();
-        }
     }
 
     /// Lets `dt` [s] pass under the last command: the tank fills or empties.
     pub fn elapse(&mut self, dt: f64) {
-        if let Some(preview) = &mut self.preview {
-            preview.elapse(dt);
-        }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
             tank.elapse(dt, self.law.damping_power - self.share * injected);
@@ -378,6 +363,88 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// The same for an obstacle that is still to come, at `speed` [m/s]. Allocates.
     pub fn stable_period_against(&self, speed: f64) -> StablePeriod {
         sampling::stable_period_against(&self.robot, &self.space, &self.gains, speed)
+    }
+}
+
+/// A torque controller for a robot `R` with a task of dimension `M`.
+///
+/// Call [`observe`](Self::observe) with the state and the surroundings, [`look_ahead`](Self::look_ahead) if the
+/// settings ask for look-ahead, then [`command`](Self::command) with the reference. Nothing allocates after
+/// construction (`formulation = recursive`). Everything that can be read is that of the [`ReactiveController`]
+/// below.
+#[derive(Debug, Clone)]
+pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
+    reactive: ReactiveController<R, D, M>,
+    preview: Option<Box<Preview<R, D, M>>>,
+}
+
+impl<R: Robot<D>, const D: usize, const M: usize> Deref for Controller<R, D, M> {
+    type Target = ReactiveController<R, D, M>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.reactive
+    }
+}
+
+impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
+    /// A controller for `robot`, with gains resolved for its number of joints.
+    pub fn new(robot: R, gains: Gains<M>) -> Self {
+        let preview = match (gains.avoidance, &gains.yielding) {
+            (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
+                Some(Box::new(Preview::new(&robot, &gains, settings)))
+            }
+            _ => None,
+        };
+        Self { reactive: ReactiveController::new(robot, gains), preview }
+    }
+
+    /// Takes in the state (q, q̇) and what is around: clearances and forces.
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
+        self.reactive.observe(q, dq, surroundings);
+    }
+
+    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
+    pub fn look_ahead(
+        &mut self,
+        surroundings: &mut impl CollisionQuery<D>,
+        reference: impl Fn(f64) -> Sample<M>,
+    ) {
+        if let Some(preview) = &mut self.preview {
+            preview.look(&self.reactive.robot, surroundings, reference);
+        }
+    }
+
+    /// The torque at the observed state for this reference.
+    pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
+        let Self { reactive, preview } = self;
+        reactive.follow(reference);
+        if let Some(preview) = preview {
+            let Law { bias, torque, .. } = &mut reactive.law;
+            preview.act(&reactive.robot, &reactive.space, bias, torque);
+        }
+        reactive.give_way();
+        &reactive.law.torque
+    }
+
+    /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
+    pub fn project(&mut self, tau: &mut [f64]) {
+        self.reactive.project(tau);
+    }
+
+    /// Forgets what it remembers of the past: the tank is as full as at the start, and no candidate is taken.
+    pub fn reset(&mut self) {
+        self.reactive.reset();
+        if let Some(preview) = &mut self.preview {
+            preview.reset();
+        }
+    }
+
+    /// Lets `dt` [s] pass under the last command: the tank fills or empties, the look-ahead's time goes on.
+    pub fn elapse(&mut self, dt: f64) {
+        if let Some(preview) = &mut self.preview {
+            preview.elapse(dt);
+        }
+        self.reactive.elapse(dt);
     }
 }
 

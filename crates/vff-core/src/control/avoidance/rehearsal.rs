@@ -5,7 +5,7 @@
 //! it the task, before a rehearsal has been hit, too.
 
 use super::{barrier, due};
-use crate::control::{Controller, Gains};
+use crate::control::{Gains, ReactiveController};
 use crate::math::Capsule;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
@@ -22,7 +22,7 @@ const CONTACT: f64 = 0.5;
 /// The closed loop on its own, with its workspace.
 #[derive(Debug, Clone)]
 pub struct Rehearsal<R: Robot<D>, const D: usize, const M: usize> {
-    controller: Controller<R, D, M>,
+    controller: ReactiveController<R, D, M>,
     q: Vec<f64>,
     dq: Vec<f64>,
     ddq: Vec<f64>,
@@ -46,15 +46,13 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
     pub fn new(robot: &R, gains: &Gains<M>, duration: f64) -> Self {
         let n = robot.dof();
         let zeros = || vec![0.0; n];
-        let mut gains = gains.clone();
-        gains.yielding.preview = None;
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
         let fastest = rates.fold(barrier::rate(&gains.yielding), f64::max);
         let step = STEP.min(STEP_TIMES_RATE / fastest);
         let count = (duration / step).ceil() as usize;
         Self {
             least: CONTACT * gains.yielding.margin,
-            controller: Controller::new(robot.clone(), gains),
+            controller: ReactiveController::new(robot.clone(), gains.clone()),
             q: zeros(),
             dq: zeros(),
             ddq: zeros(),
@@ -171,7 +169,7 @@ impl<S: CollisionQuery<D>, const D: usize> CollisionQuery<D> for Later<'_, S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Avoidance, Gains, Settings};
+    use crate::control::{Avoidance, Controller, Settings};
     use crate::math::{Noise, Vector};
     use crate::robot::{PlanarArm, PlanarState, planar::Link};
     use crate::world::{Motion, Obstacle, Shape, World};
