@@ -6,7 +6,7 @@ use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 /// One reference per plant step of `on-path`, where the tip has to go around a disc.
 fn references(control: &str, control_every: usize) -> Vec<Sample<Vector<2>, 2>> {
-    let text = include_str!("../../../python/vffnull/scenarios/on-path.toml")
+    let text = include_str!("scenarios/on-path.toml")
         .replace("control = \"continuous\"", &format!("control = \"{control}\""));
     let mut scenario = Scenario::from_toml(&text).unwrap();
     scenario.controller.avoidance = vff_core::control::Avoidance::Cbf;

@@ -43,7 +43,7 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     reference: Sample<R::Pose, M>,
     error: Vector<M>,
     /// What gives way where the null space is not enough.
-    pub(super) avoider: Option<Box<Avoider<D>>>,
+    pub(super) avoider: Option<Box<Avoider<D, M>>>,
 }
 
 impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
@@ -51,7 +51,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn new(robot: R, gains: Gains<M>) -> Self {
         let n = robot.dof();
         Self {
-            space: OperationalSpace::new(n, gains.singularity / robot.total_mass()),
+            space: OperationalSpace::new(
+                n,
+                gains.singularity / robot.total_mass(),
+                gains.metric::<D>(),
+            ),
             forces: VirtualForces::new(n),
             law: Law::new(n),
             repulsion: vec![0.0; n],
@@ -64,7 +68,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             scaling: 0.0,
             reference: Sample::at_rest(robot.pose()),
             error: Vector::zeros(),
-            avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
+            avoider: Avoider::new(&gains, &robot),
             robot,
             gains,
         }
@@ -260,7 +264,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.avoider.is_some()
     }
 
-    /// By how much the last command breaks the barriers at most [m/s²]; None without barriers.
+    /// By how much the last command violates the barriers at most [m/s²]; None without barriers.
     pub fn slack(&self) -> Option<f64> {
         self.avoider.as_ref().and_then(|avoider| avoider.slack())
     }
@@ -297,7 +301,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task [m/s²] (T4).
     pub fn null_acceleration(&self) -> f64 {
-        self.space.response(&self.law.torque.null).norm()
+        self.gains.metric::<D>().norm(&self.space.response(&self.law.torque.null))
     }
 
     /// Energies of the arm at the last command.
@@ -410,7 +414,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         reference: impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
         if let Some(preview) = &mut self.preview {
-            preview.look(&self.reactive.robot, surroundings, reference);
+            preview.advance(&self.reactive.robot, surroundings, &reference);
         }
     }
 
@@ -579,8 +583,8 @@ mod tests {
             }
         }
 
-        /// The sliding force (T82) stands on the velocity of link and obstacle against each other: all the
-        /// power it has comes from obstacles that move.
+        /// The sliding force (T82) is orthogonal to the relative velocity of link and obstacle: all its power
+        /// comes from obstacles that move.
         #[test]
         fn sliding_does_no_work_of_its_own(c in case(3usize..9)) {
             let slid = settings(Formulation::Recursive, Projection::Dynamic);
