@@ -13,7 +13,7 @@ use std::sync::Arc;
 use toml::{Table, Value};
 use vff_core::control::extended_jacobian;
 use vff_core::robot::planar::Link;
-use vff_core::robot::{Matrices, PlanarArm, PlanarState, Robot};
+use vff_core::robot::{Matrices, Model, PlanarArm, PlanarState, Robot};
 use vff_core::scenario::{self, Scenario};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
@@ -325,7 +325,7 @@ impl Arm {
     }
 
     fn __repr__(&self) -> String {
-        let reach = self.arm.reach(self.n()).1;
+        let reach = self.arm.reach();
         let links = if self.n() == 1 { "link" } else { "links" };
         format!("<Arm: {} {links}, reach {reach} m>", self.n())
     }

@@ -12,8 +12,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use vff_core::control::energy::{ENERGIES, PORTS};
 use vff_core::control::{self, Gains, ObjectiveScale, Settings, Tank, TaskKind};
 use vff_core::math::Vector;
-use vff_core::robot::PlanarState;
-use vff_core::scenario;
+use vff_core::robot::Model;
+use vff_core::scenario::{self, Plane};
+use vff_core::simulation::System;
 use vff_core::trajectory::Sample;
 use vff_core::world::World;
 
@@ -26,18 +27,18 @@ pub struct Controller {
 }
 
 enum Law {
-    Position(Shared<2>),
-    Pose(Shared<3>),
+    Position(Shared<Plane, 2>),
+    Pose(Shared<Plane, 3>),
 }
 
 /// A law of task dimension M for `n` joints.
-struct Shared<const M: usize> {
+struct Shared<S: System<2, M>, const M: usize> {
     n: usize,
-    inner: Mutex<Inner<M>>,
+    inner: Mutex<Inner<S, M>>,
 }
 
-struct Inner<const M: usize> {
-    law: control::Controller<PlanarState, 2, M>,
+struct Inner<S: System<2, M>, const M: usize> {
+    law: control::Controller<S::State, 2, M>,
     world: World,
     /// The obstacles of `world`, as they were given: the same again need not be read again.
     obstacles: Vec<Py<PyAny>>,
@@ -57,14 +58,14 @@ struct Call<'a, 'py> {
 }
 
 impl Call<'_, '_> {
-    fn reference<const M: usize>(&self) -> PyResult<Sample<M>> {
+    fn reference<P: From<Vector<M>>, const M: usize>(&self) -> PyResult<Sample<P, M>> {
         let read = |name, value: Option<&Bound<'_, PyAny>>| -> PyResult<Vector<M>> {
             let mut out = Vector::<M>::zeros();
             value.map_or(Ok(()), |value| read_vector(name, value, out.as_mut_slice()))?;
             Ok(out)
         };
         Ok(Sample {
-            x: read("x_ref", Some(self.x))?,
+            x: read("x_ref", Some(self.x))?.into(),
             dx: read("dx_ref", self.dx)?,
             ddx: read("ddx_ref", self.ddx)?,
         })
@@ -87,8 +88,8 @@ fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny
         .collect()
 }
 
-impl<const M: usize> Shared<M> {
-    fn new(state: PlanarState, n: usize, settings: &Settings) -> Self {
+impl<S: System<2, M, Pose: From<Vector<M>>>, const M: usize> Shared<S, M> {
+    fn new(state: S::State, n: usize, settings: &Settings) -> Self {
         let law = control::Controller::new(state, Gains::new(settings));
         let inner = Inner { law, world: World::new(vec![]), obstacles: vec![], last: None };
         Self { n, inner: Mutex::new(inner) }
@@ -99,7 +100,7 @@ impl<const M: usize> Shared<M> {
         &self,
         py: Python<'_>,
         call: &Call<'_, '_>,
-        take: impl FnOnce(&control::Controller<PlanarState, 2, M>) -> T,
+        take: impl FnOnce(&control::Controller<S::State, 2, M>) -> T,
     ) -> PyResult<T> {
         let t = time(call.t)?;
         let mut state = vec![0.0; 2 * self.n];
@@ -127,7 +128,7 @@ impl<const M: usize> Shared<M> {
         py: Python<'_>,
         obstacles: Option<&Bound<'_, PyAny>>,
         t: f64,
-        act: impl FnOnce(&mut Inner<M>) -> T,
+        act: impl FnOnce(&mut Inner<S, M>) -> T,
     ) -> PyResult<T> {
         let given = obstacles.map_or(Ok(vec![]), sequence)?;
         let mut inner = self.lock(py);
@@ -148,12 +149,12 @@ impl<const M: usize> Shared<M> {
 
     /// Waits for its turn without holding the GIL. What a panic may leave behind is overwritten by
     /// the next evaluation.
-    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Inner<M>> {
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Inner<S, M>> {
         self.inner.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<const M: usize> Inner<M> {
+impl<S: System<2, M>, const M: usize> Inner<S, M> {
     /// Whether these are the very obstacles of the last call. Only `Obstacle` is known not to
     /// change; a dict is read every time.
     fn knows(&self, py: Python<'_>, given: &[Bound<'_, PyAny>]) -> bool {

@@ -6,7 +6,7 @@ use crate::convert::{as_float_array, finite, wrong_shape, wrong_type};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use vff_core::control::distance::DistanceRate;
-use vff_core::robot::Robot;
+use vff_core::robot::{Model, Robot};
 use vff_core::world::CollisionQuery;
 
 type Indices = Py<PyArray1<i64>>;

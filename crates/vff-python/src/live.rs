@@ -76,20 +76,17 @@ impl Live {
     fn configure(&self, controller: &Bound<'_, PyAny>) -> PyResult<()> {
         let table = named_document("controller", controller)?;
         let mut live = self.lock();
-        scenario::read_settings(&table, live.arm())
-            .map_err(|error| error.inside("controller"))
-            .and_then(|settings| live.configure(settings))
-            .map_err(|error| errors::scenario(&error))
+        live.configure_as(&table).map_err(|error| errors::scenario(&error))
     }
 
     fn carry(&self, obstacle: usize, place: &Bound<'_, PyAny>) -> PyResult<()> {
-        let place = point(place)?;
-        self.lock().carry(obstacle, place).map_err(|error| errors::scenario(&error))
+        let place = point(place, self.lock().dimension())?;
+        self.lock().carry(obstacle, &place).map_err(|error| errors::scenario(&error))
     }
 
     fn aim(&self, place: &Bound<'_, PyAny>) -> PyResult<()> {
-        let place = point(place)?;
-        self.lock().aim(place);
+        let place = point(place, self.lock().dimension())?;
+        self.lock().aim(&place);
         Ok(())
     }
 
@@ -139,18 +136,18 @@ impl Live {
         state.set_item("worst", stats.worst)?;
         state.set_item("min_clearance", min_clearance)?;
         state.set_item("recording", live.is_recording())?;
-        let pushes = live.pushes();
-        let column = |k: usize| -> Vec<f64> {
-            pushes.iter().flat_map(|push| [push[k].x, push[k].y]).collect()
-        };
-        let pairs = |values: Vec<f64>| -> PyResult<Bound<'py, PyArray2<f64>>> {
-            let rows = values.len() / 2;
-            array2(py, values, [rows, 2])
-        };
-        state.set_item("points", pairs(column(0))?)?;
-        state.set_item("forces", pairs(column(1))?)?;
+        let [points, forces] = live.pushes();
         let s = live.snapshot();
-        state.set_item("obstacles", pairs(s.obstacles().flat_map(|p| [p.x, p.y]).collect())?)?;
+        let d = s.dimension;
+        let table = |values: Vec<f64>| -> PyResult<Bound<'py, PyArray2<f64>>> {
+            let rows = values.len() / d;
+            array2(py, values, [rows, d])
+        };
+        state.set_item("points", table(points)?)?;
+        state.set_item("forces", table(forces)?)?;
+        let mut obstacles = vec![];
+        s.obstacles.append_to(&mut obstacles);
+        state.set_item("obstacles", table(obstacles)?)?;
         state.set_item("t", s.t)?;
         let arrays = [
             ("q", s.q),
@@ -178,8 +175,9 @@ impl Drop for Live {
     }
 }
 
-fn point(place: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
-    let mut point = [0.0; 2];
+/// A place of `dimension` coordinates.
+fn point(place: &Bound<'_, PyAny>, dimension: usize) -> PyResult<Vec<f64>> {
+    let mut point = vec![0.0; dimension];
     read_vector("place", place, &mut point)?;
     Ok(point)
 }

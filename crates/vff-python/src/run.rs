@@ -11,10 +11,8 @@ use pyo3::types::PyDict;
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Instant;
-use vff_core::control::energy::{ENERGIES, PORTS};
-use vff_core::control::limits::OBJECTIVES;
 use vff_core::runtime::batch::{Batch, BatchError, Rollout};
-use vff_core::simulation::{Record, Value};
+use vff_core::simulation::{Array, Record, Value};
 use vff_core::{
     planning::feasibility,
     runtime,
@@ -123,62 +121,18 @@ fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
     Ok(result)
 }
 
-/// The arrays of a record, moved, not copied.
-pub fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
-    let (rows, n, m, k, rays) = (r.rows, r.joints, r.task, r.obstacles_count, r.rays);
+/// The arrays of a record, moved, not copied; what the run does not have is None.
+pub fn arrays(py: Python<'_>, record: Record) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
-    dict.set_item("t", PyArray1::from_vec(py, r.t))?;
-    let tables = [
-        ("q", r.q, n),
-        ("dq", r.dq, n),
-        ("tau", r.tau, n),
-        ("tau_task", r.tau_task, n),
-        ("tau_null", r.tau_null, n),
-        ("tau_vff", r.tau_vff, n),
-        ("x", r.x, m),
-        ("dx", r.dx, m),
-        ("x_ref", r.x_ref, m),
-        ("error", r.error, m),
-        ("force", r.force, n),
-        ("clearance", r.clearance, n),
-    ];
-    for (name, values, columns) in tables {
-        dict.set_item(name, array2(py, values, [rows, columns])?)?;
-    }
-    dict.set_item("obstacles", PyArray1::from_vec(py, r.obstacles).reshape([rows, k, 2])?)?;
-    dict.set_item("energy", array2(py, r.energy, [rows, ENERGIES.len()])?)?;
-    dict.set_item("power", array2(py, r.power, [rows, PORTS.len()])?)?;
-    dict.set_item("manipulability", PyArray1::from_vec(py, r.manipulability))?;
-    // What the run does not have is None.
-    let given = |values: &Vec<f64>| !values.is_empty();
-    let optional = [
-        ("q_measured", r.q_measured, n),
-        ("dq_measured", r.dq_measured, n),
-        ("tau_applied", r.tau_applied, n),
-        ("objective_scale", r.objective_scale, OBJECTIVES.len()),
-    ];
-    for (name, values, columns) in optional {
-        let values = Some(values).filter(given);
-        let table = values.map(|values| array2(py, values, [rows, columns])).transpose()?;
-        dict.set_item(name, table)?;
-    }
-    let sensed = Some(r.sensed).filter(given);
-    let sensed = sensed.map(|values| PyArray1::from_vec(py, values).reshape([rows, rays, 2]));
-    dict.set_item("sensed", sensed.transpose()?)?;
-    let series = [
-        ("self_clearance", r.self_clearance),
-        ("tank", r.tank),
-        ("slack", r.slack),
-        ("path_time", r.path_time),
-    ];
-    for (name, values) in series {
-        let values = Some(values).filter(given);
-        dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;
+    for (name, array) in record.into_arrays() {
+        let array =
+            array.map(|Array { values, shape }| PyArray1::from_vec(py, values).reshape(shape));
+        dict.set_item(name, array.transpose()?)?;
     }
     Ok(dict)
 }
 
-/// Judges a document or a part of one; returns warnings.
+/// Validates a document or a part of one; returns warnings.
 #[pyfunction]
 pub fn check(
     kind: &str,

@@ -5,6 +5,7 @@ use crate::errors;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use vff_core::simulation::{Snapshot, Status};
+use vff_core::world::Positions;
 use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
@@ -91,6 +92,8 @@ impl Simulation {
 /// A simulation at one instant.
 #[pyclass(frozen, module = "vffnull")]
 pub struct State {
+    /// Dimension of the space.
+    dimension: usize,
     t: f64,
     q: Vec<f64>,
     dq: Vec<f64>,
@@ -109,6 +112,7 @@ pub struct State {
 impl From<Snapshot<'_>> for State {
     fn from(s: Snapshot<'_>) -> Self {
         Self {
+            dimension: s.dimension,
             t: s.t,
             q: s.q.to_vec(),
             dq: s.dq.to_vec(),
@@ -117,13 +121,22 @@ impl From<Snapshot<'_>> for State {
             x_ref: s.x_ref.to_vec(),
             clearance: s.clearance.to_vec(),
             tau: s.torque.total.clone(),
-            obstacles: s.obstacles().flat_map(|p| [p.x, p.y]).collect(),
+            obstacles: written(Some(s.obstacles)),
             q_measured: s.q_measured.to_vec(),
             dq_measured: s.dq_measured.to_vec(),
             tau_applied: s.tau_applied.to_vec(),
-            sensed: s.sensed.iter().flat_map(|p| [p.x, p.y]).collect(),
+            sensed: written(s.sensed),
         }
     }
+}
+
+/// The coordinates of these points, one after the other.
+fn written(points: Option<&dyn Positions>) -> Vec<f64> {
+    let mut values = vec![];
+    if let Some(points) = points {
+        points.append_to(&mut values);
+    }
+    values
 }
 
 #[pymethods]
@@ -170,7 +183,7 @@ impl State {
 
     #[getter]
     fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        array2(py, self.obstacles.clone(), [self.obstacles.len() / 2, 2])
+        array2(py, self.obstacles.clone(), [self.obstacles.len() / self.dimension, self.dimension])
     }
 
     #[getter]
@@ -191,7 +204,11 @@ impl State {
     #[getter]
     fn sensed<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let points = Some(&self.sensed).filter(|points| !points.is_empty());
-        points.map(|points| array2(py, points.clone(), [points.len() / 2, 2])).transpose()
+        points
+            .map(|points| {
+                array2(py, points.clone(), [points.len() / self.dimension, self.dimension])
+            })
+            .transpose()
     }
 
     fn __repr__(&self) -> String {

@@ -4,7 +4,7 @@ use super::any::AnyRun;
 use super::batch::guarded;
 use super::real_time::at_rate;
 use crate::control::Settings;
-use crate::scenario::{Problem, Scenario, ScenarioError};
+use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
 use crate::world::Obstacle;
@@ -12,6 +12,7 @@ use std::mem;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use toml::Table;
 
 /// Control periods per second [Hz].
 pub const RATE: f64 = 1000.0;
@@ -180,6 +181,16 @@ impl Live {
     /// Smallest signed surface distance since the start or the last reset [m]; ∞ without obstacles.
     pub fn min_clearance(&self) -> f64 {
         self.min_clearance
+    }
+
+    /// Takes over the settings of a `[controller]` table.
+    ///
+    /// # Errors
+    /// If they are wrong, do not fit, or ask for another task.
+    pub fn configure_as(&mut self, table: &Table) -> Result<(), ScenarioError> {
+        let settings = scenario::read_settings(table, &self.scenario.arm.build()?)
+            .map_err(|error| error.inside("controller"))?;
+        self.configure(settings)
     }
 
     /// Takes over other settings of the controller, which the scenario validates.

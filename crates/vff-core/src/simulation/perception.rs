@@ -452,7 +452,12 @@ mod tests {
         let odd = PerceptionSettings { sensors: 5, ..settings() };
         let mut perception = started(&odd, &world);
         let (mut found, mut clearance) = (vec![], f64::NAN);
-        perception.for_each_contact([robot().link(0)], 0.75, |_, d| clearance = d, |c| found.push(*c));
+        perception.for_each_contact(
+            [robot().link(0)],
+            0.75,
+            |_, d| clearance = d,
+            |c| found.push(*c),
+        );
         assert!((clearance - 0.4).abs() < 1e-12);
         let expected = [(0.7, -1.0), (0.4, 1.0)];
         assert_eq!(found.len(), 2);

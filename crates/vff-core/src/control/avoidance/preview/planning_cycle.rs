@@ -269,9 +269,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
 mod tests {
     use super::super::fixtures::{Asked, closing, disc, holding, robot};
     use super::*;
-    use crate::robot::Robot;
     use crate::control::{Avoidance, Settings, Yielding};
     use crate::robot::PlanarState;
+    use crate::robot::Robot;
     use crate::world::World;
     use std::cell::Cell;
 
