@@ -15,7 +15,7 @@ use vff_core::math::Vector;
 use vff_core::robot::PlanarState;
 use vff_core::scenario;
 use vff_core::trajectory::Sample;
-use vff_core::world::World;
+use vff_core::world::plane::World;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 

@@ -461,7 +461,8 @@ mod tests {
     use crate::math::ScalarOrVec;
     use crate::robot::PlanarState;
     use crate::testing::{Case, assert_close, case};
-    use crate::world::{Motion, Obstacle, Shape, World};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World};
     use nalgebra::{DVector, SVector};
     use proptest::prelude::*;
 

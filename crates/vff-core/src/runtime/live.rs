@@ -9,7 +9,7 @@ use crate::robot::PlanarArm;
 use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
-use crate::world::Obstacle;
+use crate::world::plane::{Obstacle, World};
 use std::mem;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -337,7 +337,7 @@ impl Live {
         Err(ScenarioError::new(format!("obstacles[{j}]"), problem))
     }
 
-    fn change_world(&mut self, change: impl Fn(&mut crate::world::World)) {
+    fn change_world(&mut self, change: impl Fn(&mut World)) {
         either!(&mut self.run, run => run.closed_loop_mut().change_world(change));
         self.record = None;
     }

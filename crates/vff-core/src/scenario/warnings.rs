@@ -4,7 +4,7 @@ use super::Scenario;
 use crate::control::{Controller, Settings};
 use crate::robot::PlanarState;
 use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot};
-use crate::world::World;
+use crate::world::plane::World;
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant [rad].

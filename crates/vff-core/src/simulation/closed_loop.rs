@@ -12,7 +12,8 @@ use crate::control::{
 use crate::math::{ThirdOrderFilter, Vector};
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::{Governor, Trajectory};
-use crate::world::{CollisionQuery, World};
+use crate::world::CollisionQuery;
+use crate::world::plane::World;
 use std::iter;
 use std::sync::Arc;
 

@@ -2,7 +2,8 @@
 
 use super::measurement::rounded;
 use crate::math::{Capsule, Noise, Vector, cross, perp};
-use crate::world::{CollisionQuery, Contact, Feature, World};
+use crate::world::plane::World;
+use crate::world::{CollisionQuery, Contact, Feature};
 use serde::Deserialize;
 
 /// The `[perception]` table of a scenario.
@@ -304,7 +305,8 @@ fn touch(link: usize, capsule: &Capsule<2>, side: usize, witness: Vector<2>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::{Motion, Obstacle, Shape};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape};
 
     fn settings() -> PerceptionSettings {
         PerceptionSettings {

@@ -2,7 +2,7 @@
 
 use crate::control::{Energy, ObjectiveScale, Power, Torque};
 use crate::math::Vector;
-use crate::world::World;
+use crate::world::plane::World;
 
 /// State, torques and what the field does, at one instant. n joints, task dimension m.
 #[derive(Debug, Clone, Copy)]

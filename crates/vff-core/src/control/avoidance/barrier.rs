@@ -207,7 +207,7 @@ mod tests {
     use crate::robot::PlanarState;
     use crate::scenario::Scenario;
     use crate::trajectory::Trajectory;
-    use crate::world::World;
+    use crate::world::plane::World;
     use clarabel::algebra::CscMatrix;
     use clarabel::solver::{
         DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT,

@@ -647,7 +647,8 @@ mod tests {
     use crate::control::{Avoidance, Settings};
     use crate::math::Vector;
     use crate::robot::{PlanarArm, PlanarState, planar::Link};
-    use crate::world::{Motion, Obstacle, Shape, World};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World};
     use std::cell::Cell;
     use std::sync::Arc;
 
