@@ -14,7 +14,8 @@ use vff_core::math::{Capsule, Vector};
 use vff_core::robot::planar::Link;
 use vff_core::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
 use vff_core::trajectory::Sample;
-use vff_core::world::{Motion, Obstacle, Shape, World};
+use vff_core::world::Motion;
+use vff_core::world::plane::{Obstacle, Shape, World};
 
 /// Numbers in (−1, 1), the same in every run.
 fn numbers(n: usize, seed: f64) -> Vec<f64> {

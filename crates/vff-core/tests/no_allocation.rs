@@ -10,7 +10,8 @@ use vff_core::runtime::real_time::RealTime;
 use vff_core::scenario::Scenario;
 use vff_core::simulation::Status;
 use vff_core::trajectory::GovernorSettings;
-use vff_core::world::{Motion, Obstacle, Shape};
+use vff_core::world::Motion;
+use vff_core::world::plane::{Obstacle, Shape};
 
 struct Counting;
 

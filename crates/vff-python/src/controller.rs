@@ -16,7 +16,7 @@ use vff_core::robot::Model;
 use vff_core::scenario::{self, Plane};
 use vff_core::simulation::System;
 use vff_core::trajectory::Sample;
-use vff_core::world::World;
+use vff_core::world::plane::World;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 

@@ -465,7 +465,8 @@ mod tests {
     use crate::math::ScalarOrVec;
     use crate::robot::{Model, PlanarState, Robot};
     use crate::testing::{Case, assert_close, case};
-    use crate::world::{Motion, Obstacle, Shape, World};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World};
     use nalgebra::DVector;
     use proptest::prelude::*;
 

@@ -76,7 +76,8 @@ mod tests {
     use crate::math::{Vector, perp};
     use crate::robot::{Model, PlanarState};
     use crate::testing::{Case, case};
-    use crate::world::{Motion, Obstacle, Shape, World};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World};
     use proptest::prelude::*;
     use std::cell::RefCell;
     use std::f64::consts::{PI, TAU};

@@ -6,7 +6,7 @@ use crate::robot::{Limits, Model};
 use crate::scenario::plane::{PlanarSystem, Plane};
 use crate::scenario::{self, Part, Problem, Scenario, ScenarioError};
 use crate::simulation::{Outcome, Run, Snapshot};
-use crate::world::Obstacle;
+use crate::world::plane::Obstacle;
 use std::time::Duration;
 use toml::Table;
 

@@ -10,7 +10,7 @@ use crate::robot::Robot;
 use crate::scenario::arm::{each, not_negative, number, positive};
 use crate::scenario::{self, Scenario, ScenarioError};
 use crate::simulation::{ClosedLoop, System};
-use crate::world::{Motion, Positions, Scene};
+use crate::world::{Motion, Positions};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Deserialize;

@@ -7,7 +7,7 @@ use crate::control::Settings;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
-use crate::world::Obstacle;
+use crate::world::plane::Obstacle;
 use std::mem;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -386,7 +386,7 @@ mod tests {
     use crate::math::ScalarOrVec;
     use crate::math::Vector;
     use crate::trajectory::GovernorSettings;
-    use crate::world::World;
+    use crate::world::plane::World;
     use std::sync::atomic::Ordering;
     use std::thread;
 

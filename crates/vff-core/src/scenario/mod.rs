@@ -25,7 +25,7 @@ use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings,
 };
 use crate::trajectory::Reference;
-use crate::world::Obstacle;
+use crate::world::plane::Obstacle;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::sync::Arc;

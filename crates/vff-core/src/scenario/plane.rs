@@ -4,7 +4,7 @@ use crate::math::{PlanarPose, Vector};
 use crate::robot::planar::{Annulus, Reach};
 use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
 use crate::simulation::{Perception, System};
-use crate::world::World;
+use crate::world::plane::Outline;
 use std::sync::Arc;
 
 /// Planar arms among planar obstacles.
@@ -16,7 +16,7 @@ impl System<2, 2> for Plane {
     type Pose = Vector<2>;
     type State = PlanarState;
     type Arm = PlanarArm;
-    type World = World;
+    type Solid = Outline;
     type Perception = Perception;
 
     fn attainable(arm: &PlanarArm, pose: &Vector<2>, goal: &Vector<2>) -> Vector<2> {
@@ -29,7 +29,7 @@ impl System<2, 3> for Plane {
     type Pose = PlanarPose;
     type State = PlanarState;
     type Arm = PlanarArm;
-    type World = World;
+    type Solid = Outline;
     type Perception = Perception;
 
     fn attainable(arm: &PlanarArm, pose: &PlanarPose, goal: &Vector<2>) -> Vector<2> {
@@ -54,7 +54,7 @@ where
 
 /// What the plane knows of a task of dimension `M` beyond every [`System`]: the reach in closed form.
 pub trait PlanarSystem<const M: usize>:
-    System<2, M, Arm = PlanarArm, World = World, Perception = Perception>
+    System<2, M, Arm = PlanarArm, Solid = Outline, Perception = Perception>
 {
     /// The pose of the end effector at (q, q̇).
     fn pose(arm: &Arc<PlanarArm>, q: &[f64], dq: &[f64]) -> Self::Pose;

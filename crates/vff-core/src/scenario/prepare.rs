@@ -9,7 +9,7 @@ use crate::simulation::{
     Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, Reality, Sizes,
 };
 use crate::trajectory::Trajectory;
-use crate::world::World;
+use crate::world::plane::World;
 use std::sync::Arc;
 
 impl Scenario {

@@ -14,7 +14,8 @@ use crate::simulation::{
     PerceptionSettings,
 };
 use crate::trajectory::GovernorSettings;
-use crate::world::{Motion, Obstacle, Shape, is_convex};
+use crate::world::Motion;
+use crate::world::plane::{Obstacle, Shape, is_convex};
 use toml::Value;
 
 type Judged = Result<(), ScenarioError>;
@@ -312,7 +313,7 @@ fn shape(shape: &Shape) -> Judged {
 }
 
 /// The motion of an obstacle.
-pub fn motion(motion: &Motion) -> Judged {
+pub fn motion(motion: &Motion<2>) -> Judged {
     let Motion::Waypoints { times, points } = motion else { return Ok(()) };
     if times.is_empty() {
         return Err(ScenarioError::out_of_range("times", "at least one instant", times));

@@ -4,11 +4,11 @@ use super::Scenario;
 use crate::control::{Controller, Settings};
 use crate::robot::Manipulator;
 use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
-use crate::world::World;
+use crate::world::plane::{Outline, World};
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant [rad].
-    pub(super) fn warnings<S: System<2, M, World = World>, const M: usize>(
+    pub(super) fn warnings<S: System<2, M, Solid = Outline>, const M: usize>(
         &self,
         closed_loop: &ClosedLoop<S, 2, M>,
         stops: &[[f64; 2]],

@@ -10,7 +10,7 @@ use crate::control::{Controller, Gains, ObjectiveScale, SelfCollision, Tank, Tor
 use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Trajectory};
-use crate::world::{CollisionQuery, Contact, Positions, Scene};
+use crate::world::{CollisionQuery, Contact, Positions, World};
 use std::iter;
 use std::sync::Arc;
 
@@ -101,7 +101,7 @@ fn is_finite(values: &[f64]) -> bool {
 #[derive(Debug, Clone)]
 struct ControlStack<S: System<D, M>, const D: usize, const M: usize> {
     controller: Controller<S::State, D, M>,
-    world: S::World,
+    world: World<S::Solid, D>,
     trajectory: Trajectory<S::Pose, M>,
 }
 
@@ -143,7 +143,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     pub fn new(
         arm: &Arc<S::Arm>,
         gains: Gains<M>,
-        world: S::World,
+        world: World<S::Solid, D>,
         trajectory: Trajectory<S::Pose, M>,
         options: Options,
         reality: Reality<S::Arm, S::Perception>,
@@ -234,7 +234,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// Changes the world, of which predictor mode has two.
-    pub fn change_world(&mut self, change: impl Fn(&mut S::World)) {
+    pub fn change_world(&mut self, change: impl Fn(&mut World<S::Solid, D>)) {
         let t = self.time();
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
             stack.world.update(t);
@@ -311,7 +311,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// The obstacles.
-    pub fn world(&self) -> &S::World {
+    pub fn world(&self) -> &World<S::Solid, D> {
         &self.stack.world
     }
 

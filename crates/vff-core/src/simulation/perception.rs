@@ -3,7 +3,8 @@
 use super::measurement::rounded;
 use crate::math::{Capsule, Noise, Vector, cross, perp};
 use crate::robot::Robot;
-use crate::world::{CollisionQuery, Contact, Feature, Positions, World};
+use crate::world::plane::{Outline, World};
+use crate::world::{self, CollisionQuery, Contact, Feature, Positions, Solid};
 use serde::Deserialize;
 
 /// The `[perception]` table of a scenario.
@@ -95,13 +96,13 @@ struct Mount {
     direction: [f64; 2],
 }
 
-/// What a controller sees of a world `W` by sensors on the robot's links: the obstacles that it believes in. Its
+/// What a controller sees of the world by sensors on the robot's links: the obstacles that it believes in. Its
 /// [`Positions`] are the readings, NaN where nothing was met.
-pub trait Perceive<W, const D: usize>: CollisionQuery<D> + Positions {
+pub trait Perceive<S: Solid<D>, const D: usize>: CollisionQuery<D> + Positions {
     /// Begins with robot and world as they are, and as they have been all the time before.
-    fn start(&mut self, robot: &impl Robot<D>, world: &W);
+    fn start(&mut self, robot: &impl Robot<D>, world: &world::World<S, D>);
     /// Senses one plant step later.
-    fn advance(&mut self, robot: &impl Robot<D>, world: &W);
+    fn advance(&mut self, robot: &impl Robot<D>, world: &world::World<S, D>);
     /// Takes the last step back.
     fn undo(&mut self);
 }
@@ -212,7 +213,7 @@ impl Perception {
     }
 }
 
-impl Perceive<World, 2> for Perception {
+impl Perceive<Outline, 2> for Perception {
     fn start(&mut self, robot: &impl Robot<2>, world: &World) {
         self.step = 0;
         self.scan(|i| robot.link(i), world, 0);
@@ -326,7 +327,8 @@ fn touch(link: usize, capsule: &Capsule<2>, side: usize, witness: Vector<2>) -> 
 mod tests {
     use super::*;
     use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
-    use crate::world::{Motion, Obstacle, Shape};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape};
     use std::sync::Arc;
 
     fn settings() -> PerceptionSettings {

@@ -4,7 +4,7 @@ use super::perception::Perceive;
 use crate::math::Vector;
 use crate::robot::{Manipulator, Model};
 use crate::trajectory::Guided;
-use crate::world::Scene;
+use crate::world::Solid;
 use std::fmt::Debug;
 
 /// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.
@@ -15,10 +15,10 @@ pub trait System<const D: usize, const M: usize>: Debug + Clone {
     type State: Manipulator<D, M, Pose = Self::Pose> + Clone + Debug;
     /// What is immutable of the arm.
     type Arm: Model<D, State = Self::State>;
-    /// The obstacles.
-    type World: Scene<D> + Clone + Debug;
+    /// What obstacles are made of.
+    type Solid: Solid<D>;
     /// What the controller may see of the obstacles instead of knowing them.
-    type Perception: Perceive<Self::World, D> + Clone + Debug;
+    type Perception: Perceive<Self::Solid, D> + Clone + Debug;
 
     /// The position nearest to `goal` [m], or close to it, that the end effector can take with the orientation of
     /// `pose`.

@@ -209,7 +209,7 @@ mod tests {
     use crate::robot::{Manipulator, Model, PlanarState};
     use crate::scenario::Scenario;
     use crate::trajectory::Trajectory;
-    use crate::world::World;
+    use crate::world::plane::World;
     use clarabel::algebra::CscMatrix;
     use clarabel::solver::{
         DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT,

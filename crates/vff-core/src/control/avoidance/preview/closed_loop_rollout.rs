@@ -134,7 +134,8 @@ mod tests {
     use crate::control::{Avoidance, Controller, Settings};
     use crate::math::{Noise, Vector};
     use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
-    use crate::world::{Motion, Obstacle, Shape, World};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World};
     use std::sync::Arc;
 
     const DURATION: f64 = 1.0;

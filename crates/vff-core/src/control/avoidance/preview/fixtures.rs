@@ -3,7 +3,8 @@
 use crate::math::{Capsule, Vector};
 use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot, planar::Link};
 use crate::trajectory::Sample;
-use crate::world::{CollisionQuery, Contact, Motion, Obstacle, Shape, World};
+use crate::world::plane::{Obstacle, Shape, World};
+use crate::world::{CollisionQuery, Contact, Motion};
 use std::cell::Cell;
 use std::sync::Arc;
 

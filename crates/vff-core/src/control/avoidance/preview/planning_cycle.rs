@@ -272,7 +272,7 @@ mod tests {
     use crate::control::{Avoidance, Settings, Yielding};
     use crate::robot::PlanarState;
     use crate::robot::Robot;
-    use crate::world::World;
+    use crate::world::plane::World;
     use std::cell::Cell;
 
     fn preview(robot: &PlanarState, settings: &PreviewSettings) -> Preview<PlanarState, 2, 2> {

@@ -279,7 +279,7 @@ mod tests {
     use super::*;
     use crate::math::Noise;
     use crate::robot::PlanarState;
-    use crate::world::World;
+    use crate::world::plane::World;
     use std::cell::Cell;
 
     fn rollout(robot: &PlanarState, settings: &PreviewSettings) -> Rollout<PlanarState, 2, 2> {

@@ -2,36 +2,25 @@
 //!
 //! An outline consists of arcs and straight edges, for which parry's ray casts are closed forms.
 
-use super::{Body, Core, Face, Point, Solid, to_glam};
-use crate::math::Vector;
-use crate::world::World;
+use super::Vec2;
+use super::face::Face;
+use super::outline::{Core, Outline};
 use parry2d_f64::query::{Ray, RayCast};
 use parry2d_f64::shape::{Ball, Segment};
 
-impl World {
-    /// The distance [m] from `origin` along the unit vector `direction` to the first obstacle within
-    /// `range` [m]; 0 inside one. The obstacles stand where the last [`update`](World::update) put them.
-    pub fn cast(&self, origin: Vector<2>, direction: Vector<2>, range: f64) -> Option<f64> {
-        let ray = Ray::new(to_glam(origin), to_glam(direction));
-        let hit = |body: &Body| {
-            let position = to_glam(body.state_at(self.time).position);
-            body.core.cast(&Ray::new(ray.origin - position, ray.dir), range)
-        };
-        self.bodies.iter().filter_map(hit).reduce(f64::min)
-    }
-}
-
-impl Core {
-    fn cast(&self, ray: &Ray, range: f64) -> Option<f64> {
-        let ball = |centre: Point| {
+impl Outline {
+    /// From `origin`, relative to the obstacle, along the unit vector `direction`.
+    pub(super) fn meet_ray(&self, origin: Vec2, direction: Vec2, range: f64) -> Option<f64> {
+        let ray = &Ray::new(origin, direction);
+        let ball = |centre: Vec2| {
             let seen = Ray::new(ray.origin - centre, ray.dir);
             Ball::new(self.radius).cast_local_ray(&seen, range, true)
         };
-        let edge = |a: Point, b: Point| Segment::new(a, b).cast_local_ray(ray, range, true);
+        let edge = |a: Vec2, b: Vec2| Segment::new(a, b).cast_local_ray(ray, range, true);
         let first = |a: Option<f64>, b: Option<f64>| [a, b].into_iter().flatten().reduce(f64::min);
-        match &self.solid {
-            Solid::Point(point) => ball(*point),
-            Solid::Segment(face) => {
+        match &self.core {
+            Core::Point(point) => ball(*point),
+            Core::Segment(face) => {
                 let (a, b) = (face.start, face.end());
                 let height = face.height(ray.origin).abs();
                 if height <= self.radius && face.is_below(ray.origin) && self.radius > 0.0 {
@@ -41,7 +30,7 @@ impl Core {
                 let sides = first(edge(a + side, b + side), edge(a - side, b - side));
                 first(sides, first(ball(a), ball(b)))
             }
-            Solid::Convex(faces) => {
+            Core::Convex(faces) => {
                 if faces.iter().all(|face| face.height(ray.origin) <= 0.0) {
                     return Some(0.0);
                 }
@@ -54,8 +43,9 @@ impl Core {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::world::{Motion, Obstacle, Shape};
+    use super::super::{Obstacle, Shape, World};
+    use crate::math::{Capsule, Vector};
+    use crate::world::Motion;
     use proptest::prelude::*;
     use std::f64::consts::TAU;
 
@@ -103,7 +93,7 @@ mod tests {
             let world = world(shape, [x, y], turn);
             let direction = Vector::<2>::new(angle.cos(), angle.sin());
             let distance = |s: f64| {
-                let tiny = crate::math::Capsule::new(direction * s, direction * (s + 1e-9), 0.0);
+                let tiny = Capsule::new(direction * s, direction * (s + 1e-9), 0.0);
                 world.contact(0, &tiny, 0).distance
             };
             match world.cast(Vector::<2>::zeros(), direction, 5.0) {

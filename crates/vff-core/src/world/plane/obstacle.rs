@@ -1,9 +1,10 @@
 //! One obstacle, as it is described in a scenario.
 
-use super::{Motion, Shape};
+use super::Shape;
+use crate::world::Motion;
 use serde::Deserialize;
 
-/// An obstacle: an outline, where it starts and how it moves.
+/// An obstacle in the plane: an outline, where it starts and how it moves.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub struct Obstacle {
@@ -17,7 +18,7 @@ pub struct Obstacle {
     pub angle: f64,
     /// Motion from the initial position. Default: none.
     #[serde(default)]
-    pub motion: Motion,
+    pub motion: Motion<2>,
 }
 
 #[cfg(test)]

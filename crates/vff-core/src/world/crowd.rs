@@ -1,4 +1,4 @@
-//! Many obstacles: which of them may be near, from parry's hierarchy of bounding boxes.
+//! Many obstacles: which of them may be near, from a hierarchy of bounding boxes.
 //!
 //! What is found is what asking every obstacle would find, to the last bit. A box only ever says
 //! that its obstacles are too far to matter, with a margin above all rounding; the others are
@@ -8,16 +8,14 @@
 //! span finds its own length: wide boxes are measured in vain, narrow ones are renewed often, and
 //! the two should cost about the same.
 
-use super::{Axis, Body, Point, to_glam};
-use parry2d_f64::bounding_volume::Aabb;
-use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, BvhWorkspace, TraversalAction};
-use std::fmt;
+use super::{Description, Hierarchy, Placed, Solid};
+use crate::math::Vector;
 
 /// The obstacles of a world, sorted by where they are.
 #[derive(Debug, Clone)]
-pub(in crate::world) struct Crowd {
-    fixed: Tree,
-    moving: Tree,
+pub(super) struct Crowd<S: Solid<D>, const D: usize> {
+    fixed: Tree<S::Hierarchy>,
+    moving: Tree<S::Hierarchy>,
     /// When the boxes of the moving obstacles are valid [s].
     valid: [f64; 2],
     /// The length of that time [s].
@@ -32,23 +30,23 @@ pub(in crate::world) struct Crowd {
     met: Vec<usize>,
 }
 
-impl Crowd {
-    /// From so many obstacles on, asking the hierarchy is faster than asking all.
-    pub(in crate::world) const LEAST: usize = 20;
+/// From so many obstacles on, asking the hierarchy is faster than asking all.
+pub(super) const LEAST: usize = 20;
 
-    /// Bounds of the span [s]: what no run will notice, and what it can still recover from.
-    const SPAN: [f64; 2] = [1e-6, 1e6];
+/// Bounds of the span [s]: what no run will notice, and what it can still recover from.
+const SPAN: [f64; 2] = [1e-6, 1e6];
 
-    /// The obstacles drift apart; after so many renewals those that are neighbours now are grouped
-    /// anew.
-    const REGROUP: usize = 16;
+/// The obstacles drift apart; after so many renewals those that are neighbours now are grouped anew.
+const REGROUP: usize = 16;
 
-    pub(in crate::world) fn new(bodies: &[Body]) -> Self {
+impl<S: Solid<D>, const D: usize> Crowd<S, D> {
+    pub(super) fn new(obstacles: &[Placed<S, D>]) -> Self {
         let span = 1e-2;
         let valid = [0.0, span];
         let [fixed, moving] = [true, false].map(|is_static| {
-            let of_this_kind = |&j: &usize| bodies[j].obstacle.motion.is_static() == is_static;
-            Tree::new((0..bodies.len()).filter(of_this_kind).collect(), bodies, valid)
+            let of_this_kind =
+                |&j: &usize| obstacles[j].description.motion().is_static() == is_static;
+            Tree::new((0..obstacles.len()).filter(of_this_kind).collect(), obstacles, valid)
         });
         Self {
             fixed,
@@ -58,12 +56,12 @@ impl Crowd {
             in_vain: 0,
             renewals: 0,
             likely: 0,
-            met: vec![0; bodies.len()],
+            met: vec![0; obstacles.len()],
         }
     }
 
     /// Makes the boxes hold their obstacles at `now` [s], which comes after `before`.
-    pub(in crate::world) fn update(&mut self, bodies: &[Body], before: f64, now: f64) {
+    pub(super) fn update(&mut self, obstacles: &[Placed<S, D>], before: f64, now: f64) {
         let [first, last] = self.valid;
         if self.moving.members.is_empty() || first <= now && now <= last {
             return;
@@ -74,41 +72,41 @@ impl Crowd {
         } else if self.in_vain < count / 2 {
             self.span *= 2.0;
         }
-        self.span = self.span.clamp(Self::SPAN[0], Self::SPAN[1]);
+        self.span = self.span.clamp(SPAN[0], SPAN[1]);
         // Ahead, in the direction that time goes in.
         self.valid = if now < before { [now - self.span, now] } else { [now, now + self.span] };
         self.in_vain = 0;
         self.renewals += 1;
-        let regroup = self.renewals.is_multiple_of(Self::REGROUP);
-        self.moving.renew(bodies, self.valid, regroup);
+        let regroup = self.renewals.is_multiple_of(REGROUP);
+        self.moving.renew(obstacles, self.valid, regroup);
     }
 
-    /// The bodies nearer than `reach` to a link of this `radius` at time `t`, in their order; if
+    /// The obstacles nearer than `reach` to a link at time `t`, in their order; if
     /// there are none, the nearest one. They have been moved to `t`. None means that all of them
     /// must be asked, and all have been moved.
     #[inline(never)]
     pub(super) fn near(
         &mut self,
-        bodies: &mut [Body],
+        obstacles: &mut [Placed<S, D>],
         t: f64,
-        axis: &Axis,
-        radius: f64,
+        link: &S::Probe,
         reach: f64,
     ) -> Option<&[usize]> {
         let Self { fixed, moving, in_vain, likely, met, .. } = self;
-        let Some(link) = Extent::of_link(axis, radius) else {
-            bodies.iter_mut().for_each(|body| body.move_to(t));
+        let Some(region) = S::Hierarchy::region(link) else {
+            obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(t));
             return None;
         };
-        bodies[*likely].move_to(t);
-        let mut least = f64::INFINITY.min(bodies[*likely].distance(axis, radius));
+        obstacles[*likely].move_to(t);
+        let mut least = f64::INFINITY.min(obstacles[*likely].distance(link));
         let mut count = 0;
         for tree in [&*fixed, &*moving] {
             let mut useful = 0;
-            let measured = tree.for_each_within(&link, least.max(reach), |j| {
-                let body = &mut bodies[j];
-                body.move_to(t);
-                let surface = body.distance(axis, radius);
+            let measured = tree.hierarchy.for_each_within(&region, least.max(reach), |leaf| {
+                let j = tree.members[leaf];
+                let obstacle = &mut obstacles[j];
+                obstacle.move_to(t);
+                let surface = obstacle.distance(link);
                 if surface < reach {
                     met[count] = j;
                     count += 1;
@@ -135,140 +133,75 @@ impl Crowd {
 
 /// Coordinates beyond this [m] are cut off, so that nothing that is made of boxes overflows. A box
 /// that is cut off comes no further away from what lies within.
-const HORIZON: f64 = 1e120;
+pub const HORIZON: f64 = 1e120;
 
 /// What a box is widened by, relative to its coordinates and to 1 m: far above all rounding, far
 /// below all that matters.
-const MARGIN: f64 = 1e-9;
+pub(super) const MARGIN: f64 = 1e-9;
 
-/// The box around a body from `t0` to `t1` [s].
-fn box_of(body: &Body, [t0, t1]: [f64; 2]) -> Aabb {
-    let (motion, position) = (&body.obstacle.motion, body.obstacle.position.into());
-    let [low, high] = motion.extent(t0, t1, position).map(to_glam);
-    let [rear, front] = body.core.extent();
+/// The box around an obstacle from `t0` to `t1` [s].
+fn box_of<S: Solid<D>, const D: usize>(
+    obstacle: &Placed<S, D>,
+    [t0, t1]: [f64; 2],
+) -> [Vector<D>; 2] {
+    let description = &obstacle.description;
+    let [low, high] = description.motion().extent(t0, t1, description.position());
+    let [rear, front] = obstacle.solid.extent();
     let (low, high) = (low + rear, high + front);
-    let size = [low, high, rear, front].map(Point::abs).into_iter().fold(Point::ONE, |a, b| a + b);
-    let margin = MARGIN * (size.x + size.y);
+    let one = Vector::repeat(1.0);
+    let size = [low, high, rear, front].iter().fold(one, |a, b| a + b.abs());
+    let margin = MARGIN * size.sum();
     // What is not a number is everywhere.
     let cut = |x: f64, or: f64| if x.is_nan() { or } else { x.clamp(-HORIZON, HORIZON) };
-    Aabb::new(
-        (low - margin).to_array().map(|x| cut(x, -HORIZON)).into(),
-        (high + margin).to_array().map(|x| cut(x, HORIZON)).into(),
-    )
-}
-
-/// Where a link is, and how far around it rounding may reach.
-struct Extent {
-    low: Point,
-    high: Point,
-    start: Point,
-    left: Point,
-    /// Its radius and the margin [m].
-    radius: f64,
-}
-
-impl Extent {
-    /// None for a link that is nowhere, or beyond the horizon.
-    fn of_link(axis: &Axis, radius: f64) -> Option<Self> {
-        let (start, end) = (axis.start, axis.end());
-        let size = 1.0 + start.abs().element_sum() + axis.length;
-        // False for NaN.
-        let inside = size <= HORIZON && end.is_finite() && radius <= HORIZON;
-        inside.then(|| Self {
-            low: start.min(end),
-            high: start.max(end),
-            start,
-            left: axis.left(),
-            radius: radius + MARGIN * size,
-        })
-    }
-
-    /// Whether every obstacle in the box of `node` is further away than `distance` [m].
-    #[inline]
-    fn is_beyond(&self, node: &BvhNode, distance: f64) -> bool {
-        // Where the axis and the box overlap, the bodies may do so by any depth.
-        let distance = (distance + self.radius).max(0.0);
-        let (low, high) = (node.mins(), node.maxs());
-        let gap = (low - self.high).max(self.low - high).max(Point::ZERO);
-        if gap.length_squared() > distance * distance {
-            return true;
-        }
-        // An oblique axis leaves much of its own box empty. (Measured from corner to corner: the
-        // middle of a box with one far side would have lost its last digits.)
-        let (a, b) = (self.left * (low - self.start), self.left * (high - self.start));
-        let (lowest, highest) = (a.min(b).element_sum(), a.max(b).element_sum());
-        lowest > distance || -highest > distance
-    }
+    [low.map(|x| cut(x - margin, -HORIZON)), high.map(|x| cut(x + margin, HORIZON))]
 }
 
 /// Some of the obstacles, in a hierarchy of boxes.
-#[derive(Clone)]
-struct Tree {
-    /// Which obstacles: the leaves of the hierarchy are numbered by their place in here.
+#[derive(Debug, Clone)]
+struct Tree<H> {
+    /// Which obstacles: the boxes of the hierarchy are numbered by their place in here.
     members: Vec<usize>,
-    hierarchy: Bvh,
-    workspace: BvhWorkspace,
+    hierarchy: H,
 }
 
-impl Tree {
-    fn new(members: Vec<usize>, bodies: &[Body], time: [f64; 2]) -> Self {
-        let boxes: Vec<Aabb> = members.iter().map(|&j| box_of(&bodies[j], time)).collect();
-        let hierarchy = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        let mut tree = Self { members, hierarchy, workspace: BvhWorkspace::default() };
-        // Twice, and the workspace has all the room that it will ever need.
+impl<H> Tree<H> {
+    fn new<S: Solid<D, Hierarchy = H>, const D: usize>(
+        members: Vec<usize>,
+        obstacles: &[Placed<S, D>],
+        time: [f64; 2],
+    ) -> Self
+    where
+        H: Hierarchy<S::Probe, D>,
+    {
+        let boxes: Vec<_> = members.iter().map(|&j| box_of(&obstacles[j], time)).collect();
+        let mut tree = Self { members, hierarchy: H::new(&boxes) };
+        // Twice, and the hierarchy has all the room that it will ever need.
         for _ in 0..2 {
-            tree.renew(bodies, time, true);
+            tree.renew(obstacles, time, true);
         }
         tree
     }
 
     /// Makes the boxes hold their obstacles over a time [s].
-    fn renew(&mut self, bodies: &[Body], time: [f64; 2], regroup: bool) {
-        for (leaf, &j) in (0..).zip(&self.members) {
-            let renewed = box_of(&bodies[j], time);
-            self.hierarchy.update_partially_if_present(renewed, leaf, 0.0);
-        }
-        if regroup {
-            self.hierarchy.rebuild(&mut self.workspace, BvhBuildStrategy::Binned);
-        }
-        self.hierarchy.refit(&mut self.workspace);
-    }
-
-    /// Calls `measure` with every obstacle whose box is not beyond `limit` of the link; it returns
-    /// the limit from then on. Returns how many there were.
-    #[inline]
-    fn for_each_within(
-        &self,
-        link: &Extent,
-        mut limit: f64,
-        mut measure: impl FnMut(usize) -> f64,
-    ) -> usize {
-        let mut count = 0;
-        self.hierarchy.traverse(|node| {
-            if link.is_beyond(node, limit) {
-                return TraversalAction::Prune;
-            }
-            if let Some(leaf) = node.leaf_data() {
-                limit = measure(self.members[leaf as usize]);
-                count += 1;
-            }
-            TraversalAction::Continue
-        });
-        count
-    }
-}
-
-impl fmt::Debug for Tree {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Tree").field("members", &self.members).finish_non_exhaustive()
+    fn renew<S: Solid<D, Hierarchy = H>, const D: usize>(
+        &mut self,
+        obstacles: &[Placed<S, D>],
+        time: [f64; 2],
+        regroup: bool,
+    ) where
+        H: Hierarchy<S::Probe, D>,
+    {
+        let boxes = self.members.iter().map(|&j| box_of(&obstacles[j], time));
+        self.hierarchy.renew(boxes, regroup);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Capsule, Vector};
-    use crate::world::{CollisionQuery, Motion, Obstacle, Shape, World};
+    use crate::math::Capsule;
+    use crate::world::plane::{Obstacle, Shape, World};
+    use crate::world::{CollisionQuery, Motion};
     use proptest::prelude::*;
 
     /// The same obstacles, all of them measured for every link.
@@ -279,7 +212,7 @@ mod tests {
     /// The same obstacles in a hierarchy, however few they are.
     fn crowded(obstacles: &[Obstacle]) -> World {
         let world = plain(obstacles);
-        World { crowd: Some(Crowd::new(&world.bodies)), ..world }
+        World { crowd: Some(Crowd::new(&world.obstacles)), ..world }
     }
 
     /// Everything that the world tells, to the last bit (the text of a number is unique).
@@ -342,7 +275,7 @@ mod tests {
         ]
     }
 
-    fn motion() -> impl Strategy<Value = Motion> {
+    fn motion() -> impl Strategy<Value = Motion<2>> {
         prop_oneof![
             Just(Motion::default()),
             two(2.0).prop_map(|velocity| Motion::Linear { velocity }),
@@ -429,7 +362,7 @@ mod tests {
             assert_eq!(told(&mut crowded, &links, 0.6), told(&mut plain, &links, 0.6));
         }
         let crowd = crowded.crowd.unwrap();
-        assert!(crowd.renewals > 2 * Crowd::REGROUP && crowd.renewals < 2000, "{crowd:?}");
+        assert!(crowd.renewals > 2 * REGROUP && crowd.renewals < 2000, "{crowd:?}");
     }
 
     #[test]
