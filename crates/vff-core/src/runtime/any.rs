@@ -51,6 +51,26 @@ impl AnyRun {
         either!(self, run => run.step())
     }
 
+    /// [`ClosedLoop::drive`].
+    pub fn drive(&mut self) -> &[f64] {
+        either!(self, run => run.closed_loop_mut().drive())
+    }
+
+    /// [`ClosedLoop::torque_at`].
+    pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
+        either!(self, run => run.closed_loop_mut().torque_at(t, q, dq))
+    }
+
+    /// [`Run::arrive_at`].
+    pub fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
+        either!(self, run => run.arrive_at(q, dq))
+    }
+
+    /// [`Run::is_over`].
+    pub fn is_over(&self) -> bool {
+        either!(self, run => run.is_over())
+    }
+
     /// [`ClosedLoop::restart`], without record or metrics.
     pub fn restart(&mut self) {
         either!(self, run => run.closed_loop_mut().restart());

@@ -421,8 +421,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// [defined](Self::is_defined) there.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
         let t = self.time();
-        self.before[0].copy_from_slice(&self.q);
-        self.before[1].copy_from_slice(&self.dq);
+        self.remember();
         let ideal = self.is_ideal();
         let Self { stack, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
@@ -450,6 +449,39 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         };
         let tau = if continuous { &stack.controller.torque().total } else { held };
         plant.settle(tau, &self.before, q, dq, [options.dt, weight]);
+        self.arrive()
+    }
+
+    /// The torque that the drives hold over the next plant step [N·m], for a plant elsewhere; to be asked for once per
+    /// step.
+    pub fn drive(&mut self) -> &[f64] {
+        match &mut self.actuator {
+            Some(actuator) => actuator.advance(&self.held.total),
+            None => &self.held.total,
+        }
+    }
+
+    /// The law at an instant of the next plant step, for a plant elsewhere that asks for it continuously [N·m].
+    pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
+        &self.stack.torque_at(t, [q, dq], None, None).total
+    }
+
+    /// Takes over the state to which a plant elsewhere has come within one plant step. Returns false, and stays
+    /// where it is, as [`advance`](Self::advance) does.
+    pub fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
+        self.remember();
+        self.q.copy_from_slice(q);
+        self.dq.copy_from_slice(dq);
+        self.arrive()
+    }
+
+    fn remember(&mut self) {
+        self.before[0].copy_from_slice(&self.q);
+        self.before[1].copy_from_slice(&self.dq);
+    }
+
+    /// One plant step has passed and has led to (q, q̇); goes back if nothing can go on from there.
+    fn arrive(&mut self) -> bool {
         if self.is_sane() {
             self.step += 1;
             self.elapse();

@@ -106,6 +106,19 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         true
     }
 
+    /// Takes over the state to which a plant elsewhere has come within one plant step. Returns false when there is
+    /// none left to take.
+    pub fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
+        if self.is_over() {
+            return false;
+        }
+        self.diverged = !self.closed_loop.arrive_at(q, dq);
+        if !self.diverged {
+            self.take_in();
+        }
+        true
+    }
+
     /// Steps until the run is over (returns true) or about `budget` of wall time is used up.
     pub fn run_for(&mut self, budget: Duration) -> bool {
         const STEPS_PER_CHECK: usize = 16;
@@ -122,7 +135,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         }
     }
 
-    fn is_over(&self) -> bool {
+    /// Whether no step is left to take.
+    pub fn is_over(&self) -> bool {
         self.diverged || self.closed_loop.step_count() >= self.steps
     }
 
