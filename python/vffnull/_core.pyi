@@ -1,5 +1,6 @@
 """The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
@@ -37,6 +38,7 @@ class _HasDocument(Protocol):
     def to_dict(self) -> dict[str, Any]: ...
 
 _Document = Mapping[str, Any] | _HasDocument
+_Scenario = _Document | str | os.PathLike[str]
 _Array = NDArray[np.float64]
 
 __version__: str
@@ -278,7 +280,13 @@ class Controller:
     (6,)
     """
 
-    def __new__(cls, arm: Arm, settings: _Document, period: float | None = None) -> Controller: ...
+    def __new__(
+        cls,
+        arm: Arm,
+        settings: _Document | None = None,
+        period: float | None = None,
+        strict: bool = False,
+    ) -> Controller: ...
     def torque(
         self,
         q: ArrayLike,
@@ -408,6 +416,9 @@ class Terms:
     @property
     def null_acceleration(self) -> float:
         """‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task."""
+    @property
+    def finite(self) -> bool:
+        """Whether the torque is finite."""
 
 @final
 class Distances:
@@ -538,7 +549,7 @@ class Live:
         If the scenario cannot be run.
     """
 
-    def __new__(cls, scenario: _Document) -> Live: ...
+    def __new__(cls, scenario: _Scenario) -> Live: ...
     def start(self) -> None:
         """Begin, or go on after a pause."""
     def pause(self) -> None:
@@ -592,7 +603,7 @@ class Simulation:
     ...     state = simulation.step(my_controller(simulation.state))
     """
 
-    def __new__(cls, scenario: _Document) -> Simulation: ...
+    def __new__(cls, scenario: _Scenario) -> Simulation: ...
     def step(self, tau: ArrayLike | None = None) -> State:
         """Advance by one control period.
 

@@ -3,6 +3,7 @@
 //! serde's derived code says what is wrong; every container on the way out adds where. Enums are
 //! tables with a `kind`, so that a document reads `shape = { kind = "circle", radius = 0.3 }`.
 
+use crate::interrupt;
 use super::error::{Problem, ScenarioError};
 use serde::de::value::StrDeserializer;
 use serde::de::{
@@ -199,6 +200,7 @@ impl<'de> de::SeqAccess<'de> for &mut Items<'de> {
         seed: T,
     ) -> Result<Option<T::Value>, ScenarioError> {
         let Some((index, value)) = self.values.next() else { return Ok(None) };
+        interrupt::spend(64);
         seed.deserialize(Node(value)).map(Some).map_err(|error| error.inside(&format!("[{index}]")))
     }
 

@@ -164,7 +164,16 @@ pub fn read_settings(document: &Table, arm: &PlanarArm) -> Result<Settings, Scen
     let settings = read(document)?;
     validate::controller(&settings, Some(arm.dof()))?;
     validate::controller_of(&settings, arm.limits())?;
+    validate::size(&settings, arm.dof(), 0, 1)?;
     Ok(settings)
+}
+
+/// Whether a controller with these settings has room for `barriers` distances of each of its n links.
+///
+/// # Errors
+/// If it takes too much memory.
+pub fn validate_size(settings: &Settings, n: usize, barriers: usize) -> Result<(), ScenarioError> {
+    validate::size(settings, n, barriers, 1)
 }
 
 /// Reads and validates an obstacle.
@@ -233,6 +242,9 @@ impl Scenario {
             validate::obstacle(obstacle)
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
         }
-        Ok(())
+        let barriers = self.obstacles.iter().map(|obstacle| obstacle.shape.barriers()).sum();
+        let copies = if self.simulation.control == Control::Predictor { 2 } else { 1 };
+        validate::size(&self.controller, n, barriers, copies)
+            .map_err(|error| error.inside("controller"))
     }
 }

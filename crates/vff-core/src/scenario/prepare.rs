@@ -2,6 +2,7 @@
 
 use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
+use crate::interrupt;
 use crate::math::Vector;
 use crate::robot::{PlanarArm, Robot};
 use crate::simulation::{
@@ -98,6 +99,7 @@ impl Scenario {
         let (inner, outer) = arm.reach(if M > 2 { arm.dof() - 1 } else { arm.dof() });
         let slack = 1e-9 * outer.max(last);
         let point = |t: f64| {
+            interrupt::spend(64);
             let x = trajectory.at(t).x;
             let wrist = if M > 2 { last } else { 0.0 };
             let angle = if M > 2 { x[2] } else { 0.0 };

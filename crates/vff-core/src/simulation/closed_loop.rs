@@ -9,6 +9,7 @@ use super::{Control, Integrator, Options, Snapshot};
 use crate::control::{
     Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits, task,
 };
+use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::{Governor, Trajectory};
@@ -398,6 +399,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
     /// [defined](Self::is_defined) there.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
+        interrupt::spend(256 * self.q.len());
         let t = self.time();
         self.before[0].copy_from_slice(&self.q);
         self.before[1].copy_from_slice(&self.dq);

@@ -71,9 +71,7 @@ pub struct Record {
     pub path_time: Vec<f64>,
 }
 
-/// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems
-/// that promise more memory than they have would otherwise end the process in the middle of a run.
-pub const MAX_BYTES: usize = 8_000_000_000;
+pub use crate::math::memory::MAX_BYTES;
 
 /// The record of a run would be too large.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -150,6 +148,33 @@ impl Record {
             (&mut self.slack, optional(|s| s.slack.is_some(), 1)),
             (&mut self.path_time, optional(|s| s.path_time.is_some(), 1)),
         ]
+    }
+
+    /// Takes rows away from the end until the last is finite. Infinite clearances and readings of nothing are.
+    pub fn end_with_finite_row(&mut self) {
+        while self.rows > 0 && !self.ends_finite() {
+            let rows = self.rows;
+            for (array, _) in self.arrays(None) {
+                array.truncate(array.len() / rows * (rows - 1));
+            }
+            self.rows -= 1;
+        }
+    }
+
+    fn ends_finite(&mut self) -> bool {
+        let rows = self.rows;
+        let far = |d: &f64| d.is_finite() || *d == f64::INFINITY;
+        let last = |array: &[f64]| array.len() - array.len() / rows;
+        let clear = self.clearance[last(&self.clearance)..].iter().all(far)
+            && self.self_clearance[last(&self.self_clearance)..].iter().all(far);
+        let [clearance, apart, sensed] =
+            [&mut self.clearance, &mut self.self_clearance, &mut self.sensed].map(std::mem::take);
+        let finite = self.arrays(None).into_iter().all(|(array, _)| {
+            let start = last(array);
+            array[start..].iter().all(|value| value.is_finite())
+        });
+        (self.clearance, self.self_clearance, self.sensed) = (clearance, apart, sensed);
+        clear && finite
     }
 
     /// Appends one row.

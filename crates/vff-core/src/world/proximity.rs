@@ -19,6 +19,7 @@ mod rays;
 
 pub(super) use crowd::Crowd;
 
+use crate::interrupt;
 use super::{Body, CollisionQuery, Contact, Feature, MotionState, Shape, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
@@ -82,7 +83,10 @@ impl World {
         for (link, capsule) in links.into_iter().enumerate() {
             let (axis, radius) = (Axis::new(&capsule), capsule.radius);
             let near = match crowd {
-                Some(crowd) => crowd.near(bodies, *time, &axis, radius, reach),
+                Some(crowd) => {
+                    interrupt::spend(256);
+                    crowd.near(bodies, *time, &axis, radius, reach)
+                }
                 None => None,
             };
             // The same is done with the few that a crowd names as with all: measured first, and only
@@ -97,7 +101,10 @@ impl World {
                 let mut meet = |j: usize| meet(link, axis, radius, j, &bodies[j]);
                 match near {
                     None => (0..bodies.len()).for_each(meet),
-                    Some(near) => near.iter().for_each(|&j| meet(j)),
+                    Some(near) => {
+                        interrupt::spend(64 * near.len());
+                        near.iter().for_each(|&j| meet(j));
+                    }
                 }
             }
         }

@@ -9,6 +9,7 @@
 use super::rehearsal::Rehearsal;
 use super::{Yielding, due};
 use crate::control::{Gains, OperationalSpace, Torque, task};
+use crate::interrupt;
 use crate::math::{Capsule, Noise, dot};
 use crate::robot::Robot;
 use crate::trajectory::Sample;
@@ -487,6 +488,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             REACH,
             |_, _| {},
             |pair| {
+                interrupt::spend(64 + obstacles.len());
                 if !obstacles.contains(&pair.obstacle) {
                     obstacles.push(pair.obstacle);
                 }
@@ -494,6 +496,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         );
         w.fill(0.0);
         for i in 0..robot.dof() {
+            interrupt::spend(16 * robot.dof());
             w[i] = 1.0;
             robot.mass_mul(w, v);
             w[i] = 0.0;
@@ -527,6 +530,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
         for k in 0..self.reference.len() {
             let s = self.step * k as f64;
+            interrupt::spend(8 * self.apart.len());
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = task::error(self.scout.pose::<M>(), sample.x);
@@ -596,6 +600,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             inverse
         });
         for pair in pairs.iter() {
+            interrupt::spend(8 * row.len());
             scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
             let lack = -0.5 / *step * (pair.distance - *margin) - rate;

@@ -6,6 +6,7 @@
 
 use super::{barrier, due};
 use crate::control::{Controller, Gains};
+use crate::interrupt;
 use crate::math::Capsule;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
@@ -18,6 +19,14 @@ const STEP_TIMES_RATE: f64 = 0.4;
 /// A distance below this share of the margin is taken for a contact: the programme keeps the margin unless it
 /// cannot.
 const CONTACT: f64 = 0.5;
+
+/// The most steps of a rehearsal: what a control step may have to do at once is bounded, whatever the settings.
+const MOST_STEPS: f64 = 4096.0;
+
+/// The fastest rate [1/s] that a rehearsal over `duration` [s] has steps enough for; none if it is too long for any.
+pub fn fastest_rate(duration: f64) -> Option<f64> {
+    (duration <= MOST_STEPS * STEP).then(|| STEP_TIMES_RATE * MOST_STEPS / duration)
+}
 
 /// The closed loop on its own, with its workspace.
 #[derive(Debug, Clone)]
@@ -41,7 +50,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "validated before: positive, and not too many"
+        reason = "positive, and not too many"
     )]
     pub fn new(robot: &R, gains: &Gains<M>, duration: f64) -> Self {
         let n = robot.dof();
@@ -51,7 +60,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
         let fastest = rates.fold(barrier::rate(&gains.yielding), f64::max);
         let step = STEP.min(STEP_TIMES_RATE / fastest);
-        let count = (duration / step).ceil() as usize;
+        let count = (duration / step).ceil().min(MOST_STEPS) as usize;
         Self {
             least: CONTACT * gains.yielding.margin,
             controller: Controller::new(robot.clone(), gains),
@@ -151,6 +160,7 @@ impl<S: CollisionQuery<D>, const D: usize> CollisionQuery<D> for Later<'_, S> {
         mut visit: impl FnMut(&Contact<D>),
     ) {
         for (i, link) in links.into_iter().enumerate() {
+            interrupt::spend(64 * self.obstacles.len());
             let mut least = f64::INFINITY;
             for &j in self.obstacles {
                 let contact = self.surroundings.contact_after(i, &link, j, self.after);
