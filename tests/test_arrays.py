@@ -279,7 +279,7 @@ def test_memory_is_limited(call: str) -> None:
         "distances": lambda: vff.distances(ARM, np.zeros((10**6, N)), np.zeros((10**6, N)), [DISC] * 100),
         "episodes": lambda: _core.Episodes(SCENE, {}, 10**8, 1, 0),
     }
-    with pytest.raises(InputError, match=r"GB, more than the 8 GB allowed"):
+    with pytest.raises(vff.VffNullError, match=r"GB, more than the 8 GB allowed"):
         calls[call]()
 
 

@@ -95,7 +95,7 @@ def interrupted(setup: str, call: str, tries: int = 1) -> subprocess.CompletedPr
         """)
     )
     command = [sys.executable, "-c", script]
-    return subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
 @pytest.mark.parametrize("name", LONG)
@@ -170,7 +170,7 @@ def test_no_signal_is_lost(name: str) -> None:
     os._exit(0) if sys.stdout.flush() is None else None
     """)
     command = [sys.executable, "-c", script]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout == "True 0\n" and not done.stderr, done.stdout + done.stderr
 
 
@@ -218,7 +218,7 @@ def test_a_simulation_goes_on_after_an_interruption() -> None:
     print(parts.state.t == expected.t, (parts.state.q == expected.q).all(), interruptions > 0)
     """)
     command = [sys.executable, "-c", script]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout == "True True True\n", done.stdout + done.stderr
 
 
@@ -240,5 +240,5 @@ def test_a_handler_cannot_lock_itself_out() -> None:
     print(told[0], simulation.state.t > 0)
     """)
     command = [sys.executable, "-c", script]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=150, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout.startswith("simulation: in use") and done.stdout.endswith("True\n"), done.stderr

@@ -263,15 +263,24 @@ class Controller:
     ----------
     arm : Arm
         The arm's model.
-    settings : ControlSettings or dict
-        Gains, field, and variant of the law.
+    settings : ControlSettings or dict, optional
+        Gains, field, and variant of the law; the defaults of a scenario if not given.
     period : float, optional
         Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
+
+    strict : bool, optional
+        Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond all
+        reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
 
     Raises
     ------
     vffnull.errors.ScenarioError
         If the settings do not suit the arm.
+
+    Notes
+    -----
+    A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank is as
+    full as at the start.
 
     Examples
     --------
@@ -418,7 +427,7 @@ class Terms:
         """‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task."""
     @property
     def finite(self) -> bool:
-        """Whether the torque is finite."""
+        """Whether the torque is finite: it is not at states and references beyond what numbers can hold."""
 
 @final
 class Distances:
@@ -540,7 +549,7 @@ class Live:
 
     Parameters
     ----------
-    scenario : Scenario or dict
+    scenario : Scenario, dict, str or path
         What to run; its duration is of no meaning.
 
     Raises
@@ -588,8 +597,8 @@ class Simulation:
 
     Parameters
     ----------
-    scenario : Scenario or dict
-        What to simulate.
+    scenario : Scenario, dict, str or path
+        What to simulate; a bundled scenario's name or a file.
 
     Raises
     ------

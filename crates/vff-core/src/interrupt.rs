@@ -172,7 +172,8 @@ mod tests {
         let flag = Arc::new(AtomicBool::new(true));
         assert_eq!(watched(Watch::Flag(flag), endless), Err(Interrupted));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-        let sum = || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(endless)).sum());
+        let sum =
+            || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(endless)).sum());
         assert_eq!(watched::<u64>(Watch::Ask(|| false), sum), Err(Interrupted));
     }
 
@@ -188,7 +189,8 @@ mod tests {
         let inner = || (watched(Watch::Ask(|| false), endless), work());
         assert_eq!(watched(Watch::Ask(|| true), inner), Ok((Err(Interrupted), 5)));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-        let sum = || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(work)).sum());
+        let sum =
+            || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(work)).sum());
         assert_eq!((sum(), watched(Watch::Ask(|| true), sum)), (20, Ok(20)));
     }
 

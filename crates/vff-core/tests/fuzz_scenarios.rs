@@ -340,7 +340,12 @@ fn validate(outcome: &Outcome) {
     let record = &outcome.record;
     for (metric, value) in &outcome.metrics {
         if let Value::Number(value) = value {
-            assert!(value.is_finite(), "{} of a run that has {}", metric.name, outcome.status.name());
+            assert!(
+                value.is_finite(),
+                "{} of a run that has {}",
+                metric.name,
+                outcome.status.name()
+            );
         }
     }
     let arrays = [
@@ -696,7 +701,8 @@ fn scaled(seed: u64) -> Table {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut draw = |count: usize| (random.next_u64() % count as u64) as usize;
     let mut table: Table = SEEDS[draw(SEEDS.len())].parse().unwrap();
-    let mut simulation = table.get("simulation").and_then(Toml::as_table).cloned().unwrap_or_default();
+    let mut simulation =
+        table.get("simulation").and_then(Toml::as_table).cloned().unwrap_or_default();
     if draw(2) == 0 {
         let controller: Table = CONTROLLERS[draw(CONTROLLERS.len())].parse().unwrap();
         let old = table.entry("controller").or_insert_with(|| Table::new().into());

@@ -338,8 +338,9 @@ impl Controller {
     ) -> PyResult<Terms> {
         let call = Call { q, dq, x: x_ref, dx: dx_ref, ddx: ddx_ref, obstacles, t };
         let n = either!(&self.law, shared => shared.n);
-        memory::fits(n.saturating_mul(n).saturating_mul(6))
-            .map_err(|error| InputError::new_err(format!("the projector of {n} joints: {error}")))?;
+        memory::fits(n.saturating_mul(n).saturating_mul(6)).map_err(|error| {
+            InputError::new_err(format!("the projector of {n} joints: {error}"))
+        })?;
         let done = either!(&self.law, shared => shared.evaluate(py, &call, |law| Terms {
             tau: law.torque().total.clone(),
             tau_task: law.torque().task.clone(),

@@ -2,7 +2,9 @@
 
 use crate::errors::{InputError, InputTypeError};
 use nalgebra::DMatrix;
-use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUnicodeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -126,8 +128,11 @@ pub fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<u64> {
 fn too_long(name: &str, value: &Bound<'_, PyAny>) -> PyErr {
     let bits = value.call_method0("bit_length").and_then(|bits| bits.extract::<u64>());
     match bits {
-        Ok(bits) if bits <= 256 => match value.str().and_then(|text| Ok(text.to_str()?.to_owned())) {
-            Ok(digits) => InputError::new_err(format!("{name}: {digits} does not fit into 64 bits")),
+        Ok(bits) if bits <= 256 => match value.str().and_then(|text| Ok(text.to_str()?.to_owned()))
+        {
+            Ok(digits) => {
+                InputError::new_err(format!("{name}: {digits} does not fit into 64 bits"))
+            }
             Err(error) => error,
         },
         Ok(bits) => {
@@ -192,7 +197,12 @@ struct Reader {
 }
 
 impl Reader {
-    fn value(&mut self, value: &Bound<'_, PyAny>, path: &Path<'_>, depth: usize) -> PyResult<Value> {
+    fn value(
+        &mut self,
+        value: &Bound<'_, PyAny>,
+        path: &Path<'_>,
+        depth: usize,
+    ) -> PyResult<Value> {
         self.read += 1;
         if self.read.is_multiple_of(SIGNALS_EVERY) {
             value.py().check_signals()?;
@@ -210,9 +220,8 @@ impl Reader {
         }
         if value.is_instance_of::<PyInt>() {
             let read = value.extract().map(Value::Integer);
-            return read.map_err(|error| {
-                instead(value, error, || too_long(&path.to_string(), value))
-            });
+            return read
+                .map_err(|error| instead(value, error, || too_long(&path.to_string(), value)));
         }
         if value.is_instance_of::<PyFloat>() {
             return Ok(Value::Float(value.extract()?));
@@ -390,9 +399,8 @@ pub fn float_array<'py>(
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     let py = value.py();
     load_numpy(py)?;
-    let misfit = |error| {
-        instead(value, error, || wrong_type(&format!("{name}: expected numbers"), value))
-    };
+    let misfit =
+        |error| instead(value, error, || wrong_type(&format!("{name}: expected numbers"), value));
     let numpy = py.import("numpy")?;
     let given = numpy.call_method1("asanyarray", (value,)).map_err(misfit)?;
     if !given.is_exact_instance_of::<PyUntypedArray>() && given.getattr_opt("mask")?.is_some() {

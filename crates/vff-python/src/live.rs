@@ -197,8 +197,7 @@ impl Live {
     /// Take an obstacle to a place (2,) [m], smoothly and not faster than half the reach per second.
     fn carry(&self, py: Python<'_>, obstacle: usize, place: &Bound<'_, PyAny>) -> PyResult<()> {
         let place = point(place)?;
-        self.with(py, |live| live.carry(obstacle, place))?
-            .map_err(|error| errors::scenario(&error))
+        self.with(py, |live| live.carry(obstacle, place))?.map_err(|error| errors::scenario(&error))
     }
 
     /// Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not

@@ -7,9 +7,9 @@ use crate::turns::Turns;
 use crate::watch::{interruptible, is_heard, stepwise};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use vff_core::simulation::{Snapshot, Status};
 use vff_core::runtime::AnyRun;
 use vff_core::scenario::{Scenario, ScenarioError};
+use vff_core::simulation::{Snapshot, Status};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 

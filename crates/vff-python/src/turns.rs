@@ -39,7 +39,8 @@ impl<T> Turns<T> {
         let me = ME.with(|me| *me);
         if self.owner.load(Ordering::Relaxed) == me {
             let name = self.name;
-            let sentence = format!("{name}: in use by the very call that was interrupted by this one");
+            let sentence =
+                format!("{name}: in use by the very call that was interrupted by this one");
             return Err(InputError::new_err(sentence));
         }
         let value = self.value.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner);

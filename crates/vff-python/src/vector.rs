@@ -102,7 +102,8 @@ impl Episodes {
                 return Err(InputError::new_err(format!("{sentence}, got {}", cut(other))));
             }
         };
-        let at_least_one = |name: &str, value: &Bound<'_, PyAny>| match convert::count(name, value)? {
+        let at_least_one = |name: &str, value: &Bound<'_, PyAny>| match convert::count(name, value)?
+        {
             0 => Err(InputError::new_err(format!("{name}: must be 1 or more, got 0"))),
             count => Ok(usize::try_from(count).unwrap_or(usize::MAX)),
         };

@@ -140,7 +140,9 @@ impl Watch {
     /// all was done all the same, nothing else would show it.
     pub fn end(mut self, py: Python<'_>, done: u64, total: u64) -> PyResult<()> {
         match self.fault.take() {
-            Some(fault) if fault.is_instance_of::<PyKeyboardInterrupt>(py) && done < total => Ok(()),
+            Some(fault) if fault.is_instance_of::<PyKeyboardInterrupt>(py) && done < total => {
+                Ok(())
+            }
             Some(fault) => Err(fault),
             None => self.tell(py, done, total),
         }

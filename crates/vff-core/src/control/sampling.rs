@@ -126,9 +126,11 @@ fn stiffest_mode_in_joints(springs: &[Spring], n: usize) -> (f64, usize) {
     };
     let mode = whole.eigenvalues.imax();
     // A P R u is the mode among the springs; P R u = P AᵀA R⁺ u.
-    let back = eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * whole.eigenvectors.column(mode);
+    let back =
+        eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * whole.eigenvectors.column(mode);
     let motion = yielding * back;
-    let part = |spring: &Spring| (spring.stiffness.sqrt() * dot(&spring.column, motion.as_slice())).abs();
+    let part =
+        |spring: &Spring| (spring.stiffness.sqrt() * dot(&spring.column, motion.as_slice())).abs();
     let parts = springs.iter().map(part).enumerate();
     let most = parts.fold((0, 0.0), |most, next| if next.1 > most.1 { next } else { most });
     (whole.eigenvalues[mode], most.0)

@@ -2,8 +2,8 @@
 
 use super::settings::SelfCollision;
 use super::{Gains, OperationalSpace};
-use crate::interrupt;
 use crate::field::{Field, Response};
+use crate::interrupt;
 use crate::math::dot;
 use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;

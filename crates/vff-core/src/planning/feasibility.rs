@@ -135,7 +135,8 @@ impl Scene {
         let pieces = (scenario.duration / STEP - 1e-9).ceil() as usize;
         let numbers = (2 * scene.start.len() + 8).saturating_mul(WIDTHS[1]);
         memory::fits(pieces.saturating_mul(numbers)).map_err(|error| {
-            let problem = format!("the motions that are followed over {pieces} pieces take {error}");
+            let problem =
+                format!("the motions that are followed over {pieces} pieces take {error}");
             ScenarioError::new("duration", Problem::Other(problem))
         })?;
         scene.pieces = pieces;

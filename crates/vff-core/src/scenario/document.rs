@@ -3,8 +3,8 @@
 //! serde's derived code says what is wrong; every container on the way out adds where. Enums are
 //! tables with a `kind`, so that a document reads `shape = { kind = "circle", radius = 0.3 }`.
 
-use crate::interrupt;
 use super::error::{Problem, ScenarioError};
+use crate::interrupt;
 use serde::de::value::StrDeserializer;
 use serde::de::{
     self, DeserializeSeed, Deserializer, Error, Expected, IntoDeserializer, Unexpected,

@@ -18,6 +18,7 @@ pub use plant::PlantSpec;
 pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
+use crate::math::memory;
 use crate::robot::PlanarArm;
 use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings,
@@ -237,7 +238,12 @@ impl Scenario {
             let requirement = format!("at least one step of {} s", self.simulation.dt);
             return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
         }
-        self.reality(&model).map(drop)?;
+        if self.reality(&model)?.plant.has_impulses() {
+            memory::fits(n.saturating_mul(n)).map_err(|error| {
+                let problem = format!("stops and dry friction of {n} joints take {error}");
+                ScenarioError::new("plant", Problem::Other(problem))
+            })?;
+        }
         for (j, obstacle) in self.obstacles.iter().enumerate() {
             validate::obstacle(obstacle)
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;

@@ -248,7 +248,8 @@ fn look_ahead(settings: &Settings) -> Judged {
     ] {
         if rate > fastest {
             let alarm = preview.alarm;
-            let requirement = format!("at most {fastest} 1/s with a look-ahead of alarm = {alarm} s");
+            let requirement =
+                format!("at most {fastest} 1/s with a look-ahead of alarm = {alarm} s");
             return Err(ScenarioError::out_of_range(path, &requirement, rate));
         }
     }
@@ -272,7 +273,8 @@ pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Ju
         _ => ("avoidance", per_pair.saturating_mul(20)),
     };
     memory::fits(numbers.saturating_mul(copies)).map_err(|error| {
-        let problem = format!("takes {error}, for {n} joints and {barriers} distances of each link");
+        let problem =
+            format!("takes {error}, for {n} joints and {barriers} distances of each link");
         ScenarioError::new(path, Problem::Other(problem))
     })
 }

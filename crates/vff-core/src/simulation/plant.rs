@@ -38,6 +38,13 @@ pub struct Plant {
     change: Vec<f64>,
 }
 
+impl Physics {
+    /// Whether anything acts that is not continuous: stops and dry friction.
+    pub fn has_impulses(&self) -> bool {
+        !(self.coulomb.is_empty() && self.stops.is_empty())
+    }
+}
+
 impl Plant {
     /// A plant at q = 0, at rest.
     pub fn new(physics: Physics) -> Self {
@@ -45,7 +52,8 @@ impl Plant {
         let zeros = || vec![0.0; n];
         Self {
             state: physics.arm.state(),
-            impulses: Impulses::new(n),
+            // Its matrix is large for a long arm, and of no use to one without stops and dry friction.
+            impulses: Impulses::new(if physics.has_impulses() { n } else { 0 }),
             torque: zeros(),
             scratch: zeros(),
             change: zeros(),

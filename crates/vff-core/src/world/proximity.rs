@@ -19,8 +19,8 @@ mod rays;
 
 pub(super) use crowd::Crowd;
 
-use crate::interrupt;
 use super::{Body, CollisionQuery, Contact, Feature, MotionState, Shape, World, shape};
+use crate::interrupt;
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 
