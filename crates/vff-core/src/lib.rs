@@ -8,6 +8,7 @@
 
 pub mod control;
 pub mod field;
+pub mod interrupt;
 pub mod math;
 pub mod planning;
 pub mod robot;

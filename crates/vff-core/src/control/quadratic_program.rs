@@ -13,6 +13,8 @@
 //! row or none, and the method needs no feasible point to start from. It keeps
 //! `JᵀHJ = I` and `JᵀN = [R; 0]` for the normals N of the active rows, R upper triangular.
 
+use crate::interrupt;
+
 /// What is to be minimised, and under which rows (constraints). m rows, n unknowns.
 #[derive(Debug, Clone, Copy)]
 pub struct Problem<'a> {
@@ -161,6 +163,7 @@ impl QuadraticProgram {
             let mut multiplier = 0.0;
             loop {
                 self.iterations += 1;
+                interrupt::spend(3 * self.size * self.size);
                 if self.iterations > limit {
                     return Outcome::Unfinished;
                 }
@@ -203,6 +206,7 @@ impl QuadraticProgram {
         // L row by row in R, which is empty as yet.
         let l = &mut self.r;
         for i in 0..n {
+            interrupt::spend(i * i / 2);
             for k in 0..=i {
                 let (done, rest) = l.split_at_mut(i * stride);
                 let row_k = if k < i { &done[k * stride..k * stride + k] } else { &[] };
@@ -222,6 +226,7 @@ impl QuadraticProgram {
         }
         // Column k of L⁻ᵀ is row k of L⁻¹: forward substitution, one row after the other.
         for k in 0..n {
+            interrupt::spend(k * n);
             let (done, rest) = self.j.split_at_mut(k * stride);
             let row = &mut rest[..n];
             row.fill(0.0);
@@ -262,6 +267,7 @@ impl QuadraticProgram {
 
     /// The row that lies farthest away from x on its wrong side.
     fn most_violated(&self, problem: &Problem<'_>) -> Option<usize> {
+        interrupt::spend(self.n * problem.bounds.len());
         let x = &self.x[..self.n];
         let size = dot(x, x).sqrt();
         let (mut worst, mut found) = (0.0, None);

@@ -3,6 +3,7 @@
 use super::settings::SelfCollision;
 use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
+use crate::interrupt;
 use crate::math::dot;
 use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
@@ -207,6 +208,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         links.extend(robot.links());
         let middle = |link: &Capsule<D>| link.start + link.direction * (0.5 * link.length);
         for (j, b) in links.iter().enumerate().skip(2) {
+            interrupt::spend(8 * j);
             for (i, a) in links[..j - 1].iter().enumerate() {
                 let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
                 if (middle(a) - middle(b)).norm() - size > self.self_clearance.max(reach) {

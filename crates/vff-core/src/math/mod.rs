@@ -1,5 +1,6 @@
 //! The few types that every layer shares.
 
+pub mod memory;
 mod nearest;
 mod noise;
 mod point;

@@ -18,7 +18,8 @@
 //! each other, as they may in the plant. The random numbers are always the same.
 
 use crate::control::TaskKind;
-use crate::math::{Capsule, Vector, cross, perp};
+use crate::interrupt;
+use crate::math::{Capsule, Vector, cross, memory, perp};
 use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::trajectory::Trajectory;
 use crate::world::CollisionQuery;
@@ -133,6 +134,12 @@ impl Scene {
             reason = "validated: positive and at most 1e12 steps"
         )]
         let pieces = (scenario.duration / STEP - 1e-9).ceil() as usize;
+        let numbers = (2 * scene.start.len() + 8).saturating_mul(WIDTHS[1]);
+        memory::fits(pieces.saturating_mul(numbers)).map_err(|error| {
+            let problem =
+                format!("the motions that are followed over {pieces} pieces take {error}");
+            ScenarioError::new("duration", Problem::Other(problem))
+        })?;
         scene.pieces = pieces;
         let tip = *scene.joints(&scene.start).last().expect("an arm has a tip");
         scene.trajectory =
@@ -159,6 +166,7 @@ impl Scene {
                 let pushes = ahead.each_mut().map(|world| self.push(world, &joints));
                 let target = self.trajectory.at(next).x;
                 for _ in 0..branches {
+                    interrupt::spend(64 * n);
                     let way = self.continuation(&mut random, node, &joints, &pushes, target, hold);
                     wanted.push((parent, way));
                 }
@@ -168,6 +176,7 @@ impl Scene {
                 .into_iter()
                 .filter_map(|(parent, way)| {
                     let node = &layer[parent];
+                    interrupt::spend(64 * n * (4 + self.world.len()));
                     let target = self.trajectory.at(next).x;
                     let (q, dq) = self.advanced(node, way, target, hold)?;
                     let middle: Vec<f64> = q
@@ -274,6 +283,7 @@ impl Scene {
     fn is_clear(&self, motion: &[Vec<f64>], hold: bool) -> bool {
         let mut world = self.world.clone();
         (0..=CHECKS * self.pieces).all(|k| {
+            interrupt::spend(64 * self.start.len() * (1 + self.world.len()));
             let (piece, part) = ((k / CHECKS).min(self.pieces - 1), k);
             #[expect(clippy::cast_precision_loss, reason = "a handful")]
             let share = (part - CHECKS * piece) as f64 / CHECKS as f64;

@@ -4,14 +4,15 @@
 //! that was forked from this one, because threads do not survive a fork.
 
 use super::any::Ready;
+use crate::interrupt::{Interrupted, Parts, Watch, on_pool, watched};
 use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::{MAX_BYTES, METRICS, Outcome, Record, Sizes, Snapshot, Status, Value};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use toml::Table;
 
@@ -80,13 +81,13 @@ impl Batch {
             .thread_name(|i| format!("vff-{i}"))
             .build()
             .map_err(|error| BatchError::Threads { threads, reason: error.to_string() })?;
-        let rollouts = pool.install(|| {
-            let read = |document| sound(|| Scenario::from_document(document));
+        let rollouts = on_pool(&pool, |parts| {
+            let read = |document| parts.within(|| sound(|| Scenario::from_document(document)));
             let scenarios: Vec<_> = documents.par_iter().map(read).collect();
             if recorded {
                 fit(scenarios.iter().flatten())?;
             }
-            prepare(scenarios, recorded)
+            prepare(scenarios, recorded, parts)
         })?;
         Ok(Self { pool, rollouts })
     }
@@ -97,7 +98,7 @@ impl Batch {
     /// false, what is not finished is left as it is, as [`Status::Interrupted`].
     pub fn run(self, interval: Duration, mut watch: impl FnMut(usize) -> bool) -> Vec<Rollout> {
         let Self { pool, rollouts } = self;
-        let (stop, finished) = (AtomicBool::new(false), AtomicUsize::new(0));
+        let (stop, finished) = (Arc::new(AtomicBool::new(false)), AtomicUsize::new(0));
         let (over, is_over) = mpsc::channel::<()>();
         let mut done = Vec::with_capacity(rollouts.len());
         pool.in_place_scope(|scope| {
@@ -125,9 +126,11 @@ impl Batch {
 fn prepare(
     scenarios: Vec<Result<Scenario, ScenarioError>>,
     recorded: bool,
+    parts: &Parts,
 ) -> Result<Vec<Ready>, BatchError> {
     let prepare = |scenario: Result<Scenario, _>| {
-        scenario.and_then(|scenario| sound(|| scenario.prepare_recorded(recorded)))
+        let prepare = |scenario: Scenario| sound(|| scenario.prepare_recorded(recorded));
+        scenario.and_then(|scenario| parts.within(|| prepare(scenario)))
     };
     let ready: Vec<_> = scenarios.into_par_iter().map(prepare).collect();
     let place = |(index, ready): (usize, Result<_, _>)| {
@@ -148,10 +151,12 @@ fn fit<'a>(scenarios: impl Iterator<Item = &'a Scenario>) -> Result<(), BatchErr
 }
 
 /// One rollout until it is over or shall stop.
-fn roll(ready: Ready, stop: &AtomicBool) -> Rollout {
+fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
     let Ready { mut run, warnings } = ready;
     let start = Instant::now();
-    let until_over = guarded(|| while !stop.load(Ordering::Relaxed) && !run.run_for(LOOK) {});
+    let steps = || while !stop.load(Ordering::Relaxed) && !run.run_for(LOOK) {};
+    // A step that is broken off is not part of the outcome.
+    let until_over = watched(Watch::Flag(Arc::clone(stop)), || guarded(steps)).unwrap_or(Ok(()));
     let outcome = match until_over {
         Ok(()) => run.outcome(),
         Err(fault) => failed(&run.snapshot(), fault),
@@ -179,7 +184,10 @@ pub(super) fn guarded<T>(f: impl FnOnce() -> T) -> Result<T, String> {
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
         format!("a fault of vffnull itself, please report it: {text}")
     };
-    catch_unwind(AssertUnwindSafe(f)).map_err(text)
+    catch_unwind(AssertUnwindSafe(f)).map_err(|panic| match panic.is::<Interrupted>() {
+        true => resume_unwind(panic),
+        false => text(panic),
+    })
 }
 
 #[cfg(test)]
@@ -288,7 +296,9 @@ mod tests {
         let mut scenario = Scenario::from_document(&documents(1)[0]).unwrap();
         let fine = scenario.clone();
         scenario.q0 = vec![0.1];
-        let error = prepare(vec![Ok(fine), Ok(scenario)], true).unwrap_err();
+        let ready = |parts: &Parts| prepare(vec![Ok(fine), Ok(scenario)], true, parts);
+        let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let error = on_pool(&pool, ready).unwrap_err();
         assert!(error.to_string().starts_with("[1]: a fault of vffnull itself"), "{error}");
     }
 }

@@ -4,6 +4,8 @@
 //! number of threads.
 
 use super::episode::{Episode, INFO, Step, Task};
+use crate::interrupt::{self, on_pool};
+use crate::math::memory;
 use crate::scenario::{Problem, ScenarioError};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -97,9 +99,18 @@ impl Episodes {
     /// # Errors
     /// If a start cannot be run, or the system does not give the threads.
     pub fn new(task: Task, count: usize, threads: usize, seed: u64) -> Result<Self, ScenarioError> {
+        // A closed loop, with its arm, its world and its workspaces, in numbers; measured, and rounded up.
+        let numbers = count.saturating_mul(512 + 160 * task.joints() + 4 * task.width());
+        memory::fits(numbers).map_err(|error| {
+            ScenarioError::new("count", Problem::Other(format!("{count} episodes take {error}")))
+        })?;
         let task = Arc::new(task);
         let seeds = (0..count as u64).map(|i| seed.wrapping_add(i));
-        let slots = seeds.map(|seed| Slot::new(&task, seed)).collect::<Result<_, _>>()?;
+        let new = |seed| {
+            interrupt::spend(4096);
+            Slot::new(&task, seed)
+        };
+        let slots = seeds.map(new).collect::<Result<_, _>>()?;
         let threads = threads.min(count);
         let pool = (threads > 1).then(|| {
             ThreadPoolBuilder::new()
@@ -147,9 +158,9 @@ impl Episodes {
         f: impl Fn(&mut Slot, T) -> Result<(), ScenarioError> + Sync,
     ) -> Result<(), ScenarioError> {
         match &self.pool {
-            Some(pool) if self.process == std::process::id() => pool.install(|| {
+            Some(pool) if self.process == std::process::id() => on_pool(pool, |parts| {
                 let pairs = self.slots.par_iter_mut().zip(with);
-                pairs.try_for_each(|(slot, with)| f(slot, *with))
+                pairs.try_for_each(|(slot, with)| parts.within(|| f(slot, *with)))
             }),
             _ => self.slots.iter_mut().zip(with).try_for_each(|(slot, with)| f(slot, *with)),
         }

@@ -20,6 +20,7 @@ pub use plant::PlantSpec;
 pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
+use crate::math::memory;
 use crate::robot::{Model, PlanarArm};
 use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings,
@@ -166,7 +167,16 @@ pub fn read_settings(document: &Table, arm: &PlanarArm) -> Result<Settings, Scen
     let settings = read(document)?;
     validate::controller(&settings, Some(arm.dof()))?;
     validate::controller_of(&settings, arm.limits())?;
+    validate::size(&settings, arm.dof(), 0, 1)?;
     Ok(settings)
+}
+
+/// Whether a controller with these settings has room for `barriers` distances of each of its n links.
+///
+/// # Errors
+/// If it takes too much memory.
+pub fn validate_size(settings: &Settings, n: usize, barriers: usize) -> Result<(), ScenarioError> {
+    validate::size(settings, n, barriers, 1)
 }
 
 /// Reads and validates an obstacle.
@@ -230,11 +240,19 @@ impl Scenario {
             let requirement = format!("at least one step of {} s", self.simulation.dt);
             return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
         }
-        self.reality(&model).map(drop)?;
+        if self.reality(&model)?.plant.has_impulses() {
+            memory::fits(n.saturating_mul(n)).map_err(|error| {
+                let problem = format!("stops and dry friction of {n} joints take {error}");
+                ScenarioError::new("plant", Problem::Other(problem))
+            })?;
+        }
         for (j, obstacle) in self.obstacles.iter().enumerate() {
             validate::obstacle(obstacle)
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
         }
-        Ok(())
+        let barriers = self.obstacles.iter().map(|obstacle| obstacle.shape.barriers()).sum();
+        let copies = if self.simulation.control == Control::Predictor { 2 } else { 1 };
+        validate::size(&self.controller, n, barriers, copies)
+            .map_err(|error| error.inside("controller"))
     }
 }

@@ -3,6 +3,7 @@
 use super::plane::PlanarSystem;
 use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
+use crate::interrupt;
 use crate::robot::planar::Annulus;
 use crate::robot::{Model, PlanarArm};
 use crate::simulation::{
@@ -104,7 +105,10 @@ impl Scenario {
     ) -> Result<(), ScenarioError> {
         let Annulus { inner, outer } = S::annulus(arm);
         let slack = 1e-9 * outer.max(arm.links()[arm.dof() - 1].length);
-        let point = |t: f64| S::wrist(arm, &trajectory.at(t).x);
+        let point = |t: f64| {
+            interrupt::spend(64);
+            S::wrist(arm, &trajectory.at(t).x)
+        };
         let inside = |t: f64| {
             let distance = point(t).norm();
             inner - slack <= distance && distance <= outer + slack

@@ -4,10 +4,13 @@
 
 use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
+use crate::control::avoidance::barrier;
 use crate::control::avoidance::preview::PreviewSettings;
+use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
 use crate::control::tank::TankSettings;
-use crate::control::{Settings, Yielding};
+use crate::control::{Avoidance, Formulation, Settings, Yielding, extended_jacobian};
 use crate::field::{Field, FieldKind};
+use crate::math::memory;
 use crate::robot::Limits;
 use crate::simulation::{
     ActuatorSettings, Control, Measurement, MeasurementSettings, Options, Perception,
@@ -157,6 +160,9 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
     number("characteristic_length", settings.characteristic_length, positive)?;
     number("singularity", settings.singularity, positive)?;
     yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
+    if settings.avoidance == Avoidance::Cbf {
+        look_ahead(settings)?;
+    }
     if let Some(limits) = &settings.joint_limit_field {
         field(limits).map_err(|error| error.inside("joint_limit_field"))?;
     }
@@ -219,6 +225,60 @@ fn preview(settings: &PreviewSettings) -> Judged {
         }
     }
     Ok(())
+}
+
+/// What look-ahead has to do in one control step: bounded, because its closed loop takes steps as short as the fastest
+/// rate of the law demands.
+fn look_ahead(settings: &Settings) -> Judged {
+    const MOST: usize = 100_000;
+    let Some(preview) = &settings.yielding.preview else { return Ok(()) };
+    let inside = |error: ScenarioError| error.inside("yielding.preview");
+    if preview.steps * preview.candidates > MOST {
+        let requirement = format!("at most {} with {} steps", MOST / preview.steps, preview.steps);
+        let given = preview.candidates;
+        return Err(inside(ScenarioError::out_of_range("candidates", &requirement, given)));
+    }
+    let Some(fastest) = fastest_rate(preview.trigger) else {
+        let requirement = "short enough for 4096 steps of 10 ms";
+        return Err(inside(ScenarioError::out_of_range("trigger", requirement, preview.trigger)));
+    };
+    let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    for (path, rate) in [
+        ("yielding.rate", barrier::rate(&settings.yielding)),
+        ("damping", largest(settings.damping.values())),
+        ("null_damping", largest(settings.null_damping.values())),
+    ] {
+        if rate > fastest {
+            let trigger = preview.trigger;
+            let requirement =
+                format!("at most {fastest} 1/s with a look-ahead of trigger = {trigger} s");
+            return Err(ScenarioError::out_of_range(path, &requirement, rate));
+        }
+    }
+    Ok(())
+}
+
+/// What a controller of n joints that knows `barriers` distances per link keeps in memory, and `copies` of it.
+pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Judged {
+    let per_pair = n.saturating_mul(barriers);
+    let square = n.saturating_mul(n);
+    let (path, numbers) = match (settings.avoidance, settings.formulation) {
+        (Avoidance::Cbf, _) => {
+            let rows = per_pair.saturating_add(4 * n).saturating_mul(n.saturating_add(20));
+            let ahead = if settings.yielding.preview.is_some() { 2 } else { 1 };
+            let numbers = rows.saturating_add(square.saturating_mul(5));
+            ("avoidance", numbers.saturating_mul(ahead))
+        }
+        (_, Formulation::ExtendedJacobian) => {
+            ("formulation", square.saturating_mul(extended_jacobian::MATRICES))
+        }
+        _ => ("avoidance", per_pair.saturating_mul(20)),
+    };
+    memory::fits(numbers.saturating_mul(copies)).map_err(|error| {
+        let problem =
+            format!("takes {error}, for {n} joints and {barriers} distances of each link");
+        ScenarioError::new(path, Problem::Other(problem))
+    })
 }
 
 /// `[controller.tank]`.

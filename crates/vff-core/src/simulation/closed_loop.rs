@@ -7,6 +7,7 @@ use super::perception::Perceive;
 use super::plant::{Physics, Plant};
 use super::{Control, Integrator, Options, Snapshot, System};
 use crate::control::{Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits};
+use crate::interrupt;
 use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Trajectory};
@@ -420,6 +421,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
     /// [defined](Self::is_defined) there.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
+        interrupt::spend(256 * self.q.len());
         let t = self.time();
         self.remember();
         let ideal = self.is_ideal();

@@ -321,13 +321,15 @@ impl Metrics {
 
     /// The values, in the order of [`METRICS`].
     pub fn values(&self) -> Vec<(&'static Metric, Value)> {
+        // What has left the range of numbers is none: a run may end while its sums overflow.
+        let number =
+            |value: f64| if value.is_finite() { Value::Number(value) } else { Value::None };
         #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
         let rms = |sum: f64, count: usize| match count {
             0 => Value::None,
-            count => Value::Number((sum / count as f64).sqrt()),
+            count => number((sum / count as f64).sqrt()),
         };
-        let number = Value::Number;
-        let optional = |value: Option<f64>| value.map_or(Value::None, Value::Number);
+        let optional = |value: Option<f64>| value.map_or(Value::None, number);
         let given = |applies: bool, value| if applies { number(value) } else { Value::None };
         let [transient, tail] = [self.samples - self.tail_samples, self.tail_samples];
         let seen = self.min_clearance < f64::INFINITY;

@@ -38,6 +38,13 @@ pub struct Plant<A: Model<D>, const D: usize> {
     change: Vec<f64>,
 }
 
+impl<A> Physics<A> {
+    /// Whether anything acts that is not continuous: stops and dry friction.
+    pub fn has_impulses(&self) -> bool {
+        !(self.coulomb.is_empty() && self.stops.is_empty())
+    }
+}
+
 impl<A: Model<D>, const D: usize> Plant<A, D> {
     /// A plant at q = 0, at rest.
     pub fn new(physics: Physics<A>) -> Self {
@@ -45,7 +52,8 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         let zeros = || vec![0.0; n];
         Self {
             state: physics.arm.state(),
-            impulses: Impulses::new(n),
+            // Its matrix is large for a long arm, and of no use to one without stops and dry friction.
+            impulses: Impulses::new(if physics.has_impulses() { n } else { 0 }),
             torque: zeros(),
             scratch: zeros(),
             change: zeros(),

@@ -104,9 +104,7 @@ pub struct Record {
     pub path_time: Vec<f64>,
 }
 
-/// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems
-/// that promise more memory than they have would otherwise end the process in the middle of a run.
-pub const MAX_BYTES: usize = 8_000_000_000;
+pub use crate::math::memory::MAX_BYTES;
 
 /// The record of a run would be too large.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -223,6 +221,29 @@ impl Record {
             optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
             optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
         ]
+    }
+
+    /// Takes rows away from the end until the last is finite. Infinite clearances and readings of nothing are.
+    pub fn end_with_finite_row(&mut self) {
+        while self.rows > 0 && !self.ends_finite() {
+            let rows = self.rows;
+            for column in self.columns(None) {
+                column.values.truncate(column.values.len() / rows * (rows - 1));
+            }
+            self.rows -= 1;
+        }
+    }
+
+    fn ends_finite(&mut self) -> bool {
+        let rows = self.rows;
+        self.columns(None).into_iter().all(|column| {
+            let last = column.values.len() - column.values.len() / rows;
+            column.values[last..].iter().all(|value| match column.name {
+                "clearance" | "self_clearance" => value.is_finite() || *value == f64::INFINITY,
+                "sensed" => true,
+                _ => value.is_finite(),
+            })
+        })
     }
 
     /// Appends one row.

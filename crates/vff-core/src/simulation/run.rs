@@ -150,7 +150,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
     }
 
     /// The outcome; `Interrupted` if the run is not over.
-    pub fn outcome(self) -> Outcome {
+    pub fn outcome(mut self) -> Outcome {
+        if self.diverged {
+            self.record.end_with_finite_row();
+        }
         let end_time = self.closed_loop.time();
         let (clearance, link) = self.metrics.min_clearance();
         let (status, message) = if self.diverged {

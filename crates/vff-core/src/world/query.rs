@@ -1,6 +1,7 @@
 //! The nearest points of every link to every obstacle: one loop, whatever the space.
 
 use super::{Contact, Placed, Solid, World};
+use crate::interrupt;
 use crate::math::{Capsule, Vector};
 
 /// What a controller asks of the world around the arm: the nearest points of every link to
@@ -105,7 +106,10 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         for (link, capsule) in links.into_iter().enumerate() {
             let probe = S::probe(&capsule);
             let near = match crowd {
-                Some(crowd) => crowd.near(obstacles, *time, &probe, reach),
+                Some(crowd) => {
+                    interrupt::spend(256);
+                    crowd.near(obstacles, *time, &probe, reach)
+                }
                 None => None,
             };
             // The same is done with the few that a crowd names as with all: measured first, and only
@@ -120,7 +124,10 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 let mut meet = |j: usize| meet(link, &probe, j, &obstacles[j]);
                 match near {
                     None => (0..obstacles.len()).for_each(meet),
-                    Some(near) => near.iter().for_each(|&j| meet(j)),
+                    Some(near) => {
+                        interrupt::spend(64 * near.len());
+                        near.iter().for_each(|&j| meet(j));
+                    }
                 }
             }
         }

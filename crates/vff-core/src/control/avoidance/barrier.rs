@@ -11,6 +11,7 @@ use super::Yielding;
 use crate::control::distance::DistanceRate;
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use crate::control::{OperationalSpace, TaskMetric, Torque};
+use crate::interrupt;
 use crate::math::dot;
 use crate::robot::Robot;
 use crate::world::Contact;
@@ -130,11 +131,12 @@ impl Barrier {
         robot: &R,
         pairs: &[Contact<D>],
     ) {
-        let k = rate(settings);
+        let (k, n) = (rate(settings), self.nominal.len());
         for pair in pairs {
+            interrupt::spend(64 + n);
             let motion = DistanceRate::cautious(robot, pair);
             let start = self.normals.len();
-            self.normals.resize(start + self.nominal.len(), 0.0);
+            self.normals.resize(start + n, 0.0);
             let row = &mut self.normals[start..];
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             let present = dot(row, &self.nominal) + motion.bias;
@@ -148,6 +150,7 @@ impl Barrier {
         let (k, n) = (rate(settings), self.nominal.len());
         let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
         for i in 0..n {
+            interrupt::spend(2 * n);
             let mut lower = -k * (self.speed[i] + dq[i]);
             let mut upper = k * (self.speed[i] - dq[i]);
             if let Some([low, high]) = ranges.get(i) {
@@ -175,6 +178,7 @@ impl Barrier {
         let weight = metric.weight() * settings.task_weight - space.lambda;
         self.scratch.fill(0.0);
         for i in 0..n {
+            interrupt::spend(16 * n);
             let row = i * n..(i + 1) * n;
             self.scratch[i] = 1.0;
             robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);

@@ -3,6 +3,7 @@
 use super::Yielding;
 use crate::control::Torque;
 use crate::control::distance::DistanceRate;
+use crate::interrupt;
 use crate::math::{dot, smoothstep};
 use crate::robot::Robot;
 use crate::world::Contact;
@@ -50,6 +51,7 @@ impl Priority {
         let Self { gradient, response, acceleration, scratch, threshold } = self;
         robot.accelerate(&torque.total, bias, scratch, acceleration);
         for pair in pairs {
+            interrupt::spend(64 + 16 * gradient.len());
             let share =
                 smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);

@@ -36,23 +36,33 @@ pub enum Shape {
     },
 }
 
+impl Shape {
+    /// The most barriers that one link can have with it.
+    pub fn barriers(&self) -> usize {
+        match self {
+            Self::Circle { .. } => 1,
+            Self::Capsule { .. } => 4,
+            Self::Box { .. } => 6,
+            Self::Polygon { vertices } => 2 + vertices.len(),
+        }
+    }
+}
+
 /// Whether `vertices` (in order, either sense, [m]) bound a strictly convex polygon: at
 /// least three corners, none repeated, none on the line through two neighbours.
 ///
-/// Compares every edge with every corner, so that polygons that wind around twice (a
-/// pentagram turns left at every corner) are refused as well: O(n²), meant for loading.
+/// Every corner turns the same way, and so does every triangle of the first corner and two neighbours: the corners
+/// go once around the first one. A pentagram turns left at every corner, too, but goes around twice.
 pub fn is_convex(vertices: &[[f64; 2]]) -> bool {
     let n = vertices.len();
     if n < 3 {
         return false;
     }
     let sense = signed_area(vertices).signum();
-    (0..n).all(|i| {
-        let next = (i + 1) % n;
-        (0..n)
-            .filter(|&k| k != i && k != next)
-            .all(|k| sense * turn(vertices[i], vertices[next], vertices[k]) > 0.0)
-    })
+    let left = |a: usize, b: usize, c: usize| {
+        sense * turn(vertices[a % n], vertices[b % n], vertices[c % n]) > 0.0
+    };
+    (0..n).all(|i| left(i, i + 1, i + 2)) && (1..n - 1).all(|i| left(0, i, i + 1))
 }
 
 /// The same polygon with its corners in counter-clockwise order.

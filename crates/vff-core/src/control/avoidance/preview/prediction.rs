@@ -1,5 +1,6 @@
 //! The obstacles at later instants, as far as look-ahead asks for them.
 
+use crate::interrupt;
 use crate::math::Capsule;
 use crate::world::{CollisionQuery, Contact};
 
@@ -33,6 +34,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
             reach,
             |_, _| {},
             |pair| {
+                interrupt::spend(64 + found.len());
                 if !found.contains(&pair.obstacle) {
                     found.push(pair.obstacle);
                 }
@@ -74,6 +76,7 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
         mut visit: impl FnMut(&Contact<D>),
     ) {
         for (i, link) in links.into_iter().enumerate() {
+            interrupt::spend(64 * self.obstacles.len());
             let mut least = f64::INFINITY;
             for &j in self.obstacles {
                 let contact = self.surroundings.predicted_contact(i, &link, j, self.after);

@@ -5,6 +5,7 @@ use super::candidate::{Candidate, Forecast};
 use super::prediction::Prediction;
 use crate::control::avoidance::Yielding;
 use crate::control::metric::TaskMetric;
+use crate::interrupt;
 use crate::math::{Capsule, Pose, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
@@ -126,6 +127,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         surroundings.obstacles_near(links, REACH, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
+            interrupt::spend(16 * robot.dof());
             w[i] = 1.0;
             robot.mass_mul(w, v);
             w[i] = 0.0;
@@ -159,6 +161,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
         for k in 0..self.reference.len() {
             let s = self.step * k as f64;
+            interrupt::spend(8 * self.apart.len());
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = self.scout.pose().error(&sample.x);
@@ -228,6 +231,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             inverse
         });
         for pair in pairs.iter() {
+            interrupt::spend(8 * row.len());
             scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
             let missing = -0.5 / *step * (pair.distance - *margin) - rate;
