@@ -7,6 +7,7 @@ mod integrator;
 mod measurement;
 mod metrics;
 mod options;
+#[cfg(feature = "realtime")]
 pub mod pace;
 mod perception;
 mod plant;
