@@ -32,6 +32,7 @@ __all__ = [
     "run",
     "run_many",
     "schema",
+    "schema_json",
 ]
 
 class _HasDocument(Protocol):
@@ -904,3 +905,6 @@ def format_toml(document: Mapping[str, Any]) -> str:
 
 def schema() -> str:
     """Every key of a scenario with its unit, default and meaning, as text."""
+
+def schema_json() -> str:
+    """The same as a JSON Schema (draft 7)."""

@@ -15,8 +15,8 @@ use vff_core::control::energy::{ENERGIES, PORTS};
 use vff_core::control::{self, Avoidance, Gains, ObjectiveScale, Settings, Tank, TaskKind};
 use vff_core::math::{Vector, memory};
 use vff_core::robot::Model;
-use vff_core::scenario::{self, Plane};
-use vff_core::simulation::System;
+use vff_core::scenario;
+use vff_core::simulation::{Plane, System};
 use vff_core::trajectory::Sample;
 use vff_core::world::plane::World;
 

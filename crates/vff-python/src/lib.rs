@@ -30,7 +30,9 @@ mod _core {
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
-    use crate::run::{assess_feasibility, check, format_toml, parse_toml, run, run_many, schema};
+    use crate::run::{
+        assess_feasibility, check, format_toml, parse_toml, run, run_many, schema, schema_json,
+    };
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
     #[pymodule_export]

@@ -264,3 +264,9 @@ pub fn format_toml(#[pyo3(from_py_with = document)] document: toml::Table) -> Py
 pub fn schema() -> &'static str {
     scenario::SCHEMA
 }
+
+/// The same as a JSON Schema.
+#[pyfunction]
+pub fn schema_json() -> String {
+    scenario::json_schema()
+}

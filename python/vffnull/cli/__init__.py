@@ -210,9 +210,18 @@ def validate(files: tuple[str, ...], as_json: bool) -> int:
 
 
 @_commands.command()
-def schema() -> None:
-    """Print every key: unit, default, meaning."""
-    click.echo(_core.schema().rstrip())
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON Schema, for editors.")
+def schema(as_json: bool) -> None:
+    """Print every key: unit, default, meaning.
+
+    \b
+    vffnull schema
+    vffnull schema --json > vffnull.schema.json
+
+    A scenario beside that file whose first line is `#:schema ./vffnull.schema.json` is completed and checked
+    by editors that know Taplo, such as VS Code with Even Better TOML.
+    """
+    click.echo(_core.schema_json() if as_json else _core.schema().rstrip())
 
 
 def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ pub struct OperationalSpace<const M: usize> {
     /// Whether the damping was active.
     pub singular: bool,
     threshold: f64,
-    metric: TaskMetric<M>,
+    pub(super) metric: TaskMetric<M>,
 }
 
 impl<const M: usize> OperationalSpace<M> {

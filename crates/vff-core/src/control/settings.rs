@@ -240,7 +240,7 @@ pub struct Gains<const M: usize> {
 }
 
 impl<const M: usize> Gains<M> {
-    /// Resolves settings whose lengths [`crate::scenario`] has checked.
+    /// Resolves settings whose lengths `scenario` has validated.
     pub fn new(settings: &Settings) -> Self {
         let posture = settings.posture.as_deref().unwrap_or_default();
         Self {

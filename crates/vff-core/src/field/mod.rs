@@ -24,6 +24,15 @@ pub enum FieldKind {
 }
 
 /// A virtual force field.
+///
+/// ```
+/// use vff_core::field::{Field, FieldKind};
+///
+/// let field = Field { kind: FieldKind::Bounded, gain: 10.0, influence: 0.5, ..Field::OFF };
+/// assert_eq!(field.at(0.5).force, 0.0);
+/// assert_eq!(field.at(0.0).force, 10.0);
+/// assert!((field.at(0.25).force - 2.5).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {

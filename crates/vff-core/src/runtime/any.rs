@@ -3,9 +3,8 @@
 use crate::control::{Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::{Limits, Model};
-use crate::scenario::plane::{PlanarSystem, Plane};
 use crate::scenario::{self, Part, Problem, Scenario, ScenarioError};
-use crate::simulation::{Outcome, Run, Snapshot};
+use crate::simulation::{Outcome, PlanarSystem, Plane, Run, Snapshot};
 use crate::world::plane::Obstacle;
 use std::time::Duration;
 use toml::Table;

@@ -11,6 +11,7 @@ use crate::scenario::arm::{each, not_negative, number, positive};
 use crate::scenario::{self, Scenario, ScenarioError};
 use crate::simulation::{ClosedLoop, System};
 use crate::world::{Motion, Positions};
+use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Deserialize;
@@ -375,7 +376,7 @@ impl Episode {
             let mut info = [0.0; INFO.len()];
             info[0] = inner.time();
             info[1] = least(inner.clearance());
-            info[2] = norm(inner.snapshot().error);
+            info[2] = error_of(inner);
             info
         })
     }
@@ -413,7 +414,7 @@ fn act<S: System<D, M>, const D: usize, const M: usize>(
             }
         }
     }
-    let error = norm(inner.snapshot().error);
+    let error = error_of(inner);
     let terminated = diverged || clearance < 0.0;
     let used = (1.0 - clearance / margin).clamp(0.0, 1.0);
     let parts = [
@@ -473,6 +474,8 @@ fn least(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-fn norm(values: &[f64]) -> f64 {
-    values.iter().map(|value| value * value).sum::<f64>().sqrt()
+/// The error of the task at present [m], an angle as its arc at the characteristic length.
+fn error_of<S: System<D, M>, const D: usize, const M: usize>(inner: &ClosedLoop<S, D, M>) -> f64 {
+    let metric = inner.controller().gains().metric::<D>();
+    metric.norm(&SVector::from_column_slice(inner.snapshot().error))
 }

@@ -7,7 +7,7 @@
 pub mod arm;
 mod document;
 mod error;
-pub mod plane;
+mod json_schema;
 pub mod plant;
 mod prepare;
 mod validate;
@@ -15,7 +15,7 @@ mod warnings;
 
 pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
-pub use plane::Plane;
+pub use json_schema::json_schema;
 pub use plant::PlantSpec;
 pub use warnings::sampling_bounds;
 

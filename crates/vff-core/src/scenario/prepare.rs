@@ -1,13 +1,13 @@
 //! A scenario made ready to run: everything that needs more than one value is checked here.
 
-use super::plane::PlanarSystem;
 use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
 use crate::interrupt;
 use crate::robot::planar::Annulus;
 use crate::robot::{Model, PlanarArm};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, Reality, Sizes,
+    Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, PlanarSystem, Reality,
+    Sizes,
 };
 use crate::trajectory::Trajectory;
 use crate::world::plane::World;

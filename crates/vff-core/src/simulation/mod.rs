@@ -7,8 +7,10 @@ mod integrator;
 mod measurement;
 mod metrics;
 mod options;
+#[cfg(feature = "realtime")]
 pub mod pace;
 mod perception;
+mod plane;
 mod plant;
 mod recorder;
 mod run;
@@ -21,6 +23,7 @@ pub use measurement::{Measurement, MeasurementSettings};
 pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
 pub use perception::{Kind as PerceptionKind, Perceive, Perception, PerceptionSettings};
+pub use plane::{PlanarSystem, Plane};
 pub use plant::Physics;
 pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes};
 pub use run::{Outcome, Run, Status};

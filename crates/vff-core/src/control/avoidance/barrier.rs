@@ -10,7 +10,7 @@
 use super::Yielding;
 use crate::control::distance::DistanceRate;
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, TaskMetric, Torque};
+use crate::control::{OperationalSpace, Torque};
 use crate::interrupt;
 use crate::math::dot;
 use crate::robot::Robot;
@@ -83,7 +83,6 @@ impl Barrier {
     pub fn act<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         settings: &Yielding,
-        metric: &TaskMetric<M>,
         robot: &R,
         space: &OperationalSpace<M>,
         pairs: &[Contact<D>],
@@ -104,7 +103,7 @@ impl Barrier {
         {
             return 0.0;
         }
-        self.weigh(settings, metric, robot, space);
+        self.weigh(settings, robot, space);
         self.keep_torques(limits, &torque.total);
         let outcome = self.program.solve(&Problem {
             hessian: &self.hessian,
@@ -170,12 +169,11 @@ impl Barrier {
     fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         settings: &Yielding,
-        metric: &TaskMetric<M>,
         robot: &R,
         space: &OperationalSpace<M>,
     ) {
         let n = self.nominal.len();
-        let weight = metric.weight() * settings.task_weight - space.lambda;
+        let weight = space.metric.weight() * settings.task_weight - space.lambda;
         self.scratch.fill(0.0);
         for i in 0..n {
             interrupt::spend(16 * n);

@@ -171,12 +171,12 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         bias: &[f64],
         torque: &mut Torque,
     ) {
-        let Self { settings, metric, pairs, strategy, slack } = self;
+        let Self { settings, pairs, strategy, slack, .. } = self;
         match strategy {
             Strategy::Relaxed => relaxed::act(settings, robot, space, forces, torque),
             Strategy::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
             Strategy::Barrier(barrier) => {
-                *slack = barrier.act(settings, metric, robot, space, pairs, bias, torque);
+                *slack = barrier.act(settings, robot, space, pairs, bias, torque);
             }
         }
     }

@@ -71,7 +71,7 @@ pub(super) struct Composite {
 impl PlanarArm {
     /// An arm of at least one link. `gravity` is the acceleration of free fall [m/s²].
     ///
-    /// The values are taken as they are; [`crate::scenario`] validates user input.
+    /// The values are taken as they are; `scenario` validates user input.
     pub fn new(links: Vec<Link>, gravity: Vector<2>) -> Self {
         let mut distal = 0.0;
         let mut composite: Vec<_> = links

@@ -1,9 +1,9 @@
-//! The plane: which types a planar scenario becomes.
+//! The plane: which types fit together there.
 
+use super::{Perception, System};
 use crate::math::{PlanarPose, Vector};
 use crate::robot::planar::{Annulus, Reach};
 use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
-use crate::simulation::{Perception, System};
 use crate::world::plane::Outline;
 use std::sync::Arc;
 
