@@ -34,7 +34,7 @@ LIMIT = 1500.0  # s: only for what hangs
 FENCE = re.compile(r"^(?P<fence>```+)(?P<language>[^\n]*)\n(?P<code>.*?)^(?P=fence)[ \t]*$", re.M | re.S)
 INLINE = re.compile(r"`((?:vffnull|python|cargo|sphinx-build|pip install) [^`\n]+)`")
 PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
-INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.\[\],>=-]+)(?: (?:\"[^\"]+\"|[\w\[\],>=]+))*)")
+INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}")  # what is there to be read
 
@@ -55,7 +55,6 @@ SHORTER = {
 # What is not run, and why.
 LEFT_OUT = {
     ".ci/check": "runs this script's neighbours, and ran before it",
-    "python benches/instructions.py": "is a step of .ci/check",
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
     "python docs/evaluate.py": "runs the tuned parameters too, in a quarter of an hour at the least",
@@ -72,6 +71,7 @@ class Task:
     code: str
     shell: bool
     needs: frozenset[str]
+    inline: bool = False  # between backticks in a sentence
 
 
 def packages(text: str) -> frozenset[str]:
@@ -80,7 +80,10 @@ def packages(text: str) -> frozenset[str]:
     for words in INSTALL.findall(text):
         for word in shlex.split(words):
             inside = re.fullmatch(r"\.\[([\w,]+)\]", word)
-            found |= {f".[{each}]" for each in inside[1].split(",")} if inside else {word} - {"."}
+            if inside:
+                found |= {f".[{each}]" for each in inside[1].split(",")}
+            elif word != "." and not word.startswith("-"):
+                found.add(word)
     return frozenset(found)
 
 
@@ -115,7 +118,7 @@ def tasks(page: Path) -> Iterator[Task]:
         begin = max((each.start() for each in PARAGRAPH.finditer(text, 0, mention.start())), default=0)
         end = PARAGRAPH.search(text, mention.end())
         around = packages(text[begin : end.start() if end else None])
-        yield from line_of_shell(place, mention[1], around)
+        yield from line_of_shell(place, mention[1], around, inline=True)
     if cells:
         last = text.rfind("```{code-cell}")
         script, line = "", 1
@@ -125,14 +128,14 @@ def tasks(page: Path) -> Iterator[Task]:
         yield Task(name, script, False, packages(text[:last]))
 
 
-def line_of_shell(place: str, command: str, above: frozenset[str]) -> Iterator[Task]:
+def line_of_shell(place: str, command: str, above: frozenset[str], inline: bool = False) -> Iterator[Task]:
     """A line as a task: what it installs becomes a need of it."""
     command = command.split("  #")[0].strip()
     parts = [part.strip() for part in command.split("&&")]
     installs = [part for part in parts if part.startswith("pip install")]
     rest = " && ".join(part for part in parts if part not in installs)
     needs = packages(" && ".join(installs)) if installs else above
-    yield Task(place, rest or "vffnull --version", True, needs)
+    yield Task(place, rest or "vffnull --version", True, needs, inline)
 
 
 def environment(folder: Path, wheel: Path, needs: frozenset[str]) -> dict[str, str]:
@@ -248,9 +251,12 @@ def main(words: list[str]) -> int:
     ]
     every = [task for page in pages for task in tasks(page)]
     stale = [each for each in (*SHORTER, *LEFT_OUT) if each not in {task.code for task in every}]
+    written = {task.code for task in every if task.shell and not task.inline}  # in a block of its own
     chosen: dict[tuple[str, frozenset[str]], Task] = {}
     for task in every:
-        if task.code not in LEFT_OUT and (not words or any(word in label(task) for word in words)):
+        if task.code in LEFT_OUT or (task.inline and task.code in written):
+            continue
+        if not words or any(word in label(task) for word in words):
             chosen.setdefault((task.code, task.needs), task)  # once, wherever else it is said
     groups: dict[frozenset[str], list[Task]] = defaultdict(list)
     for task in chosen.values():
