@@ -1,8 +1,8 @@
 """Checks the crates of Cargo.lock against deny.toml: licences, duplicates, sources, and yanked versions.
 
-cargo-deny does the same and knows security advisories too, but compiling it takes longer than all other checks
-together, and its advisories come from a server that not every machine reaches. So it runs in the release
-workflow, where it is ready-made, and this script runs in every check. Both read deny.toml.
+cargo-deny does the same and knows security advisories too, but compiling it takes longer than all other
+checks together, and its advisories come from a server that not every machine reaches. So it runs in the
+release workflow, where it is ready-made, and this script runs in every check. Both read deny.toml.
 """
 
 from __future__ import annotations
@@ -110,6 +110,7 @@ def yanked(packages: list[dict[str, Any]], lock: Path) -> list[str] | None:
 
 
 def main() -> int:
+    """Print what is wrong; 1 if anything is."""
     command = ["cargo", "metadata", "--locked", "--format-version=1"]
     told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     packages = json.loads(told)["packages"]

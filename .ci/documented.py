@@ -1,14 +1,14 @@
 """Runs every command and every Python block of README.md and docs/, each with what its page says to install.
 
     python .ci/documented.py            all of them
-    python .ci/documented.py WORD...    those whose place or text contains a word, for instance README or tutorials
+    python .ci/documented.py WORD...    those whose place or text contains a word, such as README or tutorials
 
 What has to be installed is read where a reader reads it. A shell line `pip install ".[extra]" && …` names it
-itself. For everything else it is what the page has said before: `pip install …` between the last heading and a
-block, anywhere above in a tutorial, whose cells are one program, and in the same paragraph for what stands between
-backticks. Each set of packages gets a virtual
-environment of its own, with the wheel that is built once, and nothing else. Shell commands run in a copy of the
-repository, Python in an empty folder. What would run until somebody ends it is ended when it is ready.
+itself. For everything else it is what the page has said: `pip install …` between the last heading and a
+block, anywhere above in a tutorial, whose cells are one program, and in the same paragraph for a command
+between backticks. Each set of packages gets a virtual environment of its own, with the wheel that is built once, and
+nothing else. Shell commands run in a copy of the repository, Python in an empty folder. What would run until
+somebody ends it is ended when it is ready.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}")  # what
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
 # What takes long, and the same in short.
 SHORTER = {
-    "cargo bench && python benches/table.py": "cargo bench --locked --bench closed_loop --bench operators -- --quick"
-    " && python benches/table.py",
+    "cargo bench && python benches/table.py": "cargo bench --locked --bench closed_loop --bench operators"
+    " -- --quick && python benches/table.py",
     "cargo bench --bench closed_loop": "cargo bench --locked --bench closed_loop -- --test",
     "cargo bench --bench single_steps": "cargo bench --locked --bench single_steps -- --test",
     "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
@@ -57,7 +57,8 @@ LEFT_OUT = {
     ".ci/check": "runs this script's neighbours, and ran before it",
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
-    "python docs/evaluate.py": "runs the tuned parameters too, in a quarter of an hour at the least",
+    "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
+    "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
     "python -m timeit": "names the command; the next line of its table is run",
 }
@@ -102,6 +103,7 @@ def tasks(page: Path) -> Iterator[Task]:
             for i, command in enumerate(block["code"].splitlines()):
                 if command.strip() and not command.startswith("#"):
                     yield from line_of_shell(f"{name}:{line + i}", command, above)
+                    above |= packages(command)
         elif language == "python":
             yield Task(f"{name}:{line}", block["code"], False, above)
         elif language in PYTHON:
@@ -238,11 +240,13 @@ def run_all(
 
 
 def label(task: Task) -> str:
+    """Name a task by its place and text."""
     what = task.code if task.shell else "Python"
     return f"{task.place}: {what}" + (f"  [{', '.join(sorted(task.needs))}]" if task.needs else "")
 
 
 def main(words: list[str]) -> int:
+    """Run what the words choose; 1 if anything failed."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # also where it was started in the background
     pages = [
         ROOT / "README.md",

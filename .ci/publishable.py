@@ -2,9 +2,9 @@
 
     python .ci/publishable.py https://HOST/OWNER/NAME TAG
 
-The repository does not know where it is kept: its README's links and pictures are relative, and its metadata names
-no address. A package index shows the README elsewhere. The release workflow therefore calls this script before it
-builds; it makes the links and pictures absolute, as of the tag, and writes `[project.urls]`.
+The repository does not know where it is kept: the links and pictures of its README are relative, and its
+metadata names no address. A package index shows the README elsewhere. The release workflow therefore calls
+this script before it builds: links and pictures become absolute, as of the tag; `[project.urls]` is added.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ def addressed(pyproject: str, repository: str, tag: str) -> str:
 
 
 def main(repository: str, tag: str) -> None:
+    """Rewrite both files in place."""
     for name, change in {"README.md": absolute, "pyproject.toml": addressed}.items():
         file = ROOT / name
         file.write_text(
