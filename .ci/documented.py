@@ -6,9 +6,9 @@
 What has to be installed is read where a reader reads it. A shell line `pip install ".[extra]" && …` names it
 itself. For everything else it is what the page has said: `pip install …` between the last heading and a
 block, anywhere above in a tutorial, whose cells are one program, and in the same paragraph for a command
-between backticks. Each set of packages gets a virtual environment of its own, with the wheel that is built once, and
-nothing else. Shell commands run in a copy of the repository, Python in an empty folder. What would run until
-somebody ends it is ended when it is ready.
+between backticks. Each set of packages gets a virtual environment of its own, with the wheel that is built
+once, and nothing else. Shell commands run in a copy of the repository, Python in an empty folder. What would
+run until somebody ends it is ended when it is ready.
 """
 
 from __future__ import annotations
