@@ -372,7 +372,7 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
     ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    wait_for(lambda: process.poll() is not None or processor_time(process.pid) > 3.0, "the run")
+    wait_for(lambda: process.poll() is not None or processor_time(process.pid) > 1.5, "the run")
     assert process.poll() is None, process.communicate()
     sent = processor_time(process.pid)
     os.kill(process.pid, signal.SIGINT)
