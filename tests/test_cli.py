@@ -349,6 +349,7 @@ def test_json_of_the_other_commands(tmp_path: Path) -> None:
     assert "missing.toml" in judged[1]["error"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
     """SIGINT ends a run of hours at once, with code 130, a report, and the partial result saved.
 
