@@ -4,11 +4,11 @@
     python .ci/documented.py WORD...    those whose place or text contains a word, such as README or tutorials
 
 What has to be installed is read where a reader reads it. A shell line `pip install ".[extra]" && …` names it
-itself. For everything else it is what the page has said: `pip install …` between the last heading and a
-block, anywhere above in a tutorial, whose cells are one program, and in the same paragraph for a command
-between backticks. Each set of packages gets a virtual environment of its own, with the wheel that is built
-once, and nothing else. Shell commands run in a copy of the repository, Python in an empty folder. What would
-run until somebody ends it is ended when it is ready.
+itself. For everything else it is what the page has said: `pip install …` above a block, in README since the
+last heading, and in the same paragraph for a command between backticks. The cells of a tutorial are one
+program. Each set of packages gets a virtual environment of its own, with the wheel that is built once, and
+nothing else. Shell commands run in a copy of the repository, Python in an empty folder. What would run until
+somebody ends it is ended when it is ready.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}")  # what is there to be read
 
-# What ends when somebody ends it, and what it prints when it is ready.
+# What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
+ELSEWHERE = ("ssh ",)  # needs another machine
 # What takes long, and the same in short.
 SHORTER = {
     "cargo bench && python benches/table.py": "cargo bench --locked --bench closed_loop --bench operators"
@@ -97,8 +98,8 @@ def tasks(page: Path) -> Iterator[Task]:
     for block in FENCE.finditer(text):
         line = text.count("\n", 0, block.start("code")) + 1
         language = block["language"].strip()
-        heading = max(text.rfind("\n# ", 0, block.start()), text.rfind("\n## ", 0, block.start()), 0)
-        above = frozenset(packages(text[heading : block.start()]))
+        heading = max(text.rfind("\n## ", 0, block.start()), 0) if page.name == "README.md" else 0
+        above = packages(text[heading : block.start()])
         if language in SHELL:
             for i, command in enumerate(block["code"].splitlines()):
                 if command.strip() and not command.startswith("#"):
@@ -188,7 +189,8 @@ def run(task: Task, variables: dict[str, str], folder: Path) -> str | None:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-        problem = wait(process, written, UNTIL_STOPPED.get(task.code))
+        ready = (told for begin, told in UNTIL_STOPPED.items() if task.code.startswith(begin))
+        problem = wait(process, written, next(ready, None))
     return f"{problem}\n{written.read_text(encoding='utf-8')[-4000:]}" if problem else None
 
 
@@ -258,7 +260,7 @@ def main(words: list[str]) -> int:
     written = {task.code for task in every if task.shell and not task.inline}  # in a block of its own
     chosen: dict[tuple[str, frozenset[str]], Task] = {}
     for task in every:
-        if task.code in LEFT_OUT or (task.inline and task.code in written):
+        if task.code in LEFT_OUT or task.code.startswith(ELSEWHERE) or (task.inline and task.code in written):
             continue
         if not words or any(word in label(task) for word in words):
             chosen.setdefault((task.code, task.needs), task)  # once, wherever else it is said

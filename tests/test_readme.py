@@ -108,18 +108,18 @@ def test_what_a_page_installs(
 ) -> None:
     """Every command with what the page says before it, and nothing else."""
     monkeypatch.setattr(documented, "ROOT", tmp_path)
-    page = tmp_path / "page.md"
+    page = tmp_path / "README.md"
     page.write_text(PAGE, encoding="utf-8")
     found = [(task.place, task.code.strip(), set(task.needs)) for task in documented.tasks(page)]
     assert found == [
-        ("page.md:6", "vffnull report sweep-through run.html", {".[io]", ".[report]"}),
-        ("page.md:7", "vffnull run paper-1", {".[gym]", ".[io]", ".[report]"}),
-        ("page.md:19", "import pinocchio", {"pin"}),
-        ("page.md:3", "vffnull list", {".[gym]"}),
-        ("page.md:3", "python benches/gym.py", {".[gym]"}),
+        ("README.md:6", "vffnull report sweep-through run.html", {".[io]", ".[report]"}),
+        ("README.md:7", "vffnull run paper-1", {".[gym]", ".[io]", ".[report]"}),
+        ("README.md:19", "import pinocchio", {"pin"}),
+        ("README.md:3", "vffnull list", {".[gym]"}),
+        ("README.md:3", "python benches/gym.py", {".[gym]"}),
     ]
     page.write_text("# Page\n\n```bash\nvffnull list\n```\n", encoding="utf-8")
-    with pytest.raises(SystemExit, match=r"page\.md:4: what is a block of `bash`\?"):
+    with pytest.raises(SystemExit, match=r"README\.md:4: what is a block of `bash`\?"):
         list(documented.tasks(page))
 
 
