@@ -257,10 +257,13 @@ def main(words: list[str]) -> int:
     ]
     every = [task for page in pages for task in tasks(page)]
     stale = [each for each in (*SHORTER, *LEFT_OUT) if each not in {task.code for task in every}]
-    written = {task.code for task in every if task.shell and not task.inline}  # in a block of its own
+    # A mention of what has a block of its own, perhaps with a file of the reader's.
+    written = tuple(task.code for task in every if task.shell and not task.inline)
     chosen: dict[tuple[str, frozenset[str]], Task] = {}
     for task in every:
-        if task.code in LEFT_OUT or task.code.startswith(ELSEWHERE) or (task.inline and task.code in written):
+        if task.code in LEFT_OUT or task.code.startswith(ELSEWHERE):
+            continue
+        if task.inline and task.code.startswith(written):
             continue
         if not words or any(word in label(task) for word in words):
             chosen.setdefault((task.code, task.needs), task)  # once, wherever else it is said
