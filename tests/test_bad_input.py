@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 import vffnull as vff
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning, VffNullError
+from waiting import HANG
 
 NAN, INF = math.nan, math.inf
 
@@ -439,7 +440,7 @@ for call in (lambda: vff.Simulation(loop), lambda: vff.Controller(vff.Arm.unifor
     except vff.VffNullError as error:
         print(type(error).__name__)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0, f"exit {done.returncode}: {done.stderr[-300:]}"
     assert len(done.stdout.split()) == 4
 

@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import vffnull as vff
 from vffnull.gym import ReachEnv, ReachVectorEnv
+from waiting import HANG
 
 NAME = "vffnull.gym:vffnull/Reach-v0"
 POSE: dict[str, Any] = {
@@ -212,9 +213,9 @@ def test_a_forked_process_goes_on() -> None:
     here, there = multiprocessing.Pipe()
     child = multiprocessing.get_context("fork").Process(target=_step, args=(envs, there))
     child.start()
-    assert here.poll(30)
+    assert here.poll(HANG)
     np.testing.assert_array_equal(here.recv(), envs.step(np.zeros((4, 6)))[1])
-    child.join(30)
+    child.join(HANG)
     assert child.exitcode == 0
 
 
@@ -268,5 +269,5 @@ def test_without_gymnasium_the_extra_is_named() -> None:
         "try: import vffnull.gym\n"
         "except ImportError as error: print(error)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     assert "vffnull[gym]" in done.stdout, done.stdout + done.stderr

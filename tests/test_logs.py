@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import json
 import os
 import signal
@@ -20,6 +21,7 @@ from vffnull import _record
 from vffnull._record import QUANTITIES, Quantity, recorded
 from vffnull.errors import InputError
 from vffnull.result import Metrics
+from waiting import HANG, wait_for
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
 
@@ -199,7 +201,7 @@ def test_missing_extras_are_named() -> None:
         "    try: call()\n"
         "    except ImportError as error: print(error)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     named = [line.split("vffnull[")[1].split("]")[0] for line in done.stdout.splitlines()]
     assert named == ["io", "mcap", "rerun", "report", "video", "io", "io"], done.stderr
 
@@ -229,12 +231,14 @@ def test_stream_recorder(tmp_path: Path) -> None:
 
 
 def test_a_killed_recording_loses_less_than_a_second(tmp_path: Path) -> None:
-    """SIGKILL gives the process no chance to write anything; yet what it recorded a second before is there.
+    """SIGKILL gives the process no chance to write anything; yet what it recorded before is there.
 
-    The process says how far it has come and then rests for a second, so that a busy machine changes nothing.
+    Rows reach the file on their own, every `interval`: the process writes 2000 and then does nothing. When
+    they are there, it goes on writing and is killed.
     """
+    assert inspect.signature(vff.StreamRecorder).parameters["interval"].default < 1.0
     code = """
-import sys, time
+import sys
 import vffnull as vff
 scenario = vff.Scenario.load("sweep-through")
 simulation = vff.Simulation(scenario)
@@ -242,16 +246,20 @@ recorder = vff.StreamRecorder(sys.argv[1], scenario)
 for _ in range(2000):
     state = simulation.step()
     recorder.write(state)
-time.sleep(1.0)
 print(repr(state.t), flush=True)
+sys.stdin.readline()
 while True:
     recorder.write(simulation.step() if not simulation.done else simulation.state)
 """
     path = tmp_path / "run.arrows"
     command = [sys.executable, "-c", code, str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdin is not None and process.stdout is not None
         reached = float(process.stdout.readline())
+        wait_for(lambda: len(vff.StreamRecorder.read(path)) >= 2000, "the writing of the rows")
+        process.stdin.write("\n")
+        process.stdin.flush()
         os.kill(process.pid, signal.SIGKILL)
     assert process.returncode == -signal.SIGKILL
     table = vff.StreamRecorder.read(path)
