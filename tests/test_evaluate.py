@@ -15,6 +15,7 @@ import pytest
 import vffnull as vff
 from vffnull import evaluation, scenes
 from vffnull.errors import InputError, InputTypeError
+from vffnull.evaluation import run
 
 PAIR = ("no avoidance", "cbf")
 
@@ -83,9 +84,9 @@ def test_a_row_says_what_the_run_was(outcome: vff.Evaluation) -> None:
 
 def test_recovery_is_when_the_tip_is_back_for_good() -> None:
     t = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    assert evaluation._recovery(t, np.array([0.1, 0.0, 0.1, 0.005, 0.0])) == 3.0
-    assert evaluation._recovery(t, np.zeros(5)) == 0.0
-    assert math.isnan(evaluation._recovery(t, np.full(5, 0.02)))
+    assert run._recovery(t, np.array([0.1, 0.0, 0.1, 0.005, 0.0])) == 3.0
+    assert run._recovery(t, np.zeros(5)) == 0.0
+    assert math.isnan(run._recovery(t, np.full(5, 0.02)))
 
 
 def test_avoidance_decides(outcome: vff.Evaluation) -> None:

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vffnull as vff
-from vffnull import _feasibility as planner
 from vffnull import scenes
 from vffnull.errors import InputError, InputTypeError
+from vffnull.evaluation import planner
 
 SIZES = (4, 6, 9)
 some_scene = st.tuples(st.sampled_from(scenes.FAMILIES), st.integers(3, 12), st.integers(0, 1_999_999))

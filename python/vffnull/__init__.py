@@ -31,20 +31,20 @@ from vffnull._core import (
     distances,
 )
 from vffnull._many import metrics_table, simulate_many
+from vffnull._realtime import Histogram, RealTimeReport, realtime
 from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
-from vffnull.real_time import Histogram, RealTimeReport, realtime
 from vffnull.report import compare
-from vffnull.result import Metrics, Result, Status
+from vffnull.result import Film, Metrics, Result, Status, report
 from vffnull.scenario import Scenario, scenarios
 from vffnull.viewer import live
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
     from vffnull import scenes
-    from vffnull._feasibility import feasibility
     from vffnull.evaluation import Evaluation, evaluate
+    from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "Evaluation",
     "ExtendedJacobian",
     "Field",
+    "Film",
     "Histogram",
     "Metrics",
     "Motion",
@@ -80,6 +81,7 @@ __all__ = [
     "live",
     "metrics_table",
     "realtime",
+    "report",
     "scenarios",
     "scenes",
     "simulate",
@@ -92,7 +94,7 @@ _LATER = {
     "StreamRecorder": "vffnull.logs.stream",
     "Evaluation": "vffnull.evaluation",
     "evaluate": "vffnull.evaluation",
-    "feasibility": "vffnull._feasibility",
+    "feasibility": "vffnull.evaluation.planner",
 }
 
 
@@ -105,3 +107,8 @@ def __getattr__(name: str) -> Any:
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The public names, and nothing else."""
+    return sorted(__all__)

@@ -6,15 +6,15 @@ import copy
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from vffnull import _core
+from vffnull import _core, _progress
 from vffnull._document import Document, plain
-from vffnull._simulate import changed, check_overrides, check_progress, document_of, result_of
+from vffnull._progress import Counter, counted
+from vffnull._simulate import result_of
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
 from vffnull.result import Result
-from vffnull.scenario import Scenario, ScenarioLike
+from vffnull.scenario import Scenario, ScenarioLike, changed, check_overrides, document_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["metrics_table", "simulate_many"]
 
-Progress = Callable[[int, int], None]
 _Overrides = Mapping[str, Any]
 
 
@@ -31,7 +30,7 @@ def simulate_many(
     overrides: _Overrides | Iterable[_Overrides] | None = None,
     threads: int | None = None,
     record: bool = True,
-    progress: bool | Progress | None = None,
+    progress: bool | Counter | None = None,
 ) -> list[Result]:
     """Run many scenarios on all cores.
 
@@ -84,7 +83,7 @@ def simulate_many(
     >>> [str(result.status) for result in results]
     ['collided', 'completed', 'completed']
     """
-    check_progress(progress)
+    _progress.check(progress)
     if not isinstance(record, bool):
         raise InputTypeError(f"record: expected True or False, not a {type(record).__name__}")
     if isinstance(threads, bool) or not (threads is None or hasattr(threads, "__index__")):
@@ -92,7 +91,7 @@ def simulate_many(
     if threads is not None and not 1 <= threads <= _MOST_THREADS:
         raise InputError(f"threads: must be from 1 to {_MOST_THREADS}, got {threads}")
     name, documents = _documents(scenarios, overrides)
-    with _report(progress, len(documents)) as report:
+    with counted(progress, len(documents)) as report:
         outcomes = _core.run_many(documents, name, threads, record, report)
     pairs = zip(documents, outcomes, strict=True)
     results = [result_of(Scenario._of(document), outcome) for document, outcome in pairs]
@@ -138,17 +137,6 @@ def _placed(name: str, i: int, given: Any, make: Callable[[Any], Document]) -> D
         raise ScenarioError(f"{name}[{i}]: {error}", path) from None
     except (InputError, InputTypeError) as error:
         raise type(error)(f"{name}[{i}]: {error}") from None
-
-
-@contextmanager
-def _report(progress: bool | Progress | None, total: int) -> Iterator[Progress | None]:
-    if progress is not True:
-        yield progress or None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=total, unit=" runs", leave=False) as bar:
-        yield lambda finished, _total: bar.update(finished - bar.n)
 
 
 def _oddities(name: str, results: Iterable[Result]) -> Iterator[str]:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
+from vffnull._files import replacing
 from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Scenario", "ScenarioLike", "read", "scenarios"]
+__all__ = ["Scenario", "ScenarioLike", "changed", "document_of", "prepare", "read", "scenarios"]
 
 _BUNDLED = Path(__file__).with_name("scenarios")
 
@@ -211,7 +212,8 @@ class Scenario:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the scenario to a TOML file."""
-        Path(path).write_text(str(self), encoding="utf-8")
+        with replacing(Path(path)) as draft:
+            draft.write_text(str(self), encoding="utf-8")
 
     def __getitem__(self, name: str) -> Any:
         """The value of a key, by its dotted name; a copy."""
@@ -282,3 +284,34 @@ def read(source: str | os.PathLike[str]) -> str:
         f"no scenario called {name!r}{hint}; bundled are {', '.join(bundled)}; "
         "the path of a file ends in .toml"
     )
+
+
+def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """The scenario that is meant, with the overrides applied before anything is checked."""
+    check_overrides(overrides)
+    if isinstance(scenario, Scenario) and not overrides:
+        return scenario
+    return Scenario.from_dict(changed(document_of(scenario), overrides))
+
+
+def check_overrides(overrides: object) -> None:
+    """Refuse what is not a dictionary."""
+    if overrides is not None and not isinstance(overrides, Mapping):
+        raise InputTypeError(f"overrides: expected a dict of dotted names, not a {type(overrides).__name__}")
+
+
+def document_of(scenario: ScenarioLike) -> Document:
+    """The document of what is meant, unchecked, as a copy of its own."""
+    if isinstance(scenario, Scenario):
+        return scenario.to_dict()
+    if isinstance(scenario, Mapping):
+        document: Document = plain(scenario)
+        return document
+    return _core.parse_toml(read(scenario), str(scenario))
+
+
+def changed(document: Document, overrides: Mapping[str, Any] | None) -> Document:
+    """The document itself, with other values for some keys."""
+    for name, value in (overrides or {}).items():
+        put(document, name, value)
+    return document

@@ -13,7 +13,6 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
-from vffnull._simulate import prepare
 from vffnull.cli import results
 from vffnull.cli.common import (
     FINE,
@@ -32,7 +31,7 @@ from vffnull.cli.realtime import realtime
 from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import check_path
 from vffnull.result import Result, Status
-from vffnull.scenario import read, scenarios
+from vffnull.scenario import prepare, read, scenarios
 
 __all__ = ["main"]
 

@@ -11,13 +11,12 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from vffnull import _core
-from vffnull._simulate import prepare, progress_bar
+from vffnull import _core, _progress
 from vffnull._simulate import run as run_scenario
 from vffnull.errors import ScenarioError
 from vffnull.logs import READABLE
 from vffnull.result import Result, Status
-from vffnull.scenario import Scenario, scenarios
+from vffnull.scenario import Scenario, prepare, scenarios
 
 FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
 
@@ -67,7 +66,7 @@ def run_with_bar(ready: Scenario, quiet: bool) -> Result:
     if quiet or not sys.stderr.isatty():
         result = run_scenario(ready)
     else:
-        with progress_bar(ready.duration, delay=1.0) as report:
+        with _progress.bar(ready.duration, delay=1.0) as report:
             result = run_scenario(ready, report)
     for message in result.warnings:
         say(f"warning: {message}", "yellow")

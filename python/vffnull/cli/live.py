@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from vffnull._simulate import prepare
 from vffnull.cli.common import INTERRUPTED, assigned, complete_scenario, set_option
+from vffnull.scenario import prepare
 from vffnull.viewer import live as open_page
 
 __all__ = ["live"]

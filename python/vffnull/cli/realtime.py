@@ -9,11 +9,11 @@ from pathlib import Path
 import click
 
 from vffnull import _core
-from vffnull._simulate import prepare
+from vffnull._realtime import FIGURE_ENDINGS, RealTimeReport, measure
 from vffnull.cli.common import FAILED, FINE, INTERRUPTED, assigned, complete_scenario, say, set_option
 from vffnull.errors import InputError
-from vffnull.real_time import FIGURE_ENDINGS, RealTimeReport, measure
 from vffnull.result import Status
+from vffnull.scenario import prepare
 
 __all__ = ["realtime"]
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _record
-from vffnull.logs import extra, header
+from vffnull._extras import extra
+from vffnull.logs import header
 
 if TYPE_CHECKING:
     from vffnull.result import Result

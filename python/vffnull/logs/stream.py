@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vffnull import _core, _record
+from vffnull._extras import extra
 from vffnull.errors import InputError
-from vffnull.logs import arrow, extra
+from vffnull.logs import arrow
 
 if TYPE_CHECKING:
     import pyarrow

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
+from vffnull._timing import FIGURE_ENDINGS
 from vffnull.errors import InputError
 from vffnull.plotting import style
-from vffnull.real_time import FIGURE_ENDINGS
 
 if TYPE_CHECKING:
-    from vffnull.real_time import Histogram, RealTimeReport
+    from vffnull._timing import Histogram, Timing
 
 __all__ = ["draw", "save"]
 
@@ -26,13 +26,13 @@ SHORTEST = 1e-8
 """Shorter times [s] are no longer than reading the clock; they count as this."""
 
 
-def draw(report: RealTimeReport) -> Figure:
+def draw(report: Timing) -> Figure:
     """Wake-up, step and response, each over the same logarithmic time."""
     with style.look():
         return _figure(report)
 
 
-def save(report: RealTimeReport, path: Path) -> Path:
+def save(report: Timing, path: Path) -> Path:
     """Draw it into a file."""
     if path.suffix not in FIGURE_ENDINGS:
         raise InputError(f"{path}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
@@ -41,7 +41,7 @@ def save(report: RealTimeReport, path: Path) -> Path:
     return path
 
 
-def _figure(report: RealTimeReport) -> Figure:
+def _figure(report: Timing) -> Figure:
     parts = {
         "wake-up, late by": report.latency,
         "step, takes": report.step,

@@ -1,4 +1,4 @@
-"""Whether a scene can be survived at all: a planner that knows the future and no controller.
+"""Whether a collision-free motion exists in a scene: a planner that knows the future and no controller.
 
 The rule, fixed before any controller was run on random scenes:
 
