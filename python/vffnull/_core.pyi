@@ -391,7 +391,7 @@ class Terms:
     def power(self) -> _Array:
         """Powers as named in `PORTS`, (6,) [W]."""
     @property
-    def granted(self) -> _Array:
+    def objective_scale(self) -> _Array:
         """What the limits let through of each of `OBJECTIVES`, (6,), from 0 to 1."""
     @property
     def tank(self) -> float | None:

@@ -180,7 +180,7 @@ class Outcome:
     energy: Array
     power: Array
     manipulability: Array
-    granted: Array | None = None
+    objective_scale: Array | None = None
     self_clearance: Array | None = None
     tank: Array | None = None
     slack: Array | None = None

@@ -43,7 +43,7 @@ QUANTITIES: dict[str, Quantity] = {
     "energy": Quantity("J", "energy of the arm", ("store",)),
     "power": Quantity("W", "power of the motors and into the null space", ("port",)),
     "manipulability": Quantity("m²", "manipulability", ()),
-    "granted": Quantity("", "share that the limits let through", ("objective",), optional=True),
+    "objective_scale": Quantity("", "share that the limits let through", ("objective",), optional=True),
     "self_clearance": Quantity("m", "distance of the nearest two links", (), optional=True),
     "tank": Quantity("J", "energy in the tank", (), optional=True),
     "slack": Quantity("m/s²", "breach of the barriers", (), optional=True),

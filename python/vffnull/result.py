@@ -77,7 +77,7 @@ class Result(Outcome):
         Powers [W] as named in `vffnull.PORTS`: of the motors, and into the storage of the null space.
     manipulability : (T,) ndarray
         √det(J Jᵀ) [m²], 0 in a singularity.
-    granted : (T, 6) ndarray or None
+    objective_scale : (T, 6) ndarray or None
         What the limits let through of each of `vffnull.OBJECTIVES`, from 0 to 1; None without limits.
     self_clearance : (T,) ndarray or None
         Signed distance [m] of the nearest two links that share no joint; None where it is not measured.

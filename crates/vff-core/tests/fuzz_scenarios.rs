@@ -326,7 +326,7 @@ fn run(scenario: &Scenario) -> Option<Outcome> {
 }
 
 /// What must hold of every outcome.
-fn judge(outcome: &Outcome) {
+fn validate(outcome: &Outcome) {
     let record = &outcome.record;
     let arrays = [
         ("t", &record.t),
@@ -412,7 +412,7 @@ proptest! {
     #[test]
     fn mutated_scenarios_run_or_are_refused(text in mutated()) {
         if let Some(outcome) = Scenario::from_toml(&text).ok().and_then(|scenario| run(&scenario)) {
-            judge(&outcome);
+            validate(&outcome);
         }
     }
 }
@@ -634,7 +634,7 @@ proptest! {
     fn valid_scenarios_run(text in valid()) {
         let scenario = Scenario::from_toml(&text).map_err(|error| TestCaseError::fail(error.to_string()))?;
         let outcome = run(&scenario).ok_or_else(|| TestCaseError::fail("refused"))?;
-        judge(&outcome);
+        validate(&outcome);
         let rows = 50 / scenario.simulation.record_every + 1;
         prop_assert!(outcome.record.rows == rows || outcome.status == Status::Diverged);
         let again = run(&scenario).unwrap();
@@ -653,7 +653,7 @@ fn refused_or_sane(seed: &str, line: &str, by: &str) {
     assert_eq!(seed.matches(line).count(), 1, "{line}");
     let scenario = Scenario::from_toml(&seed.replace(line, by));
     if let Some(outcome) = scenario.ok().and_then(|scenario| run(&scenario)) {
-        judge(&outcome);
+        validate(&outcome);
     }
 }
 
@@ -662,7 +662,7 @@ fn refused_or_sane(seed: &str, line: &str, by: &str) {
 fn seeds_are_valid() {
     for seed in SEEDS {
         let outcome = run(&Scenario::from_toml(seed).unwrap()).unwrap();
-        judge(&outcome);
+        validate(&outcome);
         assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
     }
 }

@@ -1,7 +1,7 @@
-//! The reference that a governor makes wait, as the closed loop hands it to the law.
+//! The reference that a governor makes wait, as the closed loop drags it to the law.
 
-use vff_core::scenario::{AnyRun, Scenario};
 use vff_core::trajectory::{GovernorSettings, Sample};
+use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 /// One reference per plant step of `on-path`, where the tip has to go around a disc.
 fn references(control: &str, control_every: usize) -> Vec<Sample<2>> {

@@ -5,9 +5,9 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
+use vff_core::runtime::live::{Live, State};
+use vff_core::runtime::real_time::RealTime;
 use vff_core::scenario::Scenario;
-use vff_core::scenario::live::{Live, State};
-use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
 use vff_core::trajectory::GovernorSettings;
 use vff_core::world::{Motion, Obstacle, Shape};
@@ -256,13 +256,13 @@ fn no_beat_of_a_live_loop_allocates() {
         let mut live = Live::new(&scenario("position", reference, simulation, "dynamic")).unwrap();
         live.record(true).unwrap();
         live.carry(0, [2.0, 2.0]).unwrap();
-        live.beat();
+        live.tick();
         let count = allocations(|| {
             for k in 0..100 {
                 let way = 0.01 * f64::from(k);
                 live.carry(0, [2.0 + way, 2.0 - way]).unwrap();
                 live.aim([3.5 - way, 1.5]);
-                (0..20).for_each(|_| live.beat());
+                (0..20).for_each(|_| live.tick());
             }
         });
         assert_eq!(count, 0, "{simulation}");

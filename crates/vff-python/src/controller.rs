@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use std::mem::replace;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use vff_core::control::energy::{ENERGIES, PORTS};
-use vff_core::control::{self, Gains, Granted, Settings, Tank, TaskKind};
+use vff_core::control::{self, Gains, ObjectiveScale, Settings, Tank, TaskKind};
 use vff_core::math::Vector;
 use vff_core::robot::PlanarState;
 use vff_core::scenario;
@@ -265,7 +265,7 @@ impl Controller {
             projector: law.null_projector(),
             energy: law.energy().values(),
             power: law.power(&law.torque().total).values(),
-            granted: *law.granted(),
+            objective_scale: *law.objective_scale(),
             tank: law.tank().map(Tank::level),
             self_clearance: law.forces().self_clearance(),
             manipulability: law.manipulability(),
@@ -313,7 +313,7 @@ pub struct Terms {
     projector: nalgebra::DMatrix<f64>,
     energy: [f64; ENERGIES.len()],
     power: [f64; PORTS.len()],
-    granted: Granted,
+    objective_scale: ObjectiveScale,
     tank: Option<f64>,
     self_clearance: f64,
     manipulability: f64,
@@ -364,8 +364,8 @@ impl Terms {
     }
 
     #[getter]
-    fn granted<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.granted)
+    fn objective_scale<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.objective_scale)
     }
 
     #[getter]

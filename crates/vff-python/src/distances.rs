@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use vff_core::control::distance::DistanceRate;
 use vff_core::robot::Robot;
-use vff_core::world::Surroundings;
+use vff_core::world::CollisionQuery;
 
 type Indices = Py<PyArray1<i64>>;
 type Values = Py<PyArrayDyn<f64>>;

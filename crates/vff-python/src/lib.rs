@@ -28,7 +28,7 @@ mod _core {
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
-    use crate::run::{check, format_toml, judge_feasibility, parse_toml, run, run_many, schema};
+    use crate::run::{assess_feasibility, check, format_toml, parse_toml, run, run_many, schema};
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! `Live`: a scenario that runs against the wall clock on a thread of its own, in people's hands.
+//! `Live`: a scenario that runs against the wall clock on a thread of its own, under people's hands.
 
 use crate::convert::{array1, array2, document, named_document, read_vector};
 use crate::errors::{self, InputError};
@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use vff_core::scenario::live::{self, State};
+use vff_core::runtime::live::{self, State};
 use vff_core::scenario::{self, Scenario};
 use vff_core::simulation::RecordTooLarge;
 
@@ -123,7 +123,7 @@ impl Live {
     /// The present instant.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let mut live = self.lock();
-        let (pulse, min_clearance) = (live.pulse(), live.min_clearance());
+        let (stats, min_clearance) = (live.stats(), live.min_clearance());
         let (status, message) = match live.state() {
             State::Running => ("running", ""),
             State::Paused => ("paused", ""),
@@ -133,10 +133,10 @@ impl Live {
         let state = PyDict::new(py);
         state.set_item("status", status)?;
         state.set_item("message", message)?;
-        state.set_item("rate", pulse.rate)?;
-        state.set_item("periods", pulse.periods)?;
-        state.set_item("missed", pulse.missed)?;
-        state.set_item("worst", pulse.worst)?;
+        state.set_item("rate", stats.rate)?;
+        state.set_item("periods", stats.periods)?;
+        state.set_item("missed", stats.missed)?;
+        state.set_item("worst", stats.worst)?;
         state.set_item("min_clearance", min_clearance)?;
         state.set_item("recording", live.is_recording())?;
         let pushes = live.pushes();

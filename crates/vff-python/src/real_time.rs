@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
 use std::{panic, thread};
-use vff_core::scenario::real_time::{RealTime, Report};
+use vff_core::runtime::real_time::{RealTime, Report};
 use vff_core::scenario::{Scenario, ScenarioError};
 
 /// Runs a scenario against the clock, the GIL released. Ctrl-C ends it with what there is.

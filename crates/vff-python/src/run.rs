@@ -1,4 +1,4 @@
-//! Whole runs and the judgement of documents.
+//! Whole runs and the validation of documents.
 #![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
 use crate::convert::{array2, document, named_document, table_to_dict, wrong_type};
@@ -13,9 +13,13 @@ use std::thread::available_parallelism;
 use std::time::Instant;
 use vff_core::control::energy::{ENERGIES, PORTS};
 use vff_core::control::limits::OBJECTIVES;
-use vff_core::scenario::batch::{Batch, BatchError, Rollout};
-use vff_core::scenario::{self, Part, Scenario, feasibility};
+use vff_core::runtime::batch::{Batch, BatchError, Rollout};
 use vff_core::simulation::{Record, Value};
+use vff_core::{
+    planning::feasibility,
+    runtime,
+    scenario::{self, Part, Scenario},
+};
 
 /// Runs a scenario, the GIL released. Ctrl-C ends it with what there is.
 #[pyfunction]
@@ -85,13 +89,13 @@ pub fn run_many<'py>(
 
 /// Whether a scene can be survived, and a motion that does (rows, joints); the GIL released.
 #[pyfunction(name = "feasibility")]
-pub fn judge_feasibility<'py>(
+pub fn assess_feasibility<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = document)] document: toml::Table,
 ) -> PyResult<(&'static str, Option<Bound<'py, PyArray2<f64>>>)> {
     let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
     let (verdict, motion) =
-        py.detach(|| feasibility::judge(&scenario)).map_err(|error| errors::scenario(&error))?;
+        py.detach(|| feasibility::assess(&scenario)).map_err(|error| errors::scenario(&error))?;
     let shape = |motion: &feasibility::Motion| [motion.len(), scenario.q0.len()];
     let motion = motion.map(|motion| array2(py, motion.concat(), shape(&motion))).transpose()?;
     Ok((verdict.name(), motion))
@@ -151,7 +155,7 @@ pub fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
         ("q_measured", r.q_measured, n),
         ("dq_measured", r.dq_measured, n),
         ("tau_applied", r.tau_applied, n),
-        ("granted", r.granted, OBJECTIVES.len()),
+        ("objective_scale", r.objective_scale, OBJECTIVES.len()),
     ];
     for (name, values, columns) in optional {
         let values = Some(values).filter(given);
@@ -181,7 +185,7 @@ pub fn check(
     #[pyo3(from_py_with = document)] document: toml::Table,
 ) -> PyResult<Vec<String>> {
     Part::named(kind)
-        .and_then(|part| scenario::check(part, &document))
+        .and_then(|part| runtime::any::check(part, &document))
         .map_err(|error| errors::scenario(&error))
 }
 

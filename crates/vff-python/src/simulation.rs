@@ -4,8 +4,8 @@ use crate::convert::{array1, array2, document, vector};
 use crate::errors;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use vff_core::scenario::{AnyRun, Scenario};
 use vff_core::simulation::{Snapshot, Status};
+use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 

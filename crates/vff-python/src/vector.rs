@@ -4,9 +4,9 @@ use crate::convert::{array2, document, read_matrix};
 use crate::errors::{self, InputError};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use vff_core::runtime::episode::{INFO, Task};
+use vff_core::runtime::vector::{self, Autoreset, Slot};
 use vff_core::scenario::Scenario;
-use vff_core::scenario::episode::{INFO, Task};
-use vff_core::scenario::vector::{self, Autoreset, Slot};
 
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;

@@ -192,7 +192,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
                     now.energy,
                     power,
                     now.manipulability,
-                    held.granted,
+                    held.objective_scale,
                     now.self_clearance,
                     now.tank,
                     now.slack,
@@ -243,7 +243,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
 
 _ROWS = (
     *("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "force", "clearance"),
-    *("energy", "power", "manipulability", "granted", "self_clearance", "tank", "slack"),
+    *("energy", "power", "manipulability", "objective_scale", "self_clearance", "tank", "slack"),
     *("null_acceleration", "singular"),
 )
 
@@ -253,7 +253,7 @@ def _absent(document: Document) -> set[str]:
     controller, arm = document.get("controller", {}), document["arm"]
     limited = controller.get("enforce_limits", True) and ("torque_limits" in arm or "velocity_limits" in arm)
     return {
-        *(() if limited else ("granted",)),
+        *(() if limited else ("objective_scale",)),
         *(() if controller.get("self_collision", "ignore") != "ignore" else ("self_clearance",)),
         *(() if "tank" in controller else ("tank",)),
         *(() if controller.get("avoidance") == "cbf" else ("slack",)),
@@ -462,8 +462,8 @@ def _metrics(
             found["min_self_clearance"] = float(distance.min())
         if (distance <= 0).any():
             found["self_collision_time"] = float(times[np.argmax(distance <= 0)])
-    if "granted" in record:
-        found["limited_steps"] = int((record["granted"] < 1).any(axis=1).sum())
+    if "objective_scale" in record:
+        found["limited_steps"] = int((record["objective_scale"] < 1).any(axis=1).sum())
     if document.get("controller", {}).get("avoidance", "null_space") != "null_space":
         found["passivity_residual"] = None  # the balance is that of the null-space law
     if "slack" in record:

@@ -1,9 +1,10 @@
 //! How long a torque may be held: the sampled bounds of the null space (T31, T34).
 
-use super::{Gains, OperationalSpace, dot};
+use super::{Gains, OperationalSpace};
 use crate::math::Vector;
+use crate::math::dot;
 use crate::robot::Robot;
-use crate::world::Surroundings;
+use crate::world::CollisionQuery;
 use nalgebra::DMatrix;
 
 /// The largest control period at which the null space is stable, and what sets it.
@@ -23,7 +24,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
     robot: &R,
     space: &OperationalSpace<M>,
     gains: &Gains<M>,
-    surroundings: &mut impl Surroundings<D>,
+    surroundings: &mut impl CollisionQuery<D>,
 ) -> StablePeriod {
     let n = robot.dof();
     let mut springs: Vec<Spring> = vec![];

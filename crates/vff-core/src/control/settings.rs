@@ -3,7 +3,7 @@
 use super::avoidance::Yielding;
 use super::tank::TankSettings;
 use crate::field::Field;
-use crate::math::Broadcast;
+use crate::math::ScalarOrVec;
 use crate::robot::Robot;
 use crate::trajectory::GovernorSettings;
 use nalgebra::SVector;
@@ -89,15 +89,15 @@ pub struct Settings {
     /// What the end effector has to do.
     pub task: TaskKind,
     /// K [1/s²] per axis or for all, ≥ 0.
-    pub stiffness: Broadcast,
+    pub stiffness: ScalarOrVec,
     /// D [1/s] per axis or for all, ≥ 0.
-    pub damping: Broadcast,
+    pub damping: ScalarOrVec,
     /// d [1/s] per joint or for all, ≥ 0: D_q = √d M √d.
-    pub null_damping: Broadcast,
+    pub null_damping: ScalarOrVec,
     /// Preferred configuration q_d [rad] of the posture spring.
     pub posture: Option<Vec<f64>>,
     /// K_v [N·m/rad] of the posture spring per joint or for all, ≥ 0.
-    pub posture_stiffness: Broadcast,
+    pub posture_stiffness: ScalarOrVec,
     /// The virtual force field.
     pub field: Field,
     /// What is done about links that come near each other.
@@ -128,11 +128,11 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             task: TaskKind::Position,
-            stiffness: Broadcast::Uniform(16.0),
-            damping: Broadcast::Uniform(8.0),
-            null_damping: Broadcast::Uniform(2.0),
+            stiffness: ScalarOrVec::Uniform(16.0),
+            damping: ScalarOrVec::Uniform(8.0),
+            null_damping: ScalarOrVec::Uniform(2.0),
             posture: None,
-            posture_stiffness: Broadcast::Uniform(0.0),
+            posture_stiffness: ScalarOrVec::Uniform(0.0),
             field: Field::OFF,
             self_collision: SelfCollision::Ignore,
             joint_limit_field: None,
@@ -159,10 +159,10 @@ pub enum NullDamping {
 }
 
 impl NullDamping {
-    fn new(d: &Broadcast) -> Self {
+    fn new(d: &ScalarOrVec) -> Self {
         match d {
-            Broadcast::Uniform(d) => Self::Uniform(*d),
-            Broadcast::Each(each) => Self::Each(each.iter().map(|d| d.sqrt()).collect()),
+            ScalarOrVec::Uniform(d) => Self::Uniform(*d),
+            ScalarOrVec::Each(each) => Self::Each(each.iter().map(|d| d.sqrt()).collect()),
         }
     }
 

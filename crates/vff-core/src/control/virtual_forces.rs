@@ -1,11 +1,12 @@
 //! The push of the field: forces on the links, their torque, and the power they exchange.
 
 use super::settings::SelfCollision;
-use super::{Gains, OperationalSpace, dot};
+use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
+use crate::math::dot;
 use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
-use crate::world::{Contact, Surroundings};
+use crate::world::{CollisionQuery, Contact};
 use std::ops::Range;
 
 /// What the virtual force field does to every link at one instant.
@@ -97,7 +98,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot: &R,
         space: &OperationalSpace<M>,
         gains: &Gains<M>,
-        surroundings: &mut impl Surroundings<D>,
+        surroundings: &mut impl CollisionQuery<D>,
     ) {
         let field = &gains.field;
         let before = std::mem::take(&mut self.pushed);
@@ -292,7 +293,7 @@ mod tests {
     /// One contact, whatever the links do.
     struct Only(Contact<2>);
 
-    impl Surroundings<2> for Only {
+    impl CollisionQuery<2> for Only {
         fn obstacle_count(&self) -> usize {
             1
         }

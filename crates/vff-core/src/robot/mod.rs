@@ -32,7 +32,7 @@ pub trait Robot<const D: usize> {
     fn update(&mut self, q: &[f64], dq: &[f64]);
     /// Moves to q [rad] as far as [`pose`](Self::pose), [`link`](Self::link) and the columns of J
     /// need it; nothing else means anything until the next [`update`](Self::update).
-    fn place(&mut self, q: &[f64]);
+    fn update_positions(&mut self, q: &[f64]);
     /// The configuration q [rad].
     fn configuration(&self) -> &[f64];
     /// The joint velocity q̇ [rad/s].

@@ -84,7 +84,7 @@ struct Composite {
 impl PlanarArm {
     /// An arm of at least one link. `gravity` is the acceleration of free fall [m/s²].
     ///
-    /// The values are taken as they are; [`crate::scenario`] judges user input.
+    /// The values are taken as they are; [`crate::scenario`] validates user input.
     pub fn new(links: Vec<Link>, gravity: Vector<2>) -> Self {
         let mut distal = 0.0;
         let mut composite: Vec<_> = links
@@ -415,7 +415,7 @@ impl Robot<2> for PlanarState {
         self.factorise();
     }
 
-    fn place(&mut self, q: &[f64]) {
+    fn update_positions(&mut self, q: &[f64]) {
         self.q.copy_from_slice(q);
         let dq = mem::take(&mut self.dq);
         self.kinematics(q, &dq);

@@ -6,11 +6,13 @@ use super::measurement::Measurement;
 use super::perception::Perception;
 use super::plant::{Physics, Plant};
 use super::{Control, Integrator, Options, Snapshot};
-use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits, task};
-use crate::math::{Pursuit, Vector};
+use crate::control::{
+    Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits, task,
+};
+use crate::math::{ThirdOrderFilter, Vector};
 use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
 use crate::trajectory::{Governor, Trajectory};
-use crate::world::{Surroundings, World};
+use crate::world::{CollisionQuery, World};
 use std::iter;
 use std::sync::Arc;
 
@@ -33,9 +35,9 @@ pub struct ClosedLoop<const M: usize> {
     options: Options,
     arm: Arc<PlanarArm>,
     /// Evaluates the law at the present state (and, in continuous mode, in every stage).
-    brain: Brain<M>,
+    stack: ControlStack<M>,
     /// Evaluates it at the predicted state, in predictor mode.
-    foresight: Option<Brain<M>>,
+    foresight: Option<ControlStack<M>>,
     plant: Plant,
     measurement: Option<Measurement>,
     perception: Option<Perception>,
@@ -53,7 +55,7 @@ pub struct ClosedLoop<const M: usize> {
     /// (q, q̇) before the last step.
     before: [Vec<f64>; 2],
     held: Torque,
-    granted: Granted,
+    objective_scale: ObjectiveScale,
     null_acceleration: f64,
     /// Pose of the end effector, kept for the snapshot to borrow.
     x: Vector<M>,
@@ -94,13 +96,13 @@ fn is_finite(values: &[f64]) -> bool {
 
 /// The controller with what it perceives and what it is told.
 #[derive(Debug, Clone)]
-struct Brain<const M: usize> {
+struct ControlStack<const M: usize> {
     controller: Controller<PlanarState, 2, M>,
     world: World,
     trajectory: Trajectory<M>,
 }
 
-impl<const M: usize> Brain<M> {
+impl<const M: usize> ControlStack<M> {
     /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it,
     /// for the reference that `governor` makes wait.
     fn torque_at(
@@ -153,11 +155,12 @@ impl<const M: usize> ClosedLoop<M> {
         });
         let imperfect = imperfect || perception.is_some();
         let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
-        let brain = Brain { controller: Controller::new(arm.state(), gains), world, trajectory };
+        let stack =
+            ControlStack { controller: Controller::new(arm.state(), gains), world, trajectory };
         let mut this = Self {
             arm: Arc::clone(arm),
-            foresight: (options.control == Control::Predictor).then(|| brain.clone()),
-            brain,
+            foresight: (options.control == Control::Predictor).then(|| stack.clone()),
+            stack,
             plant: Plant::new(plant),
             measurement,
             perception,
@@ -171,7 +174,7 @@ impl<const M: usize> ClosedLoop<M> {
             dq,
             before: [zeros(), zeros()],
             held: Torque::zeros(n),
-            granted: limits::ALL,
+            objective_scale: limits::ALL,
             null_acceleration: 0.0,
             x: Vector::zeros(),
             bias: zeros(),
@@ -186,7 +189,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// Goes back to t = 0.
     pub fn restart(&mut self) {
         self.step = 0;
-        self.brain.controller.reset();
+        self.stack.controller.reset();
         if let Some(foresight) = &mut self.foresight {
             foresight.controller.reset();
         }
@@ -205,18 +208,18 @@ impl<const M: usize> ClosedLoop<M> {
     }
 
     fn start_perception(&mut self) {
-        let Self { perception, plant, brain, q, dq, .. } = self;
+        let Self { perception, plant, stack, q, dq, .. } = self;
         if let Some(perception) = perception {
-            brain.world.update(0.0);
+            stack.world.update(0.0);
             plant.update(q, dq);
-            perception.start(|i| plant.state().link(i), &brain.world);
+            perception.start(|i| plant.state().link(i), &stack.world);
         }
     }
 
     /// Takes over other gains, from now on. Allocates; what the controller remembers begins anew.
     pub fn set_gains(&mut self, gains: &Gains<M>) {
-        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
-            brain.controller = Controller::new(self.arm.state(), gains.clone());
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.controller = Controller::new(self.arm.state(), gains.clone());
         }
         let t = self.time();
         match (&mut self.governor, gains.governor) {
@@ -229,9 +232,9 @@ impl<const M: usize> ClosedLoop<M> {
     /// Changes the world, of which predictor mode has two.
     pub fn change_world(&mut self, change: impl Fn(&mut World)) {
         let t = self.time();
-        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
-            brain.world.update(t);
-            change(&mut brain.world);
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.world.update(t);
+            change(&mut stack.world);
         }
         self.control();
     }
@@ -240,12 +243,12 @@ impl<const M: usize> ClosedLoop<M> {
     /// pole `rate` [1/s]; its orientation stays where it is.
     pub fn aim(&mut self, goal: Vector<2>, rate: f64) {
         let t = self.path_time().unwrap_or(self.time());
-        let now = self.brain.trajectory.at(t);
+        let now = self.stack.trajectory.at(t);
         let mut pose = now.x;
         pose.fixed_rows_mut::<2>(0).copy_from(&goal);
-        let pursuit = Pursuit::new(t, [now.x, now.dx, now.ddx], pose, rate);
-        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
-            brain.trajectory = Trajectory::pursuing(pursuit);
+        let filter = ThirdOrderFilter::new(t, [now.x, now.dx, now.ddx], pose, rate);
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.trajectory = Trajectory::filtered(filter);
         }
         self.control();
     }
@@ -253,7 +256,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// The repulsion of every link, as the point on its axis [m] at which it acts and the force [N]: the sum
     /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
     pub fn pushes(&mut self) -> Vec<[Vector<2>; 2]> {
-        let Brain { controller, world, .. } = &mut self.brain;
+        let ControlStack { controller, world, .. } = &mut self.stack;
         let (robot, field) = (controller.robot(), controller.gains().field);
         let mut means = vec![(Vector::<2>::zeros(), 0.0); robot.dof()];
         let links = robot.links();
@@ -288,7 +291,7 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// The controller.
     pub fn controller(&self) -> &Controller<PlanarState, 2, M> {
-        &self.brain.controller
+        &self.stack.controller
     }
 
     /// Whether the controller knows all obstacles.
@@ -303,14 +306,14 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// The true distance from each link to the nearest obstacle [m], as in the snapshot.
     pub fn clearance(&self) -> &[f64] {
-        let perceived = || self.brain.controller.forces().clearance();
+        let perceived = || self.stack.controller.forces().clearance();
         self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
     }
 
     /// Turns a joint torque into the commanded one with its share that the null space lets through
     /// (T4) on top [N·m].
     pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
-        self.brain.controller.project(tau);
+        self.stack.controller.project(tau);
         tau.iter_mut().zip(&self.held.total).for_each(|(tau, held)| *tau += held);
     }
 
@@ -338,7 +341,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// Whether torque or speed limits hold for the controller.
     fn is_limited(&self) -> bool {
         let Limits { velocity, torque, .. } = self.arm.limits();
-        self.brain.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
+        self.stack.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
     }
 
     /// Whether the controller stands at the state of the plant, with a model that is the plant.
@@ -348,7 +351,7 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// The state and everything that the law made of it, at the present instant.
     pub fn snapshot(&self) -> Snapshot<'_> {
-        let controller = &self.brain.controller;
+        let controller = &self.stack.controller;
         let (forces, space, gains) = (controller.forces(), controller.space(), controller.gains());
         let [q_measured, dq_measured] =
             self.measurement.as_ref().map_or([&[][..]; 2], Measurement::seen);
@@ -375,11 +378,11 @@ impl<const M: usize> ClosedLoop<M> {
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
-            world: &self.brain.world,
+            world: &self.stack.world,
             null_acceleration: self.null_acceleration,
             energy: controller.energy(),
             power: controller.power(acting),
-            granted: self.is_limited().then_some(&self.granted),
+            objective_scale: self.is_limited().then_some(&self.objective_scale),
             tank: controller.tank().map(Tank::level),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
@@ -399,7 +402,7 @@ impl<const M: usize> ClosedLoop<M> {
         self.before[0].copy_from_slice(&self.q);
         self.before[1].copy_from_slice(&self.dq);
         let ideal = self.is_ideal();
-        let Self { brain, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
+        let Self { stack, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
         let held = external.unwrap_or(&held.total);
         let held = match actuator {
@@ -409,9 +412,9 @@ impl<const M: usize> ClosedLoop<M> {
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
         stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
             if continuous && !stage.first {
-                brain.torque_at(t + stage.offset, [q, dq], None, None);
+                stack.torque_at(t + stage.offset, [q, dq], None, None);
             }
-            let controller = &brain.controller;
+            let controller = &stack.controller;
             let tau = if continuous { &controller.torque().total } else { held };
             if ideal && (continuous || stage.first) {
                 plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
@@ -423,7 +426,7 @@ impl<const M: usize> ClosedLoop<M> {
             Integrator::Rk4 => 0.5,
             Integrator::SemiImplicitEuler => 1.0,
         };
-        let tau = if continuous { &brain.controller.torque().total } else { held };
+        let tau = if continuous { &stack.controller.torque().total } else { held };
         plant.settle(tau, &self.before, q, dq, [options.dt, weight]);
         if self.is_sane() {
             self.step += 1;
@@ -432,11 +435,11 @@ impl<const M: usize> ClosedLoop<M> {
                 measurement.advance(&self.q, &self.dq);
             }
             let t = self.time();
-            let Self { perception, plant, brain, q, dq, .. } = self;
+            let Self { perception, plant, stack, q, dq, .. } = self;
             if let Some(perception) = perception {
-                brain.world.update(t);
+                stack.world.update(t);
                 plant.update(q, dq);
-                perception.advance(|i| plant.state().link(i), &brain.world);
+                perception.advance(|i| plant.state().link(i), &stack.world);
             }
             self.control();
             if self.is_defined() {
@@ -465,7 +468,7 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Lets one plant step pass for what has a memory in the controller.
     fn elapse(&mut self) {
-        self.brain.controller.elapse(self.options.dt);
+        self.stack.controller.elapse(self.options.dt);
         if let Some(foresight) = &mut self.foresight {
             foresight.controller.elapse(self.options.dt);
         }
@@ -473,8 +476,8 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Whether everything that the law made of the present state is finite.
     pub fn is_defined(&self) -> bool {
-        let forces = self.brain.controller.forces();
-        let total = self.brain.controller.torque().total.as_slice();
+        let forces = self.stack.controller.forces();
+        let total = self.stack.controller.torque().total.as_slice();
         is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude())
     }
 
@@ -488,25 +491,25 @@ impl<const M: usize> ClosedLoop<M> {
             governor.begin(t);
         }
         let torque =
-            self.brain.torque_at(t, seen, self.perception.as_mut(), self.governor.as_ref());
+            self.stack.torque_at(t, seen, self.perception.as_mut(), self.governor.as_ref());
         if period_begins {
             self.held.copy_from(torque);
-            self.granted = *self.brain.controller.granted();
+            self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
-                governor.hear(self.brain.controller.error().fixed_rows::<2>(0).norm());
+                governor.hear(self.stack.controller.error().fixed_rows::<2>(0).norm());
             }
         }
         self.x = match &mut self.truth {
             Some(truth) => {
                 self.plant.update(&self.q, &self.dq);
                 let state = self.plant.state();
-                truth.refresh(state, self.brain.controller.reference().x, &mut self.brain.world);
+                truth.refresh(state, self.stack.controller.reference().x, &mut self.stack.world);
                 state.pose()
             }
-            None => self.brain.controller.pose(),
+            None => self.stack.controller.pose(),
         };
         if period_begins {
-            self.null_acceleration = self.brain.controller.null_acceleration();
+            self.null_acceleration = self.stack.controller.null_acceleration();
             self.predict(t);
             if let Some(actuator) = &mut self.actuator {
                 actuator.command(&self.held.total);
@@ -519,7 +522,7 @@ impl<const M: usize> ClosedLoop<M> {
         let Some(foresight) = &mut self.foresight else { return };
         let [q, dq, ddq] = &mut self.predicted;
         let half = 0.5 * self.options.control_period();
-        let controller = &self.brain.controller;
+        let controller = &self.stack.controller;
         let robot = controller.robot();
         robot.accelerate(&self.held.total, controller.bias(), &mut self.bias, ddq);
         for (v, (dq, ddq)) in dq.iter_mut().zip(robot.velocity().iter().zip(ddq.iter())) {
@@ -532,7 +535,7 @@ impl<const M: usize> ClosedLoop<M> {
         }
         let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
         self.held.copy_from(foresight.torque_at(t + half, [q, dq], perception, governor));
-        self.granted = *foresight.controller.granted();
+        self.objective_scale = *foresight.controller.objective_scale();
         self.null_acceleration = foresight.controller.null_acceleration();
     }
 }

@@ -1,4 +1,4 @@
-//! What a run is judged by, accumulated at every plant step whatever is recorded.
+//! What a run is validated by, accumulated at every plant step whatever is recorded.
 
 use super::Snapshot;
 use crate::robot::Limits;
@@ -301,8 +301,8 @@ impl Metrics {
             self.slack_steps += usize::from(slack > 0.1);
         }
         self.yields = s.yields;
-        if let Some(granted) = s.granted {
-            let limited = granted.iter().any(|share| *share < 1.0);
+        if let Some(objective_scale) = s.objective_scale {
+            let limited = objective_scale.iter().any(|share| *share < 1.0);
             *self.limited_steps.get_or_insert(0) += usize::from(limited);
         }
         let (storage, supply) = (s.energy.null_storage, s.power.into_null_space());

@@ -2,7 +2,7 @@
 
 use super::measurement::rounded;
 use crate::math::{Capsule, Noise, Vector, cross, perp};
-use crate::world::{Contact, Feature, Surroundings, World};
+use crate::world::{CollisionQuery, Contact, Feature, World};
 use serde::Deserialize;
 
 /// The `[perception]` table of a scenario.
@@ -125,7 +125,7 @@ impl Perception {
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
-        reason = "judged before"
+        reason = "validated before"
     )]
     pub fn new(settings: &PerceptionSettings, seed: u64, n: usize, dt: f64) -> Self {
         let (every, late) =
@@ -226,7 +226,7 @@ impl Perception {
     }
 }
 
-impl Surroundings<2> for Perception {
+impl CollisionQuery<2> for Perception {
     /// One on either side of a link.
     fn obstacle_count(&self) -> usize {
         2

@@ -1,7 +1,7 @@
 //! The physical arm: what the torque meets, whatever the controller believes.
 
 use super::impulses::Impulses;
-use crate::control::dot;
+use crate::math::dot;
 use crate::robot::{PlanarArm, PlanarState, Robot};
 use std::sync::Arc;
 

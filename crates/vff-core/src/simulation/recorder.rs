@@ -60,7 +60,7 @@ pub struct Record {
     /// (T).
     pub manipulability: Vec<f64>,
     /// (T, [`limits::OBJECTIVES`]), or empty.
-    pub granted: Vec<f64>,
+    pub objective_scale: Vec<f64>,
     /// (T), or empty.
     pub self_clearance: Vec<f64>,
     /// (T), or empty.
@@ -141,7 +141,10 @@ impl Record {
             (&mut self.energy, energy::ENERGIES.len()),
             (&mut self.power, energy::PORTS.len()),
             (&mut self.manipulability, 1),
-            (&mut self.granted, optional(|s| s.granted.is_some(), limits::OBJECTIVES.len())),
+            (
+                &mut self.objective_scale,
+                optional(|s| s.objective_scale.is_some(), limits::OBJECTIVES.len()),
+            ),
             (&mut self.self_clearance, optional(|s| s.self_clearance.is_some(), 1)),
             (&mut self.tank, optional(|s| s.tank.is_some(), 1)),
             (&mut self.slack, optional(|s| s.slack.is_some(), 1)),
@@ -181,8 +184,8 @@ impl Record {
         if !s.tau_applied.is_empty() {
             self.tau_applied.extend_from_slice(s.tau_applied);
         }
-        if let Some(granted) = s.granted {
-            self.granted.extend_from_slice(granted);
+        if let Some(objective_scale) = s.objective_scale {
+            self.objective_scale.extend_from_slice(objective_scale);
         }
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);

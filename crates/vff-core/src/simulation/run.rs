@@ -43,7 +43,7 @@ pub struct Outcome {
     pub message: String,
     /// When it ended [s].
     pub end_time: f64,
-    /// What it is judged by.
+    /// What it is validated by.
     pub metrics: Vec<(&'static Metric, Value)>,
     /// What happened.
     pub record: Record,

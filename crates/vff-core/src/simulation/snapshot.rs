@@ -1,6 +1,6 @@
 //! Everything worth knowing of the closed loop at one instant, borrowed from it.
 
-use crate::control::{Energy, Granted, Power, Torque};
+use crate::control::{Energy, ObjectiveScale, Power, Torque};
 use crate::math::Vector;
 use crate::world::World;
 
@@ -50,7 +50,7 @@ pub struct Snapshot<'a> {
     /// Powers [W] of the torque that acts, and into the null space.
     pub power: Power,
     /// What the limits let through of each objective of the torque that acts; `None` without limits.
-    pub granted: Option<&'a Granted>,
+    pub objective_scale: Option<&'a ObjectiveScale>,
     /// Energy in the tank [J]; `None` without one.
     pub tank: Option<f64>,
     /// Smallest surface distance of two links that share no joint [m]; `None` where not measured.

@@ -17,7 +17,7 @@ pub use error::TrajectoryError;
 pub use governor::{Governor, GovernorSettings};
 pub use reference::Reference;
 
-use crate::math::{Pursuit, Vector};
+use crate::math::{ThirdOrderFilter, Vector};
 use line::Line;
 use piecewise::Piecewise;
 use planar::{Circle, Lissajous};
@@ -65,7 +65,7 @@ enum Curve<const M: usize> {
     Lissajous(Lissajous<M>),
     Waypoints(Piecewise<M, 6>),
     Table(Piecewise<M, 4>),
-    Pursuit(Pursuit<M>),
+    Filtered(ThirdOrderFilter<M>),
 }
 
 impl<const M: usize> Trajectory<M> {
@@ -121,8 +121,8 @@ impl<const M: usize> Trajectory<M> {
     }
 
     /// A reference that pursues a goal.
-    pub fn pursuing(pursuit: Pursuit<M>) -> Self {
-        Self { curve: Curve::Pursuit(pursuit) }
+    pub fn filtered(filter: ThirdOrderFilter<M>) -> Self {
+        Self { curve: Curve::Filtered(filter) }
     }
 
     /// The reference at time `t` [s]. Does not allocate.
@@ -136,8 +136,8 @@ impl<const M: usize> Trajectory<M> {
             Curve::Lissajous(lissajous) => lissajous.at(t),
             Curve::Waypoints(quintics) => quintics.at(t),
             Curve::Table(cubics) => cubics.at(t),
-            Curve::Pursuit(pursuit) => {
-                let [x, dx, ddx] = pursuit.at(t);
+            Curve::Filtered(filter) => {
+                let [x, dx, ddx] = filter.at(t);
                 Sample { x, dx, ddx }
             }
         }

@@ -16,12 +16,12 @@ pub use motion::{Motion, MotionState};
 pub use obstacle::Obstacle;
 pub use shape::{Shape, counter_clockwise, is_convex};
 
-use crate::math::{Capsule, Pursuit, Vector};
+use crate::math::{Capsule, ThirdOrderFilter, Vector};
 use proximity::{Core, Crowd};
 
 /// What a controller asks of the world around the arm: the nearest points of every link to
 /// everything that it knows of.
-pub trait Surroundings<const D: usize> {
+pub trait CollisionQuery<const D: usize> {
     /// The most contacts that one link can have.
     fn obstacle_count(&self) -> usize;
 
@@ -129,7 +129,7 @@ fn barriers_of(bodies: &[Body]) -> usize {
 impl World {
     /// The given obstacles at t = 0.
     ///
-    /// Their values must have been judged before (see [`Shape`] and [`Motion`] for what is
+    /// Their values must have been validated before (see [`Shape`] and [`Motion`] for what is
     /// expected): unusable ones do not panic, but distances to them mean nothing.
     pub fn new(obstacles: Vec<Obstacle>) -> Self {
         let bodies: Vec<Body> = obstacles.into_iter().map(Body::new).collect();
@@ -190,7 +190,7 @@ impl World {
         let body = &mut self.bodies[j];
         let MotionState { position, velocity, acceleration } = body.state_at(self.time);
         let now = [position, velocity, acceleration];
-        body.obstacle.motion = Motion::Carried(Pursuit::new(self.time, now, goal, rate));
+        body.obstacle.motion = Motion::Carried(ThirdOrderFilter::new(self.time, now, goal, rate));
         self.rearrange();
     }
 

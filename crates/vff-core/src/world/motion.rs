@@ -1,11 +1,11 @@
 //! How an obstacle moves, with its exact velocity and acceleration.
 
-use crate::math::{Pursuit, Vector, sin_cos};
+use crate::math::{ThirdOrderFilter, Vector, sin_cos};
 use serde::Deserialize;
 
 /// The prescribed motion of an obstacle: a translation; its angle stays.
 ///
-/// The values are taken as they are; `scenario` judges them (finite, `times` strictly
+/// The values are taken as they are; `scenario` validates them (finite, `times` strictly
 /// increasing and as many as `points`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -38,7 +38,7 @@ pub enum Motion {
     },
     /// Carried to a place by hand while the loop runs; no scenario says so.
     #[serde(skip)]
-    Carried(Pursuit<2>),
+    Carried(ThirdOrderFilter<2>),
 }
 
 /// Where an obstacle is and how it moves at one instant.
@@ -86,7 +86,7 @@ impl Motion {
                 };
                 (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
             }
-            Self::Carried(pursuit) => pursuit.top_speed(),
+            Self::Carried(filter) => filter.top_speed(),
         }
     }
 
@@ -112,8 +112,8 @@ impl Motion {
                 }
             }
             Self::Waypoints { times, points } => along(times, points, t, position0),
-            Self::Carried(pursuit) => {
-                let [position, velocity, acceleration] = pursuit.at(t);
+            Self::Carried(filter) => {
+                let [position, velocity, acceleration] = filter.at(t);
                 MotionState { position, velocity, acceleration }
             }
         }
@@ -150,9 +150,9 @@ impl Motion {
                     })
                     .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
             }
-            Self::Carried(pursuit) => {
-                let goal = pursuit.goal();
-                let span = pursuit.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
+            Self::Carried(filter) => {
+                let goal = filter.goal();
+                let span = filter.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
                 [goal.add_scalar(-span), goal.add_scalar(span)]
             }
         }
@@ -258,7 +258,7 @@ mod tests {
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
                 Motion::Waypoints { times: vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points },
                 Motion::Waypoints { times: vec![], points: vec![] },
-                Motion::Carried(Pursuit::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
+                Motion::Carried(ThirdOrderFilter::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
                 for t in [t0, t0 + fraction * duration, t1, 0.5f64.clamp(t0, t1)] {

@@ -19,7 +19,7 @@ mod rays;
 
 pub(super) use crowd::Crowd;
 
-use super::{Body, Contact, Feature, MotionState, Shape, Surroundings, World, shape};
+use super::{Body, CollisionQuery, Contact, Feature, MotionState, Shape, World, shape};
 use crate::math::{Capsule, Vector};
 use parry2d_f64::math::Vector as Point;
 
@@ -104,7 +104,7 @@ impl World {
     }
 }
 
-impl Surroundings<2> for World {
+impl CollisionQuery<2> for World {
     fn obstacle_count(&self) -> usize {
         self.len()
     }

@@ -5,7 +5,7 @@ use serde::Deserialize;
 /// The outline of an obstacle in the frame of the obstacle: the origin is the obstacle's
 /// position, the axes are turned by its angle. Lengths in metres.
 ///
-/// The values are taken as they are; `scenario` judges them. What each variant expects is
+/// The values are taken as they are; `scenario` validates them. What each variant expects is
 /// said beside it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]

@@ -10,7 +10,8 @@
 use super::Yielding;
 use crate::control::distance::DistanceRate;
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, Torque, dot};
+use crate::control::{OperationalSpace, Torque};
+use crate::math::dot;
 use crate::robot::Robot;
 use crate::world::Contact;
 use nalgebra::SMatrix;
@@ -200,7 +201,7 @@ impl Barrier {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Way;
+    use super::super::Strategy;
     use super::*;
     use crate::control::{Avoidance, Controller, Gains};
     use crate::robot::PlanarState;
@@ -273,7 +274,7 @@ mod tests {
         for torque in [None, Some(40.0)] {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
-            scenario.arm.torque_limits = torque.map(crate::math::Broadcast::Uniform);
+            scenario.arm.torque_limits = torque.map(crate::math::ScalarOrVec::Uniform);
             let (mut controller, mut world, trajectory) = loop_of(&scenario);
             let mut run = scenario.prepare().unwrap().run;
             let (mut solved, mut at_limit) = (0, 0);
@@ -282,7 +283,7 @@ mod tests {
                 world.update(s.t);
                 controller.observe(s.q, s.dq, &mut world);
                 controller.command(&trajectory.at(s.t));
-                let Some(Way::Barrier(barrier)) = controller.avoider.as_ref().map(|a| &a.way)
+                let Some(Strategy::Barrier(barrier)) = controller.avoider.as_ref().map(|a| &a.way)
                 else {
                     panic!("no barrier");
                 };

@@ -13,7 +13,7 @@ pub mod relaxed;
 use super::{Avoidance, OperationalSpace, Torque, VirtualForces};
 use crate::math::Vector;
 use crate::robot::Robot;
-use crate::world::{Contact, Surroundings};
+use crate::world::{CollisionQuery, Contact};
 use barrier::Barrier;
 use preview::PreviewSettings;
 use priority::Priority;
@@ -89,13 +89,13 @@ pub struct Avoider<const D: usize> {
     settings: Yielding,
     /// The pairs that matter at the observed state; of `cbf` the barriers.
     pairs: Vec<Contact<D>>,
-    way: Way,
+    way: Strategy,
     slack: f64,
 }
 
 #[derive(Debug, Clone)]
 #[expect(clippy::large_enum_variant, reason = "one per controller, boxed with what is around it")]
-enum Way {
+enum Strategy {
     Relaxed,
     Priority(Priority),
     Barrier(Barrier),
@@ -111,18 +111,18 @@ impl<const D: usize> Avoider<D> {
     ) -> Option<Box<Self>> {
         let way = match avoidance {
             Avoidance::NullSpace => return None,
-            Avoidance::Relaxed => Way::Relaxed,
+            Avoidance::Relaxed => Strategy::Relaxed,
             Avoidance::Priority => {
-                Way::Priority(Priority::new(robot.dof(), singularity / robot.total_mass()))
+                Strategy::Priority(Priority::new(robot.dof(), singularity / robot.total_mass()))
             }
-            Avoidance::Cbf => Way::Barrier(Barrier::new(robot, settings)),
+            Avoidance::Cbf => Strategy::Barrier(Barrier::new(robot, settings)),
         };
         Some(Box::new(Self { settings: settings.clone(), pairs: vec![], way, slack: 0.0 }))
     }
 
     /// By how much the barriers of the last command are broken at most [m/s²]; None if there are none.
     pub fn slack(&self) -> Option<f64> {
-        matches!(self.way, Way::Barrier(_)).then_some(self.slack)
+        matches!(self.way, Strategy::Barrier(_)).then_some(self.slack)
     }
 
     /// Forgets the pairs and makes room for so many: all may come near some day, and nothing is to allocate then.
@@ -130,9 +130,9 @@ impl<const D: usize> Avoider<D> {
         let Self { pairs, way, .. } = self;
         pairs.clear();
         match way {
-            Way::Relaxed => {}
-            Way::Priority(_) => pairs.reserve(count),
-            Way::Barrier(barrier) => {
+            Strategy::Relaxed => {}
+            Strategy::Priority(_) => pairs.reserve(count),
+            Strategy::Barrier(barrier) => {
                 pairs.reserve(count);
                 barrier.reserve(count);
             }
@@ -140,21 +140,21 @@ impl<const D: usize> Avoider<D> {
     }
 
     /// Takes in the pairs near `robot`.
-    pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl Surroundings<D>) {
+    pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
         let links = robot.links();
         let obstacles = match self.way {
-            Way::Barrier(_) => surroundings.barrier_count(),
+            Strategy::Barrier(_) => surroundings.barrier_count(),
             _ => surroundings.obstacle_count(),
         };
         self.reserve(robot.dof() * obstacles);
         let Self { settings, pairs, way, .. } = self;
         match way {
-            Way::Relaxed => {}
-            Way::Priority(_) => {
+            Strategy::Relaxed => {}
+            Strategy::Priority(_) => {
                 let visit = |pair: &Contact<D>| pairs.push(*pair);
                 surroundings.for_each_contact(links, settings.outer, |_, _| {}, visit);
             }
-            Way::Barrier(_) => {
+            Strategy::Barrier(_) => {
                 surroundings.for_each_barrier(links, settings.activation, |pair| pairs.push(*pair));
             }
         }
@@ -163,7 +163,7 @@ impl<const D: usize> Avoider<D> {
     /// The error that the stiffness of the task is to act on, at these distances of the links [m].
     pub fn pull<const M: usize>(&self, clearance: &[f64], e: Vector<M>) -> Vector<M> {
         match self.way {
-            Way::Relaxed => {
+            Strategy::Relaxed => {
                 relaxed::pull(&self.settings, e, relaxed::activation(&self.settings, clearance))
             }
             _ => e,
@@ -181,9 +181,9 @@ impl<const D: usize> Avoider<D> {
     ) {
         let Self { settings, pairs, way, slack } = self;
         match way {
-            Way::Relaxed => relaxed::act(settings, robot, space, forces, torque),
-            Way::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
-            Way::Barrier(barrier) => {
+            Strategy::Relaxed => relaxed::act(settings, robot, space, forces, torque),
+            Strategy::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
+            Strategy::Barrier(barrier) => {
                 *slack = barrier.act(settings, robot, space, pairs, bias, torque);
             }
         }

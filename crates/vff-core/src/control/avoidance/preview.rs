@@ -8,11 +8,11 @@
 
 use super::rehearsal::Rehearsal;
 use super::{Yielding, due};
-use crate::control::{Gains, OperationalSpace, Torque, dot, task};
-use crate::math::{Capsule, Noise};
+use crate::control::{Gains, OperationalSpace, Torque, task};
+use crate::math::{Capsule, Noise, dot};
 use crate::robot::Robot;
 use crate::trajectory::Sample;
-use crate::world::{Contact, Surroundings};
+use crate::world::{CollisionQuery, Contact};
 use nalgebra::{SMatrix, SVector};
 use serde::Deserialize;
 
@@ -251,7 +251,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     pub fn look(
         &mut self,
         robot: &R,
-        surroundings: &mut impl Surroundings<D>,
+        surroundings: &mut impl CollisionQuery<D>,
         reference: impl Fn(f64) -> Sample<M>,
     ) {
         if self.waited >= self.settings.period - 1e-9 {
@@ -277,7 +277,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     fn begin(
         &mut self,
         robot: &R,
-        surroundings: &mut impl Surroundings<D>,
+        surroundings: &mut impl CollisionQuery<D>,
         reference: &impl Fn(f64) -> Sample<M>,
     ) {
         let Self { settings, rollout, course, trial, active, margin, rehearsal, .. } = self;
@@ -325,7 +325,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     /// Does its share of the rehearsal, if there is one, so that it is done in so many looks.
     fn rehearse(
         &mut self,
-        surroundings: &impl Surroundings<D>,
+        surroundings: &impl CollisionQuery<D>,
         reference: &impl Fn(f64) -> Sample<M>,
     ) {
         let Self { settings, rehearsal, rollout, since, rehearsed, .. } = self;
@@ -337,7 +337,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     }
 
     /// Tries the courses that are due, new ones and ones like the best so far, and takes the cheapest (T73).
-    fn search(&mut self, surroundings: &impl Surroundings<D>) {
+    fn search(&mut self, surroundings: &impl CollisionQuery<D>) {
         let due = self.due();
         let Self { settings, margin, noise, course, cost, trial, rollout, .. } = self;
         for k in self.tried..due {
@@ -411,7 +411,7 @@ struct Rollout<R, const D: usize, const M: usize> {
     /// The columns of the Jacobian of the task, where the end effector holds.
     columns: Vec<SVector<f64, M>>,
     /// 1/M_ii at the beginning: how easily a joint gives way.
-    ease: Vec<f64>,
+    inverse_inertia: Vec<f64>,
     /// Largest joint speeds [rad/s].
     speed: Vec<f64>,
     obstacles: Vec<usize>,
@@ -451,7 +451,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             w: zeros(),
             row: zeros(),
             columns: vec![SVector::zeros(); n],
-            ease: zeros(),
+            inverse_inertia: zeros(),
             speed: yielding.joint_speeds(robot),
             obstacles: vec![],
             pairs: vec![],
@@ -471,10 +471,10 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         &mut self,
         settings: &PreviewSettings,
         robot: &R,
-        surroundings: &mut impl Surroundings<D>,
+        surroundings: &mut impl CollisionQuery<D>,
         reference: impl Fn(f64) -> Sample<M>,
     ) {
-        let Self { obstacles, pairs, apart, w, v, ease, .. } = self;
+        let Self { obstacles, pairs, apart, w, v, inverse_inertia, .. } = self;
         let count = surroundings.obstacle_count();
         obstacles.clear();
         obstacles.reserve(count);
@@ -497,7 +497,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             w[i] = 1.0;
             robot.mass_mul(w, v);
             w[i] = 0.0;
-            ease[i] = 1.0 / v[i];
+            inverse_inertia[i] = 1.0 / v[i];
         }
         self.start[0].copy_from_slice(robot.configuration());
         self.start[1].copy_from_slice(robot.velocity());
@@ -516,7 +516,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
     fn forecast(
         &mut self,
         course: &Course,
-        surroundings: &impl Surroundings<D>,
+        surroundings: &impl CollisionQuery<D>,
         ago: f64,
         enough: impl Fn(Forecast, f64) -> bool,
     ) -> Forecast {
@@ -527,7 +527,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
         for k in 0..self.reference.len() {
             let s = self.step * k as f64;
-            self.scout.place(&self.q);
+            self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = task::error(self.scout.pose::<M>(), sample.x);
             forecast.error += e.norm() / self.reference.len() as f64;
@@ -544,7 +544,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
 
     /// The smallest distance when the obstacles have gone on for `after` [s], as far as it is within reach; gathers
     /// the pairs that are near.
-    fn measure(&mut self, surroundings: &impl Surroundings<D>, after: f64) -> f64 {
+    fn measure(&mut self, surroundings: &impl CollisionQuery<D>, after: f64) -> f64 {
         let Self { scout, obstacles, pairs, links, apart, reach, step, .. } = self;
         let mut least = f64::INFINITY;
         pairs.clear();
@@ -575,20 +575,23 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
     /// The joint velocity `u`, with the task velocity `dx` where the end effector holds, and then, pair by
     /// pair, the nearest one that lets the distance run down no faster than is allowed (T71).
     fn want(&mut self, u: &[f64], dx: Option<SVector<f64, M>>) {
-        let Self { scout, w, row, columns, ease, pairs, step, margin, .. } = self;
+        let Self { scout, w, row, columns, inverse_inertia, pairs, step, margin, .. } = self;
         w.copy_from_slice(u);
         let inverse = dx.map(|mut along| {
             // Damped: where only the end effector can give way, it does.
             let mut gram = SMatrix::<f64, M, M>::identity() * 0.02;
-            for (i, ((column, ease), u)) in columns.iter_mut().zip(&*ease).zip(u).enumerate() {
+            for (i, ((column, inverse_inertia), u)) in
+                columns.iter_mut().zip(&*inverse_inertia).zip(u).enumerate()
+            {
                 *column = scout.jacobian_column(i);
-                gram += *column * column.transpose() * *ease;
+                gram += *column * column.transpose() * *inverse_inertia;
                 along -= *column * *u;
             }
             let inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
             let f = inverse * along;
-            for ((w, column), ease) in w.iter_mut().zip(&*columns).zip(&*ease) {
-                *w += ease * column.dot(&f);
+            for ((w, column), inverse_inertia) in w.iter_mut().zip(&*columns).zip(&*inverse_inertia)
+            {
+                *w += inverse_inertia * column.dot(&f);
             }
             inverse
         });
@@ -598,15 +601,20 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             let lack = -0.5 / *step * (pair.distance - *margin) - rate;
             if lack > 0.0 {
                 let f = inverse.map_or_else(SVector::zeros, |inverse| {
-                    let parts = columns.iter().zip(&*ease).zip(&*row);
+                    let parts = columns.iter().zip(&*inverse_inertia).zip(&*row);
                     inverse
-                        * parts.fold(SVector::<f64, M>::zeros(), |sum, ((column, ease), row)| {
-                            sum + column * (ease * row)
-                        })
+                        * parts.fold(
+                            SVector::<f64, M>::zeros(),
+                            |sum, ((column, inverse_inertia), row)| {
+                                sum + column * (inverse_inertia * row)
+                            },
+                        )
                 });
                 let mut along = 0.0;
-                for ((row, column), ease) in row.iter_mut().zip(&*columns).zip(&*ease) {
-                    let way = ease * (*row - column.dot(&f));
+                for ((row, column), inverse_inertia) in
+                    row.iter_mut().zip(&*columns).zip(&*inverse_inertia)
+                {
+                    let way = inverse_inertia * (*row - column.dot(&f));
                     along += *row * way;
                     *row = way;
                 }
@@ -743,7 +751,7 @@ mod tests {
         times: Cell<usize>,
     }
 
-    impl Surroundings<2> for Asked {
+    impl CollisionQuery<2> for Asked {
         fn obstacle_count(&self) -> usize {
             self.world.obstacle_count()
         }

@@ -1,8 +1,9 @@
 //! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
 
 use super::Yielding;
+use crate::control::Torque;
 use crate::control::distance::DistanceRate;
-use crate::control::{Torque, dot};
+use crate::math::dot;
 use crate::math::smoothstep;
 use crate::robot::Robot;
 use crate::world::Contact;

@@ -9,7 +9,7 @@ use crate::control::{Controller, Gains};
 use crate::math::Capsule;
 use crate::robot::Robot;
 use crate::trajectory::Sample;
-use crate::world::{Contact, Surroundings};
+use crate::world::{CollisionQuery, Contact};
 
 /// Longest step of a rehearsal [s], and the largest product of a step and a rate of the law.
 const STEP: f64 = 0.01;
@@ -41,7 +41,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        reason = "judged before: positive, and not too many"
+        reason = "validated before: positive, and not too many"
     )]
     pub fn new(robot: &R, gains: &Gains<M>, duration: f64) -> Self {
         let n = robot.dof();
@@ -100,7 +100,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         &mut self,
         share: f64,
         ago: f64,
-        surroundings: &impl Surroundings<D>,
+        surroundings: &impl CollisionQuery<D>,
         obstacles: &[usize],
         reference: &impl Fn(f64) -> Sample<M>,
     ) -> bool {
@@ -138,7 +138,7 @@ struct Later<'a, S> {
     after: f64,
 }
 
-impl<S: Surroundings<D>, const D: usize> Surroundings<D> for Later<'_, S> {
+impl<S: CollisionQuery<D>, const D: usize> CollisionQuery<D> for Later<'_, S> {
     fn obstacle_count(&self) -> usize {
         self.obstacles.len()
     }

@@ -268,7 +268,7 @@ impl fmt::Debug for Tree {
 mod tests {
     use super::*;
     use crate::math::{Capsule, Vector};
-    use crate::world::{Motion, Obstacle, Shape, Surroundings, World};
+    use crate::world::{CollisionQuery, Motion, Obstacle, Shape, World};
     use proptest::prelude::*;
 
     /// The same obstacles, all of them measured for every link.

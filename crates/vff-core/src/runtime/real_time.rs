@@ -1,6 +1,7 @@
 //! The closed loop of a scenario against the wall clock.
 
-use super::{AnyRun, Problem, Scenario, ScenarioError};
+use super::any::AnyRun;
+use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::pace::{self, Timing};
 use crate::simulation::{Control, Options, Status};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -55,7 +56,7 @@ impl RealTime {
             let requirement = format!("at least one control period of {period} s");
             return Err(ScenarioError::out_of_range("duration", &requirement, scenario.duration));
         }
-        scenario.judge()?;
+        scenario.validate()?;
         let options = scenario.simulation.clone();
         let periods = (options.steps(scenario.duration) / options.control_every).max(1) as u64;
         let ready = scenario.prepare_recorded(false)?;
@@ -72,7 +73,7 @@ impl RealTime {
     ///
     /// # Errors
     /// If there is none, or more than can be counted.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "judged here")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated here")]
     pub fn periods(&self, seconds: f64) -> Result<u64, ScenarioError> {
         let count = (seconds * self.rate).round();
         if (1.0..=MAX_PERIODS).contains(&count) {

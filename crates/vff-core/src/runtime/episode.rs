@@ -3,13 +3,13 @@
 //! An agent is a controller, so it observes what the law observes: the state as it is measured. It is
 //! rewarded for the truth.
 
-use super::arm::{each, not_negative, number, positive};
-use super::error::ScenarioError;
-use super::{AnyRun, Scenario};
-use crate::math::{Broadcast, Vector};
+use super::any::AnyRun;
+use crate::math::{ScalarOrVec, Vector};
 use crate::robot::{PlanarArm, Robot};
+use crate::scenario::arm::{each, not_negative, number, positive};
+use crate::scenario::{self, Scenario, ScenarioError};
 use crate::simulation::ClosedLoop;
-use crate::world::{Motion, Surroundings, World};
+use crate::world::{CollisionQuery, Motion, World};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Deserialize;
@@ -36,7 +36,7 @@ pub struct EpisodeSettings {
     pub period: Option<f64>,
     /// The torque of an action of 1 [N·m], each, > 0. Default: the limits of the arm, or what carries
     /// the stretched arm and accelerates each of its joints by 4 rad/s².
-    pub torque: Option<Broadcast>,
+    pub torque: Option<ScalarOrVec>,
     /// The start is q0, every joint up to this far from it [rad], ≥ 0.
     pub start_noise: f64,
     /// Every obstacle starts up to this far from its position along each axis [m], ≥ 0.
@@ -149,16 +149,16 @@ pub struct Task {
 }
 
 impl Task {
-    /// Reads and judges the settings, and the scenario with them.
+    /// Reads and validates the settings, and the scenario with them.
     ///
     /// # Errors
     /// With the dotted path of the first fault.
     pub fn new(scenario: Scenario, settings: &Table) -> Result<Self, ScenarioError> {
-        let settings: EpisodeSettings = super::read(settings)?;
+        let settings: EpisodeSettings = scenario::read(settings)?;
         let options = &scenario.simulation;
         let arm = Arc::new(scenario.arm.build()?);
         scenario.prepare_recorded(false)?;
-        judge(&settings, arm.dof())?;
+        validate(&settings, arm.dof())?;
         let torque = match &settings.torque {
             Some(given) => (0..arm.dof()).map(|i| given.get(i)).collect(),
             None => strength(&arm),
@@ -226,7 +226,7 @@ impl Task {
     }
 }
 
-fn judge(settings: &EpisodeSettings, n: usize) -> Result<(), ScenarioError> {
+fn validate(settings: &EpisodeSettings, n: usize) -> Result<(), ScenarioError> {
     if let Some(torque) = &settings.torque {
         each("torque", torque, n, positive)?;
     }
@@ -242,7 +242,7 @@ fn judge(settings: &EpisodeSettings, n: usize) -> Result<(), ScenarioError> {
 }
 
 /// How many control periods of `h` [s] an action lasts.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "judged here")]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated here")]
 fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
     let period = given.unwrap_or(0.01);
     let count = (period / h).round().max(1.0);

@@ -1,11 +1,12 @@
 //! A scenario that runs for ever against the wall clock while people interfere with it.
 
+use super::any::{AnyRun, either};
 use super::batch::guarded;
 use super::real_time::at_rate;
-use super::{AnyRun, Problem, Scenario, ScenarioError, either};
 use crate::control::{Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::PlanarArm;
+use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
 use crate::world::Obstacle;
@@ -46,7 +47,7 @@ pub enum State {
 
 /// How well the clock is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pulse {
+pub struct LoopStats {
     /// Periods per second of late [Hz].
     pub rate: f64,
     /// Periods so far.
@@ -59,12 +60,12 @@ pub struct Pulse {
 
 /// A goal on its way to where somebody wants it, at no more than a given speed.
 #[derive(Debug, Clone, Copy)]
-struct Hand {
+struct DragTarget {
     goal: Vector<2>,
     wanted: Vector<2>,
 }
 
-impl Hand {
+impl DragTarget {
     /// Goes at most `distance` [m] on; whether it has moved.
     fn advance(&mut self, distance: f64) -> bool {
         let way = self.wanted - self.goal;
@@ -75,7 +76,7 @@ impl Hand {
     }
 }
 
-/// A closed loop in the hands of people. One [`beat`](Self::beat) is one control period; it does not
+/// A closed loop that people interact with. One [`tick`](Self::tick) is one control period; it does not
 /// allocate. Everything else may.
 #[derive(Debug)]
 pub struct Live {
@@ -84,14 +85,14 @@ pub struct Live {
     run: AnyRun,
     state: State,
     /// Where the obstacles are being carried, one per obstacle; None for what moves by itself.
-    hands: Vec<Option<Hand>>,
+    drags: Vec<Option<DragTarget>>,
     /// Where the target is being moved.
-    target: Option<Hand>,
+    target: Option<DragTarget>,
     /// Smallest clearance since the start or the last reset [m].
     min_clearance: f64,
     record: Option<Record>,
     dropped: u64,
-    pulse: Pulse,
+    stats: LoopStats,
     window: (Instant, u64),
     /// What was changed for the clock or is odd, in sentences.
     pub notes: Vec<String>,
@@ -104,19 +105,19 @@ impl Live {
     /// If it cannot be run.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let (scenario, mut notes) = at_rate(scenario, RATE);
-        scenario.judge()?;
+        scenario.validate()?;
         let ready = scenario.prepare_recorded(false)?;
         notes.extend(ready.warnings);
         let mut this = Self {
             arm: scenario.arm.build()?,
-            hands: vec![None; scenario.obstacles.len()],
+            drags: vec![None; scenario.obstacles.len()],
             target: None,
             run: ready.run,
             state: State::Running,
             min_clearance: f64::INFINITY,
             record: None,
             dropped: 0,
-            pulse: Pulse { rate: 0.0, periods: 0, missed: 0, worst: 0.0 },
+            stats: LoopStats { rate: 0.0, periods: 0, missed: 0, worst: 0.0 },
             window: (Instant::now(), 0),
             notes,
             scenario,
@@ -131,8 +132,8 @@ impl Live {
     /// # Errors
     /// None that [`new`](Self::new) and [`configure`](Self::configure) have not found.
     pub fn reset(&mut self) -> Result<(), ScenarioError> {
-        let Live { run, arm, hands, notes, .. } = Self::new(&self.scenario)?;
-        (self.run, self.arm, self.hands, self.notes) = (run, arm, hands, notes);
+        let Live { run, arm, drags, notes, .. } = Self::new(&self.scenario)?;
+        (self.run, self.arm, self.drags, self.notes) = (run, arm, drags, notes);
         (self.state, self.target, self.min_clearance) = (State::Running, None, f64::INFINITY);
         let count = self.snapshot().world.len();
         self.record = self.record.take().filter(|record| record.obstacles_count == count);
@@ -160,8 +161,8 @@ impl Live {
     }
 
     /// How well the clock is kept.
-    pub fn pulse(&self) -> Pulse {
-        self.pulse
+    pub fn stats(&self) -> LoopStats {
+        self.stats
     }
 
     /// The present instant.
@@ -179,7 +180,7 @@ impl Live {
         self.min_clearance
     }
 
-    /// Takes over other settings of the controller, which the scenario judges.
+    /// Takes over other settings of the controller, which the scenario validates.
     ///
     /// # Errors
     /// If they do not fit, or ask for another task.
@@ -189,7 +190,7 @@ impl Live {
             return Err(ScenarioError::new("controller.task", problem));
         }
         let scenario = Scenario { controller: settings, ..self.scenario.clone() };
-        scenario.judge()?;
+        scenario.validate()?;
         let settings = &scenario.controller;
         either!(&mut self.run, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(scenario.seed)));
         self.scenario = scenario;
@@ -204,7 +205,7 @@ impl Live {
     pub fn carry(&mut self, j: usize, place: [f64; 2]) -> Result<(), ScenarioError> {
         self.exists(j)?;
         let goal = self.snapshot().world.position(j);
-        self.hands[j].get_or_insert(Hand { goal, wanted: goal }).wanted = place.into();
+        self.drags[j].get_or_insert(DragTarget { goal, wanted: goal }).wanted = place.into();
         Ok(())
     }
 
@@ -214,13 +215,13 @@ impl Live {
         let x_ref = self.snapshot().x_ref;
         let (goal, angle) = (Vector::<2>::new(x_ref[0], x_ref[1]), x_ref.get(2).copied());
         let wanted = self.within_reach(place.into(), angle);
-        self.target.get_or_insert(Hand { goal, wanted: goal }).wanted = wanted;
+        self.target.get_or_insert(DragTarget { goal, wanted: goal }).wanted = wanted;
     }
 
-    /// Adds an obstacle that has been judged, the last one from now on. Ends a recording.
+    /// Adds an obstacle that has been validated, the last one from now on. Ends a recording.
     pub fn add(&mut self, obstacle: &Obstacle) {
         self.change_world(|world| world.add(obstacle.clone()));
-        self.hands.push(None);
+        self.drags.push(None);
     }
 
     /// Takes obstacle `j` away; those behind it move up. Ends a recording.
@@ -230,7 +231,7 @@ impl Live {
     pub fn remove(&mut self, j: usize) -> Result<(), ScenarioError> {
         self.exists(j)?;
         self.change_world(|world| world.remove(j));
-        self.hands.remove(j);
+        self.drags.remove(j);
         Ok(())
     }
 
@@ -261,7 +262,7 @@ impl Live {
     }
 
     /// One control period. A fault ends in a state that says so.
-    pub fn beat(&mut self) {
+    pub fn tick(&mut self) {
         if self.state != State::Running {
             return;
         }
@@ -272,25 +273,25 @@ impl Live {
         }
     }
 
-    /// Moves the hands and takes the steps of one control period; false if it cannot go on.
+    /// Moves what people drag and takes the steps of one control period; false if it cannot go on.
     fn advance(&mut self) -> bool {
-        let Self { run, hands, target, scenario, .. } = self;
+        let Self { run, drags, target, scenario, .. } = self;
         let (_, reach) = self.arm.reach(self.arm.dof());
         let step = 0.5 * reach / RATE;
-        for (j, hand) in hands.iter_mut().enumerate() {
-            if let Some(hand) = hand
-                && hand.advance(step)
+        for (j, drag) in drags.iter_mut().enumerate() {
+            if let Some(drag) = drag
+                && drag.advance(step)
             {
-                let goal = hand.goal;
+                let goal = drag.goal;
                 either!(run, run => {
                     run.closed_loop_mut().change_world(|world| world.carry(j, goal, CARRY));
                 });
             }
         }
-        if let Some(hand) = target
-            && hand.advance(0.5 * step)
+        if let Some(drag) = target
+            && drag.advance(0.5 * step)
         {
-            let goal = hand.goal;
+            let goal = drag.goal;
             either!(run, run => run.closed_loop_mut().aim(goal, AIM));
         }
         (0..scenario.simulation.control_every).all(|_| run.advance(None))
@@ -298,11 +299,11 @@ impl Live {
 
     /// Takes note of the present instant.
     fn look(&mut self) {
-        let Self { run, record, min_clearance, pulse, dropped, .. } = self;
+        let Self { run, record, min_clearance, stats, dropped, .. } = self;
         let snapshot = run.snapshot();
         *min_clearance = snapshot.clearance.iter().copied().fold(*min_clearance, f64::min);
         if let Some(record) = record
-            && pulse.periods.is_multiple_of(RECORD_EVERY)
+            && stats.periods.is_multiple_of(RECORD_EVERY)
         {
             if record.rows < ROWS {
                 record.push(&snapshot);
@@ -314,21 +315,21 @@ impl Live {
 
     /// Counts a period from its `begin` to its `end` that had to be over by `deadline`.
     fn count(&mut self, begin: Instant, end: Instant, deadline: Instant) {
-        let Self { pulse, window, .. } = self;
-        pulse.periods += 1;
-        pulse.missed += u64::from(end > deadline);
-        pulse.worst = pulse.worst.max((end - begin).as_secs_f64());
+        let Self { stats, window, .. } = self;
+        stats.periods += 1;
+        stats.missed += u64::from(end > deadline);
+        stats.worst = stats.worst.max((end - begin).as_secs_f64());
         let (since, before) = *window;
         if end - since >= WINDOW {
             #[expect(clippy::cast_precision_loss, reason = "some hundreds")]
-            let periods = (pulse.periods - before) as f64;
-            pulse.rate = periods / (end - since).as_secs_f64();
-            *window = (end, pulse.periods);
+            let periods = (stats.periods - before) as f64;
+            stats.rate = periods / (end - since).as_secs_f64();
+            *window = (end, stats.periods);
         }
     }
 
     fn exists(&self, j: usize) -> Result<(), ScenarioError> {
-        let count = self.hands.len();
+        let count = self.drags.len();
         if j < count {
             return Ok(());
         }
@@ -362,12 +363,12 @@ impl Live {
     }
 }
 
-/// Whoever panicked while it held the lock left nothing half done: [`Live::beat`] catches its own.
+/// Whoever panicked while it held the lock left nothing half done: [`Live::tick`] catches its own.
 pub fn lock(live: &Mutex<Live>) -> MutexGuard<'_, Live> {
     live.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Beats at [`RATE`] until `stop` is set. Nothing allocates.
+/// Ticks at [`RATE`] until `stop` is set. Nothing allocates.
 ///
 /// The deadlines are absolute; what is late is caught up with, unless it is later than 0.1 s.
 pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
@@ -375,7 +376,7 @@ pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
     while wait_until(deadline, stop).is_some() {
         let mut live = lock(live);
         let begin = Instant::now();
-        live.beat();
+        live.tick();
         let end = Instant::now();
         deadline += PERIOD;
         live.count(begin, end, deadline);
@@ -389,7 +390,7 @@ pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
 mod tests {
     use super::*;
     use crate::control::{Avoidance, Projection};
-    use crate::math::Broadcast;
+    use crate::math::ScalarOrVec;
     use crate::trajectory::GovernorSettings;
     use std::sync::atomic::Ordering;
     use std::thread;
@@ -406,9 +407,9 @@ mod tests {
         Live::new(&Scenario::from_toml(SCENE).unwrap()).unwrap()
     }
 
-    fn beats(live: &mut Live, count: usize) -> f64 {
+    fn ticks(live: &mut Live, count: usize) -> f64 {
         (0..count).fold(0.0, |worst: f64, _| {
-            live.beat();
+            live.tick();
             let error = live.snapshot().error.iter().map(|e| e * e).sum::<f64>().sqrt();
             worst.max(error)
         })
@@ -424,7 +425,7 @@ mod tests {
         let mut live = live();
         let mut alone = Scenario::from_toml(SCENE).unwrap().prepare().unwrap().run;
         for _ in 0..500 {
-            live.beat();
+            live.tick();
             assert!(alone.advance(None));
         }
         assert_eq!(live.snapshot().q, alone.snapshot().q);
@@ -441,19 +442,19 @@ mod tests {
         {
             let mut live = live();
             live.configure(settings(projection)).unwrap();
-            beats(&mut live, 1000);
+            ticks(&mut live, 1000);
             let mut worst: f64 = 0.0;
             let mut last = Vector::<2>::zeros();
             for k in 0..50 {
                 live.carry(0, [1.6, 2.9 - 0.05 * f64::from(k)]).unwrap();
                 for _ in 0..50 {
-                    worst = worst.max(beats(&mut live, 1));
+                    worst = worst.max(ticks(&mut live, 1));
                     let velocity = live.snapshot().world.velocity(0);
                     assert!(velocity.norm() < 3.0 && (velocity - last).norm() < 0.1);
                     last = velocity;
                 }
             }
-            beats(&mut live, 1000);
+            ticks(&mut live, 1000);
             let place = live.snapshot().world.position(0);
             assert!((place - Vector::<2>::new(1.6, 0.45)).norm() < 1e-9);
             assert!(live.min_clearance() > 0.05, "{projection:?}: {}", live.min_clearance());
@@ -469,7 +470,7 @@ mod tests {
         let h = 1e-3;
         let mut seen = vec![];
         for _ in 0..800 {
-            live.beat();
+            live.tick();
             let world = live.snapshot().world;
             seen.push([world.position(0), world.velocity(0), world.acceleration(0)]);
         }
@@ -489,18 +490,18 @@ mod tests {
     #[test]
     fn the_target_stays_within_reach() {
         let mut live = live();
-        beats(&mut live, 600);
+        ticks(&mut live, 600);
         live.aim([3.0, 2.0]);
         // The law is held for a millisecond: it lags behind by that much, some tenths of a millimetre.
-        assert!(beats(&mut live, 4000) < 2e-3);
+        assert!(ticks(&mut live, 4000) < 2e-3);
         let tip = Vector::<2>::new(live.snapshot().x[0], live.snapshot().x[1]);
         assert!((tip - Vector::<2>::new(3.0, 2.0)).norm() < 1e-6);
         live.aim([30.0, 40.0]);
-        beats(&mut live, 6000);
+        ticks(&mut live, 6000);
         let x_ref = Vector::from_column_slice(live.snapshot().x_ref);
         assert!((x_ref - Vector::<2>::new(0.6, 0.8) * (6.0 * 0.98)).norm() < 1e-9);
         live.aim([0.0, 0.0]);
-        beats(&mut live, 6000);
+        ticks(&mut live, 6000);
         assert_eq!(live.state(), &State::Running);
     }
 
@@ -514,10 +515,10 @@ mod tests {
             ..settings(Projection::Dynamic)
         };
         live.configure(waiting.clone()).unwrap();
-        beats(&mut live, 200);
+        ticks(&mut live, 200);
         live.aim([3.0, 2.0]);
         live.carry(0, [4.0, 1.5]).unwrap();
-        beats(&mut live, 3000);
+        ticks(&mut live, 3000);
         let late = |live: &Live| live.snapshot().t - live.snapshot().path_time.unwrap();
         let place = |live: &Live| Vector::<2>::from_column_slice(live.snapshot().x_ref);
         let (delay, before) = (late(&live), place(&live));
@@ -526,29 +527,29 @@ mod tests {
         assert!((place(&live) - before).norm() < 1e-12);
         live.configure(Settings { governor: None, ..waiting }).unwrap();
         assert!((place(&live) - before).norm() < 1e-12);
-        beats(&mut live, 6000);
+        ticks(&mut live, 6000);
         assert!(late(&live) >= delay);
         assert!((place(&live) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-3);
     }
 
-    /// Obstacles come and go, each with its own hand.
+    /// Obstacles come and go, each with its own drag.
     #[test]
     fn obstacles_come_and_go() {
         let mut live = live();
         let disc = live.snapshot().world.obstacle(0).clone();
         live.add(&Obstacle { position: [3.0, 3.0], ..disc });
         live.carry(1, [4.0, 3.0]).unwrap();
-        beats(&mut live, 3000);
+        ticks(&mut live, 3000);
         live.remove(0).unwrap();
         assert_eq!(live.snapshot().world.len(), 1);
         assert!((live.snapshot().world.position(0) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-9);
         live.carry(0, [4.0, 3.5]).unwrap();
-        beats(&mut live, 3000);
+        ticks(&mut live, 3000);
         assert!((live.snapshot().world.position(0) - Vector::<2>::new(4.0, 3.5)).norm() < 1e-9);
         let fault = live.carry(1, [0.0, 0.0]).unwrap_err().to_string();
         assert_eq!(fault, "obstacles[1]: there is none, only 1 obstacles");
         live.remove(0).unwrap();
-        beats(&mut live, 10);
+        ticks(&mut live, 10);
         assert!(live.remove(0).is_err());
         live.reset().unwrap();
         assert_eq!((live.snapshot().world.len(), live.snapshot().t.to_bits()), (1, 0));
@@ -559,20 +560,20 @@ mod tests {
     fn divergence_is_a_state() {
         let mut live = live();
         let wild = Settings {
-            stiffness: Broadcast::Uniform(1e9),
-            damping: Broadcast::Uniform(1e5),
+            stiffness: ScalarOrVec::Uniform(1e9),
+            damping: ScalarOrVec::Uniform(1e5),
             ..settings(Projection::Dynamic)
         };
         live.configure(wild).unwrap();
         live.aim([3.0, 2.0]);
-        beats(&mut live, 2000);
+        ticks(&mut live, 2000);
         assert_eq!(live.state(), &State::Diverged);
         assert!(live.snapshot().q.iter().all(|q| q.is_finite()));
         live.pause(false);
         assert_eq!(live.state(), &State::Diverged);
         live.configure(settings(Projection::Dynamic)).unwrap();
         live.reset().unwrap();
-        beats(&mut live, 100);
+        ticks(&mut live, 100);
         assert_eq!(live.state(), &State::Running);
     }
 
@@ -581,7 +582,7 @@ mod tests {
     fn wrong_settings_are_refused() {
         let mut live = live();
         let negative =
-            Settings { stiffness: Broadcast::Uniform(-1.0), ..settings(Projection::Dynamic) };
+            Settings { stiffness: ScalarOrVec::Uniform(-1.0), ..settings(Projection::Dynamic) };
         assert!(live.configure(negative).unwrap_err().path.starts_with("controller.stiffness"));
         let pose = Settings { task: TaskKind::Pose, ..settings(Projection::Dynamic) };
         assert_eq!(live.configure(pose).unwrap_err().path, "controller.task");
@@ -597,8 +598,8 @@ mod tests {
         let mut times = vec![];
         for _ in 0..4 {
             for _ in 0..500 {
-                live.beat();
-                live.pulse.periods += 1;
+                live.tick();
+                live.stats.periods += 1;
             }
             let (record, dropped) = live.take().unwrap();
             assert_eq!(dropped, 0);
@@ -607,15 +608,15 @@ mod tests {
         assert_eq!(times.len(), 200);
         assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-12));
         for _ in 0..(10 * ROWS + 50) {
-            live.beat();
-            live.pulse.periods += 1;
+            live.tick();
+            live.stats.periods += 1;
         }
         assert_eq!(live.take().unwrap().1, 5);
         live.record(false).unwrap();
         assert!(live.take().unwrap().0.is_none());
     }
 
-    /// On its thread it beats, pauses on demand, and ends.
+    /// On its thread it ticks, pauses on demand, and ends.
     #[test]
     fn it_serves() {
         let (live, stop) = (Mutex::new(live()), AtomicBool::new(false));
@@ -628,16 +629,16 @@ mod tests {
                     thread::sleep(Duration::from_millis(5));
                 }
             };
-            wait(&|live| live.pulse().periods > 700 && live.pulse().rate > 0.0);
+            wait(&|live| live.stats().periods > 700 && live.stats().rate > 0.0);
             lock(&live).pause(true);
             let t = lock(&live).snapshot().t;
-            let periods = lock(&live).pulse().periods;
-            wait(&|live| live.pulse().periods > periods + 50);
+            let periods = lock(&live).stats().periods;
+            wait(&|live| live.stats().periods > periods + 50);
             assert_eq!(lock(&live).snapshot().t.to_bits(), t.to_bits());
             lock(&live).pause(false);
             wait(&|live| live.snapshot().t > t);
             stop.store(true, Ordering::Relaxed);
         });
-        assert!(lock(&live).pulse().worst > 0.0);
+        assert!(lock(&live).stats().worst > 0.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Whether the parts of a scenario make sense, one function a part.
 //!
-//! Types, unknown and missing keys have been judged by [`super::document`]; here are the values.
+//! Types, unknown and missing keys have been validated by [`super::document`]; here are the values.
 
 use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
@@ -140,7 +140,7 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
     let m = settings.task.dimension();
     each("stiffness", &settings.stiffness, m, not_negative)?;
     each("damping", &settings.damping, m, not_negative)?;
-    let joints = |given: &crate::math::Broadcast| n.unwrap_or(given.values().len());
+    let joints = |given: &crate::math::ScalarOrVec| n.unwrap_or(given.values().len());
     each("null_damping", &settings.null_damping, joints(&settings.null_damping), not_negative)?;
     let stiffness = &settings.posture_stiffness;
     each("posture_stiffness", stiffness, joints(stiffness), not_negative)?;

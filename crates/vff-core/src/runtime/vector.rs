@@ -4,7 +4,7 @@
 //! number of threads.
 
 use super::episode::{Episode, INFO, Step, Task};
-use super::{Problem, ScenarioError};
+use crate::scenario::{Problem, ScenarioError};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Arc;

@@ -17,11 +17,11 @@
 //! What is found is a motion, checked; "none found" is no proof that there is none. Links may cross
 //! each other, as they may in the plant. The random numbers are always the same.
 
-use super::{Problem, Scenario, ScenarioError};
 use crate::control::TaskKind;
 use crate::math::{Capsule, Vector, cross, perp};
+use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::trajectory::Trajectory;
-use crate::world::{Surroundings, World};
+use crate::world::{CollisionQuery, World};
 use nalgebra::Matrix2;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -78,7 +78,7 @@ pub type Motion = Vec<Vec<f64>>;
 ///
 /// # Errors
 /// If the task is not a position, or its reference is unusable.
-pub fn judge(scenario: &Scenario) -> Result<(Verdict, Option<Motion>), ScenarioError> {
+pub fn assess(scenario: &Scenario) -> Result<(Verdict, Option<Motion>), ScenarioError> {
     let scene = Scene::new(scenario)?;
     for (hold, verdict) in [(true, Verdict::WithTip), (false, Verdict::WithoutTip)] {
         for (attempt, &width) in (0..).zip(&WIDTHS) {
@@ -113,7 +113,7 @@ struct Node {
 impl Scene {
     fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         if scenario.controller.task != TaskKind::Position {
-            let problem = Problem::Other("can be judged for the task position only".into());
+            let problem = Problem::Other("can be assessed for the task position only".into());
             return Err(ScenarioError::new("controller.task", problem));
         }
         let arm = scenario.arm.build().map_err(|error| error.inside("arm"))?;
@@ -129,7 +129,7 @@ impl Scene {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "judged: positive and at most 1e12 steps"
+            reason = "validated: positive and at most 1e12 steps"
         )]
         let pieces = (scenario.duration / STEP - 1e-9).ceil() as usize;
         scene.pieces = pieces;
@@ -414,7 +414,7 @@ mod tests {
              arm = {{ lengths = [1, 1, 1, 1, 1, 1], masses = 1.0 }}\n\
              reference = {{ kind = \"setpoint\", point = [5.025409086959208, 1.0172560207580585] }}\n{obstacle}"
         );
-        judge(&Scenario::from_toml(&text).unwrap()).unwrap().0
+        assess(&Scenario::from_toml(&text).unwrap()).unwrap().0
     }
 
     /// Nothing in the way; a disc that pushes into the links; one that goes over the tip's place;

@@ -3,7 +3,8 @@
 //! Every batch makes a pool of threads of its own: a pool kept for later would hang in a process
 //! that was forked from this one, because threads do not survive a fork.
 
-use super::{Problem, Ready, Scenario, ScenarioError};
+use super::any::Ready;
+use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::{MAX_BYTES, METRICS, Outcome, Record, Snapshot, Status, Value};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -69,7 +70,7 @@ pub enum BatchError {
 }
 
 impl Batch {
-    /// Reads, judges and prepares every scenario, on `threads` threads.
+    /// Reads, validates and prepares every scenario, on `threads` threads.
     ///
     /// # Errors
     /// With the first scenario that cannot be run, or if all records together are too large.
@@ -139,7 +140,7 @@ fn prepare(
 fn fit<'a>(scenarios: impl Iterator<Item = &'a Scenario>) -> Result<(), BatchError> {
     let sizes = scenarios.map(Scenario::record_bytes);
     let (count, bytes) = sizes.fold((0, 0.0), |(count, sum), size| (count + 1, sum + size));
-    // One record alone is judged, with a better message, where it is made.
+    // One record alone is validated, with a better message, where it is made.
     if count > 1 && bytes > MAX_BYTES as f64 {
         return Err(BatchError::TooLarge { count, gigabytes: 1e-9 * bytes });
     }
@@ -167,10 +168,10 @@ fn failed(last: &Snapshot<'_>, message: String) -> Outcome {
     Outcome { status: Status::Failed, message, end_time: last.t, metrics, record }
 }
 
-/// The result of `judge`; a panic is a fault, too.
-fn sound<T>(judge: impl FnOnce() -> Result<T, ScenarioError>) -> Result<T, ScenarioError> {
+/// The result of `validate`; a panic is a fault, too.
+fn sound<T>(validate: impl FnOnce() -> Result<T, ScenarioError>) -> Result<T, ScenarioError> {
     let fault = |text| Err(ScenarioError::new("", Problem::Other(text)));
-    guarded(judge).unwrap_or_else(fault)
+    guarded(validate).unwrap_or_else(fault)
 }
 
 /// The result of `f`, or what it said when it panicked.
@@ -283,7 +284,7 @@ mod tests {
         assert_eq!((outcome.status.name(), outcome.record.joints), ("failed", 3));
     }
 
-    /// A scenario changed after its judgement panics where it is prepared: a fault with its index.
+    /// A scenario changed after its validation panics where it is prepared: a fault with its index.
     #[test]
     fn a_panic_in_preparation_is_a_fault() {
         let mut scenario = Scenario::from_document(&documents(1)[0]).unwrap();

@@ -7,7 +7,7 @@ use super::Vector;
 ///
 /// From rest it goes straight to the goal and never beyond.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pursuit<const D: usize> {
+pub struct ThirdOrderFilter<const D: usize> {
     /// The instant at which the goal was set [s].
     start: f64,
     goal: Vector<D>,
@@ -17,7 +17,7 @@ pub struct Pursuit<const D: usize> {
     rate: f64,
 }
 
-impl<const D: usize> Pursuit<D> {
+impl<const D: usize> ThirdOrderFilter<D> {
     /// From [x, ẋ, ẍ] at time `start` [s] to `goal`, most of the way within 5/`rate` [1/s].
     pub fn new(start: f64, [x, dx, ddx]: [Vector<D>; 3], goal: Vector<D>, rate: f64) -> Self {
         let c0 = x - goal;
@@ -79,37 +79,37 @@ mod tests {
         fn it_is_what_it_says(
             x in two(), dx in two(), ddx in two(), goal in two(), rate in 1.0..30.0, share in 0.0..1.0,
         ) {
-            let pursuit = Pursuit::new(2.0, [x, dx, ddx], goal, rate);
-            let start = pursuit.at(2.0);
+            let filter = ThirdOrderFilter::new(2.0, [x, dx, ddx], goal, rate);
+            let start = filter.at(2.0);
             for (found, given) in start.iter().zip([x, dx, ddx]) {
                 prop_assert!((found - given).norm() < 1e-10 * (1.0 + rate * rate));
             }
             let (t, h) = (2.0 + 1e-3 + share * 10.0 / rate, 1e-5 / rate);
-            let [before, now, after] = [t - h, t, t + h].map(|t| pursuit.at(t));
+            let [before, now, after] = [t - h, t, t + h].map(|t| filter.at(t));
             for k in 0..2 {
                 let difference = (after[k] - before[k]) / (2.0 * h);
-                let scale = (1.0 + pursuit.span()) * rate.powi(1 + i32::from(k == 1));
+                let scale = (1.0 + filter.span()) * rate.powi(1 + i32::from(k == 1));
                 prop_assert!((difference - now[k + 1]).norm() < 1e-5 * scale);
             }
-            prop_assert!((now[0] - goal).norm() <= pursuit.span() * (1.0 + 1e-12));
-            prop_assert!(now[1].norm() <= pursuit.top_speed() * (1.0 + 1e-12));
-            prop_assert!((pursuit.at(2.0 + 60.0 / rate)[0] - goal).norm() < 1e-9);
+            prop_assert!((now[0] - goal).norm() <= filter.span() * (1.0 + 1e-12));
+            prop_assert!(now[1].norm() <= filter.top_speed() * (1.0 + 1e-12));
+            prop_assert!((filter.at(2.0 + 60.0 / rate)[0] - goal).norm() < 1e-9);
         }
 
         /// From rest: straight to the goal, monotone, not beyond; after 5/ω 88 % of the way.
         #[test]
         fn from_rest_it_does_not_overshoot(x in two(), goal in two(), rate in 1.0..30.0) {
             let zero = Vector::zeros();
-            let pursuit = Pursuit::new(0.0, [x, zero, zero], goal, rate);
+            let filter = ThirdOrderFilter::new(0.0, [x, zero, zero], goal, rate);
             let mut left = (x - goal).norm();
             for k in 0..200 {
-                let [at, ..] = pursuit.at(f64::from(k) * 0.1 / rate);
+                let [at, ..] = filter.at(f64::from(k) * 0.1 / rate);
                 let offset = at - goal;
                 prop_assert!(offset.norm() <= left + 1e-12);
                 prop_assert!((offset.dot(&(x - goal))) >= -1e-12);
                 left = offset.norm();
             }
-            let [at, ..] = pursuit.at(5.0 / rate);
+            let [at, ..] = filter.at(5.0 / rate);
             // 1 − e⁻⁵ (1 + 5 + 12.5), the step response of three equal poles.
             let share = 1.0 - (-5f64).exp() * 18.5;
             prop_assert!(((at - x) - (goal - x) * share).norm() < 1e-12 * (1.0 + x.norm()));
