@@ -1,6 +1,7 @@
 """The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike
 from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
 import numpy as np
@@ -261,8 +262,8 @@ class Controller:
     ----------
     arm : Arm
         The arm's model.
-    settings : ControlSettings or dict
-        Gains, field, and variant of the law.
+    settings : ControlSettings or dict, optional
+        Gains, field, and variant of the law; defaults where nothing is given.
     period : float, optional
         Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
 
@@ -278,7 +279,9 @@ class Controller:
     (6,)
     """
 
-    def __new__(cls, arm: Arm, settings: _Document, period: float | None = None) -> Controller: ...
+    def __new__(
+        cls, arm: Arm, settings: _Document | None = None, period: float | None = None
+    ) -> Controller: ...
     def torque(
         self,
         q: ArrayLike,
@@ -577,8 +580,8 @@ class Simulation:
 
     Parameters
     ----------
-    scenario : Scenario or dict
-        What to simulate.
+    scenario : str, path, dict or Scenario
+        What to simulate, in every form that `vffnull.simulate` takes.
 
     Raises
     ------
@@ -592,7 +595,7 @@ class Simulation:
     ...     state = simulation.step(my_controller(simulation.state))
     """
 
-    def __new__(cls, scenario: _Document) -> Simulation: ...
+    def __new__(cls, scenario: str | PathLike[str] | _Document) -> Simulation: ...
     def step(self, tau: ArrayLike | None = None) -> State:
         """Advance by one control period.
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core, _progress
+from vffnull._arguments import MOST_THREADS, whole
 from vffnull._document import Document, plain
 from vffnull._progress import Counter, counted
 from vffnull._simulate import result_of
@@ -86,10 +87,8 @@ def simulate_many(
     _progress.check(progress)
     if not isinstance(record, bool):
         raise InputTypeError(f"record: expected True or False, not a {type(record).__name__}")
-    if isinstance(threads, bool) or not (threads is None or hasattr(threads, "__index__")):
-        raise InputTypeError(f"threads: expected a whole number, not a {type(threads).__name__}")
-    if threads is not None and not 1 <= threads <= _MOST_THREADS:
-        raise InputError(f"threads: must be from 1 to {_MOST_THREADS}, got {threads}")
+    if threads is not None:
+        threads = whole("threads", threads, 1, MOST_THREADS)
     name, documents = _documents(scenarios, overrides)
     with counted(progress, len(documents)) as report:
         outcomes = _core.run_many(documents, name, threads, record, report)
@@ -98,9 +97,6 @@ def simulate_many(
     for message in _oddities(name, results):
         warnings.warn(message, ScenarioWarning, stacklevel=2)
     return results
-
-
-_MOST_THREADS = 1024
 
 
 def _documents(

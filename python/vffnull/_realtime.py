@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core, _progress
+from vffnull._arguments import number, whole
 from vffnull._outcome import Status
 from vffnull._progress import Counter
 from vffnull._timing import FIGURE_ENDINGS, Histogram, Timing
-from vffnull.errors import InputError, InputTypeError, ScenarioWarning
+from vffnull.errors import ScenarioWarning
 from vffnull.scenario import Scenario, ScenarioLike, prepare
 
 if TYPE_CHECKING:
@@ -154,34 +155,16 @@ def measure(
     core: int | None = None,
     progress: bool | Counter | None = None,
 ) -> RealTimeReport:
-    """Measure without a word; the notes are in the report."""
-    rate, seconds = _number("rate", rate), _number("seconds", seconds)
-    priority, core = _whole("priority", priority, 1, 99), _whole("core", core, 0, 1 << 20)
+    """Measure; the notes are in the report, and no warning is raised."""
+    rate, seconds = number("rate", rate), number("seconds", seconds)
+    priority = None if priority is None else whole("priority", priority, 1, 99)
+    core = None if core is None else whole("core", core, 0, 1 << 20)
     with _report(progress, seconds) as report:
         found = _core.real_time(scenario.to_dict(), rate, seconds, priority, core, report)
     for name in ("latency", "step", "response", "jitter"):
         found[name] = Histogram(*found[name])
     found |= {"status": Status(found["status"]), "notes": tuple(found["notes"])}
     return RealTimeReport(scenario=scenario, **found)
-
-
-def _number(name: str, value: object) -> float:
-    try:
-        if isinstance(value, bool | str):
-            raise TypeError
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise InputTypeError(f"{name}: expected a number, not a {type(value).__name__}") from None
-
-
-def _whole(name: str, value: Any, least: int, most: int) -> int | None:
-    if value is None:
-        return None
-    if isinstance(value, bool) or not hasattr(value, "__index__"):
-        raise InputTypeError(f"{name}: expected a whole number, not a {type(value).__name__}")
-    if not least <= value <= most:
-        raise InputError(f"{name}: must be from {least} to {most}, got {value}")
-    return int(value)
 
 
 @contextmanager

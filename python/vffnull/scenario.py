@@ -151,7 +151,7 @@ class Scenario:
         vffnull.errors.ScenarioError
             If there is no such scenario, or if it cannot be run.
         """
-        return cls.from_dict(_core.parse_toml(read(source), str(source)))
+        return cls.from_dict(_core.parse_toml(read(source), shown(source)))
 
     @classmethod
     def _of(cls, document: Document) -> Scenario:
@@ -204,11 +204,7 @@ class Scenario:
         vffnull.errors.ScenarioError
             If the result cannot be run.
         """
-        document = self.to_dict()
-        for name, value in names.items():
-            put(document, name, value)
-        _core.check("scenario", document)
-        return self._of(document)
+        return prepare(self, names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the scenario to a TOML file."""
@@ -269,10 +265,11 @@ def read(source: str | os.PathLike[str]) -> str:
         try:
             return Path(name).read_text(encoding="utf-8")
         except UnicodeDecodeError:
-            raise ScenarioError(f"{name}: not a TOML file, the text is not UTF-8") from None
+            raise ScenarioError(f"{shown(name)}: not a TOML file, the text is not UTF-8") from None
         except (OSError, ValueError) as error:  # a ValueError if the path holds a null character
-            reason = getattr(error, "strerror", None) or str(error)
-            raise ScenarioError(f"{name}: cannot be read: {reason.lower()}") from None
+            encoding = isinstance(error, UnicodeEncodeError)
+            reason = "no path of this system" if encoding else getattr(error, "strerror", None) or str(error)
+            raise ScenarioError(f"{shown(name)}: cannot be read: {reason.lower()}") from None
     bundled = scenarios()
     if name in bundled:
         return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
@@ -281,7 +278,7 @@ def read(source: str | os.PathLike[str]) -> str:
     near = difflib.get_close_matches(name, bundled, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
     raise ScenarioError(
-        f"no scenario called {name!r}{hint}; bundled are {', '.join(bundled)}; "
+        f"no scenario called {shown(name[:100])!r}{hint}; bundled are {', '.join(bundled)}; "
         "the path of a file ends in .toml"
     )
 
@@ -291,7 +288,24 @@ def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) 
     check_overrides(overrides)
     if isinstance(scenario, Scenario) and not overrides:
         return scenario
-    return Scenario.from_dict(changed(document_of(scenario), overrides))
+    document = document_of(scenario)
+    before = copy.deepcopy(document) if overrides else document
+    try:
+        return Scenario.from_dict(changed(document, overrides))
+    except ScenarioError as error:
+        raise _with_hint(error, overrides or {}, before) from None
+
+
+def _with_hint(error: ScenarioError, overrides: Mapping[str, Any], document: Document) -> ScenarioError:
+    """The error with the keys that may have been meant, if an override's key is unknown."""
+    from vffnull._keys import nearest
+
+    for name in overrides:
+        last = name.rpartition(".")[2]
+        if f"unknown key `{last}`" in str(error) and "did you mean" not in str(error):
+            if near := nearest(name, document):
+                return ScenarioError(f"{error}; did you mean {' or '.join(near)}?", error.path)
+    return error
 
 
 def check_overrides(overrides: object) -> None:
@@ -307,7 +321,12 @@ def document_of(scenario: ScenarioLike) -> Document:
     if isinstance(scenario, Mapping):
         document: Document = plain(scenario)
         return document
-    return _core.parse_toml(read(scenario), str(scenario))
+    return _core.parse_toml(read(scenario), shown(scenario))
+
+
+def shown(source: str | os.PathLike[str]) -> str:
+    """A name or a path as it can be printed: bytes of a path that are no text are escaped."""
+    return os.fsdecode(source).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def changed(document: Document, overrides: Mapping[str, Any] | None) -> Document:

@@ -185,16 +185,17 @@ macro_rules! either {
 #[pymethods]
 impl Controller {
     #[new]
-    #[pyo3(signature = (arm, settings, period=None))]
+    #[pyo3(signature = (arm, settings=None, period=None))]
     fn new(
         arm: &Bound<'_, PyAny>,
-        settings: &Bound<'_, PyAny>,
+        settings: Option<&Bound<'_, PyAny>>,
         period: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let py = arm.py();
         let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
         let n = arm.arm.dof();
-        let settings = scenario::read_settings(&document(settings)?, &arm.arm)
+        let settings = settings.map_or_else(|| Ok(toml::Table::new()), document)?;
+        let settings = scenario::read_settings(&settings, &arm.arm)
             .map_err(|error| errors::scenario(&error))?;
         if let Some(period) = period {
             let period = number("period", period)?;

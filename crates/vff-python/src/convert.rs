@@ -35,6 +35,16 @@ pub fn named_document(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Table> {
     }
 }
 
+/// A scenario in any form that `vffnull.simulate` takes: what is no document yet, the name of a bundled
+/// scenario or a path, is read by the Python package.
+pub fn scenario_document(value: &Bound<'_, PyAny>) -> PyResult<Table> {
+    if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
+        let scenarios = value.py().import("vffnull.scenario")?;
+        return document(&scenarios.call_method1("document_of", (value,))?);
+    }
+    document(value)
+}
+
 /// A number, whatever Python or NumPy type it has.
 pub fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
     value.extract().map_err(|_| wrong_type(&format!("{name}: expected a number"), value))

@@ -1,6 +1,6 @@
 //! `Simulation`: a scenario one control period at a time.
 
-use crate::convert::{array1, array2, document, vector};
+use crate::convert::{array1, array2, scenario_document, vector};
 use crate::errors;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -37,7 +37,7 @@ impl Simulation {
 impl Simulation {
     #[new]
     fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let scenario = Scenario::from_document(&document(scenario)?)
+        let scenario = Scenario::from_document(&scenario_document(scenario)?)
             .map_err(|error| errors::scenario(&error))?;
         let run = Self::prepare(&scenario)?;
         let mut this = Self { scenario, run, steps: 0, collided: false, diverged: false };

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from vffnull.errors import InputError
+from vffnull.errors import InputError, InputTypeError
 
 __all__ = ["CONTROLLERS", "chosen"]
 
@@ -29,6 +29,8 @@ def chosen(given: Iterable[str] | Mapping[str, Mapping[str, Any]] | None) -> dic
         return {str(name): dict(changes) for name, changes in given.items()}
     if isinstance(given, str):
         given = [given]
+    if not isinstance(given, Iterable):
+        raise InputTypeError(f"controllers: expected names or a dict, not a {type(given).__name__}")
     found = {}
     for name in given:
         if name not in CONTROLLERS:

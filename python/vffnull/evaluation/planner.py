@@ -11,7 +11,7 @@ scene is
 - ``"without tip"`` if only a clear motion is found that lets go of the reference,
 - ``"none found"`` if neither is found within the budget.
 
-The search is in the core (``scenario/feasibility.rs`` says how it works and what its budget is). "None found"
+The search is in the core (``planning/feasibility.rs`` says how it works and what its budget is). "None found"
 is no proof: the search can miss a motion. What it finds is one. Links may cross each other, as they may in
 the plant.
 
@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
-from vffnull.errors import InputError, InputTypeError
-from vffnull.scenario import Scenario
+from vffnull.errors import InputError
+from vffnull.scenario import ScenarioLike, prepare
 
 __all__ = ["VERDICTS", "Kinematics", "World", "escape", "feasibility", "is_clear", "reference_points"]
 
@@ -44,13 +44,13 @@ CLEARANCE = 1e-3  # m, what a motion has to keep
 TIP = 1e-2  # m, how far the tip may be from its reference
 
 
-def feasibility(scenario: Scenario) -> str:
+def feasibility(scenario: ScenarioLike) -> str:
     """Judge a scene by the rule of this module.
 
     Parameters
     ----------
-    scenario : Scenario
-        A scene whose task is a position.
+    scenario : str, path, Mapping or Scenario
+        A scene whose task is a position; what `vffnull.simulate` accepts.
 
     Returns
     -------
@@ -67,13 +67,13 @@ def feasibility(scenario: Scenario) -> str:
     return escape(scenario)[0]
 
 
-def escape(scenario: Scenario) -> tuple[str, Array | None]:
+def escape(scenario: ScenarioLike) -> tuple[str, Array | None]:
     """The same, with the motion that was found.
 
     Parameters
     ----------
-    scenario : Scenario
-        A scene whose task is a position.
+    scenario : str, path, Mapping or Scenario
+        A scene whose task is a position; what `vffnull.simulate` accepts.
 
     Returns
     -------
@@ -82,9 +82,7 @@ def escape(scenario: Scenario) -> tuple[str, Array | None]:
     (k, n) ndarray or None
         Joint angles every 50 ms [rad].
     """
-    if not isinstance(scenario, Scenario):
-        raise InputTypeError(f"scenario: expected a Scenario, not a {type(scenario).__name__}")
-    return _core.feasibility(scenario.to_dict())
+    return _core.feasibility(prepare(scenario).to_dict())
 
 
 def is_clear(scene: Mapping[str, Any], motion: Array, hold: bool) -> bool:

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from vffnull import _core, _progress
+from vffnull._arguments import MOST_THREADS, whole
 from vffnull._extras import extra
+from vffnull._files import replacing
 from vffnull._many import simulate_many
 from vffnull._progress import Counter, counted
-from vffnull.errors import InputError, InputTypeError
+from vffnull.errors import InputError
 from vffnull.evaluation import scenes
 from vffnull.evaluation.controllers import CONTROLLERS, chosen
 from vffnull.evaluation.planner import feasibility
@@ -73,9 +75,10 @@ class Evaluation(Table):
                 {name: column.tolist() for name, column in self.columns.items()},
                 metadata={"vffnull": _core.__version__},
             )
-            extra("pyarrow.parquet", "io").write_table(table, str(path), compression="zstd")
+            with replacing(path) as draft:
+                extra("pyarrow.parquet", "io").write_table(table, str(draft), compression="zstd")
             return path
-        with path.open("w", newline="", encoding="utf-8") as file:
+        with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(self.columns)
             writer.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
@@ -143,6 +146,8 @@ def evaluate(
         If a controller's changes make no scenario.
     vffnull.errors.InputTypeError
         If an argument is of a type that cannot be used.
+    KeyboardInterrupt
+        After Ctrl-C: what was done until then is dropped.
 
     Notes
     -----
@@ -158,12 +163,12 @@ def evaluate(
     """
     _progress.check(progress)
     compared = chosen(controllers)
-    if isinstance(count, bool) or not isinstance(count, int):
-        raise InputTypeError(f"count: expected a whole number, not a {type(count).__name__}")
-    if count < 1:
-        raise InputError(f"count: must be at least 1, got {count}")
-    categories = [category] if isinstance(category, int | str) else list(category)
-    sizes = [n] if isinstance(n, int) else list(n)
+    count = whole("count", count, 1, len(scenes.EVALUATION))
+    seed = whole("seed", seed, 0, scenes.EVALUATION.stop - count)
+    if threads is not None:
+        threads = whole("threads", threads, 1, MOST_THREADS)
+    categories = [category] if isinstance(category, str) else _listed(category)
+    sizes = _listed(n)
     wanted = [(c, k, s) for c in categories for k in sizes for s in range(seed, seed + count)]
     if not wanted:
         raise InputError("evaluate: no category or no number of joints is given")
@@ -177,6 +182,11 @@ def evaluate(
             if report is not None:
                 report(len(rows), total)
     return Evaluation.of(rows, tuple(compared))
+
+
+def _listed(given: Any) -> list[Any]:
+    """One or several, as a list."""
+    return list(given) if isinstance(given, Iterable) else [given]
 
 
 def join(parts: Iterable[Evaluation]) -> Evaluation:
@@ -201,11 +211,17 @@ def _block(
     known: Mapping[str, str],
 ) -> Iterator[dict[str, Any]]:
     """The rows of a few scenes under all controllers."""
-    with ThreadPoolExecutor(threads) as pool:  # the search runs outside the GIL
+    pool = ThreadPoolExecutor(threads)  # the search runs outside the GIL
+    try:
         verdicts = list(pool.map(lambda scene: known.get(scene.name) or feasibility(scene), block))
+    finally:  # Ctrl-C does not wait for searches that have not begun
+        pool.shutdown(wait=False, cancel_futures=True)
 
     def run(changes: Mapping[str, Any]) -> list[Result]:
-        return simulate_many(block, {**changes, "simulation.record_every": EVERY}, threads)
+        results = simulate_many(block, {**changes, "simulation.record_every": EVERY}, threads)
+        if any(result.status is Status.INTERRUPTED for result in results):
+            raise KeyboardInterrupt  # half of a run says nothing about a controller
+        return results
 
     free = run(CONTROLLERS["no avoidance"])
     spans = [encounter(result) for result in free]
@@ -333,7 +349,7 @@ def loop_times(
     """
     lines = ["| controller | joints | p50 [µs] | p99 [µs] | max [µs] |", "|---|--:|--:|--:|--:|"]
     for name, changes in chosen(controllers).items():
-        for joints in [n] if isinstance(n, int) else n:
+        for joints in _listed(n):
             taken: list[int] = []
             for each in range(seed, seed + count):
                 taken += _timed(scenes.random(category, joints, each).replace(**changes))

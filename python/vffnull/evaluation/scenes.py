@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vffnull._arguments import whole
 from vffnull.errors import InputError, InputTypeError
 from vffnull.evaluation.planner import Kinematics, World, reference_points
 from vffnull.scenario import Scenario
@@ -70,19 +71,13 @@ def random(category: int | str, n: int, seed: int) -> Scenario:
     >>> random("crowd", 6, 0).name
     'crowd-6-0'
     """
-    for name, value in (("n", n), ("seed", seed)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            raise InputTypeError(f"{name}: expected a whole number, not a {type(value).__name__}")
-    if not 3 <= n <= 12:
-        raise InputError(f"n: must be from 3 to 12 joints, got {n}")
-    if not 0 <= seed < EVALUATION.stop:
-        raise InputError(f"seed: must be from 0 to {EVALUATION.stop - 1}, got {seed}")
-    family = _family(category, int(seed))
-    draw = _Draw((FAMILIES.index(family), int(n), int(seed)))
+    n, seed = whole("n", n, 3, 12), whole("seed", seed, 0, EVALUATION.stop - 1)
+    family = _family(category, seed)
+    draw = _Draw((FAMILIES.index(family), n, seed))
     while True:
-        scene = _Scene(draw, int(n), family)
+        scene = _Scene(draw, n, family)
         if _MAKE[family](scene, draw):
-            return scene.scenario(int(seed))
+            return scene.scenario(seed)
 
 
 def _family(category: int | str, seed: int) -> str:
