@@ -13,7 +13,7 @@ from vffnull import _core, _progress
 from vffnull._arguments import number, whole
 from vffnull._outcome import Status
 from vffnull._progress import Counter
-from vffnull._timing import FIGURE_ENDINGS, Histogram, Timing
+from vffnull._timing import Histogram, Timing
 from vffnull.errors import ScenarioWarning
 from vffnull.scenario import Scenario, ScenarioLike, prepare
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURE_ENDINGS", "Histogram", "RealTimeReport", "measure", "realtime"]
+__all__ = ["Histogram", "RealTimeReport", "measure", "realtime"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,9 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["FIGURE_ENDINGS", "Histogram", "Timing"]
-
-FIGURE_ENDINGS = (".png", ".pdf", ".svg")
+__all__ = ["Histogram", "Timing"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from vffnull import _progress, _record
 from vffnull._extras import extra
+from vffnull._figures import ending
 from vffnull._outcome import Metrics, Outcome, Status, readable
 from vffnull._record import QUANTITIES, recorded, unit
 from vffnull.scenario import Scenario
@@ -274,22 +275,33 @@ class Result(Outcome):
             **measured,
         }
 
-    def plot(self, directory: str | os.PathLike[str] | None = None) -> dict[str, Figure] | list[Path]:
+    def plot(
+        self, directory: str | os.PathLike[str] | None = None, format: str = "png"
+    ) -> dict[str, Figure] | list[Path]:
         """Draw the run: tracking, joint angles, repulsion, clearance, and the arm passing the obstacle.
 
         Parameters
         ----------
         directory : str or path, optional
-            Where to write the figures as PNG files; made if it does not exist.
+            Where to write the figures; made if it does not exist.
+        format : {"png", "pdf", "svg"}, optional
+            What kind of files to write.
 
         Returns
         -------
         dict of str to matplotlib.figure.Figure, or list of Path
             The figures by name; with a `directory`, the files written.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If figures are not written in this format.
         """
         from vffnull import plotting
 
-        return plotting.draw(self) if directory is None else plotting.save(self, Path(directory))
+        if directory is None:
+            return plotting.draw(self)
+        return plotting.save(self, Path(directory), ending(format))
 
     @overload
     def animate(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import click
 
 from vffnull.cli.common import INTERRUPTED, assigned, complete_scenario, set_option
+from vffnull.errors import InputError
 from vffnull.scenario import prepare
 from vffnull.viewer import live as open_page
 
 __all__ = ["live"]
+
+_LAST_PORT = 65_535
+_TRIES = 100
 
 
 @click.command()
@@ -36,6 +41,7 @@ def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignment
     The page is on this machine alone (127.0.0.1). Ctrl-C ends it. Needs pip install "vffnull[viewer]".
     """
     ready = prepare(scenario, assigned(assignments))
+    port = _free(port)
     page = open_page(ready, port=port, open_browser=not no_browser, block=False, record_to=record_to)
     click.echo(f"{ready.name or 'scenario'} is running at {page.url}; Ctrl-C ends it")
     try:
@@ -45,3 +51,16 @@ def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignment
     finally:
         page.stop()
     return 0
+
+
+def _free(port: int) -> int:
+    """The first port from this one on that nobody listens at."""
+    if not 1024 <= port <= _LAST_PORT:
+        raise InputError(f"--port: must be from 1024 to {_LAST_PORT}, got {port}")
+    last = min(port + _TRIES, _LAST_PORT)
+    for candidate in range(port, last + 1):
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", candidate)):
+                return candidate
+    taken = f"{port} is taken" if port == last else f"{port} to {last} are taken"
+    raise InputError(f"--port: {taken}; choose another")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from vffnull import _core
-from vffnull.errors import InputError
+from vffnull._arguments import MOST_THREADS, whole
+from vffnull.errors import InputError, InputTypeError
 from vffnull.scenario import prepare
 
 try:
@@ -36,6 +38,8 @@ _MODES = {
     AutoresetMode.DISABLED: "disabled",
 }
 _FLAGS = ("diverged",)
+_MOST_ENVIRONMENTS = 65_536
+_LARGEST_SEED = 2**63 - 1
 
 
 class _Episodes:
@@ -51,8 +55,13 @@ class _Episodes:
         autoreset: AutoresetMode = AutoresetMode.DISABLED,
     ) -> None:
         self.scenario: Scenario = prepare(scenario, overrides)
+        self.lock = threading.RLock()  # threads that share an environment take turns
         given = {name: value for name, value in settings.items() if value is not None}
-        mode = _MODES[AutoresetMode(autoreset)]
+        try:
+            mode = _MODES[AutoresetMode(autoreset)]
+        except ValueError:
+            names = ", ".join(f"AutoresetMode.{each.name}" for each in AutoresetMode)
+            raise InputError(f"autoreset_mode: expected one of {names}, not {autoreset!r}") from None
         self.core = _core.Episodes(self.scenario, given, count, threads, 0, mode)
         self.layout: dict[str, slice] = {}
         bounds: list[float] = []
@@ -162,21 +171,27 @@ class ReachEnv(gymnasium.Env["Array", "Array"]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
         """Begin another episode; the same seed begins the same sequence of them."""
+        seed = _seed("seed", seed)
         super().reset(seed=seed)
-        if seed is None and not self._seeded:
-            seed = int(self.np_random.integers(2**32))
-        self._seeded = True
-        observations, infos = self._episodes.core.reset([seed])
+        with self._episodes.lock:
+            if seed is None and not self._seeded:
+                seed = int(self.np_random.integers(2**32))
+            self._seeded = True
+            observations, infos = self._episodes.core.reset([seed])
         return observations[0], self._episodes.info(infos[0])
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Act for one period."""
         if not self._seeded:
             raise gymnasium.error.ResetNeeded("reset() has to come before step()")
-        numbers = np.asarray(action, dtype=np.float64)
+        try:
+            numbers = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputTypeError(f"action: expected numbers, not a {type(action).__name__}") from None
         if numbers.shape != self.action_space.shape:
             raise InputError(f"action: expected shape {self.action_space.shape}, got {numbers.shape}")
-        observations, rewards, terminated, truncated, infos = self._episodes.core.step(numbers[None])
+        with self._episodes.lock:
+            observations, rewards, terminated, truncated, infos = self._episodes.core.step(numbers[None])
         info = self._episodes.info(infos[0])
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
@@ -205,7 +220,7 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
     vffnull.errors.ScenarioError
         If the scenario or a setting cannot be used.
     vffnull.errors.InputError
-        If `num_envs` or `threads` is not positive.
+        If `num_envs` or `threads` is out of range, or if there is no such `autoreset_mode`.
     """
 
     def __init__(
@@ -218,10 +233,8 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
         threads: int | None = None,
         **settings: Any,
     ) -> None:
-        for name, value in (("num_envs", num_envs), ("threads", threads)):
-            if value is not None and value < 1:
-                raise InputError(f"{name}: must be 1 or more, got {value}")
-        count = threads or os.cpu_count() or 1
+        num_envs = whole("num_envs", num_envs, 1, _MOST_ENVIRONMENTS)
+        count = os.cpu_count() or 1 if threads is None else whole("threads", threads, 1, MOST_THREADS)
         self._episodes = _Episodes(scenario, overrides, settings, num_envs, count, autoreset_mode)
         self.num_envs = num_envs
         self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode(autoreset_mode)}
@@ -244,15 +257,20 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
 
         A whole number seeds environment i with ``seed + i``, a list each with its own.
         """
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        seeds = self._seeds(seed)
         mask = self._mask((options or {}).get("reset_mask"))
-        observations, infos = self._episodes.core.reset(seeds, mask.tolist())
-        self._over &= ~mask
+        with self._episodes.lock:
+            seeds = self._seeds(seed)
+            observations, infos = self._episodes.core.reset(seeds, mask.tolist())
+            self._seeded = True
+            self._over &= ~mask
         return observations, self._episodes.infos(infos, mask)
 
     def step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Act in all of them for one period."""
+        with self._episodes.lock:
+            return self._step(actions)
+
+    def _step(self, actions: Array) -> tuple[Array, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         if not self._seeded:
             raise gymnasium.error.ResetNeeded("reset() has to come before step()")
         mode = self.metadata["autoreset_mode"]
@@ -273,16 +291,19 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """One seed each; None goes on with the random numbers that there are."""
-        if isinstance(seed, int):
-            seeds: list[int | None] = [seed + i for i in range(self.num_envs)]
-        elif seed is None:
-            seeds = [None] * self.num_envs
-            if not self._seeded:
-                seeds = [int(number) for number in self.np_random.integers(2**32, size=self.num_envs)]
-        else:
-            seeds = list(seed)
-        self._seeded = True
-        return seeds
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+            super().reset(seed=None)
+            if len(seed) != self.num_envs:
+                raise InputError(f"seed: expected {self.num_envs} of them, got {len(seed)}")
+            return [_seed(f"seed[{i}]", each) for i, each in enumerate(seed)]
+        first = _seed("seed", seed)
+        super().reset(seed=first)
+        if first is not None:
+            _seed(f"seed + {self.num_envs - 1}", first + self.num_envs - 1)
+            return [first + i for i in range(self.num_envs)]
+        if self._seeded:
+            return [None] * self.num_envs
+        return [int(number) for number in self.np_random.integers(2**32, size=self.num_envs)]
 
     def _mask(self, mask: Any) -> Flags:
         if mask is None:
@@ -293,6 +314,11 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
                 f"options['reset_mask']: expected {self.num_envs} booleans, not all False, got {mask!r}"
             )
         return flags
+
+
+def _seed(name: str, value: Any) -> int | None:
+    """A seed, or None to go on with the random numbers that there are."""
+    return None if value is None else whole(name, value, 0, _LARGEST_SEED)
 
 
 gymnasium.register(

@@ -14,6 +14,7 @@ import numpy as np
 from vffnull import _core, _progress
 from vffnull._arguments import MOST_THREADS, whole
 from vffnull._extras import extra
+from vffnull._figures import ending
 from vffnull._files import replacing
 from vffnull._many import simulate_many
 from vffnull._progress import Counter, counted
@@ -84,8 +85,15 @@ class Evaluation(Table):
             writer.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
         return path
 
-    def plot(self, directory: str | Path) -> list[Path]:
-        """Write the figures ``rates.png``, ``clearance.png`` and ``error.png`` into a directory.
+    def plot(self, directory: str | Path, format: str = "png") -> list[Path]:
+        """Write the figures ``rates``, ``clearance`` and ``error`` into a directory.
+
+        Parameters
+        ----------
+        directory : str or path
+            Where to write them; made if it does not exist.
+        format : {"png", "pdf", "svg"}, optional
+            What kind of files to write.
 
         Raises
         ------
@@ -94,7 +102,7 @@ class Evaluation(Table):
         """
         from vffnull.plotting import evaluation
 
-        return evaluation.save(self, Path(directory))
+        return evaluation.save(self, Path(directory), ending(format))
 
     def __repr__(self) -> str:
         return f"<Evaluation: {len(self)} runs of {len(self.controllers)} controllers>"

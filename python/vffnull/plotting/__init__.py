@@ -36,12 +36,12 @@ def draw(result: Result) -> dict[str, Figure]:
     return dict(_figures(result))
 
 
-def save(result: Result, directory: Path) -> list[Path]:
-    """Draw every figure and write each to a PNG file of its name; returns the files."""
+def save(result: Result, directory: Path, ending: str = ".png") -> list[Path]:
+    """Draw every figure and write each to a file of its name; returns the files."""
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, figure in _figures(result):
-        path = directory / f"{name}.png"
+        path = directory / f"{name}{ending}"
         with style.look():
             figure.savefig(path)
         paths.append(path)

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 __all__ = ["save"]
 
 
-def save(evaluation: Table, directory: Path) -> list[Path]:
+def save(evaluation: Table, directory: Path, ending: str = ".png") -> list[Path]:
     """Draw the figures into a directory, which is made if need be."""
     directory.mkdir(parents=True, exist_ok=True)
     files = []
     with style.look():
         for name, draw in (("rates", rates), ("clearance", clearance), ("error", error)):
-            files.append(directory / f"{name}.png")
+            files.append(directory / f"{name}{ending}")
             draw(evaluation).savefig(files[-1])
     return files
 

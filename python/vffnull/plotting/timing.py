@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
-from vffnull._timing import FIGURE_ENDINGS
+from vffnull._figures import FIGURE_ENDINGS
 from vffnull.errors import InputError
 from vffnull.plotting import style
 
