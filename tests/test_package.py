@@ -140,7 +140,7 @@ HEAVY = ("numpy", "bokeh", "matplotlib", "pandas", "xarray", "tqdm", "PIL", "sci
 @pytest.mark.parametrize(
     ("code", "heavy", "most"),
     [
-        ("import vffnull", (*HEAVY, "click"), 60),
+        ("import vffnull", (*HEAVY, "click"), 50),
         ("import vffnull.cli; vffnull.cli._commands(['--help'], standalone_mode=False)", HEAVY, 110),
     ],
     ids=["import vffnull", "vffnull --help"],

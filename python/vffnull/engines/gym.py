@@ -294,7 +294,7 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
         if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
             super().reset(seed=None)
             if len(seed) != self.num_envs:
-                raise InputError(f"seed: expected {self.num_envs} of them, got {len(seed)}")
+                raise InputError(f"seed: expected {self.num_envs} values, got {len(seed)}")
             return [_seed(f"seed[{i}]", each) for i, each in enumerate(seed)]
         first = _seed("seed", seed)
         super().reset(seed=first)
