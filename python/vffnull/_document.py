@@ -104,7 +104,7 @@ def get(document: Document, name: str) -> Any:
     if not isinstance(name, str):
         raise InputTypeError(f"{name!r}: a key is a dotted name, not a {type(name).__name__}")
     place: Any = document
-    for key in _parts(name):
+    for key in _parts(_text(name, "key")):
         try:
             place = place[int(key) if isinstance(place, list) else key]
         except (KeyError, IndexError, ValueError, TypeError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -300,11 +301,17 @@ def _with_hint(error: ScenarioError, overrides: Mapping[str, Any], document: Doc
     """The error with the keys that may have been meant, if an override's key is unknown."""
     from vffnull._keys import nearest
 
+    message = str(error)
     for name in overrides:
         last = name.rpartition(".")[2]
-        if f"unknown key `{last}`" in str(error) and "did you mean" not in str(error):
-            if near := nearest(name, document):
-                return ScenarioError(f"{error}; did you mean {' or '.join(near)}?", error.path)
+        if f"unknown key `{last}`" not in message:
+            continue
+        near = nearest(name, document)
+        if "did you mean" in message and not any(each.endswith(f".{last}") for each in near):
+            continue  # the core has found a better one
+        if near:
+            message = re.sub(r", did you mean `\w+`\? Allowed", "; allowed", message)
+            return ScenarioError(f"{message}; did you mean {' or '.join(near)}?", error.path)
     return error
 
 
