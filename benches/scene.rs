@@ -106,7 +106,7 @@ pub fn preview(n: usize, discs: usize) -> Scenario {
     looking(scene(n, discs, EULER))
 }
 
-/// And alarmed all the time: one of the discs is at the base, where no course ever leaves it.
+/// And searching all the time: one of the discs is at the base, where no candidate avoids it.
 pub fn alarmed(n: usize, discs: usize) -> Scenario {
     let places = |joints: &[[f64; 2]]| {
         let beside = beside(joints).into_iter();

@@ -172,6 +172,8 @@ class ControlSettings:
         Lets the reference wait while the end effector is off it: see ``vffnull schema`` for the keys of
         ``[controller.governor]``; ``{}`` takes every default. It acts in simulations; a `Controller` is given
         its reference and leaves it as it is.
+    characteristic_length : float, optional
+        Radius [m] at which an angle of the task counts as its arc, where metres and radians are put together.
     singularity : float, optional
         How early the task gives way near a singular posture: below this fraction of the mobility that one
         particle of the arm's mass would have.
@@ -202,6 +204,7 @@ class ControlSettings:
     avoidance: Literal["null_space", "relaxed", "priority", "cbf"] | None = None
     yielding: Document | None = None
     governor: Document | None = None
+    characteristic_length: float | None = None
     singularity: float | None = None
 
     def __post_init__(self) -> None:

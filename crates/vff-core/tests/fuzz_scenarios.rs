@@ -11,15 +11,15 @@ use vff_core::simulation::{Outcome, Status, Value};
 
 /// Valid scenarios: the bundled ones, and one with everything that they lack.
 const SEEDS: &[&str] = &[
-    include_str!("../../../python/vffnull/scenarios/crowd.toml"),
-    include_str!("../../../python/vffnull/scenarios/narrow-gap.toml"),
-    include_str!("../../../python/vffnull/scenarios/on-path.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-1.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-1-ramp.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-2.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-2-moving.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-2-printed.toml"),
-    include_str!("../../../python/vffnull/scenarios/sweep-through.toml"),
+    include_str!("scenarios/crowd.toml"),
+    include_str!("scenarios/narrow-gap.toml"),
+    include_str!("scenarios/on-path.toml"),
+    include_str!("scenarios/paper-1.toml"),
+    include_str!("scenarios/paper-1-ramp.toml"),
+    include_str!("scenarios/paper-2.toml"),
+    include_str!("scenarios/paper-2-moving.toml"),
+    include_str!("scenarios/paper-2-printed.toml"),
+    include_str!("scenarios/sweep-through.toml"),
     EVERYTHING,
 ];
 

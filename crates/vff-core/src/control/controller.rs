@@ -1,4 +1,7 @@
 //! The parts strung together: observe, then command.
+//!
+//! [`ReactiveController`] sees the present alone. [`Controller`] is the same with look-ahead on top of it, if the
+//! settings ask for that; the look-ahead runs a reactive controller of its own.
 
 use super::avoidance::Avoider;
 use super::avoidance::preview::Preview;
@@ -7,18 +10,19 @@ use super::{
     Avoidance, Energy, Formulation, Gains, Law, OperationalSpace, Power, Projection, StablePeriod,
     Tank, Torque, VirtualForces, Yielding, extended_jacobian, operational_space, sampling, task,
 };
-use crate::math::{Vector, dot};
-use crate::robot::Robot;
+use crate::math::{Pose, Vector, dot};
+use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, SMatrix};
+use std::ops::Deref;
 
-/// A torque controller for a robot `R` with a task of dimension `M`.
+/// The torque controller of [`Controller`] without look-ahead: the law, the forces, the limits, and what gives way.
 ///
 /// Call [`observe`](Self::observe) with the state and the surroundings, then [`command`](Self::command) with the
 /// reference. Nothing allocates after construction (`formulation = recursive`).
 #[derive(Debug, Clone)]
-pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
+pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usize> {
     robot: R,
     gains: Gains<M>,
     space: OperationalSpace<M>,
@@ -36,20 +40,22 @@ pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
     share: f64,
     /// What the tank and the torque limits change of the power into the null space [W].
     scaling: f64,
-    reference: Sample<M>,
+    reference: Sample<R::Pose, M>,
     error: Vector<M>,
     /// What gives way where the null space is not enough.
-    pub(super) avoider: Option<Box<Avoider<D>>>,
-    /// What looks ahead of it.
-    preview: Option<Box<Preview<R, D, M>>>,
+    pub(super) avoider: Option<Box<Avoider<D, M>>>,
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
+impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
     /// A controller for `robot`, with gains resolved for its number of joints.
     pub fn new(robot: R, gains: Gains<M>) -> Self {
         let n = robot.dof();
         Self {
-            space: OperationalSpace::new(n, gains.singularity / robot.total_mass()),
+            space: OperationalSpace::new(
+                n,
+                gains.singularity / robot.total_mass(),
+                gains.metric::<D>(),
+            ),
             forces: VirtualForces::new(n),
             law: Law::new(n),
             repulsion: vec![0.0; n],
@@ -60,15 +66,9 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
             tank: gains.tank.map(Tank::new),
             share: 1.0,
             scaling: 0.0,
-            reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
+            reference: Sample::at_rest(robot.pose()),
             error: Vector::zeros(),
-            preview: match (gains.avoidance, &gains.yielding) {
-                (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
-                    Some(Box::new(Preview::new(&robot, &gains, settings)))
-                }
-                _ => None,
-            },
-            avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
+            avoider: Avoider::new(&gains, &robot),
             robot,
             gains,
         }
@@ -120,19 +120,8 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
         }
     }
 
-    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
-    pub fn look_ahead(
-        &mut self,
-        surroundings: &mut impl CollisionQuery<D>,
-        reference: impl Fn(f64) -> Sample<M>,
-    ) {
-        if let Some(preview) = &mut self.preview {
-            preview.look(&self.robot, surroundings, reference);
-        }
-    }
-
     /// The pose x of the end effector at the observed state.
-    pub fn pose(&self) -> Vector<M> {
+    pub fn pose(&self) -> R::Pose {
         self.robot.pose()
     }
 
@@ -142,7 +131,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     }
 
     /// The reference of the last command.
-    pub fn reference(&self) -> &Sample<M> {
+    pub fn reference(&self) -> &Sample<R::Pose, M> {
         &self.reference
     }
 
@@ -152,9 +141,16 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     }
 
     /// The torque at the observed and sensed state for this reference.
-    pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
+    pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
+        self.follow(reference);
+        self.give_way();
+        &self.law.torque
+    }
+
+    /// The torque of the null-space law, within the torque limits.
+    fn follow(&mut self, reference: &Sample<R::Pose, M>) {
         self.reference = *reference;
-        self.error = task::error(self.robot.pose(), reference.x);
+        self.error = self.robot.pose().error(&reference.x);
         self.objective_scale = limits::ALL;
         let ddx_c = self.commanded_acceleration();
         self.gather_secondary();
@@ -171,22 +167,21 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
                 &mut self.law,
             ),
         }
-        // The programme of `cbf` has the torque limits among its rows.
+        // The QP of `cbf` has the torque limits among its rows.
         if self.gains.enforce_limits
             && self.slack().is_none()
             && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
         {
             self.fit_torque(&ddx_c);
         }
-        if let Some(preview) = &mut self.preview {
-            let Law { bias, torque, .. } = &mut self.law;
-            preview.act(&self.robot, &self.space, bias, torque);
-        }
+    }
+
+    /// Changes that torque where the end effector has to give way.
+    fn give_way(&mut self) {
         if let Some(avoider) = &mut self.avoider {
             let Law { bias, torque, .. } = &mut self.law;
             avoider.act(&self.robot, &self.space, &self.forces, bias, torque);
         }
-        &self.law.torque
     }
 
     /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37).
@@ -269,7 +264,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
         self.avoider.is_some()
     }
 
-    /// By how much the last command breaks the barriers at most [m/s²]; None without barriers.
+    /// By how much the last command violates the barriers at most [m/s²]; None without barriers.
     pub fn slack(&self) -> Option<f64> {
         self.avoider.as_ref().and_then(|avoider| avoider.slack())
     }
@@ -306,7 +301,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
 
     /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task [m/s²] (T4).
     pub fn null_acceleration(&self) -> f64 {
-        self.space.response(&self.law.torque.null).norm()
+        self.gains.metric::<D>().norm(&self.space.response(&self.law.torque.null))
     }
 
     /// Energies of the arm at the last command.
@@ -353,16 +348,10 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// Forgets what it remembers of the past: the tank is as full as at the start.
     pub fn reset(&mut self) {
         self.tank = self.gains.tank.map(Tank::new);
-        if let Some(preview) = &mut self.preview {
-            preview.reset();
-        }
     }
 
     /// Lets `dt` [s] pass under the last command: the tank fills or empties.
     pub fn elapse(&mut self, dt: f64) {
-        if let Some(preview) = &mut self.preview {
-            preview.elapse(dt);
-        }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
             tank.elapse(dt, self.law.damping_power - self.share * injected);
@@ -381,6 +370,88 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     }
 }
 
+/// A torque controller for a robot `R` with a task of dimension `M`.
+///
+/// Call [`observe`](Self::observe) with the state and the surroundings, [`look_ahead`](Self::look_ahead) if the
+/// settings ask for look-ahead, then [`command`](Self::command) with the reference. Nothing allocates after
+/// construction (`formulation = recursive`). Everything that can be read is that of the [`ReactiveController`]
+/// below.
+#[derive(Debug, Clone)]
+pub struct Controller<R: Manipulator<D, M>, const D: usize, const M: usize> {
+    reactive: ReactiveController<R, D, M>,
+    preview: Option<Box<Preview<R, D, M>>>,
+}
+
+impl<R: Manipulator<D, M>, const D: usize, const M: usize> Deref for Controller<R, D, M> {
+    type Target = ReactiveController<R, D, M>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.reactive
+    }
+}
+
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
+    /// A controller for `robot`, with gains resolved for its number of joints.
+    pub fn new(robot: R, gains: Gains<M>) -> Self {
+        let preview = match (gains.avoidance, &gains.yielding) {
+            (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
+                Some(Box::new(Preview::new(&robot, &gains, settings)))
+            }
+            _ => None,
+        };
+        Self { reactive: ReactiveController::new(robot, gains), preview }
+    }
+
+    /// Takes in the state (q, q̇) and what is around: clearances and forces.
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
+        self.reactive.observe(q, dq, surroundings);
+    }
+
+    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
+    pub fn look_ahead(
+        &mut self,
+        surroundings: &mut impl CollisionQuery<D>,
+        reference: impl Fn(f64) -> Sample<R::Pose, M>,
+    ) {
+        if let Some(preview) = &mut self.preview {
+            preview.advance(&self.reactive.robot, surroundings, &reference);
+        }
+    }
+
+    /// The torque at the observed state for this reference.
+    pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
+        let Self { reactive, preview } = self;
+        reactive.follow(reference);
+        if let Some(preview) = preview {
+            let Law { bias, torque, .. } = &mut reactive.law;
+            preview.act(&reactive.robot, &reactive.space, bias, torque);
+        }
+        reactive.give_way();
+        &reactive.law.torque
+    }
+
+    /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
+    pub fn project(&mut self, tau: &mut [f64]) {
+        self.reactive.project(tau);
+    }
+
+    /// Forgets what it remembers of the past: the tank is as full as at the start, and no candidate is taken.
+    pub fn reset(&mut self) {
+        self.reactive.reset();
+        if let Some(preview) = &mut self.preview {
+            preview.reset();
+        }
+    }
+
+    /// Lets `dt` [s] pass under the last command: the tank fills or empties, the look-ahead's time goes on.
+    pub fn elapse(&mut self, dt: f64) {
+        if let Some(preview) = &mut self.preview {
+            preview.elapse(dt);
+        }
+        self.reactive.elapse(dt);
+    }
+}
+
 /// (N q̇)ᵀτ, the power of a joint torque into the null motion [W].
 fn null_power<const M: usize>(space: &OperationalSpace<M>, dq: &[f64], tau: &[f64]) -> f64 {
     dot(dq, tau) - space.dx.dot(&space.pinv_tr_mul(tau))
@@ -392,10 +463,10 @@ mod tests {
     use crate::control::Settings;
     use crate::field::{Field, FieldKind};
     use crate::math::ScalarOrVec;
-    use crate::robot::PlanarState;
+    use crate::robot::{Model, PlanarState, Robot};
     use crate::testing::{Case, assert_close, case};
     use crate::world::{Motion, Obstacle, Shape, World};
-    use nalgebra::{DVector, SVector};
+    use nalgebra::DVector;
     use proptest::prelude::*;
 
     const FORMULATIONS: [Formulation; 2] = [Formulation::Recursive, Formulation::ExtendedJacobian];
@@ -413,7 +484,10 @@ mod tests {
     }
 
     /// Two discs near the arm, one of them moving, and what the arm makes of them.
-    fn sensed<const M: usize>(c: &Case, settings: &Settings) -> Controller<PlanarState, 2, M> {
+    fn sensed<const M: usize>(c: &Case, settings: &Settings) -> Controller<PlanarState, 2, M>
+    where
+        PlanarState: Manipulator<2, M>,
+    {
         let mut controller = Controller::<_, 2, M>::new(c.arm.state(), Gains::new(settings));
         let middle = c.state().link(c.q.len() / 2);
         let near = middle.start + middle.direction * (0.3 * middle.length);
@@ -428,26 +502,33 @@ mod tests {
         controller
     }
 
-    fn reference<const M: usize>() -> Sample<M> {
-        let fill = |a: f64, b: f64| SVector::from_fn(|i, _| a + b * i as f64);
-        Sample { x: fill(1.0, -0.3), dx: fill(0.2, 0.5), ddx: fill(-0.7, 0.4) }
+    fn reference<P: From<Vector<M>>, const M: usize>() -> Sample<P, M> {
+        let fill = |a: f64, b: f64| Vector::<M>::from_fn(|i, _| a + b * i as f64);
+        Sample { x: fill(1.0, -0.3).into(), dx: fill(0.2, 0.5), ddx: fill(-0.7, 0.4) }
     }
 
     /// How far the state is from a singularity: the smallest eigenvalue of Λ⁻¹ over the largest.
-    fn conditioning<const M: usize>(controller: &Controller<PlanarState, 2, M>) -> f64 {
+    fn conditioning<const M: usize>(controller: &Controller<PlanarState, 2, M>) -> f64
+    where
+        PlanarState: Manipulator<2, M>,
+    {
         let lambda = controller.space().lambda;
         let inverse = lambda.try_inverse().map_or(f64::INFINITY, |inverse| inverse.norm());
         1.0 / (lambda.norm() * inverse)
     }
 
     /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (T14, T4), and both formulations give one torque.
-    fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError> {
+    fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError>
+    where
+        PlanarState: Manipulator<2, M>,
+        <PlanarState as Manipulator<2, M>>::Pose: From<Vector<M>>,
+    {
         let n = c.q.len();
         let mut totals = vec![];
         for formulation in FORMULATIONS {
             let mut controller = sensed::<M>(c, &settings(formulation, projection));
             prop_assume!(conditioning(&controller) > 1e-4 && !controller.space().singular);
-            let sample = reference::<M>();
+            let sample = reference();
             let torque = controller.command(&sample).clone();
             let e = *controller.error();
             let robot = c.state();
@@ -502,8 +583,8 @@ mod tests {
             }
         }
 
-        /// The sliding force (T82) stands on the velocity of link and obstacle against each other: all the
-        /// power it has comes from obstacles that move.
+        /// The sliding force (T82) is orthogonal to the relative velocity of link and obstacle: all its power
+        /// comes from obstacles that move.
         #[test]
         fn sliding_does_no_work_of_its_own(c in case(3usize..9)) {
             let slid = settings(Formulation::Recursive, Projection::Dynamic);

@@ -1,9 +1,9 @@
 //! From state and contacts to joint torque.
 //!
-//! [`Controller`] strings the parts together: [`operational_space`] (Λ and the null projector),
+//! [`ReactiveController`] strings the parts together: [`operational_space`] (Λ and the null projector),
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
-//! where that is not enough).
+//! where that is not enough). [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
 
 pub mod avoidance;
 mod controller;
@@ -12,6 +12,7 @@ pub mod energy;
 pub mod extended_jacobian;
 pub mod law;
 pub mod limits;
+pub mod metric;
 pub mod operational_space;
 pub mod quadratic_program;
 pub mod sampling;
@@ -21,10 +22,11 @@ pub mod task;
 pub mod virtual_forces;
 
 pub use avoidance::Yielding;
-pub use controller::Controller;
+pub use controller::{Controller, ReactiveController};
 pub use energy::{Energy, Power};
 pub use law::{Law, Torque};
 pub use limits::ObjectiveScale;
+pub use metric::TaskMetric;
 pub use operational_space::OperationalSpace;
 pub use sampling::StablePeriod;
 pub use settings::{Avoidance, Formulation, Gains, Projection, SelfCollision, Settings, TaskKind};

@@ -284,9 +284,9 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Settings;
+    use crate::control::{Settings, TaskMetric};
     use crate::field::FieldKind;
-    use crate::robot::{PlanarArm, planar::Link};
+    use crate::robot::{Model, PlanarArm, planar::Link};
     use crate::world::Feature;
     use std::sync::Arc;
 
@@ -320,7 +320,7 @@ mod tests {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(&[0.4, -0.3, 0.8, 0.2], &[0.0; 4]);
-        let mut space = OperationalSpace::<2>::new(4, 1e-4);
+        let mut space = OperationalSpace::<2>::new(4, 1e-4, TaskMetric::new::<2>(1.0));
         space.refresh(&state);
         let field = Field {
             kind: FieldKind::Khatib,

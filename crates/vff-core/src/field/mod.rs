@@ -131,8 +131,8 @@ impl Field {
     }
 
     /// The force that turns a link past an obstacle at the distance `d`, whose surface it has the
-    /// velocity `u` against (T82). It stands on `u` and thus does no work on the motion of the one
-    /// against the other; 0 while the distance grows.
+    /// velocity `u` against (T82). It is orthogonal to `u` and thus does no work on the relative motion; 0
+    /// while the distance grows.
     pub fn slide<const D: usize>(&self, d: f64, normal: &Vector<D>, u: &Vector<D>) -> Vector<D> {
         let closing = -normal.dot(u);
         if closing <= 0.0 {
@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// Of the sliding force (T82): it stands on the velocity, vanishes at d_s, head on and while the
+    /// Of the sliding force (T82): it is orthogonal to the velocity, vanishes at d_s, head on and while the
     /// distance grows, pushes the way the link passes, and never repels less for it.
     #[test]
     fn sliding_turns_the_velocity_and_does_no_work() {

@@ -2,12 +2,14 @@
 
 mod nearest;
 mod noise;
+mod pose;
 mod scalar_or_vec;
 mod sincos;
 mod third_order_filter;
 
 pub use nearest::{Nearest, nearest};
 pub use noise::Noise;
+pub use pose::{PlanarPose, Pose};
 pub use scalar_or_vec::ScalarOrVec;
 pub use sincos::{sin_cos, unit_vectors};
 pub use third_order_filter::ThirdOrderFilter;

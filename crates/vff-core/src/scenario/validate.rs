@@ -137,7 +137,7 @@ fn needs_sampling(sampled: bool, otherwise: &str) -> Judged {
 
 /// `[controller]` on its own, for n joints where the arm is known.
 pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
-    let m = settings.task.dimension();
+    let m = settings.task.dimension(2);
     each("stiffness", &settings.stiffness, m, not_negative)?;
     each("damping", &settings.damping, m, not_negative)?;
     let joints = |given: &crate::math::ScalarOrVec| n.unwrap_or(given.values().len());
@@ -153,6 +153,7 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
         }
         None => {}
     }
+    number("characteristic_length", settings.characteristic_length, positive)?;
     number("singularity", settings.singularity, positive)?;
     yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
     if let Some(limits) = &settings.joint_limit_field {
@@ -197,19 +198,19 @@ fn yielding(yielding: &Yielding) -> Judged {
 
 /// `[controller.yielding.preview]`.
 fn preview(settings: &PreviewSettings) -> Judged {
-    let PreviewSettings { period, horizon, alarm, clearance, speed, .. } = settings;
+    let PreviewSettings { period, horizon, trigger, clearance, speed, .. } = settings;
     for (path, value) in [
         ("period", period),
         ("horizon", horizon),
-        ("alarm", alarm),
+        ("trigger", trigger),
         ("clearance", clearance),
         ("speed", speed),
     ] {
         number(path, *value, positive)?;
     }
-    if alarm > horizon {
+    if trigger > horizon {
         let requirement = format!("at most horizon = {horizon}");
-        return Err(ScenarioError::out_of_range("alarm", &requirement, *alarm));
+        return Err(ScenarioError::out_of_range("trigger", &requirement, *trigger));
     }
     for (path, value) in [("steps", settings.steps), ("candidates", settings.candidates)] {
         if !(1..=10_000).contains(&value) {

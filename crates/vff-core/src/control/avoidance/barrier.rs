@@ -10,11 +10,10 @@
 use super::Yielding;
 use crate::control::distance::DistanceRate;
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, Torque};
+use crate::control::{OperationalSpace, TaskMetric, Torque};
 use crate::math::dot;
 use crate::robot::Robot;
 use crate::world::Contact;
-use nalgebra::SMatrix;
 
 /// k where it is not given [1/s].
 pub const RATE: f64 = 40.0;
@@ -24,11 +23,11 @@ pub fn rate(settings: &Yielding) -> f64 {
     settings.rate.unwrap_or(RATE)
 }
 
-/// Barriers that may be broken at one instant; beyond that the programme is left unfinished.
-const MOST_BROKEN: usize = 48;
+/// Barriers that may be violated at one instant; beyond that the QP is left unfinished.
+const MOST_VIOLATED: usize = 48;
 
-/// Workspace of the law. Unknown is y = q̈ − q̈₀, so that a row asks something only if its bound is
-/// positive, and most instants need no programme at all.
+/// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a row is violated at y = 0 only if its bound is
+/// positive, and most instants need no QP at all.
 #[derive(Debug, Clone)]
 pub struct Barrier {
     program: QuadraticProgram,
@@ -51,7 +50,7 @@ impl Barrier {
         let n = robot.dof();
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
-            program: QuadraticProgram::new(n, 0, MOST_BROKEN),
+            program: QuadraticProgram::new(n, 0, MOST_VIOLATED),
             nominal: zeros(n),
             mass: zeros(n * n),
             hessian: zeros(n * n),
@@ -83,6 +82,7 @@ impl Barrier {
     pub fn act<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         settings: &Yielding,
+        metric: &TaskMetric<M>,
         robot: &R,
         space: &OperationalSpace<M>,
         pairs: &[Contact<D>],
@@ -103,7 +103,7 @@ impl Barrier {
         {
             return 0.0;
         }
-        self.weigh(settings, robot, space);
+        self.weigh(settings, metric, robot, space);
         self.keep_torques(limits, &torque.total);
         let outcome = self.program.solve(&Problem {
             hessian: &self.hessian,
@@ -163,15 +163,16 @@ impl Barrier {
         }
     }
 
-    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69).
+    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69), W_x = `task_weight` S².
     fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         settings: &Yielding,
+        metric: &TaskMetric<M>,
         robot: &R,
         space: &OperationalSpace<M>,
     ) {
         let n = self.nominal.len();
-        let weight = SMatrix::<f64, M, M>::identity() * settings.task_weight - space.lambda;
+        let weight = metric.weight() * settings.task_weight - space.lambda;
         self.scratch.fill(0.0);
         for i in 0..n {
             let row = i * n..(i + 1) * n;
@@ -204,7 +205,8 @@ mod tests {
     use super::super::Strategy;
     use super::*;
     use crate::control::{Avoidance, Controller, Gains};
-    use crate::robot::PlanarState;
+    use crate::math::Vector;
+    use crate::robot::{Manipulator, Model, PlanarState};
     use crate::scenario::Scenario;
     use crate::trajectory::Trajectory;
     use crate::world::World;
@@ -258,19 +260,22 @@ mod tests {
     }
 
     /// The controller of a scenario, with its world and its reference.
-    fn loop_of(scenario: &Scenario) -> (Controller<PlanarState, 2, 2>, World, Trajectory<2>) {
+    fn loop_of(
+        scenario: &Scenario,
+    ) -> (Controller<PlanarState, 2, 2>, World, Trajectory<Vector<2>, 2>) {
         let arm = Arc::new(scenario.arm.build().unwrap());
         let mut start = arm.state();
         start.update(&scenario.q0, &vec![0.0; arm.dof()]);
-        let trajectory = Trajectory::new(&scenario.reference, start.pose()).unwrap();
+        let trajectory =
+            Trajectory::new(&scenario.reference, &Manipulator::<2, 2>::pose(&start)).unwrap();
         let controller = Controller::new(arm.state(), Gains::new(&scenario.controller));
         (controller, World::new(scenario.obstacles.clone()), trajectory)
     }
 
-    /// The programmes of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
+    /// The QPs of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
     #[test]
-    fn programmes_of_a_run_agree_with_clarabel() {
-        let text = include_str!("../../../../../python/vffnull/scenarios/on-path.toml");
+    fn the_qps_of_a_run_agree_with_clarabel() {
+        let text = include_str!("../../../tests/scenarios/on-path.toml");
         for torque in [None, Some(40.0)] {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
@@ -283,7 +288,8 @@ mod tests {
                 world.update(s.t);
                 controller.observe(s.q, s.dq, &mut world);
                 controller.command(&trajectory.at(s.t));
-                let Some(Strategy::Barrier(barrier)) = controller.avoider.as_ref().map(|a| &a.way)
+                let Some(Strategy::Barrier(barrier)) =
+                    controller.avoider.as_ref().map(|a| &a.strategy)
                 else {
                     panic!("no barrier");
                 };

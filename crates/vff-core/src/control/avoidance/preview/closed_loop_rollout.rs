@@ -1,42 +1,41 @@
-//! Whether the law would be hit if it were left to itself: the closed loop itself, in coarse steps, with the
-//! obstacles carried on (T83).
+//! Whether the law as it is will be hit: a roll-out of the closed loop itself, in coarse steps, among the obstacles
+//! predicted from their velocities (T83).
 //!
-//! Roll-outs without mass see contact where the law would have avoided it. Nobody has to leave the law, and with
-//! it the task, before a rehearsal has been hit, too.
+//! A roll-out without mass predicts contacts that the law would have avoided. The arm leaves the law, and with it the
+//! task, only after a closed-loop rollout has been hit, too.
 
-use super::{barrier, due};
-use crate::control::{Controller, Gains};
-use crate::math::Capsule;
-use crate::robot::Robot;
+use super::due;
+use super::prediction::{Later, Prediction};
+use crate::control::avoidance::barrier;
+use crate::control::{Gains, ReactiveController};
+use crate::robot::Manipulator;
 use crate::trajectory::Sample;
-use crate::world::{CollisionQuery, Contact};
 
-/// Longest step of a rehearsal [s], and the largest product of a step and a rate of the law.
+/// Longest step [s], and the largest product of a step and a rate of the law.
 const STEP: f64 = 0.01;
 const STEP_TIMES_RATE: f64 = 0.4;
 
-/// A distance below this share of the margin is taken for a contact: the programme keeps the margin unless it
-/// cannot.
+/// A distance below this share of the margin counts as a contact: the QP keeps the margin unless it cannot.
 const CONTACT: f64 = 0.5;
 
-/// The closed loop on its own, with its workspace.
+/// The closed loop in the look-ahead, with its workspace.
 #[derive(Debug, Clone)]
-pub struct Rehearsal<R: Robot<D>, const D: usize, const M: usize> {
-    controller: Controller<R, D, M>,
+pub struct ClosedLoopRollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
+    controller: ReactiveController<R, D, M>,
     q: Vec<f64>,
     dq: Vec<f64>,
     ddq: Vec<f64>,
     scratch: Vec<f64>,
     /// Duration of a step [s].
     step: f64,
-    /// How many steps have been done, and how many make a whole rehearsal.
+    /// How many steps have been done, and how many make a whole roll-out.
     done: usize,
     count: usize,
     /// The smallest distance that is no contact [m].
     least: f64,
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRollout<R, D, M> {
     /// Of the law with these gains on `robot`, over `duration` [s].
     #[expect(
         clippy::cast_possible_truncation,
@@ -46,15 +45,13 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
     pub fn new(robot: &R, gains: &Gains<M>, duration: f64) -> Self {
         let n = robot.dof();
         let zeros = || vec![0.0; n];
-        let mut gains = gains.clone();
-        gains.yielding.preview = None;
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
         let fastest = rates.fold(barrier::rate(&gains.yielding), f64::max);
         let step = STEP.min(STEP_TIMES_RATE / fastest);
         let count = (duration / step).ceil() as usize;
         Self {
             least: CONTACT * gains.yielding.margin,
-            controller: Controller::new(robot.clone(), gains),
+            controller: ReactiveController::new(robot.clone(), gains.clone()),
             q: zeros(),
             dq: zeros(),
             ddq: zeros(),
@@ -65,25 +62,25 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         }
     }
 
-    /// Makes room for so many obstacles, so that no rehearsal allocates.
+    /// Makes room for so many obstacles, so that no step allocates.
     pub fn reserve(&mut self, obstacles: usize) {
         self.controller.reserve(obstacles);
     }
 
-    /// Begins again, at the state of `robot`.
+    /// Begins a new one at the state of `robot`.
     pub fn begin(&mut self, robot: &R) {
         self.q.copy_from_slice(robot.configuration());
         self.dq.copy_from_slice(robot.velocity());
         self.done = 0;
     }
 
-    /// Breaks off.
+    /// Ends it early.
     pub fn stop(&mut self) {
         self.done = self.count;
     }
 
-    /// Whether it is still going on.
-    pub fn goes_on(&self) -> bool {
+    /// Whether steps are still to be done.
+    pub fn is_running(&self) -> bool {
         self.done < self.count
     }
 
@@ -100,9 +97,9 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         &mut self,
         share: f64,
         ago: f64,
-        surroundings: &impl CollisionQuery<D>,
+        surroundings: &dyn Prediction<D>,
         obstacles: &[usize],
-        reference: &impl Fn(f64) -> Sample<M>,
+        reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
     ) -> bool {
         let due = due(self.count, share).min(self.count);
         while self.done < due {
@@ -131,66 +128,29 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
     }
 }
 
-/// Some of the obstacles, carried on for a while at their present velocities.
-struct Later<'a, S> {
-    surroundings: &'a S,
-    obstacles: &'a [usize],
-    after: f64,
-}
-
-impl<S: CollisionQuery<D>, const D: usize> CollisionQuery<D> for Later<'_, S> {
-    fn obstacle_count(&self) -> usize {
-        self.obstacles.len()
-    }
-
-    fn for_each_contact(
-        &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
-        reach: f64,
-        mut distance: impl FnMut(usize, f64),
-        mut visit: impl FnMut(&Contact<D>),
-    ) {
-        for (i, link) in links.into_iter().enumerate() {
-            let mut least = f64::INFINITY;
-            for &j in self.obstacles {
-                let contact = self.surroundings.contact_after(i, &link, j, self.after);
-                least = least.min(contact.distance);
-                if contact.distance < reach {
-                    visit(&contact);
-                }
-            }
-            distance(i, least);
-        }
-    }
-
-    fn contact_after(&self, link: usize, capsule: &Capsule<D>, j: usize, after: f64) -> Contact<D> {
-        self.surroundings.contact_after(link, capsule, j, self.after + after)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::{Avoidance, Gains, Settings};
+    use crate::control::{Avoidance, Controller, Settings};
     use crate::math::{Noise, Vector};
-    use crate::robot::{PlanarArm, PlanarState, planar::Link};
+    use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
     use crate::world::{Motion, Obstacle, Shape, World};
     use std::sync::Arc;
 
     const DURATION: f64 = 1.0;
 
-    /// The smallest distance of the same loop in steps of 1 ms, and whether its rehearsal was hit.
+    /// The smallest distance of the same loop in steps of 1 ms, and whether its closed-loop rollout was hit.
     fn both(q: &[f64; 4], discs: Vec<Obstacle>) -> (f64, bool) {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(q, &[0.0; 4]);
-        let reference = Sample { x: state.pose::<2>(), dx: Vector::zeros(), ddx: Vector::zeros() };
+        let reference = Sample::at_rest(Manipulator::<2, 2>::pose(&state));
         let gains = Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
         let world = World::new(discs);
         let obstacles: Vec<usize> = (0..world.len()).collect();
-        let mut rehearsal = Rehearsal::<PlanarState, 2, 2>::new(&state, &gains, DURATION);
-        rehearsal.begin(&state);
-        let hit = rehearsal.go_on(1.0, 0.0, &world, &obstacles, &|_| reference);
+        let mut rollout = ClosedLoopRollout::<PlanarState, 2, 2>::new(&state, &gains, DURATION);
+        rollout.begin(&state);
+        let hit = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference);
 
         let mut controller = Controller::new(state, gains);
         let mut world = world;
@@ -211,10 +171,10 @@ mod tests {
         (least, hit)
     }
 
-    /// A rehearsal says of two discs that close on an arm what the loop in ten times finer steps says, wherever that
-    /// is clear: a pinch is a contact, a distance of half the margin and 5 mm more is none.
+    /// For two discs that close in on an arm, a roll-out predicts what the loop in ten times finer steps finds,
+    /// wherever that is clear: a pinch is a contact, a distance of half the margin and 5 mm more is none.
     #[test]
-    fn a_rehearsal_foresees_what_happens() {
+    fn it_predicts_what_happens() {
         let mut noise = Noise::new(1, 0);
         let (mut hits, mut free) = (0, 0);
         for _ in 0..60 {
