@@ -141,7 +141,7 @@ def test_the_reader_of_imports_sees_what_it_has_to(tmp_path: Path) -> None:
         "__init__.py": '_LATER = {"b": "house.b"}\n',
         "a.py": "def f():\n    from house import b\n",
         "b.py": "from .rooms.c import thing\n",
-        "rooms/__init__.py": "import importlib as i\ndef f(n): return i.import_module(f\"house.rooms.{n}\")\n",
+        "rooms/__init__.py": 'import importlib as i\ndef f(n): return i.import_module(f"house.rooms.{n}")\n',
         "rooms/c.py": "from ..a import f\n",
         "d.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from house.e import E\n",
         "e.py": "import house.d\nfrom house import _core\n'''house.a'''\n",
