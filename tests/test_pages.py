@@ -344,7 +344,7 @@ class Tab:
 
     def __init__(self, browser: Any, path: Path, width: int = 1280) -> None:
         self.page = browser.new_page(viewport={"width": width, "height": 900})
-        self.page.set_default_timeout(300_000)
+        self.page.set_default_timeout(120_000)
         self.requests: list[str] = []
         self.errors: list[str] = []
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -393,13 +393,11 @@ def test_names_are_text_in_every_page(browser: Any, tmp_path: Path) -> None:
             x, y = page.evaluate(point)
             page.mouse.move(x - 3, y)
             page.mouse.move(x, y)
-            shown = """() => [...document.querySelectorAll('.bk-Figure')]
-                .flatMap(figure => [...figure.shadowRoot.querySelectorAll('.bk-Tooltip')])
-                .map(label => label.shadowRoot.textContent).join()"""
-            page.wait_for_function(f"({shown})().includes(' at ')")
-            seen |= {each for each in runs if each in page.evaluate(shown)}
+            label = page.locator(".bk-tooltip-content", has_text=" at ")
+            label.first.wait_for()
+            seen |= {each for each in runs for text in label.all_inner_texts() if each in text}
             page.mouse.move(1, 1)
-            page.wait_for_function(f"!({shown})().includes(' at ')")
+            label.first.wait_for(state="hidden")
         if path.stem == "compare":
             assert seen == set(runs)
         assert page.evaluate("window.harmed") is None
@@ -497,7 +495,9 @@ def test_what_notebooks_say(short: vff.Result) -> None:
 
 def test_notebooks_show_figures(short: vff.Result) -> None:
     """IPython asks an object for its picture; without pyplot nobody else makes one of a Matplotlib figure."""
-    figure = short.plot()["overview"]
+    figures = short.plot()
+    assert isinstance(figures, dict)
+    figure: Any = figures["overview"]
     picture, about = figure._repr_png_()
     assert picture.startswith(b"\x89PNG")
     assert 300 < about["width"] < 1000

@@ -58,6 +58,12 @@ def seen(points: Array, view: Array | None = None) -> Array:
     return np.asarray(points @ axes.T)
 
 
+def in_space(points: Array) -> Array:
+    """Points (…, D) in space (…, 3): those of the plane at z = 0."""
+    missing = 3 - points.shape[-1]
+    return np.concatenate([points, np.zeros((*points.shape[:-1], missing))], axis=-1)
+
+
 def outline(corners: Array, radius: float, view: Array | None = None) -> Array:
     """The outline (·, 2) in a picture of all points within `radius` of the convex hull of corners (·, D)."""
     flat = seen(corners, view)

@@ -28,11 +28,11 @@ def overview(result: Result) -> Figure:
         axes = style.stacked(plots, 3)
         links.distances(axes[1], result)
         joints.repulsion(axes[2], result)
-        labels, what = ("clearance\n[m]", "repulsion\n[N·m]"), "joint and link"
+        labels, what = ["clearance\n[m]", "repulsion\n[N·m]"], "joint and link"
     else:
         axes = style.stacked(plots, 2)
         style.joint_lines(axes[1], result.t, result.q)
-        labels, what = ("joint angle\n[rad]",), "joint"
+        labels, what = ["joint angle\n[rad]"], "joint"
     tracking.error_magnitude(axes[0], result)
     for ax, label in zip(axes, ("$|e|$\n[m]", *labels), strict=True):
         ax.set_ylabel(label)
