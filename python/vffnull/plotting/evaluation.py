@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vffnull._files import replacing
 from vffnull.plotting import style
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ def save(evaluation: Table, directory: Path, ending: str = ".png") -> list[Path]
     with style.look():
         for name, draw in (("rates", rates), ("clearance", clearance), ("error", error)):
             files.append(directory / f"{name}{ending}")
-            draw(evaluation).savefig(files[-1])
+            with replacing(files[-1]) as draft:
+                draw(evaluation).savefig(draft)
     return files
 
 
