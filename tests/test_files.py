@@ -18,7 +18,7 @@ from vffnull import _record
 from vffnull._files import replacing
 from vffnull._record import recorded
 from vffnull.errors import InputError
-from vffnull.evaluation import identity, judged
+from vffnull.evaluation import identity, scores
 from vffnull.logs import header
 
 LOSSLESS = (".npz", ".csv", ".arrow", ".parquet")
@@ -30,7 +30,7 @@ LOSSLESS = (".npz", ".csv", ".arrow", ".parquet")
 def evaluation() -> vff.Evaluation:
     """One row, without running anything."""
     scene = vff.scenes.random("crowd", 4, 0)
-    row = judged(
+    row = scores(
         status="completed", t=np.zeros(1), error=np.zeros(1), span=None, min_clearance=1.0, max_error=0.0,
         effort=1.0, rms_jerk=1.0, end_time=8.0,
     )  # fmt: skip

@@ -1,6 +1,6 @@
 """Scenario documents: nested dictionaries, lists, strings, booleans and numbers, as TOML knows them.
 
-This module moves values in and out of such documents. Whether a value makes sense is for the core to judge.
+This module moves values in and out of such documents. The core validates the values.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def simulate_many(
     Warns
     -----
     vffnull.errors.ScenarioWarning
-        Once for each thing that is odd, however many scenarios it concerns.
+        Once for each warning, with the number of scenarios that it concerns.
 
     See Also
     --------
@@ -94,7 +94,7 @@ def simulate_many(
         outcomes = _core.run_many(documents, name, threads, record, report)
     pairs = zip(documents, outcomes, strict=True)
     results = [result_of(Scenario._of(document), outcome) for document, outcome in pairs]
-    for message in _oddities(name, results):
+    for message in _warnings_of(name, results):
         warnings.warn(message, ScenarioWarning, stacklevel=2)
     return results
 
@@ -135,7 +135,7 @@ def _placed(name: str, i: int, given: Any, make: Callable[[Any], Document]) -> D
         raise type(error)(f"{name}[{i}]: {error}") from None
 
 
-def _oddities(name: str, results: Iterable[Result]) -> Iterator[str]:
+def _warnings_of(name: str, results: Iterable[Result]) -> Iterator[str]:
     """Every warning once, with the first scenario that it concerns."""
     places: dict[str, list[int]] = {}
     for i, result in enumerate(results):

@@ -48,13 +48,13 @@ class RealTimeReport(Timing):
     min_clearance : float or None
         Smallest distance between a link and an obstacle [m]; None without obstacles.
     latency : Histogram
-        From the instant at which a period was due to begin to when it did.
+        From the instant at which a period was due to start to its start.
     step : Histogram
         How long plant, law and obstacles took.
     response : Histogram
-        From the instant at which a period was due to begin to the end of its step.
+        From the instant at which a period was due to start to the end of its step.
     jitter : Histogram
-        How far the time between two beginnings was off the period.
+        Deviation of the interval between two starts from the period.
     notes : tuple of str
         What was changed in the scenario, what is odd about it, and what the system refused.
     """
@@ -92,8 +92,8 @@ def realtime(
     """Run the closed loop against the wall clock and measure how well the clock is kept.
 
     Plant and controller run together on a thread of the core, once per control period, at absolute
-    deadlines; a scenario that is over begins again. A period that begins late is not left out: it is computed
-    at once, until the clock is caught up with.
+    deadlines; a scenario that is over starts again. A period that starts late is not skipped: periods are
+    computed without waiting until the loop is on time again.
 
     Parameters
     ----------
@@ -107,8 +107,8 @@ def realtime(
     overrides : Mapping, optional
         Other values for some keys, by dotted name.
     priority : int, optional
-        Run under SCHED_FIFO with this priority, 1 to 99, which systems grant to few. Above that of other
-        threads, a loop that takes all its time starves them.
+        Run under SCHED_FIFO with this priority, 1 to 99, which few users are allowed. A loop that uses all of
+        its time starves threads of lower priority.
     core : int, optional
         Stay on this core.
     progress : bool or callable, optional

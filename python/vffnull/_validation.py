@@ -22,8 +22,8 @@ _MOST = 50
 def faults(document: Document) -> list[str]:
     """Every fault that can be found without taking the consequence of one for another.
 
-    Parts that can be judged on their own are judged first, the whole without what was wrong in them at last.
-    Where a part without which nothing can be run is wrong, the whole is not judged.
+    Parts that can be checked on their own are checked first, then the whole without what was wrong in them.
+    Where the arm or the reference is wrong, the whole is not checked.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ def main() -> NoReturn:
         code = WRONG_INPUT
     except (click.Abort, KeyboardInterrupt):
         code = INTERRUPTED
-    except BrokenPipeError:  # whoever read the output has seen enough of it
+    except BrokenPipeError:  # the reader of the output has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FINE
     except OSError as error:
@@ -62,7 +62,7 @@ def main() -> NoReturn:
     except (VffNullError, ImportError) as error:
         say(f"error: {error}", "red")
         code = WRONG_INPUT
-    if code == INTERRUPTED and threading.active_count() > 1:  # do not wait for what nobody waits for any more
+    if code == INTERRUPTED and threading.active_count() > 1:  # nobody needs what they compute
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(INTERRUPTED)
@@ -70,7 +70,7 @@ def main() -> NoReturn:
 
 
 def _set_up() -> None:
-    """Make the most of what the shell has given: streams that are closed or narrow, a backend for windows."""
+    """Adapt to the shell: streams that are closed or cannot show every character, a backend for windows."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the shell
@@ -223,11 +223,11 @@ def validate(files: tuple[str, ...], as_json: bool) -> int:
     vffnull validate mine.toml
     vffnull validate scenes/*.toml --json
     """
-    found = [_judged(file) for file in files]
+    found = [_validated(file) for file in files]
     if as_json:
         echo_json(found)
     else:
-        _print_judgement(found)
+        _print_faults(found)
     return WRONG_INPUT if any(each["errors"] for each in found) else FINE
 
 
@@ -274,7 +274,7 @@ def _print(result: Result, files: list[Path]) -> None:
         click.echo(f"wrote {path}")
 
 
-def _judged(file: str) -> dict[str, Any]:
+def _validated(file: str) -> dict[str, Any]:
     """What is wrong with a file, and what is odd about it."""
     name = shown(file)
     try:
@@ -286,7 +286,7 @@ def _judged(file: str) -> dict[str, Any]:
     return {"file": name, "error": errors[0] if errors else None, "errors": errors, "warnings": warnings}
 
 
-def _print_judgement(found: list[dict[str, Any]]) -> None:
+def _print_faults(found: list[dict[str, Any]]) -> None:
     for each in found:
         for fault in each["errors"]:
             say(fault, "red")

@@ -97,7 +97,7 @@ def evaluate(
     vffnull evaluate --category crowd -n 6 --count 200 --save crowd.csv --plot figures/
     vffnull evaluate --controller cbf --controller "null-space field" --category 1
 
-    Seeds below 1000000 are for tuning, the others for judging. Needs the extra vffnull[evaluate].
+    Seeds below 1000000 are for tuning, the others for evaluation. Needs the extra vffnull[evaluate].
 
     Exit codes: 0 fine, 2 wrong input, 130 interrupted.
     """

@@ -18,7 +18,7 @@ from vffnull._record import QUANTITIES
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
 from vffnull.result import Metrics, Result, Status
-from vffnull.scenario import Scenario
+from vffnull.scenario import Scenario, ScenarioLike, prepare
 from vffnull.world import Motion, Obstacle
 
 __all__ = ["MuJoCoPlant", "run"]
@@ -44,8 +44,8 @@ class MuJoCoPlant:
 
     Parameters
     ----------
-    scenario : Scenario
-        The scenario.
+    scenario : str, path, Mapping or Scenario
+        The scenario, as in `vffnull.simulate`.
 
     Attributes
     ----------
@@ -65,7 +65,8 @@ class MuJoCoPlant:
         Without the extra ``vffnull[mujoco]``.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: ScenarioLike) -> None:
+        scenario = prepare(scenario)
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
         for table in ("measurement", "perception", "actuator"):
@@ -137,7 +138,7 @@ class MuJoCoPlant:
         return bool(np.isfinite(data.qpos).all() and (np.abs(data.qvel) < _MAX_SPEED).all())
 
 
-def run(scenario: Scenario, progress: Callable[[float, float], None] | None = None) -> Result:
+def run(scenario: ScenarioLike, progress: Callable[[float, float], None] | None = None) -> Result:
     """Run a scenario with MuJoCo as the plant.
 
     Every step is measured, whatever is recorded. ``"collided"`` and the metrics of clearance count the
@@ -145,8 +146,8 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
 
     Parameters
     ----------
-    scenario : Scenario
-        What to run. Its reference has to be a set point, a polynomial or a line.
+    scenario : str, path, Mapping or Scenario
+        What to run, as in `vffnull.simulate`. Its reference has to be a set point, a polynomial or a line.
     progress : callable, optional
         Gets the simulated time and the duration [s] about every 100 ms.
 
@@ -164,6 +165,7 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
         Without the extra ``vffnull[mujoco]``.
     """
     started = looked = time.perf_counter()
+    scenario = prepare(scenario)
     document = scenario.to_dict()
     warnings = _core.check("scenario", document)
     duration, numerics = scenario.duration, document.get("simulation", {})

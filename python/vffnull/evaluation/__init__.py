@@ -14,8 +14,8 @@ from vffnull.evaluation.run import (
     evaluate,
     identity,
     join,
-    judged,
     loop_times,
+    scores,
 )
 from vffnull.evaluation.table import Rate, wilson
 
@@ -28,7 +28,7 @@ __all__ = [
     "evaluate",
     "identity",
     "join",
-    "judged",
     "loop_times",
+    "scores",
     "wilson",
 ]

@@ -1,4 +1,5 @@
-"""Whether a collision-free motion exists in a scene: a planner that knows the future and no controller.
+"""Whether a collision-free motion exists in a scene: found by a planner that knows
+all motions of the obstacles in advance, and no controller.
 
 The rule, fixed before any controller was run on random scenes:
 
@@ -8,7 +9,7 @@ joint speeds up to 3 rad/s and accelerations up to 30 rad/s² (change of speed f
 scene is
 
 - ``"with tip"`` if a clear motion is found whose tip is never more than 1 cm from its reference,
-- ``"without tip"`` if only a clear motion is found that lets go of the reference,
+- ``"without tip"`` if only a clear motion is found that leaves the reference,
 - ``"none found"`` if neither is found within the budget.
 
 The search is in the core (``planning/feasibility.rs`` says how it works and what its budget is). "None found"
@@ -45,7 +46,7 @@ TIP = 1e-2  # m, how far the tip may be from its reference
 
 
 def feasibility(scenario: ScenarioLike) -> str:
-    """Judge a scene by the rule of this module.
+    """Whether a collision-free motion exists in a scene, by the rule of this module.
 
     Parameters
     ----------

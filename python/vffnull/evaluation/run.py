@@ -26,7 +26,7 @@ from vffnull.evaluation.table import Column, Table
 from vffnull.result import Result, Status
 from vffnull.scenario import Scenario
 
-__all__ = ["Evaluation", "check_path", "encounter", "evaluate", "identity", "join", "judged", "loop_times"]
+__all__ = ["Evaluation", "check_path", "encounter", "evaluate", "identity", "join", "scores", "loop_times"]
 
 TOUCH = 1e-3  # m, overlap that counts as a collision
 TIP = 1e-2  # m, error up to which the tip counts as held
@@ -139,7 +139,8 @@ def evaluate(
         True shows a progress bar; a callable gets the number of finished runs and the number of all.
     verdicts : Mapping of str to str, optional
         What `vffnull.feasibility` says of scenes, by their names, where it is known already, for instance
-        `Evaluation.verdicts` of an earlier call; other scenes are judged, which takes most of the time.
+        `Evaluation.verdicts` of an earlier call; the planner is asked about the others, which takes most of
+        the time.
 
     Returns
     -------
@@ -159,7 +160,7 @@ def evaluate(
 
     Notes
     -----
-    Feasibility is judged by `vffnull.feasibility`, without any controller. An *encounter* lasts
+    `vffnull.feasibility` says what is feasible, without any controller. An *encounter* lasts
     from the first to the last instant at which the run without avoidance has a link within 0.1 m of an
     obstacle, so it is the same for all controllers. Errors during and after it are taken every 10 ms.
 
@@ -238,7 +239,7 @@ def _block(
         for scene, (_, n, seed), verdict, span, result in zip(
             block, wanted, verdicts, spans, results, strict=True
         ):
-            yield {**identity(scene, n, seed, verdict, name), **_judged(result, span)}
+            yield {**identity(scene, n, seed, verdict, name), **_scores_of(result, span)}
 
 
 def identity(scene: Scenario, n: int, seed: int, verdict: str, controller: str) -> dict[str, Any]:
@@ -261,12 +262,12 @@ def encounter(free: Result) -> tuple[float, float] | None:
     return (float(free.t[near[0]]), float(free.t[near[-1]])) if len(near) else None
 
 
-def _judged(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
-    """What one run is worth."""
+def _scores_of(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
+    """The columns that say how a run went."""
     metrics = result.metrics
     worst = [metrics[f"max_error_{part}"] for part in ("transient", "tail")]
     clearance, effort, jerk = (metrics[name] for name in ("min_clearance", "effort", "rms_jerk"))
-    return judged(
+    return scores(
         status=str(result.status),
         t=result.t,
         error=np.linalg.norm(result.error[:, :2], axis=1),
@@ -279,7 +280,7 @@ def _judged(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
     )
 
 
-def judged(
+def scores(
     *,
     status: str,
     t: Column,

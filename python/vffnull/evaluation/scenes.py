@@ -29,7 +29,7 @@ TRAINING = range(0, 1_000_000)
 """Seeds for tuning."""
 
 EVALUATION = range(1_000_000, 2_000_000)
-"""Seeds for judging; nothing may be tuned to them."""
+"""Seeds for evaluation; nothing may be tuned to them."""
 
 DURATION = 8.0  # s
 RADIUS = 0.03  # m, half the thickness of the links

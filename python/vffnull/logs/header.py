@@ -1,7 +1,7 @@
 """What belongs to a result beside its arrays, as one JSON text that every kind of file carries.
 
-A file is other people's input. `unpack` judges the whole header, the shapes of the arrays included, before a
-reader makes anything of the data; `restore` holds the arrays against it.
+A file is other people's input. `unpack` validates the whole header, the shapes of the arrays included, before
+a reader makes anything of the data; `restore` compares the arrays with it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _DTYPE = np.dtype(np.float64)  # of everything that is recorded
 
 @dataclasses.dataclass(frozen=True)
 class Header:
-    """A header that has been judged."""
+    """A valid header."""
 
     version: str
     """The version that wrote it."""
@@ -57,7 +57,7 @@ def pack(result: Outcome) -> str:
 
 
 def unpack(text: str | bytes, source: Path) -> Header:
-    """Read and judge a header.
+    """Read and validate a header.
 
     Raises
     ------
@@ -74,21 +74,21 @@ def unpack(text: str | bytes, source: Path) -> Header:
             f"{source}: written by vffnull {version[:40]} in format {written}; "
             f"this version reads format {_FORMAT}"
         )
-    judge = _Judge(source, found)
-    scenario = judge.scenario()
+    entries = _Entries(source, found)
+    scenario = entries.scenario()
     values: dict[str, Any] = {
         "scenario": scenario,
-        "status": judge.status(),
-        "message": judge.text("message"),
-        "end_time": judge.number("end_time"),
-        "wall_time": judge.number("wall_time"),
-        "warnings": judge.texts("warnings"),
-        "metrics": judge.metrics(),
+        "status": entries.status(),
+        "message": entries.text("message"),
+        "end_time": entries.number("end_time"),
+        "wall_time": entries.number("wall_time"),
+        "warnings": entries.texts("warnings"),
+        "metrics": entries.metrics(),
         "version": version,
     }
     if "plant" in found:
-        values["plant"] = judge.text("plant")
-    return Header(version, values, judge.instants(), judge.shapes(scenario))
+        values["plant"] = entries.text("plant")
+    return Header(version, values, entries.instants(), entries.shapes(scenario))
 
 
 def restore(kind: type[Kind], header: Header, arrays: Arrays, source: Path) -> Kind:
@@ -161,8 +161,8 @@ def _column(name: str, columns: Mapping[str, NDArray[Any]], header: Header, sour
 
 
 @dataclasses.dataclass(frozen=True)
-class _Judge:
-    """What is asked of every entry of a header."""
+class _Entries:
+    """The entries of a header, each validated when it is read."""
 
     source: Path
     found: Any
