@@ -233,10 +233,10 @@ def test_mutated_files(ending: str, seed: int, tiny: vff.Result, tmp_path: Path)
     content = tiny.save(tmp_path / f"run{ending}").read_bytes()
     path = tmp_path / f"mutant{ending}"
     refused = 0
-    for mutant in mutants(content, 120, seed):
+    for mutant in mutants(content, 60, seed):
         path.write_bytes(mutant)
         refused += not loads(path)
-    assert refused > 20
+    assert refused > 10
 
 
 STRANGE: tuple[Any, ...] = (
@@ -265,20 +265,27 @@ def changed(document: Any, path: tuple[Any, ...], value: Any, delete: bool = Fal
     return copied
 
 
-@pytest.mark.parametrize("ending", [".npz", ".csv"])
-def test_hostile_headers(ending: str, tiny: vff.Result, tmp_path: Path) -> None:
+def test_hostile_headers(tiny: vff.Result) -> None:
     """Every entry missing, or of another type, size or kind; a sample with a fixed seed."""
     original = json.loads(header.pack(tiny))
-    draw = random.Random(7)
-    path = tmp_path / f"run{ending}"
+    source = Path("run.npz")
+
+    def refused(document: Any) -> bool:
+        try:
+            found = header.unpack(json.dumps(document), source)
+            arrays = {"t": tiny.t, **recorded(tiny)}
+            return not is_a_result(header.restore(vff.Result, found, arrays, source))
+        except InputError as error:
+            assert str(error).startswith("run.npz: ") and len(str(error)) < 1000
+            return True
+
+    assert not refused(original)
     outer = [place for place in places(original) if place[0] != "scenario" or len(place) < 3]
     cases = [(place, value) for place in outer for value in STRANGE]
-    refused = 0
-    for place, value in draw.sample(cases, 300):
-        refused += not loads(write(tiny, path, json.dumps(changed(original, place, value))))
+    sample = random.Random(7).sample(cases, 400)
+    assert sum(refused(changed(original, place, value)) for place, value in sample) > 300
     for place in outer:
-        refused += not loads(write(tiny, path, json.dumps(changed(original, place, None, delete=True))))
-    assert refused > 250
+        refused(changed(original, place, None, delete=True))
 
 
 @pytest.mark.parametrize("ending", LOSSLESS)
