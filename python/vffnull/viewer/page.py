@@ -92,6 +92,10 @@ class LivePage:
         self._lock = threading.RLock()  # around everything that belongs to one scenario
         self._over = threading.Event()
         self._frames: tuple[float, int] = (time.monotonic(), 0)
+        self.drawn = 0
+        """Pictures so far."""
+        self.shown: Mapping[str, Any] = {}
+        """The state in the last of them."""
         self.frame_rate = 0.0
         """Pictures sent per second [Hz]."""
         with quiet(), guarding(allowed):
@@ -373,6 +377,7 @@ class LivePage:
                         self._scene.draw(state, other)
                     drawn = moment
                 self._plots.add(state)
+                self.shown = state
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
@@ -394,6 +399,7 @@ class LivePage:
                 client.add_notification("The recording has ended", str(fault), color="red")
 
     def _count(self, now: float) -> None:
+        self.drawn += 1
         since, frames = self._frames
         self._frames = (since, frames + 1)
         if now - since > 1.0:
