@@ -428,7 +428,7 @@ def test_a_visitor_drags_the_obstacle_into_the_arm(browser: Any, tmp_path: Path)
         wait_for(lambda: not page.snapshot()["recording"])
         (file,) = tmp_path.glob("*.arrows")
         rows = vff.StreamRecorder.read(file).to_pandas()
-        assert rows["obstacles_1_y"].iloc[0] == pytest.approx(2.9) and len(rows) > 100
+        assert rows["obstacles_0_y"].iloc[0] == pytest.approx(2.9) and len(rows) > 100
         assert np.hypot(rows["error_x"], rows["error_y"]).max() < 1e-3
         assert rows.filter(like="clearance").min().min() > 0 and page.snapshot()["min_clearance"] > 0
         assert rows.filter(regex=r"^q_\d").apply(np.ptp).max() > 0.2, "the links did not give way"

@@ -218,9 +218,9 @@ def test_stream_recorder(tmp_path: Path) -> None:
     table = vff.StreamRecorder.read(tmp_path / "run.arrows")
     result = vff.simulate(scenario)
     whole = result.to_arrow()
-    assert {"t", "q_1", "tau_6", "x_y", "clearance_6", "obstacles_1_x"} <= set(table.column_names)
+    assert {"t", "q_0", "tau_5", "x_y", "clearance_5", "obstacles_0_x"} <= set(table.column_names)
     np.testing.assert_array_equal(table["t"].to_numpy(), result.t)
-    np.testing.assert_array_equal(table["q_6"].to_numpy(), result.q[:, 5])
+    np.testing.assert_array_equal(table["q_5"].to_numpy(), result.q[:, 5])
     for name in table.column_names:
         assert table.schema.field(name).metadata == whole.schema.field(name).metadata, name
     about = json.loads(table.schema.metadata[b"vffnull"])
@@ -258,7 +258,7 @@ while True:
     times = table["t"].to_numpy()
     assert times[1999] == reached and len(times) >= 2000
     whole = vff.simulate("sweep-through", {"duration": 2.0})
-    np.testing.assert_array_equal(table["q_1"].to_numpy()[:2000], whole.q[1:, 0])
+    np.testing.assert_array_equal(table["q_0"].to_numpy()[:2000], whole.q[1:, 0])
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.999])
