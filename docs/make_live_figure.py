@@ -22,7 +22,7 @@ FIGURES = Path(__file__).parent / "figures"
 WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = (1400, 860)
 TOP, BOTTOM = np.array([2.6, 3.0]), np.array([2.75, 0.75])  # m, ends of the drag
-STEPS, PAUSE = 44, 0.13  # pictures, and seconds of the loop from one to the next
+STEPS, PAUSE = 36, 0.15  # pictures, and seconds of the loop from one to the next
 BEST = 0.42  # of the way: the picture that is `live.png`
 WIDTH = 760  # of the film, pixels
 HAND = np.array([[0, 0], [0, 17], [4, 13], [7, 20], [10, 19], [7, 12], [12, 12]])
@@ -33,6 +33,7 @@ def main() -> None:
     still = {"obstacles.0.motion": None, "obstacles.0.position": TOP.tolist()}
     page = vff.live(scenario.replace(**still), open_browser=False, block=False)
     try:
+        page.pause(True)  # while the browser builds the page
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=WEBGL)
             tab = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
@@ -40,7 +41,7 @@ def main() -> None:
             tab.goto(page.url)
             tab.wait_for_selector("#vff-tip")
             for close in tab.locator(".mantine-Notification-closeButton").all():
-                close.click()
+                close.evaluate("button => button.click()")
             pictures = [picture(page, tab, k) for k in range(-STEPS // 3, STEPS)][STEPS // 3 + 1 :]
             browser.close()
     finally:

@@ -354,8 +354,8 @@ class Result:
     def to_xarray(self) -> xarray.Dataset:
         """The record as a dataset with named dimensions; ``units`` and ``long_name`` label plots of it.
 
-        Joints, links and obstacles count from 0, as the arrays do. The attributes hold the scenario as TOML text, the status,
-        the version and the metrics.
+        Joints, links and obstacles count from 0, as the arrays do. The attributes hold the scenario as TOML
+        text, the status, the version and the metrics.
 
         Raises
         ------
