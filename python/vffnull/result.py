@@ -212,7 +212,7 @@ class Result(Outcome):
     def to_pandas(self) -> pandas.DataFrame:
         """The record as a table, one row per instant.
 
-        Columns are called ``q_1`` to ``q_n``, ``x_x``, ``x_y``, ``obstacles_1_x`` and so on; the index is
+        Columns are called ``q_0``, ``q_1``, …, ``x_x``, ``x_y``, ``obstacles_0_x`` and so on; the index is
         time [s]. ``attrs`` holds the unit of every column, the scenario, the status and the version.
 
         Raises
@@ -235,8 +235,8 @@ class Result(Outcome):
     def to_xarray(self) -> xarray.Dataset:
         """The record as a dataset with named dimensions; ``units`` and ``long_name`` label plots of it.
 
-        Joints, links and obstacles count from 1. The attributes hold the scenario as TOML text, the status,
-        the version and the metrics.
+        Joints, links and obstacles count from 0, as the arrays do. The attributes hold the scenario as TOML
+        text, the status, the version and the metrics.
 
         Raises
         ------

@@ -29,8 +29,22 @@ _TRIES = 100
     metavar="DIR",
     help="Folder for recordings; default: here.",
 )
+@click.option(
+    "--allow-origin",
+    "origins",
+    multiple=True,
+    metavar="ORIGIN",
+    help="Another origin that may use the page, such as http://localhost:9000; may be repeated.",
+)
 @set_option
-def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignments: tuple[str, ...]) -> int:
+def live(
+    scenario: str,
+    port: int,
+    no_browser: bool,
+    record_to: Path,
+    origins: tuple[str, ...],
+    assignments: tuple[str, ...],
+) -> int:
     """Run a scenario in real time on a page: drag obstacles and target, turn the knobs.
 
     \b
@@ -42,7 +56,9 @@ def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignment
     """
     ready = prepare(scenario, assigned(assignments))
     port = _free(port)
-    page = open_page(ready, port=port, open_browser=not no_browser, block=False, record_to=record_to)
+    page = open_page(
+        ready, port=port, open_browser=not no_browser, block=False, record_to=record_to, allow_origins=origins
+    )
     click.echo(f"{ready.name or 'scenario'} is running at {page.url}; Ctrl-C ends it")
     try:
         page.wait()

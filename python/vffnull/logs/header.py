@@ -28,7 +28,7 @@ Arrays = dict[str, NDArray[Any]]
 Shape = tuple[int, ...]
 Kind = TypeVar("Kind", bound=Outcome)
 
-_FORMAT = 2
+_FORMAT = 3
 _DTYPE = np.dtype(np.float64)  # of everything that is recorded
 
 

@@ -153,6 +153,14 @@ def nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     return np.take_along_axis(first, best, 0)[0], np.take_along_axis(second, best, 0)[0]
 
 
+def distance(place: Array, corners: Array, radius: float) -> float:
+    """How far a place (2,) is from a body of the plane; negative inside."""
+    away = min(float(np.linalg.norm(place - _onto(place, a, b))) for a, b in edges_of(corners))
+    sides = [_turn(a, b, place) for a, b in edges_of(corners)] if len(corners) > 2 else [-1.0, 1.0]
+    within = all(side >= 0.0 for side in sides) or all(side <= 0.0 for side in sides)
+    return (-away if within else away) - radius
+
+
 def _onto(p: Array, a: Array, b: Array) -> Array:
     """The point of segment ab nearest to p."""
     along = b - a

@@ -209,7 +209,7 @@ def _panel(
     lines: list[tuple[str, str, Array, Array]],
     time: Range1d,
     unit: str,
-    form: str = "0.0000",
+    form: str = "%.4f",
     **how: Any,
 ) -> figure:
     fig = _frame(label, time, **how)
@@ -218,7 +218,10 @@ def _panel(
         source = ColumnDataSource({"t": t.astype(np.float32), "value": drawable})
         line = fig.line("t", "value", source=source, line_color=colour, line_width=1.7, name=name)
         tip = [("", f"$name: @value{{{form}}} {unit} at @t{{0.00}} s")]
-        fig.add_tools(HoverTool(renderers=[line], tooltips=tip, mode="mouse", visible=False))
+        how_shown = {"@value": "printf"}
+        fig.add_tools(
+            HoverTool(renderers=[line], tooltips=tip, formatters=how_shown, mode="mouse", visible=False)
+        )
     return fig
 
 
@@ -230,7 +233,7 @@ def _error(runs: list[Run], names: list[str], colours: list[str], time: Range1d)
         for name, colour, run in zip(names, colours, runs, strict=True)
     ]
     fig = _panel(
-        "tracking error [m]", lines, time, "m", "0.00e+0", y_axis_type="log", y_range=Range1d(low, high)
+        "tracking error [m]", lines, time, "m", "%.2e", y_axis_type="log", y_range=Range1d(low, high)
     )
     if low <= style.ROUNDING:
         fig.add_layout(
