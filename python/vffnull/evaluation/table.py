@@ -72,23 +72,14 @@ def wilson(count: int, total: int) -> Rate:
 
 
 class Table:
-    """Rows of outcomes, one for every scene and controller; `vffnull.Evaluation` can plot and save them.
+    """Rows of outcomes, one for every scene and controller; `vffnull.Evaluation` says what each column is.
 
     Parameters
     ----------
     columns : dict of str to ndarray
-        The rows, as columns; see below.
+        The rows, as columns.
     controllers : tuple of str
         Their names, in the order of tables and figures.
-
-    Notes
-    -----
-    Columns: ``scene``, ``category``, ``family``, ``n``, ``seed``, ``feasibility``, ``controller``,
-    ``status``; ``collided``, an overlap of more than 1 mm; ``diverged``; ``success``, no collision and the
-    tip within 1 cm of its reference throughout; ``min_clearance`` [m]; ``max_error``, the largest distance of
-    the tip from its reference [m]; ``rms_error_during`` and ``rms_error_after`` the encounter [m];
-    ``recovery_time`` from the end of the encounter until the tip stays within 1 cm [s]; ``effort``, the
-    integral of the squared torque [N²·m²·s]; ``rms_jerk`` of the joint angles [rad/s³]; ``end_time`` [s].
     """
 
     def __init__(self, columns: dict[str, Column], controllers: tuple[str, ...]) -> None:
