@@ -346,7 +346,7 @@ def test_json_of_the_other_commands(tmp_path: Path) -> None:
     good = tmp_path / "good.toml"
     vff.Scenario.load("paper-1").save(good)
     judged = json.loads(vffnull("validate", good, "missing.toml", "--json", code=2).stdout)
-    assert judged[0] == {"file": str(good), "error": None, "warnings": []}
+    assert judged[0] == {"file": str(good), "error": None, "errors": [], "warnings": []}
     assert "missing.toml" in judged[1]["error"]
 
 

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull._realtime import measure
+from vffnull._timing import _rate, _readable
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
-from vffnull.real_time import _rate, _readable
 from waiting import HANG
 
 
@@ -113,7 +114,7 @@ def test_wrong_arguments(arguments: dict[str, Any], error: type[Exception], mess
 def test_priority_and_core() -> None:
     """Granted or refused, the loop runs; a refusal is said. Pinning is granted to everybody on Linux."""
     core = min(os.sched_getaffinity(0))
-    found = vff.real_time.measure(vff.Scenario.load("sweep-through"), 1000.0, 0.05, priority=10, core=core)
+    found = measure(vff.Scenario.load("sweep-through"), 1000.0, 0.05, priority=10, core=core)
     assert found.periods == 50
     assert not found.notes or found.notes[0].startswith("priority: the system refused 10 (")
     assert len(os.sched_getaffinity(0)) >= 1 and os.sched_getscheduler(0) == os.SCHED_OTHER

@@ -75,11 +75,12 @@ pub fn named_document(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Table> {
     }
 }
 
-/// The document of a scenario in any form that has one: a name or path of a file, too.
+/// A scenario in any form that `vffnull.simulate` takes: what is no document yet, the name of a bundled
+/// scenario or a path, is read by the Python package.
 pub fn scenario(value: &Bound<'_, PyAny>) -> PyResult<Table> {
     if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
-        let scenarios = value.py().import("vffnull.scenario")?.getattr("Scenario")?;
-        return document(&scenarios.call_method1("load", (value,))?);
+        let scenarios = value.py().import("vffnull.scenario")?;
+        return document(&scenarios.call_method1("document_of", (value,))?);
     }
     document(value)
 }

@@ -1,4 +1,5 @@
-"""Whether a scene can be survived at all: a planner that knows the future and no controller.
+"""Whether a collision-free motion exists in a scene: found by a planner that knows
+all motions of the obstacles in advance, and no controller.
 
 The rule, fixed before any controller was run on random scenes:
 
@@ -8,10 +9,10 @@ joint speeds up to 3 rad/s and accelerations up to 30 rad/s² (change of speed f
 scene is
 
 - ``"with tip"`` if a clear motion is found whose tip is never more than 1 cm from its reference,
-- ``"without tip"`` if only a clear motion is found that lets go of the reference,
+- ``"without tip"`` if only a clear motion is found that leaves the reference,
 - ``"none found"`` if neither is found within the budget.
 
-The search is in the core (``scenario/feasibility.rs`` says how it works and what its budget is). "None found"
+The search is in the core (``planning/feasibility.rs`` says how it works and what its budget is). "None found"
 is no proof: the search can miss a motion. What it finds is one. Links may cross each other, as they may in
 the plant.
 
@@ -28,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
-from vffnull.errors import InputError, InputTypeError
-from vffnull.scenario import Scenario
+from vffnull.errors import InputError
+from vffnull.scenario import ScenarioLike, prepare
 
 __all__ = ["VERDICTS", "Kinematics", "World", "escape", "feasibility", "is_clear", "reference_points"]
 
@@ -44,13 +45,13 @@ CLEARANCE = 1e-3  # m, what a motion has to keep
 TIP = 1e-2  # m, how far the tip may be from its reference
 
 
-def feasibility(scenario: Scenario) -> str:
-    """Judge a scene by the rule of this module.
+def feasibility(scenario: ScenarioLike) -> str:
+    """Whether a collision-free motion exists in a scene, by the rule of this module.
 
     Parameters
     ----------
-    scenario : Scenario
-        A scene whose task is a position.
+    scenario : str, path, Mapping or Scenario
+        A scene whose task is a position; what `vffnull.simulate` accepts.
 
     Returns
     -------
@@ -67,13 +68,13 @@ def feasibility(scenario: Scenario) -> str:
     return escape(scenario)[0]
 
 
-def escape(scenario: Scenario) -> tuple[str, Array | None]:
+def escape(scenario: ScenarioLike) -> tuple[str, Array | None]:
     """The same, with the motion that was found.
 
     Parameters
     ----------
-    scenario : Scenario
-        A scene whose task is a position.
+    scenario : str, path, Mapping or Scenario
+        A scene whose task is a position; what `vffnull.simulate` accepts.
 
     Returns
     -------
@@ -82,9 +83,7 @@ def escape(scenario: Scenario) -> tuple[str, Array | None]:
     (k, n) ndarray or None
         Joint angles every 50 ms [rad].
     """
-    if not isinstance(scenario, Scenario):
-        raise InputTypeError(f"scenario: expected a Scenario, not a {type(scenario).__name__}")
-    return _core.feasibility(scenario.to_dict())
+    return _core.feasibility(prepare(scenario).to_dict())
 
 
 def is_clear(scene: Mapping[str, Any], motion: Array, hold: bool) -> bool:
