@@ -102,7 +102,7 @@ def test_quantities_that_do_not_apply(ending: str, tmp_path: Path, monkeypatch: 
         result.save(tmp_path / "run.mcap")
         result.animate(tmp_path / "run.gif", fps=10)
         result.report(tmp_path / "run.html")
-        assert ("blame_5" in (tmp_path / "run.html").read_text()) == (blame is not None)
+        assert ("blame_4" in (tmp_path / "run.html").read_text()) == (blame is not None)
 
 
 @pytest.mark.parametrize("ending", LOSSLESS)
