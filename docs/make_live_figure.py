@@ -51,7 +51,7 @@ def main() -> None:
     sheet = Image.new("RGB", (WIDTH, 6 * small[0].height))
     for k in range(6):
         sheet.paste(small[k * len(small) // 6], (0, k * small[0].height))
-    palette = sheet.quantize(colors=64, method=Image.Quantize.MAXCOVERAGE)
+    palette = sheet.quantize(colors=160, method=Image.Quantize.MEDIANCUT)
     film = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in small]
     film[0].save(
         FIGURES / "live.gif", save_all=True, append_images=film[1:], duration=round(1000 * PAUSE), loop=0,

@@ -133,7 +133,7 @@ def test_a_scene_is_one_list_of_primitives() -> None:
 
 def test_the_frame_holds_the_arm_and_the_ring_of_the_field_at_the_start() -> None:
     scene = Scene.of_result(vff.simulate("sweep-through"))
-    low, high = scene.frame()
+    low, high = scene.frame(field=True)
     assert np.all(scene.joints > low) and np.all(scene.joints < high)
     ring = scene.obstacles[0, 0] + geometry.outline(scene.cores[0][0], scene.cores[0][1] + scene.influence)
     assert np.all(ring > low) and np.all(ring < high)

@@ -115,13 +115,13 @@ class _Picture:
         sizes = np.linalg.norm(geometry.seen(self._scene.pushes[1]), axis=2).max(axis=1)
         self.strongest = int(sizes.argmax())
         self._speed = "" if speed == 1.0 else f"  ({speed:g}×)"
-        height = strobe.natural_height(self._whole, _WIDTH)
+        height = strobe.natural_height(self._whole, _WIDTH, field=True)
         self._figure = style.figure(height, _WIDTH)
         self._figure.set_dpi(_DPI)
         agg: Any = self._figure.canvas  # Agg's blitting has no types
         self._agg = agg
         ax = self._axes = self._figure.subplots()
-        strobe.stage(ax, self._whole, height, _WIDTH)
+        strobe.stage(ax, self._whole, height, _WIDTH, field=True)
         canvas.paint(ax, self._whole.at(0, ["reference"]), zorder=1)
         left, right = ax.get_xlim()
         self._wide = right - left

@@ -286,11 +286,13 @@ class Scene:
         chosen = np.searchsorted(measure, np.linspace(0.0, measure[-1], count))
         return np.unique(np.minimum(chosen, len(self.t) - 1))
 
-    def frame(self, margin: float = 0.12, view: Array | None = None) -> tuple[Array, Array]:
+    def frame(
+        self, margin: float = 0.12, view: Array | None = None, *, field: bool = False
+    ) -> tuple[Array, Array]:
         """The corners (2,) and (2,) [m] of a picture of the arm at all times and of what it meets.
 
-        Obstacles count where they come near the arm, with the ring of their field at the start; one that
-        passes far away does not shrink the picture.
+        Obstacles count where they come near the arm, with a `field` also the ring around them at the start;
+        one that passes far away does not shrink the picture.
         """
         arm = geometry.seen(self.joints, view).reshape(-1, 2)
         around = np.vstack([arm, geometry.seen(self.reference, view)])
@@ -309,7 +311,7 @@ class Scene:
                 high = np.maximum(
                     high, np.minimum((place[near] + points.max(axis=0)).max(axis=0), inner[1] + reach)
                 )
-            if near[:1].any():
+            if field and near[:1].any():
                 low = np.minimum(low, np.maximum(place[0] + ring.min(axis=0), inner[0] - 1.6 * reach))
                 high = np.maximum(high, np.minimum(place[0] + ring.max(axis=0), inner[1] + 1.6 * reach))
         pad = margin * float((high - low).max()) / 2 + float(self.radii.max())

@@ -30,9 +30,9 @@ def strobe(result: Result) -> Figure:
     return fig
 
 
-def natural_height(scene: Scene, width: float) -> float:
+def natural_height(scene: Scene, width: float, *, field: bool = False) -> float:
     """Height [in] at which a strobe picture of a given width has no empty margins, within reason."""
-    low, high = scene.frame()
+    low, high = scene.frame(field=field)
     wide, tall = high - low
     return _LABELS[1] + (width - _LABELS[0]) * float(np.clip(tall / wide, 0.4, 1.3))
 
@@ -69,10 +69,10 @@ def draw(ax: Axes, scene: Scene, rows: list[Any], colours: list[Any]) -> None:
         canvas.paint(ax, scene.at(row, ["link", "joint"]), colour=colour, zorder=3 + order / len(rows))
 
 
-def stage(ax: Axes, scene: Scene, height: float, width: float = style.COLUMN) -> None:
+def stage(ax: Axes, scene: Scene, height: float, width: float = style.COLUMN, *, field: bool = False) -> None:
     """The arm's base and the axes, with limits that fill a space of `width` by `height` [in]."""
     canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
-    low, high = scene.frame()
+    low, high = scene.frame(field=field)
     room = np.array([width - _LABELS[0], height - _LABELS[1]])
     scale = float(((high - low) / room).max())  # m per inch
     spare = (scale * room - (high - low)) / 2

@@ -78,7 +78,7 @@ class Run:
     @property
     def longest_arrow(self) -> float:
         """Length of the arrow of the greatest force [m]."""
-        low, high = self.scene.frame()
+        low, high = self.scene.frame(field=True)
         return _LONGEST * float(high[0] - low[0])
 
 
@@ -95,7 +95,7 @@ def link_key(run: Run) -> list[tuple[str, str]]:
 
 def arm(run: Run, index: int, count: int) -> figure:
     """The scene; all that moves has a name that ends in the run's index."""
-    low, high = run.scene.frame()
+    low, high = run.scene.frame(field=True)
     spans = high - low
     fig = figure(
         sizing_mode="scale_width",
