@@ -12,7 +12,7 @@ use vff_core::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use vff_core::control::{Controller, Formulation, Gains, OperationalSpace, Settings};
 use vff_core::math::{Capsule, Vector};
 use vff_core::robot::planar::Link;
-use vff_core::robot::{PlanarArm, PlanarState, Robot};
+use vff_core::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
 use vff_core::trajectory::Sample;
 use vff_core::world::Motion;
 use vff_core::world::plane::{Obstacle, Shape, World};
@@ -82,7 +82,7 @@ fn on_the_task(group: &mut Group<'_>, robot: &PlanarState) {
     let (v, f) = (numbers(n, 1.1), SVector::<f64, 2>::new(0.4, -0.7));
     let mut out = vec![0.0; n];
     let mut y = vec![SVector::<f64, 2>::zeros(); n];
-    group.bench_function(id("pose"), |b| b.iter(|| robot.pose::<2>()));
+    group.bench_function(id("pose"), |b| b.iter(|| Manipulator::<2, 2>::pose(robot)));
     group.bench_function(id("jacobian_mul"), |b| {
         b.iter(|| robot.jacobian_mul::<2>(black_box(&v)));
     });

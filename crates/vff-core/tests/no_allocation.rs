@@ -256,13 +256,13 @@ fn no_beat_of_a_live_loop_allocates() {
         let reference = r#"{ kind = "setpoint", point = [3.5, 1.5] }"#;
         let mut live = Live::new(&scenario("position", reference, simulation, "dynamic")).unwrap();
         live.record(true).unwrap();
-        live.carry(0, [2.0, 2.0]).unwrap();
+        live.carry(0, &[2.0, 2.0]).unwrap();
         live.tick();
         let count = allocations(|| {
             for k in 0..100 {
                 let way = 0.01 * f64::from(k);
-                live.carry(0, [2.0 + way, 2.0 - way]).unwrap();
-                live.aim([3.5 - way, 1.5]);
+                live.carry(0, &[2.0 + way, 2.0 - way]).unwrap();
+                live.aim(&[3.5 - way, 1.5]);
                 (0..20).for_each(|_| live.tick());
             }
         });

@@ -10,8 +10,8 @@ use super::{
     Avoidance, Energy, Formulation, Gains, Law, OperationalSpace, Power, Projection, StablePeriod,
     Tank, Torque, VirtualForces, Yielding, extended_jacobian, operational_space, sampling, task,
 };
-use crate::math::{Vector, dot};
-use crate::robot::Robot;
+use crate::math::{Pose, Vector, dot};
+use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, SMatrix};
@@ -22,7 +22,7 @@ use std::ops::Deref;
 /// Call [`observe`](Self::observe) with the state and the surroundings, then [`command`](Self::command) with the
 /// reference. Nothing allocates after construction (`formulation = recursive`).
 #[derive(Debug, Clone)]
-pub struct ReactiveController<R: Robot<D>, const D: usize, const M: usize> {
+pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usize> {
     robot: R,
     gains: Gains<M>,
     space: OperationalSpace<M>,
@@ -40,13 +40,13 @@ pub struct ReactiveController<R: Robot<D>, const D: usize, const M: usize> {
     share: f64,
     /// What the tank and the torque limits change of the power into the null space [W].
     scaling: f64,
-    reference: Sample<M>,
+    reference: Sample<R::Pose, M>,
     error: Vector<M>,
     /// What gives way where the null space is not enough.
     pub(super) avoider: Option<Box<Avoider<D>>>,
 }
 
-impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
+impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
     /// A controller for `robot`, with gains resolved for its number of joints.
     pub fn new(robot: R, gains: Gains<M>) -> Self {
         let n = robot.dof();
@@ -62,7 +62,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
             tank: gains.tank.map(Tank::new),
             share: 1.0,
             scaling: 0.0,
-            reference: Sample { x: Vector::zeros(), dx: Vector::zeros(), ddx: Vector::zeros() },
+            reference: Sample::at_rest(robot.pose()),
             error: Vector::zeros(),
             avoider: Avoider::new(gains.avoidance, &gains.yielding, gains.singularity, &robot),
             robot,
@@ -117,7 +117,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
     }
 
     /// The pose x of the end effector at the observed state.
-    pub fn pose(&self) -> Vector<M> {
+    pub fn pose(&self) -> R::Pose {
         self.robot.pose()
     }
 
@@ -127,7 +127,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
     }
 
     /// The reference of the last command.
-    pub fn reference(&self) -> &Sample<M> {
+    pub fn reference(&self) -> &Sample<R::Pose, M> {
         &self.reference
     }
 
@@ -137,16 +137,16 @@ impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
     }
 
     /// The torque at the observed and sensed state for this reference.
-    pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
+    pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
         self.follow(reference);
         self.give_way();
         &self.law.torque
     }
 
     /// The torque of the null-space law, within the torque limits.
-    fn follow(&mut self, reference: &Sample<M>) {
+    fn follow(&mut self, reference: &Sample<R::Pose, M>) {
         self.reference = *reference;
-        self.error = task::error(self.robot.pose(), reference.x);
+        self.error = self.robot.pose().error(&reference.x);
         self.objective_scale = limits::ALL;
         let ddx_c = self.commanded_acceleration();
         self.gather_secondary();
@@ -373,12 +373,12 @@ impl<R: Robot<D>, const D: usize, const M: usize> ReactiveController<R, D, M> {
 /// construction (`formulation = recursive`). Everything that can be read is that of the [`ReactiveController`]
 /// below.
 #[derive(Debug, Clone)]
-pub struct Controller<R: Robot<D>, const D: usize, const M: usize> {
+pub struct Controller<R: Manipulator<D, M>, const D: usize, const M: usize> {
     reactive: ReactiveController<R, D, M>,
     preview: Option<Box<Preview<R, D, M>>>,
 }
 
-impl<R: Robot<D>, const D: usize, const M: usize> Deref for Controller<R, D, M> {
+impl<R: Manipulator<D, M>, const D: usize, const M: usize> Deref for Controller<R, D, M> {
     type Target = ReactiveController<R, D, M>;
 
     fn deref(&self) -> &Self::Target {
@@ -386,7 +386,7 @@ impl<R: Robot<D>, const D: usize, const M: usize> Deref for Controller<R, D, M> 
     }
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     /// A controller for `robot`, with gains resolved for its number of joints.
     pub fn new(robot: R, gains: Gains<M>) -> Self {
         let preview = match (gains.avoidance, &gains.yielding) {
@@ -407,7 +407,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     pub fn look_ahead(
         &mut self,
         surroundings: &mut impl CollisionQuery<D>,
-        reference: impl Fn(f64) -> Sample<M>,
+        reference: impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
         if let Some(preview) = &mut self.preview {
             preview.look(&self.reactive.robot, surroundings, reference);
@@ -415,7 +415,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
     }
 
     /// The torque at the observed state for this reference.
-    pub fn command(&mut self, reference: &Sample<M>) -> &Torque {
+    pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
         let Self { reactive, preview } = self;
         reactive.follow(reference);
         if let Some(preview) = preview {
@@ -459,11 +459,11 @@ mod tests {
     use crate::control::Settings;
     use crate::field::{Field, FieldKind};
     use crate::math::ScalarOrVec;
-    use crate::robot::PlanarState;
+    use crate::robot::{Model, PlanarState, Robot};
     use crate::testing::{Case, assert_close, case};
     use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};
-    use nalgebra::{DVector, SVector};
+    use nalgebra::DVector;
     use proptest::prelude::*;
 
     const FORMULATIONS: [Formulation; 2] = [Formulation::Recursive, Formulation::ExtendedJacobian];
@@ -481,7 +481,10 @@ mod tests {
     }
 
     /// Two discs near the arm, one of them moving, and what the arm makes of them.
-    fn sensed<const M: usize>(c: &Case, settings: &Settings) -> Controller<PlanarState, 2, M> {
+    fn sensed<const M: usize>(c: &Case, settings: &Settings) -> Controller<PlanarState, 2, M>
+    where
+        PlanarState: Manipulator<2, M>,
+    {
         let mut controller = Controller::<_, 2, M>::new(c.arm.state(), Gains::new(settings));
         let middle = c.state().link(c.q.len() / 2);
         let near = middle.start + middle.direction * (0.3 * middle.length);
@@ -496,26 +499,33 @@ mod tests {
         controller
     }
 
-    fn reference<const M: usize>() -> Sample<M> {
-        let fill = |a: f64, b: f64| SVector::from_fn(|i, _| a + b * i as f64);
-        Sample { x: fill(1.0, -0.3), dx: fill(0.2, 0.5), ddx: fill(-0.7, 0.4) }
+    fn reference<P: From<Vector<M>>, const M: usize>() -> Sample<P, M> {
+        let fill = |a: f64, b: f64| Vector::<M>::from_fn(|i, _| a + b * i as f64);
+        Sample { x: fill(1.0, -0.3).into(), dx: fill(0.2, 0.5), ddx: fill(-0.7, 0.4) }
     }
 
     /// How far the state is from a singularity: the smallest eigenvalue of Λ⁻¹ over the largest.
-    fn conditioning<const M: usize>(controller: &Controller<PlanarState, 2, M>) -> f64 {
+    fn conditioning<const M: usize>(controller: &Controller<PlanarState, 2, M>) -> f64
+    where
+        PlanarState: Manipulator<2, M>,
+    {
         let lambda = controller.space().lambda;
         let inverse = lambda.try_inverse().map_or(f64::INFINITY, |inverse| inverse.norm());
         1.0 / (lambda.norm() * inverse)
     }
 
     /// ẍ = ẍ_c exactly and J M⁻¹ τ_null = 0 (T14, T4), and both formulations give one torque.
-    fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError> {
+    fn check_law<const M: usize>(c: &Case, projection: Projection) -> Result<(), TestCaseError>
+    where
+        PlanarState: Manipulator<2, M>,
+        <PlanarState as Manipulator<2, M>>::Pose: From<Vector<M>>,
+    {
         let n = c.q.len();
         let mut totals = vec![];
         for formulation in FORMULATIONS {
             let mut controller = sensed::<M>(c, &settings(formulation, projection));
             prop_assume!(conditioning(&controller) > 1e-4 && !controller.space().singular);
-            let sample = reference::<M>();
+            let sample = reference();
             let torque = controller.command(&sample).clone();
             let e = *controller.error();
             let robot = c.state();

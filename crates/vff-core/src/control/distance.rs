@@ -74,7 +74,7 @@ impl DistanceRate {
 mod tests {
     use super::*;
     use crate::math::{Vector, perp};
-    use crate::robot::PlanarState;
+    use crate::robot::{Model, PlanarState};
     use crate::testing::{Case, case};
     use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};

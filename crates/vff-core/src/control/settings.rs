@@ -73,11 +73,11 @@ pub enum TaskKind {
 }
 
 impl TaskKind {
-    /// The number of task coordinates.
-    pub fn dimension(self) -> usize {
+    /// The number m of task coordinates in `space` dimensions: those of a position, and of a rotation.
+    pub fn dimension(self, space: usize) -> usize {
         match self {
-            Self::Position => 2,
-            Self::Pose => 3,
+            Self::Position => space,
+            Self::Pose => space * (space + 1) / 2,
         }
     }
 }

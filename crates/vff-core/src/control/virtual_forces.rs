@@ -286,7 +286,7 @@ mod tests {
     use super::*;
     use crate::control::Settings;
     use crate::field::FieldKind;
-    use crate::robot::{PlanarArm, planar::Link};
+    use crate::robot::{Model, PlanarArm, planar::Link};
     use crate::world::Feature;
     use std::sync::Arc;
 

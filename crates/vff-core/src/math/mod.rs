@@ -3,6 +3,7 @@
 mod nearest;
 mod noise;
 mod point;
+mod pose;
 mod scalar_or_vec;
 mod sincos;
 mod third_order_filter;
@@ -10,6 +11,7 @@ mod third_order_filter;
 pub use nearest::{Nearest, nearest};
 pub use noise::Noise;
 pub use point::Point;
+pub use pose::{PlanarPose, Pose};
 pub use scalar_or_vec::ScalarOrVec;
 pub use sincos::{sin_cos, unit_vectors};
 pub use third_order_filter::ThirdOrderFilter;

@@ -98,7 +98,7 @@ struct Scene {
     radii: Vec<f64>,
     start: Vec<f64>,
     pieces: usize,
-    trajectory: Trajectory<2>,
+    trajectory: Trajectory<Vector<2>, 2>,
     world: World,
 }
 
@@ -123,7 +123,7 @@ impl Scene {
             radii: arm.links().iter().map(|link| link.radius).collect(),
             start: scenario.q0.clone(),
             pieces: 0,
-            trajectory: Trajectory::new(&scenario.reference, Vector::zeros())
+            trajectory: Trajectory::new(&scenario.reference, &Vector::zeros())
                 .map_err(|error| unusable(&error))?,
             world: World::new(scenario.obstacles.clone()),
         };
@@ -136,7 +136,7 @@ impl Scene {
         scene.pieces = pieces;
         let tip = *scene.joints(&scene.start).last().expect("an arm has a tip");
         scene.trajectory =
-            Trajectory::new(&scenario.reference, tip).map_err(|error| unusable(&error))?;
+            Trajectory::new(&scenario.reference, &tip).map_err(|error| unusable(&error))?;
         Ok(scene)
     }
 

@@ -4,7 +4,7 @@
 //! ch. 4): nothing here shares code with the recursions of [`super::planar`], so each checks the
 //! other. Cost O(n³), allocates.
 
-use super::PlanarArm;
+use super::{Model, PlanarArm};
 use crate::math::{Vector, perp};
 use nalgebra::{DMatrix, DVector, Dyn, OMatrix};
 

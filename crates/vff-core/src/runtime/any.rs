@@ -1,8 +1,12 @@
 //! The one place where a type is chosen at run time.
 
-use crate::control::TaskKind;
+use crate::control::{Gains, Settings, TaskKind};
+use crate::math::Vector;
+use crate::robot::{Limits, Model};
+use crate::scenario::plane::{PlanarSystem, Plane};
 use crate::scenario::{self, Part, Problem, Scenario, ScenarioError};
 use crate::simulation::{Outcome, Run, Snapshot};
+use crate::world::plane::Obstacle;
 use std::time::Duration;
 use toml::Table;
 
@@ -15,20 +19,21 @@ pub struct Ready {
     pub warnings: Vec<String>,
 }
 
-/// A run of either task dimension.
+/// A run of any arm with any task: the list of all that there are.
 #[derive(Debug, Clone)]
 pub enum AnyRun {
-    /// Position.
-    Position(Box<Run<2>>),
-    /// Position and orientation.
-    Pose(Box<Run<3>>),
+    /// In the plane, position.
+    PlanarPosition(Box<Run<Plane, 2, 2>>),
+    /// In the plane, position and orientation.
+    PlanarPose(Box<Run<Plane, 2, 3>>),
 }
 
+/// Does the same with whatever run it is.
 macro_rules! either {
     ($run:expr, $inner:ident => $body:expr) => {
         match $run {
-            AnyRun::Position($inner) => $body,
-            AnyRun::Pose($inner) => $body,
+            AnyRun::PlanarPosition($inner) => $body,
+            AnyRun::PlanarPose($inner) => $body,
         }
     };
 }
@@ -66,6 +71,71 @@ impl AnyRun {
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
         either!(self, run => run.closed_loop_mut().advance(external))
     }
+
+    /// Changes the gains, which must be for the same task. Allocates.
+    pub fn configure(&mut self, settings: &Settings, seed: u64) {
+        either!(self, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(seed)));
+    }
+
+    /// [`ClosedLoop::pushes`], as points and forces, one coordinate after the other.
+    pub fn pushes(&mut self) -> [Vec<f64>; 2] {
+        either!(self, run => {
+            let pushes = run.closed_loop_mut().pushes();
+            [0, 1].map(|k| pushes.iter().flat_map(|push| push[k].iter().copied()).collect())
+        })
+    }
+
+    /// The position of obstacle `j` [m].
+    pub fn obstacle_position(&self, j: usize) -> Vec<f64> {
+        either!(self, run => run.closed_loop().world().position(j).as_slice().to_vec())
+    }
+
+    /// Carries obstacle `j` to `goal` [m] from now on, with the pole `rate` [1/s]. Does not allocate.
+    pub fn carry(&mut self, j: usize, goal: &[f64], rate: f64) {
+        either!(self, run => {
+            let goal = Vector::from_column_slice(goal);
+            run.closed_loop_mut().change_world(|world| world.carry(j, goal, rate));
+        });
+    }
+
+    /// Adds an obstacle, the last one from now on. Allocates.
+    pub fn add(&mut self, obstacle: &Obstacle) {
+        either!(self, run => run.closed_loop_mut().change_world(|world| world.add(obstacle.clone())));
+    }
+
+    /// Takes obstacle `j` away.
+    pub fn remove(&mut self, j: usize) {
+        either!(self, run => run.closed_loop_mut().change_world(|world| world.remove(j)));
+    }
+
+    /// [`ClosedLoop::aim`]. Does not allocate.
+    pub fn aim(&mut self, goal: &[f64], rate: f64) {
+        either!(self, run => run.closed_loop_mut().aim(Vector::from_column_slice(goal), rate));
+    }
+
+    /// Moves `goal` [m] to the position nearest to it that the end effector can take with the orientation of the
+    /// reference. Does not allocate.
+    pub fn make_attainable(&self, goal: &mut [f64]) {
+        either!(self, run => {
+            let nearest = run.closed_loop().attainable(&Vector::from_column_slice(goal));
+            goal.copy_from_slice(nearest.as_slice());
+        });
+    }
+
+    /// What the joints can do.
+    pub fn limits(&self) -> &Limits {
+        either!(self, run => run.closed_loop().limits())
+    }
+
+    /// [`Model::typical_torque`](crate::robot::Model::typical_torque).
+    pub fn typical_torque(&self) -> Vec<f64> {
+        either!(self, run => run.closed_loop().arm().typical_torque())
+    }
+
+    /// A distance from the base that the end effector cannot exceed [m].
+    pub fn reach(&self) -> f64 {
+        either!(self, run => run.closed_loop().arm().reach())
+    }
 }
 
 impl Scenario {
@@ -84,17 +154,17 @@ impl Scenario {
     /// As [`prepare`](Self::prepare).
     pub fn prepare_recorded(&self, recorded: bool) -> Result<Ready, ScenarioError> {
         match self.controller.task {
-            TaskKind::Position => self.prepare_for::<2>(recorded, AnyRun::Position),
-            TaskKind::Pose => self.prepare_for::<3>(recorded, AnyRun::Pose),
+            TaskKind::Position => self.prepare_for::<Plane, 2>(recorded, AnyRun::PlanarPosition),
+            TaskKind::Pose => self.prepare_for::<Plane, 3>(recorded, AnyRun::PlanarPose),
         }
     }
 
-    fn prepare_for<const M: usize>(
+    fn prepare_for<S: PlanarSystem<M>, const M: usize>(
         &self,
         recorded: bool,
-        wrap: impl Fn(Box<Run<M>>) -> AnyRun,
+        wrap: impl Fn(Box<Run<S, 2, M>>) -> AnyRun,
     ) -> Result<Ready, ScenarioError> {
-        let (closed_loop, warnings) = self.closed_loop::<M>()?;
+        let (closed_loop, warnings) = self.closed_loop::<S, M>()?;
         let run =
             Run::new(closed_loop, &self.simulation, self.duration, recorded).map_err(|error| {
                 ScenarioError::new(

@@ -5,7 +5,7 @@
 
 use super::any::Ready;
 use crate::scenario::{Problem, Scenario, ScenarioError};
-use crate::simulation::{MAX_BYTES, METRICS, Outcome, Record, Snapshot, Status, Value};
+use crate::simulation::{MAX_BYTES, METRICS, Outcome, Record, Sizes, Snapshot, Status, Value};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::any::Any;
@@ -162,9 +162,7 @@ fn roll(ready: Ready, stop: &AtomicBool) -> Rollout {
 /// The outcome of a rollout that ended in a fault of the program.
 fn failed(last: &Snapshot<'_>, message: String) -> Outcome {
     let metrics = METRICS.iter().map(|metric| (metric, Value::None)).collect();
-    let (joints, task) = (last.q.len(), last.x.len());
-    let (obstacles_count, rays) = (last.world.len(), last.sensed.len());
-    let record = Record { joints, task, obstacles_count, rays, ..Record::default() };
+    let record = Record { sizes: Sizes::of(last), ..Record::default() };
     Outcome { status: Status::Failed, message, end_time: last.t, metrics, record }
 }
 
@@ -281,7 +279,7 @@ mod tests {
         assert!(guarded(|| panic!("plain")).unwrap_err().ends_with("plain"));
         let ready = Scenario::from_document(&documents(1)[0]).unwrap().prepare().unwrap();
         let outcome = failed(&ready.run.snapshot(), fault);
-        assert_eq!((outcome.status.name(), outcome.record.joints), ("failed", 3));
+        assert_eq!((outcome.status.name(), outcome.record.sizes.joints), ("failed", 3));
     }
 
     /// A scenario changed after its validation panics where it is prepared: a fault with its index.

@@ -3,14 +3,14 @@
 //! An agent is a controller, so it observes what the law observes: the state as it is measured. It is
 //! rewarded for the truth.
 
-use super::any::AnyRun;
-use crate::math::{ScalarOrVec, Vector};
-use crate::robot::{PlanarArm, Robot};
+use super::any::{AnyRun, either};
+use crate::math::Pose;
+use crate::math::ScalarOrVec;
+use crate::robot::Robot;
 use crate::scenario::arm::{each, not_negative, number, positive};
 use crate::scenario::{self, Scenario, ScenarioError};
-use crate::simulation::ClosedLoop;
-use crate::world::plane::World;
-use crate::world::{CollisionQuery, Motion};
+use crate::simulation::{ClosedLoop, System};
+use crate::world::{Motion, Positions, Scene};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Deserialize;
@@ -157,19 +157,21 @@ impl Task {
     pub fn new(scenario: Scenario, settings: &Table) -> Result<Self, ScenarioError> {
         let settings: EpisodeSettings = scenario::read(settings)?;
         let options = &scenario.simulation;
-        let arm = Arc::new(scenario.arm.build()?);
-        scenario.prepare_recorded(false)?;
-        validate(&settings, arm.dof())?;
+        let run = scenario.prepare_recorded(false)?.run;
+        let limits = run.limits();
+        let n = run.snapshot().q.len();
+        validate(&settings, n)?;
         let torque = match &settings.torque {
-            Some(given) => (0..arm.dof()).map(|i| given.get(i)).collect(),
-            None => strength(&arm),
+            Some(given) => (0..n).map(|i| given.get(i)).collect(),
+            None if limits.torque.is_empty() => run.typical_torque(),
+            None => limits.torque.clone(),
         };
         Ok(Self {
             periods: periods(settings.period, options.control_period())?,
             plant_steps: options.control_every,
             last: options.steps(scenario.duration),
-            layout: layout(&scenario, &arm),
-            ranges: arm.limits().joint.clone(),
+            layout: layout(&scenario, &run),
+            ranges: limits.joint.clone(),
             torque,
             settings,
             scenario,
@@ -257,27 +259,11 @@ fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
     Ok(count as usize)
 }
 
-/// The limits of the arm, or what carries it where it is heaviest and accelerates it there.
-fn strength(arm: &Arc<PlanarArm>) -> Vec<f64> {
-    if !arm.limits().torque.is_empty() {
-        return arm.limits().torque.clone();
-    }
-    const ACCELERATION: f64 = 4.0; // rad/s²
-    let stretched = vec![0.0; arm.dof()];
-    let mut state = arm.state();
-    state.update(&stretched, &stretched);
-    let matrices = state.matrices::<2>();
-    let pull = arm.gravity().norm();
-    let reach = |i: usize| arm.links()[i..].iter().map(|link| link.length).sum::<f64>();
-    let mass = |i: usize| arm.links()[i..].iter().map(|link| link.mass).sum::<f64>();
-    let one = |i: usize| ACCELERATION * matrices.mass[(i, i)] + pull * mass(i) * reach(i);
-    (0..arm.dof()).map(one).collect()
-}
-
 /// What an observation of this scenario consists of.
-fn layout(scenario: &Scenario, arm: &PlanarArm) -> Vec<Part> {
-    let (n, m, k) = (arm.dof(), scenario.controller.task.dimension(), scenario.obstacles.len());
-    let (_, reach) = arm.reach(n);
+fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
+    let s = run.snapshot();
+    let (d, n, m, k) = (s.dimension, s.q.len(), s.error.len(), scenario.obstacles.len());
+    let reach = run.reach();
     let far = 2.0 * reach;
     let motions = scenario.obstacles.iter().map(|obstacle| obstacle.motion.top_speed());
     let top_speed = motions.fold(1.0, f64::max);
@@ -286,9 +272,9 @@ fn layout(scenario: &Scenario, arm: &PlanarArm) -> Vec<Part> {
         part("cos_q", [n, 1], 1.0),
         part("sin_q", [n, 1], 1.0),
         part("dq", [n, 1], MAX_SPEED),
-        part("tip", [2, 1], far),
-        part("reference", [2, 1], far),
-        part("reference_velocity", [2, 1], 10.0 * reach),
+        part("tip", [d, 1], far),
+        part("reference", [d, 1], far),
+        part("reference_velocity", [d, 1], 10.0 * reach),
         part("error", [m, 1], far.max(std::f64::consts::PI)),
     ];
     let sensed = scenario.perception.as_ref().is_some_and(|given| given.rays_of(n) > 0);
@@ -297,9 +283,9 @@ fn layout(scenario: &Scenario, arm: &PlanarArm) -> Vec<Part> {
     }
     if !sensed && k > 0 {
         parts.extend([
-            part("nearest", [n, 2], far),
-            part("obstacles", [k, 2], far),
-            part("obstacle_velocities", [k, 2], top_speed),
+            part("nearest", [n, d], far),
+            part("obstacles", [k, d], far),
+            part("obstacle_velocities", [k, d], top_speed),
         ]);
     }
     parts
@@ -318,25 +304,9 @@ pub struct Episode {
     random: ChaCha8Rng,
     run: AnyRun,
     /// The obstacles as the controller knows them.
-    world: World,
     /// Plant steps so far.
     elapsed: usize,
     tau: Vec<f64>,
-}
-
-macro_rules! closed_loop {
-    ($run:expr, $inner:ident => $body:expr) => {
-        match $run {
-            AnyRun::Position(run) => {
-                let $inner = run.closed_loop_mut();
-                $body
-            }
-            AnyRun::Pose(run) => {
-                let $inner = run.closed_loop_mut();
-                $body
-            }
-        }
-    };
 }
 
 impl Episode {
@@ -350,7 +320,6 @@ impl Episode {
             task: Arc::clone(task),
             random: ChaCha8Rng::seed_from_u64(seed),
             run: scenario.prepare_recorded(false)?.run,
-            world: World::new(vec![]),
             elapsed: 0,
             tau: vec![0.0; task.joints()],
         };
@@ -371,8 +340,7 @@ impl Episode {
         for _ in 0..draws {
             let scenario = self.task.draw(&mut self.random);
             self.run = scenario.prepare_recorded(false)?.run;
-            self.world = World::new(scenario.obstacles);
-            if closed_loop!(&mut self.run, inner => least(inner.clearance())) > 0.0 {
+            if either!(&self.run, run => least(run.closed_loop().clearance())) > 0.0 {
                 break;
             }
         }
@@ -383,14 +351,14 @@ impl Episode {
     /// Acts for one period. An action's numbers count from −1 to 1, beyond as the nearer of them.
     pub fn step(&mut self, action: &[f64]) -> Step {
         let Self { task, run, elapsed, tau, .. } = self;
-        closed_loop!(run, inner => act(inner, task, action, elapsed, tau))
+        either!(run, run => act(run.closed_loop_mut(), task, action, elapsed, tau))
     }
 
     /// What the controller knows, in the order of [`Task::layout`].
     pub fn observe(&mut self, out: &mut Vec<f64>) {
-        let Self { task, run, world, .. } = self;
+        let Self { task, run, .. } = self;
         out.clear();
-        closed_loop!(run, inner => observe(inner, world, out));
+        either!(run, run => observe(run.closed_loop_mut(), out));
         let bounds = task
             .layout
             .iter()
@@ -402,7 +370,8 @@ impl Episode {
 
     /// The present instant as [`INFO`], before any step.
     pub fn info(&mut self) -> [f64; INFO.len()] {
-        closed_loop!(&mut self.run, inner => {
+        either!(&self.run, run => {
+            let inner = run.closed_loop();
             let mut info = [0.0; INFO.len()];
             info[0] = inner.time();
             info[1] = least(inner.clearance());
@@ -412,8 +381,8 @@ impl Episode {
     }
 }
 
-fn act<const M: usize>(
-    inner: &mut ClosedLoop<M>,
+fn act<S: System<D, M>, const D: usize, const M: usize>(
+    inner: &mut ClosedLoop<S, D, M>,
     task: &Task,
     action: &[f64],
     elapsed: &mut usize,
@@ -462,46 +431,41 @@ fn act<const M: usize>(
     Step { reward: parts.iter().sum(), terminated, truncated, info }
 }
 
-fn observe<const M: usize>(inner: &ClosedLoop<M>, world: &mut World, out: &mut Vec<f64>) {
+fn observe<S: System<D, M>, const D: usize, const M: usize>(
+    inner: &mut ClosedLoop<S, D, M>,
+    out: &mut Vec<f64>,
+) {
     let controller = inner.controller();
     let (robot, reference) = (controller.robot(), controller.reference());
     let q = robot.configuration();
     out.extend(q.iter().map(|q| q.cos()));
     out.extend(q.iter().map(|q| q.sin()));
     out.extend_from_slice(robot.velocity());
-    out.extend_from_slice(&controller.pose().as_slice()[..2]);
-    out.extend_from_slice(&reference.x.as_slice()[..2]);
-    out.extend_from_slice(&reference.dx.as_slice()[..2]);
+    out.extend_from_slice(&controller.pose().as_slice()[..D]);
+    out.extend_from_slice(&reference.x.as_slice()[..D]);
+    out.extend_from_slice(&reference.dx.as_slice()[..D]);
     out.extend_from_slice(controller.error().as_slice());
     if !inner.knows_obstacles() {
         out.extend_from_slice(controller.forces().clearance());
         return;
     }
-    if world.is_empty() {
+    let (n, count) = (robot.dof(), inner.world().count());
+    if count == 0 {
         return;
     }
-    world.update(inner.time());
-    let (n, first) = (robot.dof(), out.len());
-    out.resize(first + 3 * n, f64::INFINITY);
+    let first = out.len();
+    out.resize(first + (1 + D) * n, f64::INFINITY);
     let (clearance, nearest) = out[first..].split_at_mut(n);
-    let links = robot.links();
-    world.for_each_contact(
-        links,
-        f64::INFINITY,
-        |_, _| {},
-        |contact| {
-            if contact.distance < clearance[contact.link] {
-                clearance[contact.link] = contact.distance;
-                let way: Vector<2> = contact.witness - contact.point;
-                nearest[2 * contact.link..][..2].copy_from_slice(way.as_slice());
-            }
-        },
-    );
-    for j in 0..world.len() {
-        out.extend_from_slice(world.position(j).as_slice());
-    }
-    for j in 0..world.len() {
-        out.extend_from_slice(world.velocity(j).as_slice());
+    inner.for_each_contact(|contact| {
+        if contact.distance < clearance[contact.link] {
+            clearance[contact.link] = contact.distance;
+            let way = contact.witness - contact.point;
+            nearest[D * contact.link..][..D].copy_from_slice(way.as_slice());
+        }
+    });
+    inner.world().append_to(out);
+    for j in 0..count {
+        out.extend_from_slice(inner.world().velocity(j).as_slice());
     }
 }
 

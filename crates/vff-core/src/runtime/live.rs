@@ -1,15 +1,13 @@
 //! A scenario that runs for ever against the wall clock while people interfere with it.
 
-use super::any::{AnyRun, either};
+use super::any::AnyRun;
 use super::batch::guarded;
 use super::real_time::at_rate;
-use crate::control::{Gains, Settings, TaskKind};
-use crate::math::Vector;
-use crate::robot::PlanarArm;
+use crate::control::Settings;
 use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
-use crate::world::plane::{Obstacle, World};
+use crate::world::plane::Obstacle;
 use std::mem;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -59,19 +57,30 @@ pub struct LoopStats {
 }
 
 /// A goal on its way to where somebody wants it, at no more than a given speed.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct DragTarget {
-    goal: Vector<2>,
-    wanted: Vector<2>,
+    goal: Vec<f64>,
+    wanted: Vec<f64>,
 }
 
 impl DragTarget {
+    /// At `place` [m], and not going anywhere.
+    fn at(place: Vec<f64>) -> Self {
+        Self { wanted: place.clone(), goal: place }
+    }
+
     /// Goes at most `distance` [m] on; whether it has moved.
     fn advance(&mut self, distance: f64) -> bool {
-        let way = self.wanted - self.goal;
-        let length = way.norm();
-        self.goal =
-            if length <= distance { self.wanted } else { self.goal + way * (distance / length) };
+        let away = |(goal, wanted): (&f64, &f64)| wanted - goal;
+        let length =
+            self.goal.iter().zip(&self.wanted).map(away).map(|d| d * d).sum::<f64>().sqrt();
+        if length <= distance {
+            self.goal.copy_from_slice(&self.wanted);
+        } else {
+            for (goal, wanted) in self.goal.iter_mut().zip(&self.wanted) {
+                *goal += (wanted - *goal) * (distance / length);
+            }
+        }
         length > 0.0
     }
 }
@@ -81,7 +90,6 @@ impl DragTarget {
 #[derive(Debug)]
 pub struct Live {
     scenario: Scenario,
-    arm: PlanarArm,
     run: AnyRun,
     state: State,
     /// Where the obstacles are being carried, one per obstacle; None for what moves by itself.
@@ -109,7 +117,6 @@ impl Live {
         let ready = scenario.prepare_recorded(false)?;
         notes.extend(ready.warnings);
         let mut this = Self {
-            arm: scenario.arm.build()?,
             drags: vec![None; scenario.obstacles.len()],
             target: None,
             run: ready.run,
@@ -122,7 +129,7 @@ impl Live {
             notes,
             scenario,
         };
-        this.look();
+        this.observe();
         Ok(this)
     }
 
@@ -132,12 +139,12 @@ impl Live {
     /// # Errors
     /// None that [`new`](Self::new) and [`configure`](Self::configure) have not found.
     pub fn reset(&mut self) -> Result<(), ScenarioError> {
-        let Live { run, arm, drags, notes, .. } = Self::new(&self.scenario)?;
-        (self.run, self.arm, self.drags, self.notes) = (run, arm, drags, notes);
+        let Live { run, drags, notes, .. } = Self::new(&self.scenario)?;
+        (self.run, self.drags, self.notes) = (run, drags, notes);
         (self.state, self.target, self.min_clearance) = (State::Running, None, f64::INFINITY);
-        let count = self.snapshot().world.len();
-        self.record = self.record.take().filter(|record| record.obstacles_count == count);
-        self.look();
+        let count = self.snapshot().obstacles.count();
+        self.record = self.record.take().filter(|record| record.sizes.obstacles == count);
+        self.observe();
         Ok(())
     }
 
@@ -148,11 +155,6 @@ impl Live {
             (State::Paused, false) => self.state = State::Running,
             _ => {}
         }
-    }
-
-    /// The arm, as the controller believes it to be.
-    pub fn arm(&self) -> &PlanarArm {
-        &self.arm
     }
 
     /// How it is.
@@ -170,9 +172,9 @@ impl Live {
         self.run.snapshot()
     }
 
-    /// [`ClosedLoop::pushes`](crate::simulation::ClosedLoop::pushes).
-    pub fn pushes(&mut self) -> Vec<[Vector<2>; 2]> {
-        either!(&mut self.run, run => run.closed_loop_mut().pushes())
+    /// [`AnyRun::pushes`].
+    pub fn pushes(&mut self) -> [Vec<f64>; 2] {
+        self.run.pushes()
     }
 
     /// Smallest signed surface distance since the start or the last reset [m]; ∞ without obstacles.
@@ -192,7 +194,7 @@ impl Live {
         let scenario = Scenario { controller: settings, ..self.scenario.clone() };
         scenario.validate()?;
         let settings = &scenario.controller;
-        either!(&mut self.run, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(scenario.seed)));
+        self.run.configure(settings, scenario.seed);
         self.scenario = scenario;
         Ok(())
     }
@@ -202,25 +204,33 @@ impl Live {
     ///
     /// # Errors
     /// If there is none of that number.
-    pub fn carry(&mut self, j: usize, place: [f64; 2]) -> Result<(), ScenarioError> {
+    pub fn carry(&mut self, j: usize, place: &[f64]) -> Result<(), ScenarioError> {
         self.exists(j)?;
-        let goal = self.snapshot().world.position(j);
-        self.drags[j].get_or_insert(DragTarget { goal, wanted: goal }).wanted = place.into();
+        let now = || DragTarget::at(self.run.obstacle_position(j));
+        self.drags[j].get_or_insert_with(now).wanted.copy_from_slice(place);
         Ok(())
     }
 
     /// Wants the end effector to be at `place` [m], or as near as it can reach, where the reference goes
     /// at a quarter of the reach per second at most.
-    pub fn aim(&mut self, place: [f64; 2]) {
-        let x_ref = self.snapshot().x_ref;
-        let (goal, angle) = (Vector::<2>::new(x_ref[0], x_ref[1]), x_ref.get(2).copied());
-        let wanted = self.within_reach(place.into(), angle);
-        self.target.get_or_insert(DragTarget { goal, wanted: goal }).wanted = wanted;
+    pub fn aim(&mut self, place: &[f64]) {
+        let Self { run, target, .. } = self;
+        let s = run.snapshot();
+        let now = || DragTarget::at(s.x_ref[..s.dimension].to_vec());
+        let wanted = &mut target.get_or_insert_with(now).wanted;
+        wanted.copy_from_slice(place);
+        run.make_attainable(wanted);
+    }
+
+    /// The number of coordinates of a place, 2 or 3.
+    pub fn dimension(&self) -> usize {
+        self.run.snapshot().dimension
     }
 
     /// Adds an obstacle that has been validated, the last one from now on. Ends a recording.
     pub fn add(&mut self, obstacle: &Obstacle) {
-        self.change_world(|world| world.add(obstacle.clone()));
+        self.run.add(obstacle);
+        self.record = None;
         self.drags.push(None);
     }
 
@@ -230,7 +240,8 @@ impl Live {
     /// If there is none of that number.
     pub fn remove(&mut self, j: usize) -> Result<(), ScenarioError> {
         self.exists(j)?;
-        self.change_world(|world| world.remove(j));
+        self.run.remove(j);
+        self.record = None;
         self.drags.remove(j);
         Ok(())
     }
@@ -267,7 +278,7 @@ impl Live {
             return;
         }
         match guarded(|| self.advance()) {
-            Ok(true) => self.look(),
+            Ok(true) => self.observe(),
             Ok(false) => self.state = State::Diverged,
             Err(fault) => self.state = State::Failed(fault),
         }
@@ -276,29 +287,24 @@ impl Live {
     /// Moves what people drag and takes the steps of one control period; false if it cannot go on.
     fn advance(&mut self) -> bool {
         let Self { run, drags, target, scenario, .. } = self;
-        let (_, reach) = self.arm.reach(self.arm.dof());
-        let step = 0.5 * reach / RATE;
+        let step = 0.5 * run.reach() / RATE;
         for (j, drag) in drags.iter_mut().enumerate() {
             if let Some(drag) = drag
                 && drag.advance(step)
             {
-                let goal = drag.goal;
-                either!(run, run => {
-                    run.closed_loop_mut().change_world(|world| world.carry(j, goal, CARRY));
-                });
+                run.carry(j, &drag.goal, CARRY);
             }
         }
         if let Some(drag) = target
             && drag.advance(0.5 * step)
         {
-            let goal = drag.goal;
-            either!(run, run => run.closed_loop_mut().aim(goal, AIM));
+            run.aim(&drag.goal, AIM);
         }
         (0..scenario.simulation.control_every).all(|_| run.advance(None))
     }
 
     /// Takes note of the present instant.
-    fn look(&mut self) {
+    fn observe(&mut self) {
         let Self { run, record, min_clearance, stats, dropped, .. } = self;
         let snapshot = run.snapshot();
         *min_clearance = snapshot.clearance.iter().copied().fold(*min_clearance, f64::min);
@@ -336,31 +342,6 @@ impl Live {
         let problem = Problem::Other(format!("there is none, only {count} obstacles"));
         Err(ScenarioError::new(format!("obstacles[{j}]"), problem))
     }
-
-    fn change_world(&mut self, change: impl Fn(&mut World)) {
-        either!(&mut self.run, run => run.closed_loop_mut().change_world(change));
-        self.record = None;
-    }
-
-    /// The point nearest to `place` at which the end effector can be, a little inside of its reach.
-    fn within_reach(&self, place: Vector<2>, angle: Option<f64>) -> Vector<2> {
-        let n = self.arm.dof();
-        // A pose is reachable if the last joint can be where the pose puts it.
-        let (links, wrist) = match (self.scenario.controller.task, angle) {
-            (TaskKind::Pose, Some(angle)) => {
-                let (sin, cos) = angle.sin_cos();
-                (n - 1, Vector::<2>::new(cos, sin) * self.arm.links()[n - 1].length)
-            }
-            _ => (n, Vector::zeros()),
-        };
-        let (inner, outer) = self.arm.reach(links);
-        let margin = 0.02 * (outer - inner);
-        let from_base = place - wrist;
-        let distance = from_base.norm();
-        let allowed = distance.clamp(inner + margin, outer - margin);
-        let direction = if distance > 0.0 { from_base / distance } else { Vector::x() };
-        direction * allowed + wrist
-    }
 }
 
 /// Whoever panicked while it held the lock left nothing half done: [`Live::tick`] catches its own.
@@ -389,9 +370,12 @@ pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::TaskKind;
     use crate::control::{Avoidance, Projection};
     use crate::math::ScalarOrVec;
+    use crate::math::Vector;
     use crate::trajectory::GovernorSettings;
+    use crate::world::plane::World;
     use std::sync::atomic::Ordering;
     use std::thread;
 
@@ -405,6 +389,13 @@ mod tests {
 
     fn live() -> Live {
         Live::new(&Scenario::from_toml(SCENE).unwrap()).unwrap()
+    }
+
+    fn world(live: &Live) -> &World {
+        match &live.run {
+            AnyRun::PlanarPosition(run) => run.closed_loop().world(),
+            AnyRun::PlanarPose(run) => run.closed_loop().world(),
+        }
     }
 
     fn ticks(live: &mut Live, count: usize) -> f64 {
@@ -446,16 +437,16 @@ mod tests {
             let mut worst: f64 = 0.0;
             let mut last = Vector::<2>::zeros();
             for k in 0..50 {
-                live.carry(0, [1.6, 2.9 - 0.05 * f64::from(k)]).unwrap();
+                live.carry(0, &[1.6, 2.9 - 0.05 * f64::from(k)]).unwrap();
                 for _ in 0..50 {
                     worst = worst.max(ticks(&mut live, 1));
-                    let velocity = live.snapshot().world.velocity(0);
+                    let velocity = world(&live).velocity(0);
                     assert!(velocity.norm() < 3.0 && (velocity - last).norm() < 0.1);
                     last = velocity;
                 }
             }
             ticks(&mut live, 1000);
-            let place = live.snapshot().world.position(0);
+            let place = world(&live).position(0);
             assert!((place - Vector::<2>::new(1.6, 0.45)).norm() < 1e-9);
             assert!(live.min_clearance() > 0.05, "{projection:?}: {}", live.min_clearance());
             assert!(low <= worst && worst < high, "{projection:?}: {worst} m");
@@ -466,12 +457,12 @@ mod tests {
     #[test]
     fn what_is_carried_has_exact_derivatives() {
         let mut live = live();
-        live.carry(0, [0.0, 3.5]).unwrap();
+        live.carry(0, &[0.0, 3.5]).unwrap();
         let h = 1e-3;
         let mut seen = vec![];
         for _ in 0..800 {
             live.tick();
-            let world = live.snapshot().world;
+            let world = world(&live);
             seen.push([world.position(0), world.velocity(0), world.acceleration(0)]);
         }
         let scale = |k: i32| 3.0 * CARRY.powi(k + 2) * h * h;
@@ -491,16 +482,16 @@ mod tests {
     fn the_target_stays_within_reach() {
         let mut live = live();
         ticks(&mut live, 600);
-        live.aim([3.0, 2.0]);
+        live.aim(&[3.0, 2.0]);
         // The law is held for a millisecond: it lags behind by that much, some tenths of a millimetre.
         assert!(ticks(&mut live, 4000) < 2e-3);
         let tip = Vector::<2>::new(live.snapshot().x[0], live.snapshot().x[1]);
         assert!((tip - Vector::<2>::new(3.0, 2.0)).norm() < 1e-6);
-        live.aim([30.0, 40.0]);
+        live.aim(&[30.0, 40.0]);
         ticks(&mut live, 6000);
         let x_ref = Vector::from_column_slice(live.snapshot().x_ref);
         assert!((x_ref - Vector::<2>::new(0.6, 0.8) * (6.0 * 0.98)).norm() < 1e-9);
-        live.aim([0.0, 0.0]);
+        live.aim(&[0.0, 0.0]);
         ticks(&mut live, 6000);
         assert_eq!(live.state(), &State::Running);
     }
@@ -516,14 +507,14 @@ mod tests {
         };
         live.configure(waiting.clone()).unwrap();
         ticks(&mut live, 200);
-        live.aim([3.0, 2.0]);
-        live.carry(0, [4.0, 1.5]).unwrap();
+        live.aim(&[3.0, 2.0]);
+        live.carry(0, &[4.0, 1.5]).unwrap();
         ticks(&mut live, 3000);
         let late = |live: &Live| live.snapshot().t - live.snapshot().path_time.unwrap();
         let place = |live: &Live| Vector::<2>::from_column_slice(live.snapshot().x_ref);
         let (delay, before) = (late(&live), place(&live));
         assert!(delay > 0.1, "it had nothing to wait for: {delay}");
-        live.aim([4.0, 3.0]);
+        live.aim(&[4.0, 3.0]);
         assert!((place(&live) - before).norm() < 1e-12);
         live.configure(Settings { governor: None, ..waiting }).unwrap();
         assert!((place(&live) - before).norm() < 1e-12);
@@ -536,23 +527,23 @@ mod tests {
     #[test]
     fn obstacles_come_and_go() {
         let mut live = live();
-        let disc = live.snapshot().world.obstacle(0).clone();
+        let disc = world(&live).obstacle(0).clone();
         live.add(&Obstacle { position: [3.0, 3.0], ..disc });
-        live.carry(1, [4.0, 3.0]).unwrap();
+        live.carry(1, &[4.0, 3.0]).unwrap();
         ticks(&mut live, 3000);
         live.remove(0).unwrap();
-        assert_eq!(live.snapshot().world.len(), 1);
-        assert!((live.snapshot().world.position(0) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-9);
-        live.carry(0, [4.0, 3.5]).unwrap();
+        assert_eq!(world(&live).len(), 1);
+        assert!((world(&live).position(0) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-9);
+        live.carry(0, &[4.0, 3.5]).unwrap();
         ticks(&mut live, 3000);
-        assert!((live.snapshot().world.position(0) - Vector::<2>::new(4.0, 3.5)).norm() < 1e-9);
-        let fault = live.carry(1, [0.0, 0.0]).unwrap_err().to_string();
+        assert!((world(&live).position(0) - Vector::<2>::new(4.0, 3.5)).norm() < 1e-9);
+        let fault = live.carry(1, &[0.0, 0.0]).unwrap_err().to_string();
         assert_eq!(fault, "obstacles[1]: there is none, only 1 obstacles");
         live.remove(0).unwrap();
         ticks(&mut live, 10);
         assert!(live.remove(0).is_err());
         live.reset().unwrap();
-        assert_eq!((live.snapshot().world.len(), live.snapshot().t.to_bits()), (1, 0));
+        assert_eq!((world(&live).len(), live.snapshot().t.to_bits()), (1, 0));
     }
 
     /// A loop that diverges stands still where it was, says so, and runs again after a reset.
@@ -565,7 +556,7 @@ mod tests {
             ..settings(Projection::Dynamic)
         };
         live.configure(wild).unwrap();
-        live.aim([3.0, 2.0]);
+        live.aim(&[3.0, 2.0]);
         ticks(&mut live, 2000);
         assert_eq!(live.state(), &State::Diverged);
         assert!(live.snapshot().q.iter().all(|q| q.is_finite()));

@@ -7,6 +7,7 @@
 pub mod arm;
 mod document;
 mod error;
+pub mod plane;
 pub mod plant;
 mod prepare;
 mod validate;
@@ -14,11 +15,12 @@ mod warnings;
 
 pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
+pub use plane::Plane;
 pub use plant::PlantSpec;
 pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
-use crate::robot::PlanarArm;
+use crate::robot::{Model, PlanarArm};
 use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings,
 };

@@ -3,7 +3,7 @@
 use super::arm::{ArmSpec, Nested, each, not_negative, number};
 use super::error::ScenarioError;
 use crate::math::ScalarOrVec;
-use crate::robot::PlanarArm;
+use crate::robot::{Model, PlanarArm};
 use crate::simulation::Physics;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -50,7 +50,11 @@ impl PlantSpec {
     ///
     /// # Errors
     /// With the name of the first parameter that is wrong.
-    pub fn build(&self, spec: &ArmSpec, model: &Arc<PlanarArm>) -> Result<Physics, ScenarioError> {
+    pub fn build(
+        &self,
+        spec: &ArmSpec,
+        model: &Arc<PlanarArm>,
+    ) -> Result<Physics<PlanarArm>, ScenarioError> {
         let n = model.dof();
         number("payload", self.payload, not_negative)?;
         each("viscous_friction", &self.viscous_friction, n, not_negative)?;

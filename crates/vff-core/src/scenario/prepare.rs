@@ -1,11 +1,12 @@
 //! A scenario made ready to run: everything that needs more than one value is checked here.
 
+use super::plane::PlanarSystem;
 use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
-use crate::math::Vector;
-use crate::robot::{PlanarArm, Robot};
+use crate::robot::planar::Annulus;
+use crate::robot::{Model, PlanarArm};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, Reality, Record,
+    Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, Reality, Sizes,
 };
 use crate::trajectory::Trajectory;
 use crate::world::plane::World;
@@ -13,7 +14,10 @@ use std::sync::Arc;
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.
-    pub(super) fn reality(&self, model: &Arc<PlanarArm>) -> Result<Reality, ScenarioError> {
+    pub(super) fn reality(
+        &self,
+        model: &Arc<PlanarArm>,
+    ) -> Result<Reality<PlanarArm, Perception>, ScenarioError> {
         let (n, dt) = (model.dof(), self.simulation.dt);
         let plant = self.plant.build(&self.arm, model).map_err(|error| error.inside("plant"))?;
         let sampled = self.simulation.control != Control::Continuous;
@@ -52,21 +56,20 @@ impl Scenario {
     ///
     /// # Errors
     /// If the reference does not fit the task or leaves the reach of the arm.
-    pub(crate) fn closed_loop<const M: usize>(
+    pub(crate) fn closed_loop<S: PlanarSystem<M>, const M: usize>(
         &self,
-    ) -> Result<(ClosedLoop<M>, Vec<String>), ScenarioError> {
+    ) -> Result<(ClosedLoop<S, 2, M>, Vec<String>), ScenarioError> {
         let arm = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
         let n = arm.dof();
         let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; n]);
-        let mut state = arm.state();
-        state.update(&self.q0, &dq0);
-        let trajectory = Trajectory::<M>::new(&self.reference, state.pose()).map_err(|error| {
+        let start = S::pose(&arm, &self.q0, &dq0);
+        let trajectory = Trajectory::new(&self.reference, &start).map_err(|error| {
             ScenarioError::new(
                 format!("reference.{}", error.field()),
                 Problem::Other(error.to_string()),
             )
         })?;
-        self.reachable(&arm, &trajectory)?;
+        self.reachable::<S, M>(&arm, &trajectory)?;
         let gains = Gains::<M>::new(&self.controller).with_seed(self.seed);
         let world = World::new(self.obstacles.clone());
         let options = self.simulation.clone();
@@ -81,28 +84,27 @@ impl Scenario {
     /// What the record of a whole run takes [bytes].
     #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
     pub fn record_bytes(&self) -> f64 {
-        let (n, m) = (self.arm.dof(), self.controller.task.dimension());
-        let rows = self.simulation.rows(self.duration);
-        let rays = self.perception.as_ref().map_or(0, |given| given.rays_of(n));
-        rows as f64 * Record::row_bytes(n, m, self.obstacles.len(), rays) as f64
+        let (joints, task) = (self.arm.dof(), self.controller.task.dimension(2));
+        let sizes = Sizes {
+            dimension: 2,
+            joints,
+            task,
+            pose: task,
+            obstacles: self.obstacles.len(),
+            rays: self.perception.as_ref().map_or(0, |given| given.rays_of(joints)),
+        };
+        self.simulation.rows(self.duration) as f64 * sizes.row_bytes() as f64
     }
 
     /// The whole reference lies where the arm can put its end effector.
-    fn reachable<const M: usize>(
+    fn reachable<S: PlanarSystem<M>, const M: usize>(
         &self,
         arm: &PlanarArm,
-        trajectory: &Trajectory<M>,
+        trajectory: &Trajectory<S::Pose, M>,
     ) -> Result<(), ScenarioError> {
-        // A pose is reachable if the last joint can be where the pose puts it.
-        let last = arm.links()[arm.dof() - 1].length;
-        let (inner, outer) = arm.reach(if M > 2 { arm.dof() - 1 } else { arm.dof() });
-        let slack = 1e-9 * outer.max(last);
-        let point = |t: f64| {
-            let x = trajectory.at(t).x;
-            let wrist = if M > 2 { last } else { 0.0 };
-            let angle = if M > 2 { x[2] } else { 0.0 };
-            Vector::<2>::new(x[0] - wrist * angle.cos(), x[1] - wrist * angle.sin())
-        };
+        let Annulus { inner, outer } = S::annulus(arm);
+        let slack = 1e-9 * outer.max(arm.links()[arm.dof() - 1].length);
+        let point = |t: f64| S::wrist(arm, &trajectory.at(t).x);
         let inside = |t: f64| {
             let distance = point(t).norm();
             inner - slack <= distance && distance <= outer + slack

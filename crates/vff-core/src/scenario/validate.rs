@@ -138,7 +138,7 @@ fn needs_sampling(sampled: bool, otherwise: &str) -> Judged {
 
 /// `[controller]` on its own, for n joints where the arm is known.
 pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
-    let m = settings.task.dimension();
+    let m = settings.task.dimension(2);
     each("stiffness", &settings.stiffness, m, not_negative)?;
     each("damping", &settings.damping, m, not_negative)?;
     let joints = |given: &crate::math::ScalarOrVec| n.unwrap_or(given.values().len());

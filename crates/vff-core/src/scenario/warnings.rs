@@ -2,15 +2,15 @@
 
 use super::Scenario;
 use crate::control::{Controller, Settings};
-use crate::robot::PlanarState;
-use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot};
+use crate::robot::Manipulator;
+use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
 use crate::world::plane::World;
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant [rad].
-    pub(super) fn warnings<const M: usize>(
+    pub(super) fn warnings<S: System<2, M, World = World>, const M: usize>(
         &self,
-        closed_loop: &ClosedLoop<M>,
+        closed_loop: &ClosedLoop<S, 2, M>,
         stops: &[[f64; 2]],
     ) -> Vec<String> {
         let mut warnings = self.oddities(&closed_loop.snapshot(), stops);
@@ -69,9 +69,9 @@ impl Scenario {
 
     /// A field too stiff for the control period: where the obstacles stand at the start, or at the
     /// clearance that the fastest of them is to be expected to come to (T29, T34).
-    fn field_bound<const M: usize>(
+    fn field_bound<R: Manipulator<2, M> + Clone, const M: usize>(
         &self,
-        controller: &Controller<PlanarState, 2, M>,
+        controller: &Controller<R, 2, M>,
     ) -> Option<String> {
         if self.controller.field.gain == 0.0 {
             return None;
@@ -109,7 +109,7 @@ pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
             2.0 / h
         ));
     }
-    let axis = (0..task.dimension()).map(|i| (stiffness.get(i), damping.get(i)));
+    let axis = (0..task.dimension(2)).map(|i| (stiffness.get(i), damping.get(i)));
     if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
         warnings.push(format!(
             "damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control period of {h} s; \

@@ -3,45 +3,42 @@
 use super::actuator::Actuator;
 use super::integrator::Stepper;
 use super::measurement::Measurement;
-use super::perception::Perception;
+use super::perception::Perceive;
 use super::plant::{Physics, Plant};
-use super::{Control, Integrator, Options, Snapshot};
-use crate::control::{
-    Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits, task,
-};
-use crate::math::{ThirdOrderFilter, Vector};
-use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
+use super::{Control, Integrator, Options, Snapshot, System};
+use crate::control::{Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits};
+use crate::math::{Pose, Vector};
+use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Trajectory};
-use crate::world::CollisionQuery;
-use crate::world::plane::World;
+use crate::world::{CollisionQuery, Contact, Positions, Scene};
 use std::iter;
 use std::sync::Arc;
 
 /// Where the world is not as the controller believes.
 #[derive(Debug, Clone)]
-pub struct Reality {
+pub struct Reality<A, P> {
     /// The physical arm.
-    pub plant: Physics,
+    pub plant: Physics<A>,
     /// What the controller gets to know of the state; None if everything.
     pub measurement: Option<Measurement>,
     /// What the controller gets to know of the obstacles; None if everything.
-    pub perception: Option<Perception>,
+    pub perception: Option<P>,
     /// What becomes of its torque; None if all of it acts at once.
     pub actuator: Option<Actuator>,
 }
 
 /// An arm under control among obstacles. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub struct ClosedLoop<const M: usize> {
+pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     options: Options,
-    arm: Arc<PlanarArm>,
+    arm: Arc<S::Arm>,
     /// Evaluates the law at the present state (and, in continuous mode, in every stage).
-    stack: ControlStack<M>,
+    stack: ControlStack<S, D, M>,
     /// Evaluates it at the predicted state, in predictor mode.
-    foresight: Option<ControlStack<M>>,
-    plant: Plant,
+    foresight: Option<ControlStack<S, D, M>>,
+    plant: Plant<S::Arm, D>,
     measurement: Option<Measurement>,
-    perception: Option<Perception>,
+    perception: Option<S::Perception>,
     actuator: Option<Actuator>,
     /// What makes the reference wait.
     governor: Option<Governor>,
@@ -59,7 +56,7 @@ pub struct ClosedLoop<const M: usize> {
     objective_scale: ObjectiveScale,
     null_acceleration: f64,
     /// Pose of the end effector, kept for the snapshot to borrow.
-    x: Vector<M>,
+    x: S::Pose,
     bias: Vec<f64>,
     predicted: [Vec<f64>; 3],
 }
@@ -77,9 +74,14 @@ impl<const M: usize> Truth<M> {
         Self { dx: Vector::zeros(), error: Vector::zeros(), clearance: vec![f64::INFINITY; n] }
     }
 
-    fn refresh(&mut self, plant: &PlanarState, reference: Vector<M>, world: &mut World) {
+    fn refresh<R: Manipulator<D, M>, const D: usize>(
+        &mut self,
+        plant: &R,
+        reference: &R::Pose,
+        world: &mut impl CollisionQuery<D>,
+    ) {
         self.dx = plant.task_velocity();
-        self.error = task::error(plant.pose(), reference);
+        self.error = plant.pose().error(reference);
         let links = plant.links();
         let nearest = |link: usize, d: f64| self.clearance[link] = d;
         world.for_each_contact(links, f64::NEG_INFINITY, nearest, |_| {});
@@ -97,20 +99,20 @@ fn is_finite(values: &[f64]) -> bool {
 
 /// The controller with what it perceives and what it is told.
 #[derive(Debug, Clone)]
-struct ControlStack<const M: usize> {
-    controller: Controller<PlanarState, 2, M>,
-    world: World,
-    trajectory: Trajectory<M>,
+struct ControlStack<S: System<D, M>, const D: usize, const M: usize> {
+    controller: Controller<S::State, D, M>,
+    world: S::World,
+    trajectory: Trajectory<S::Pose, M>,
 }
 
-impl<const M: usize> ControlStack<M> {
+impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
     /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it,
     /// for the reference that `governor` makes wait.
     fn torque_at(
         &mut self,
         t: f64,
         [q, dq]: [&[f64]; 2],
-        perception: Option<&mut Perception>,
+        perception: Option<&mut S::Perception>,
         governor: Option<&Governor>,
     ) -> &Torque {
         let Self { controller, world, trajectory } = self;
@@ -133,18 +135,18 @@ impl<const M: usize> ControlStack<M> {
     }
 }
 
-impl<const M: usize> ClosedLoop<M> {
+impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// A joint speed that no arm survives [rad/s]: beyond it a run has diverged.
     pub const MAX_SPEED: f64 = 1e4;
 
     /// A closed loop at (q, q̇) at t = 0.
     pub fn new(
-        arm: &Arc<PlanarArm>,
+        arm: &Arc<S::Arm>,
         gains: Gains<M>,
-        world: World,
-        trajectory: Trajectory<M>,
+        world: S::World,
+        trajectory: Trajectory<S::Pose, M>,
         options: Options,
-        reality: Reality,
+        reality: Reality<S::Arm, S::Perception>,
         [q, dq]: [Vec<f64>; 2],
     ) -> Self {
         let n = arm.dof();
@@ -158,6 +160,7 @@ impl<const M: usize> ClosedLoop<M> {
         let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
         let stack =
             ControlStack { controller: Controller::new(arm.state(), gains), world, trajectory };
+        let x = stack.controller.pose();
         let mut this = Self {
             arm: Arc::clone(arm),
             foresight: (options.control == Control::Predictor).then(|| stack.clone()),
@@ -177,7 +180,7 @@ impl<const M: usize> ClosedLoop<M> {
             held: Torque::zeros(n),
             objective_scale: limits::ALL,
             null_acceleration: 0.0,
-            x: Vector::zeros(),
+            x,
             bias: zeros(),
             predicted: [zeros(), zeros(), zeros()],
             options,
@@ -213,7 +216,7 @@ impl<const M: usize> ClosedLoop<M> {
         if let Some(perception) = perception {
             stack.world.update(0.0);
             plant.update(q, dq);
-            perception.start(|i| plant.state().link(i), &stack.world);
+            perception.start(plant.state(), &stack.world);
         }
     }
 
@@ -231,7 +234,7 @@ impl<const M: usize> ClosedLoop<M> {
     }
 
     /// Changes the world, of which predictor mode has two.
-    pub fn change_world(&mut self, change: impl Fn(&mut World)) {
+    pub fn change_world(&mut self, change: impl Fn(&mut S::World)) {
         let t = self.time();
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
             stack.world.update(t);
@@ -242,24 +245,26 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Lets go of the reference and sends the end effector to `goal` [m] from now on, smoothly, with the
     /// pole `rate` [1/s]; its orientation stays where it is.
-    pub fn aim(&mut self, goal: Vector<2>, rate: f64) {
+    pub fn aim(&mut self, goal: Vector<D>, rate: f64) {
         let t = self.path_time().unwrap_or(self.time());
-        let now = self.stack.trajectory.at(t);
-        let mut pose = now.x;
-        pose.fixed_rows_mut::<2>(0).copy_from(&goal);
-        let filter = ThirdOrderFilter::new(t, [now.x, now.dx, now.ddx], pose, rate);
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-            stack.trajectory = Trajectory::filtered(filter);
+            stack.trajectory.aim(t, goal.as_slice(), rate);
         }
         self.control();
     }
 
+    /// Calls `visit` with every pair of a link and an obstacle as they are now.
+    pub fn for_each_contact(&mut self, visit: impl FnMut(&Contact<D>)) {
+        let ControlStack { controller, world, .. } = &mut self.stack;
+        world.for_each_contact(controller.robot().links(), f64::INFINITY, |_, _| {}, visit);
+    }
+
     /// The repulsion of every link, as the point on its axis [m] at which it acts and the force [N]: the sum
     /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
-    pub fn pushes(&mut self) -> Vec<[Vector<2>; 2]> {
+    pub fn pushes(&mut self) -> Vec<[Vector<D>; 2]> {
         let ControlStack { controller, world, .. } = &mut self.stack;
         let (robot, field) = (controller.robot(), controller.gains().field);
-        let mut means = vec![(Vector::<2>::zeros(), 0.0); robot.dof()];
+        let mut means = vec![(Vector::<D>::zeros(), 0.0); robot.dof()];
         let links = robot.links();
         world.for_each_contact(
             links,
@@ -285,14 +290,29 @@ impl<const M: usize> ClosedLoop<M> {
             .collect()
     }
 
+    /// The controller's model of the arm.
+    pub fn arm(&self) -> &Arc<S::Arm> {
+        &self.arm
+    }
+
+    /// The position nearest to `goal` [m] that the end effector can take with the orientation of the reference.
+    pub fn attainable(&self, goal: &Vector<D>) -> Vector<D> {
+        S::attainable(&self.arm, &self.stack.controller.reference().x, goal)
+    }
+
     /// The steps taken so far.
     pub fn step_count(&self) -> usize {
         self.step
     }
 
     /// The controller.
-    pub fn controller(&self) -> &Controller<PlanarState, 2, M> {
+    pub fn controller(&self) -> &Controller<S::State, D, M> {
         &self.stack.controller
+    }
+
+    /// The obstacles.
+    pub fn world(&self) -> &S::World {
+        &self.stack.world
     }
 
     /// Whether the controller knows all obstacles.
@@ -363,12 +383,13 @@ impl<const M: usize> ClosedLoop<M> {
         let tau_applied = self.actuator.as_ref().map_or(&[][..], Actuator::torque);
         let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
         Snapshot {
+            dimension: D,
             t: self.time(),
             q: &self.q,
             dq: &self.dq,
             q_measured,
             dq_measured,
-            sensed: self.perception.as_ref().map_or(&[], Perception::seen),
+            sensed: self.perception.as_ref().map(|perception| perception as &dyn Positions),
             torque: &self.held,
             tau_applied,
             tau_vff: forces.torque(),
@@ -379,7 +400,7 @@ impl<const M: usize> ClosedLoop<M> {
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
-            world: &self.stack.world,
+            obstacles: &self.stack.world,
             null_acceleration: self.null_acceleration,
             energy: controller.energy(),
             power: controller.power(acting),
@@ -440,7 +461,7 @@ impl<const M: usize> ClosedLoop<M> {
             if let Some(perception) = perception {
                 stack.world.update(t);
                 plant.update(q, dq);
-                perception.advance(|i| plant.state().link(i), &stack.world);
+                perception.advance(plant.state(), &stack.world);
             }
             self.control();
             if self.is_defined() {
@@ -497,14 +518,15 @@ impl<const M: usize> ClosedLoop<M> {
             self.held.copy_from(torque);
             self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
-                governor.hear(self.stack.controller.error().fixed_rows::<2>(0).norm());
+                governor.hear(self.stack.controller.error().fixed_rows::<D>(0).norm());
             }
         }
         self.x = match &mut self.truth {
             Some(truth) => {
                 self.plant.update(&self.q, &self.dq);
                 let state = self.plant.state();
-                truth.refresh(state, self.stack.controller.reference().x, &mut self.stack.world);
+                let reference = self.stack.controller.reference().x;
+                truth.refresh(state, &reference, &mut self.stack.world);
                 state.pose()
             }
             None => self.stack.controller.pose(),

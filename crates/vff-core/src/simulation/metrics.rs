@@ -65,6 +65,10 @@ pub const METRICS: &[Metric] = &[
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
 ];
 
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
 /// The larger of two numbers: one instruction, where `f64::max` also asks which one is NaN.
 #[inline]
 fn larger(a: f64, b: f64) -> f64 {
@@ -234,16 +238,15 @@ impl Metrics {
     }
 
     fn tracking(&mut self, s: &Snapshot<'_>) {
-        let error = (s.error[0] * s.error[0] + s.error[1] * s.error[1]).sqrt();
+        let (position, orientation) = s.error.split_at(s.dimension);
+        let error = norm(position);
         let tail = usize::from(s.t >= self.tail_start);
         self.tail_samples += tail;
         self.sum_error[tail] += error * error;
         self.max_error[tail] = self.max_error[tail].max(error);
-        if let Some(angle) = s.error.get(2)
-            && tail == 1
-        {
+        if !orientation.is_empty() && tail == 1 {
             let worst = self.max_orientation_error.get_or_insert(0.0);
-            *worst = worst.max(angle.abs());
+            *worst = worst.max(norm(orientation));
         }
         if self.samples == 0 {
             self.settling_bound = (0.02 * error).max(1e-3);

@@ -1,9 +1,9 @@
 //! A scenario from its first step to its outcome.
 
-use super::Options;
 use super::closed_loop::ClosedLoop;
 use super::metrics::{Metric, Metrics, Value};
 use super::recorder::{Record, RecordTooLarge};
+use super::{Options, System};
 use std::time::{Duration, Instant};
 
 /// How a run ended. Everything until then is recorded.
@@ -51,8 +51,8 @@ pub struct Outcome {
 
 /// A closed loop with its record and metrics.
 #[derive(Debug, Clone)]
-pub struct Run<const M: usize> {
-    closed_loop: ClosedLoop<M>,
+pub struct Run<S: System<D, M>, const D: usize, const M: usize> {
+    closed_loop: ClosedLoop<S, D, M>,
     record: Record,
     metrics: Metrics,
     steps: usize,
@@ -61,13 +61,13 @@ pub struct Run<const M: usize> {
     diverged: bool,
 }
 
-impl<const M: usize> Run<M> {
+impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
     /// Prepares a run over `duration` [s], recorded or not.
     ///
     /// # Errors
     /// If the record does not fit into memory.
     pub fn new(
-        closed_loop: ClosedLoop<M>,
+        closed_loop: ClosedLoop<S, D, M>,
         options: &Options,
         duration: f64,
         recorded: bool,
@@ -85,12 +85,12 @@ impl<const M: usize> Run<M> {
     }
 
     /// The closed loop at its present instant.
-    pub fn closed_loop(&self) -> &ClosedLoop<M> {
+    pub fn closed_loop(&self) -> &ClosedLoop<S, D, M> {
         &self.closed_loop
     }
 
     /// The closed loop, to be advanced by hand.
-    pub fn closed_loop_mut(&mut self) -> &mut ClosedLoop<M> {
+    pub fn closed_loop_mut(&mut self) -> &mut ClosedLoop<S, D, M> {
         &mut self.closed_loop
     }
 
@@ -108,10 +108,10 @@ impl<const M: usize> Run<M> {
 
     /// Steps until the run is over (returns true) or about `budget` of wall time is used up.
     pub fn run_for(&mut self, budget: Duration) -> bool {
-        const STEPS_PER_LOOK: usize = 16;
+        const STEPS_PER_CHECK: usize = 16;
         let start = Instant::now();
         loop {
-            for _ in 0..STEPS_PER_LOOK {
+            for _ in 0..STEPS_PER_CHECK {
                 if !self.step() {
                     return true;
                 }

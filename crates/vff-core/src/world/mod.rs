@@ -20,7 +20,7 @@ mod solid;
 pub use contact::{Contact, Feature};
 pub use crowd::HORIZON;
 pub use motion::{Motion, MotionState};
-pub use query::CollisionQuery;
+pub use query::{CollisionQuery, Positions, Scene};
 pub use solid::{Description, Hierarchy, Solid};
 
 use crate::math::{ThirdOrderFilter, Vector};

@@ -46,6 +46,27 @@ pub trait CollisionQuery<const D: usize> {
     ) -> Contact<D>;
 }
 
+/// Points of whatever space, as they are written: one coordinate after the other.
+pub trait Positions {
+    /// How many points there are.
+    fn count(&self) -> usize;
+    /// Appends the coordinates of all of them [m].
+    fn append_to(&self, out: &mut Vec<f64>);
+}
+
+/// Obstacles that move as time passes. Their [`Positions`] are those at the present instant.
+pub trait Scene<const D: usize>: CollisionQuery<D> + Positions {
+    /// Moves all obstacles to time `t` [s].
+    fn update(&mut self, t: f64);
+    /// Position of obstacle `j` [m].
+    fn position(&self, j: usize) -> Vector<D>;
+    /// Velocity of obstacle `j` [m/s].
+    fn velocity(&self, j: usize) -> Vector<D>;
+    /// Lets go of the motion of obstacle `j` and carries it to `goal` [m] from now on, smoothly, with the pole
+    /// `rate` [1/s].
+    fn carry(&mut self, j: usize, goal: Vector<D>, rate: f64);
+}
+
 impl<S: Solid<D>, const D: usize> World<S, D> {
     /// The nearest points between `capsule`, which is link number `link`, and obstacle `j`.
     ///
@@ -180,6 +201,37 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let mut state = placed.state_at(self.time);
         state.position += state.velocity * after;
         placed.solid.contact([link, obstacle], &S::probe(capsule), &state)
+    }
+}
+
+impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn append_to(&self, out: &mut Vec<f64>) {
+        (0..self.len()).for_each(|j| out.extend_from_slice(self.position(j).as_slice()));
+    }
+}
+
+impl<S: Solid<D>, const D: usize> Scene<D> for World<S, D> {
+    #[inline]
+    fn update(&mut self, t: f64) {
+        self.update(t);
+    }
+
+    #[inline]
+    fn position(&self, j: usize) -> Vector<D> {
+        self.position(j)
+    }
+
+    #[inline]
+    fn velocity(&self, j: usize) -> Vector<D> {
+        self.velocity(j)
+    }
+
+    fn carry(&mut self, j: usize, goal: Vector<D>, rate: f64) {
+        self.carry(j, goal, rate);
     }
 }
 

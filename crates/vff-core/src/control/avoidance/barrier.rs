@@ -204,7 +204,8 @@ mod tests {
     use super::super::Strategy;
     use super::*;
     use crate::control::{Avoidance, Controller, Gains};
-    use crate::robot::PlanarState;
+    use crate::math::Vector;
+    use crate::robot::{Manipulator, Model, PlanarState};
     use crate::scenario::Scenario;
     use crate::trajectory::Trajectory;
     use crate::world::plane::World;
@@ -258,11 +259,14 @@ mod tests {
     }
 
     /// The controller of a scenario, with its world and its reference.
-    fn loop_of(scenario: &Scenario) -> (Controller<PlanarState, 2, 2>, World, Trajectory<2>) {
+    fn loop_of(
+        scenario: &Scenario,
+    ) -> (Controller<PlanarState, 2, 2>, World, Trajectory<Vector<2>, 2>) {
         let arm = Arc::new(scenario.arm.build().unwrap());
         let mut start = arm.state();
         start.update(&scenario.q0, &vec![0.0; arm.dof()]);
-        let trajectory = Trajectory::new(&scenario.reference, start.pose()).unwrap();
+        let trajectory =
+            Trajectory::new(&scenario.reference, &Manipulator::<2, 2>::pose(&start)).unwrap();
         let controller = Controller::new(arm.state(), Gains::new(&scenario.controller));
         (controller, World::new(scenario.obstacles.clone()), trajectory)
     }

@@ -8,9 +8,9 @@
 
 use super::rehearsal::Rehearsal;
 use super::{Yielding, due};
-use crate::control::{Gains, OperationalSpace, Torque, task};
-use crate::math::{Capsule, Noise, dot};
-use crate::robot::Robot;
+use crate::control::{Gains, OperationalSpace, Torque};
+use crate::math::{Capsule, Noise, Pose, dot};
+use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::{CollisionQuery, Contact};
 use nalgebra::{SMatrix, SVector};
@@ -159,7 +159,7 @@ fn price(settings: &PreviewSettings, margin: f64, forecast: Forecast, holds: boo
 
 /// Look-ahead with its workspace.
 #[derive(Debug, Clone)]
-pub struct Preview<R: Robot<D>, const D: usize, const M: usize> {
+pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     settings: PreviewSettings,
     margin: f64,
     seed: u64,
@@ -188,7 +188,7 @@ pub struct Preview<R: Robot<D>, const D: usize, const M: usize> {
     rollout: Rollout<R, D, M>,
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     /// For the law with these gains on `robot`.
     pub fn new(robot: &R, gains: &Gains<M>, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
@@ -252,7 +252,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         &mut self,
         robot: &R,
         surroundings: &mut impl CollisionQuery<D>,
-        reference: impl Fn(f64) -> Sample<M>,
+        reference: impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
         if self.waited >= self.settings.period - 1e-9 {
             self.begin(robot, surroundings, &reference);
@@ -278,7 +278,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
         &mut self,
         robot: &R,
         surroundings: &mut impl CollisionQuery<D>,
-        reference: &impl Fn(f64) -> Sample<M>,
+        reference: &impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
         let Self { settings, rollout, course, trial, active, margin, rehearsal, .. } = self;
         let (horizon, margin) = (settings.horizon, *margin);
@@ -326,7 +326,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
     fn rehearse(
         &mut self,
         surroundings: &impl CollisionQuery<D>,
-        reference: &impl Fn(f64) -> Sample<M>,
+        reference: &impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
         let Self { settings, rehearsal, rollout, since, rehearsed, .. } = self;
         if rehearsal.goes_on() {
@@ -399,7 +399,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
 /// The arm as a chain without mass that follows a course, pushed aside like the real one by what the
 /// programme keeps (T71).
 #[derive(Debug, Clone)]
-struct Rollout<R, const D: usize, const M: usize> {
+struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     scout: R,
     /// Configuration and joint velocity at the beginning, and on the way.
     start: [Vec<f64>; 2],
@@ -421,7 +421,7 @@ struct Rollout<R, const D: usize, const M: usize> {
     apart: Vec<Apart>,
     /// Pairs farther apart than this [m] do not matter.
     reach: f64,
-    reference: Vec<Sample<M>>,
+    reference: Vec<Sample<R::Pose, M>>,
     /// Duration of a step [s], and the share of the way to the wanted velocity that it makes up for.
     step: f64,
     follow: f64,
@@ -437,7 +437,7 @@ struct Apart {
     drift: f64,
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     fn new(robot: &R, yielding: &Yielding, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
@@ -472,7 +472,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
         settings: &PreviewSettings,
         robot: &R,
         surroundings: &mut impl CollisionQuery<D>,
-        reference: impl Fn(f64) -> Sample<M>,
+        reference: impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
         let Self { obstacles, pairs, apart, w, v, inverse_inertia, .. } = self;
         let count = surroundings.obstacle_count();
@@ -529,7 +529,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
             let s = self.step * k as f64;
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
-            let e = task::error(self.scout.pose::<M>(), sample.x);
+            let e = self.scout.pose().error(&sample.x);
             forecast.error += e.norm() / self.reference.len() as f64;
             forecast.distance = forecast.distance.min(self.measure(surroundings, s - ago));
             if enough(forecast, s) {
@@ -646,7 +646,7 @@ mod tests {
     use super::*;
     use crate::control::{Avoidance, Settings};
     use crate::math::Vector;
-    use crate::robot::{PlanarArm, PlanarState, planar::Link};
+    use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
     use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};
     use std::cell::Cell;
@@ -671,8 +671,8 @@ mod tests {
         Preview::new(robot, &Gains::new(&law).with_seed(7), settings)
     }
 
-    fn holding(robot: &PlanarState) -> Sample<2> {
-        Sample { x: robot.pose(), dx: Vector::zeros(), ddx: Vector::zeros() }
+    fn holding(robot: &PlanarState) -> Sample<Vector<2>, 2> {
+        Sample { x: Manipulator::<2, 2>::pose(robot), dx: Vector::zeros(), ddx: Vector::zeros() }
     }
 
     /// A free course from rest: q̇ follows u as 1 − e^(−kt), so that q − q₀ is u(t − (1 − e^(−kt))/k), up to

@@ -7,7 +7,7 @@
 use super::{barrier, due};
 use crate::control::{Gains, ReactiveController};
 use crate::math::Capsule;
-use crate::robot::Robot;
+use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::{CollisionQuery, Contact};
 
@@ -21,7 +21,7 @@ const CONTACT: f64 = 0.5;
 
 /// The closed loop on its own, with its workspace.
 #[derive(Debug, Clone)]
-pub struct Rehearsal<R: Robot<D>, const D: usize, const M: usize> {
+pub struct Rehearsal<R: Manipulator<D, M>, const D: usize, const M: usize> {
     controller: ReactiveController<R, D, M>,
     q: Vec<f64>,
     dq: Vec<f64>,
@@ -36,7 +36,7 @@ pub struct Rehearsal<R: Robot<D>, const D: usize, const M: usize> {
     least: f64,
 }
 
-impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
     /// Of the law with these gains on `robot`, over `duration` [s].
     #[expect(
         clippy::cast_possible_truncation,
@@ -100,7 +100,7 @@ impl<R: Robot<D> + Clone, const D: usize, const M: usize> Rehearsal<R, D, M> {
         ago: f64,
         surroundings: &impl CollisionQuery<D>,
         obstacles: &[usize],
-        reference: &impl Fn(f64) -> Sample<M>,
+        reference: &impl Fn(f64) -> Sample<R::Pose, M>,
     ) -> bool {
         let due = due(self.count, share).min(self.count);
         while self.done < due {
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::control::{Avoidance, Controller, Settings};
     use crate::math::{Noise, Vector};
-    use crate::robot::{PlanarArm, PlanarState, planar::Link};
+    use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
     use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};
     use std::sync::Arc;
@@ -183,7 +183,7 @@ mod tests {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(q, &[0.0; 4]);
-        let reference = Sample { x: state.pose::<2>(), dx: Vector::zeros(), ddx: Vector::zeros() };
+        let reference = Sample::at_rest(Manipulator::<2, 2>::pose(&state));
         let gains = Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
         let world = World::new(discs);
         let obstacles: Vec<usize> = (0..world.len()).collect();

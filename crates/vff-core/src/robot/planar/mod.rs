@@ -11,162 +11,19 @@
 //! so that products are prefix and suffix sums (T18–T20). The inverse is the articulated-body
 //! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
 
-use super::{Limits, Matrices, Robot, dense};
-use crate::math::{Capsule, Vector, cross, perp, sin_cos, unit_vectors};
+mod arm;
+mod factorisation;
+mod reach;
+
+pub use arm::{Link, PlanarArm};
+pub use reach::{Annulus, Reach};
+
+use super::{Limits, Manipulator, Matrices, Model, Robot, dense};
+use crate::math::{Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
+use factorisation::{ArticulatedInertia, TaskForces};
 use nalgebra::{SMatrix, SVector};
 use std::mem;
 use std::sync::Arc;
-
-/// The physical parameters of one link.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Link {
-    /// Distance from this joint to the next [m], > 0.
-    pub length: f64,
-    /// Mass [kg], > 0.
-    pub mass: f64,
-    /// Centre of mass in the link's frame (x along the link) [m].
-    pub com: Vector<2>,
-    /// Moment of inertia about the centre of mass [kg·m²], ≥ 0.
-    pub inertia: f64,
-    /// Half the thickness of the link [m], ≥ 0.
-    pub radius: f64,
-}
-
-impl Link {
-    /// A uniform rod: centre of mass in the middle, inertia m l²/12.
-    pub fn rod(length: f64, mass: f64) -> Self {
-        Self {
-            length,
-            mass,
-            com: Vector::<2>::new(0.5 * length, 0.0),
-            inertia: mass * length * length / 12.0,
-            radius: 0.0,
-        }
-    }
-
-    /// The same link with a point mass [kg] at its far end.
-    #[must_use]
-    pub fn with_payload(self, payload: f64) -> Self {
-        let tip = Vector::<2>::new(self.length, 0.0);
-        let mass = self.mass + payload;
-        let com = self.com + (tip - self.com) * (payload / mass);
-        let about = |point: Vector<2>, mass: f64| mass * (point - com).norm_squared();
-        let inertia = self.inertia + about(self.com, self.mass) + about(tip, payload);
-        Self { mass, com, inertia, ..self }
-    }
-}
-
-/// The immutable parameters of a planar arm, shared by every state.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlanarArm {
-    links: Vec<Link>,
-    gravity: Vector<2>,
-    composite: Vec<Composite>,
-    total_mass: f64,
-    limits: Limits,
-}
-
-/// What the recursions need of a link and of the mass it carries.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Composite {
-    /// `m_i c_i + l_i Σ_{k>i} m_k` in the link's frame [kg·m].
-    moment: Vector<2>,
-    /// `I_i + m_i|c_i|² + l_i² Σ_{k>i} m_k` [kg·m²].
-    diagonal: f64,
-    /// `I_i + m_i|c_i|²` [kg·m²].
-    about_joint: f64,
-    /// Length [m] and mass [kg] of the link, and the mass that it carries at its far end [kg].
-    length: f64,
-    mass: f64,
-    carried: f64,
-}
-
-impl PlanarArm {
-    /// An arm of at least one link. `gravity` is the acceleration of free fall [m/s²].
-    ///
-    /// The values are taken as they are; [`crate::scenario`] validates user input.
-    pub fn new(links: Vec<Link>, gravity: Vector<2>) -> Self {
-        let mut distal = 0.0;
-        let mut composite: Vec<_> = links
-            .iter()
-            .rev()
-            .map(|link| {
-                let about_joint = link.inertia + link.mass * link.com.norm_squared();
-                let carried = distal;
-                distal += link.mass;
-                Composite {
-                    moment: link.com * link.mass + Vector::<2>::new(link.length * carried, 0.0),
-                    diagonal: about_joint + link.length * link.length * carried,
-                    about_joint,
-                    length: link.length,
-                    mass: link.mass,
-                    carried,
-                }
-            })
-            .collect();
-        composite.reverse();
-        Self { links, gravity, composite, total_mass: distal, limits: Limits::default() }
-    }
-
-    /// The same arm with limits of its joints.
-    #[must_use]
-    pub fn with_limits(self, limits: Limits) -> Self {
-        Self { limits, ..self }
-    }
-
-    /// What the joints can do.
-    pub fn limits(&self) -> &Limits {
-        &self.limits
-    }
-
-    /// The links from base to tip.
-    pub fn links(&self) -> &[Link] {
-        &self.links
-    }
-
-    /// The acceleration of free fall [m/s²].
-    pub fn gravity(&self) -> Vector<2> {
-        self.gravity
-    }
-
-    /// The number of joints.
-    pub fn dof(&self) -> usize {
-        self.links.len()
-    }
-
-    /// Advances a configuration along the joint velocity `v` for the time `dt`.
-    pub fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
-        q.iter_mut().zip(v).for_each(|(q, v)| *q += v * dt);
-    }
-
-    /// Radii [m] of the annulus that `links` links from the base can reach with their far end.
-    pub fn reach(&self, links: usize) -> (f64, f64) {
-        let lengths = || self.links[..links].iter().map(|l| l.length);
-        let outer: f64 = lengths().sum();
-        let longest = lengths().fold(0.0, f64::max);
-        ((2.0 * longest - outer).max(0.0), outer)
-    }
-
-    /// A state of this arm at q = 0, at rest.
-    pub fn state(self: &Arc<Self>) -> PlanarState {
-        let n = self.dof();
-        let mut state = PlanarState {
-            arm: Arc::clone(self),
-            q: vec![0.0; n],
-            dq: vec![0.0; n],
-            joints: self
-                .composite
-                .iter()
-                .map(|link| Joint { diagonal: link.diagonal, ..Joint::default() })
-                .collect(),
-            tip: Vector::<2>::zeros(),
-            tip_velocity: Vector::<2>::zeros(),
-            tip_bias: Vector::<2>::zeros(),
-        };
-        state.update(&vec![0.0; n], &vec![0.0; n]);
-        state
-    }
-}
 
 /// What depends on (q, q̇) at one joint and its link.
 #[derive(Debug, Clone, Copy, Default)]
@@ -302,81 +159,56 @@ impl PlanarState {
     }
 }
 
-/// The inertia of the outer part of the arm as its first joint shows it, all joints yielding: a
-/// symmetric 2×2 block K (T22).
-#[derive(Debug, Clone, Copy, Default)]
-struct ArticulatedInertia {
-    xx: f64,
-    xy: f64,
-    yy: f64,
-}
+impl Model<2> for PlanarArm {
+    type State = PlanarState;
 
-impl ArticulatedInertia {
-    /// Goes on by one link towards the base, and leaves the factorisation in its joint.
-    ///
-    /// With K at the far joint, a link whose joint accelerates by `a` and which turns with `α` needs
-    /// the moment `D α + h·a`, and leaves `K − h hᵀ/D + m I` to its parent. One link waits for the
-    /// other here, so the terms are ordered for the shortest way through the division.
-    #[inline(always)]
-    fn take_in(&mut self, joint: &mut Joint, link: &Composite) {
-        let Self { xx, xy, yy } = *self;
-        let lp = perp(joint.l);
-        let turning = link.about_joint + yy * (lp.y * lp.y);
-        let d = (turning + xy * (2.0 * lp.x * lp.y)) + xx * (lp.x * lp.x);
-        let d_inv = 1.0 / d;
-        // m c in the world frame: the composite moment without the carried masses.
-        let mc = joint.b - joint.l * link.carried;
-        let kl = Vector::<2>::new(xx * lp.x + xy * lp.y, xy * lp.x + yy * lp.y);
-        let h = perp(mc) + kl;
-        self.xx = (xx + link.mass) - (h.x * h.x) * d_inv;
-        self.xy = xy - (h.x * h.y) * d_inv;
-        self.yy = (yy + link.mass) - (h.y * h.y) * d_inv;
-        (joint.d_inv, joint.h) = (d_inv, h * d_inv);
-    }
-}
-
-/// What unit task forces, one per column, leave at the joints on their way from tip to base (T24).
-struct TaskForces<const M: usize> {
-    x: SVector<f64, M>,
-    y: SVector<f64, M>,
-    lambda_inv: SMatrix<f64, M, M>,
-}
-
-impl<const M: usize> TaskForces<M> {
-    /// At the tip, where they enter as reactions.
-    fn new() -> Self {
-        Self {
-            x: twist(Vector::<2>::new(-1.0, 0.0), 0.0),
-            y: twist(Vector::<2>::new(0.0, -1.0), 0.0),
-            lambda_inv: SMatrix::zeros(),
-        }
+    fn dof(&self) -> usize {
+        self.links.len()
     }
 
-    /// Goes on by one link towards the base; a unit moment acts on the `last` one.
-    #[inline(always)]
-    fn take_in(&mut self, joint: &Joint, last: bool, y: &mut SVector<f64, M>) {
-        let mut e = self.x * joint.l.y - self.y * joint.l.x;
-        if M > 2 && last {
-            e[2] += 1.0;
-        }
-        *y = e * joint.d_inv;
-        self.lambda_inv += e * y.transpose();
-        self.x += e * joint.h.x;
-        self.y += e * joint.h.y;
+    fn limits(&self) -> &Limits {
+        &self.limits
     }
 
-    /// Base to tip, the second half: as [`PlanarState::yield_forward`].
-    #[inline(always)]
-    fn yield_forward(joints: &[Joint], y: &mut [SVector<f64, M>]) {
-        let mut previous = SVector::zeros();
-        let (mut ax, mut ay) = (SVector::zeros(), SVector::zeros());
-        for (joint, y) in joints.iter().zip(y) {
-            let alpha: SVector<f64, M> = *y - (ax * joint.h.x + ay * joint.h.y);
-            ax -= alpha * joint.l.y;
-            ay += alpha * joint.l.x;
-            *y = alpha - previous;
-            previous = alpha;
-        }
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
+        q.iter_mut().zip(v).for_each(|(q, v)| *q += v * dt);
+    }
+
+    fn reach(&self) -> f64 {
+        self.annulus(self.dof()).outer
+    }
+
+    /// Stretched out, every joint accelerates at 4 rad/s².
+    fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
+        const ACCELERATION: f64 = 4.0;
+        let stretched = vec![0.0; self.dof()];
+        let mut state = self.state();
+        state.update(&stretched, &stretched);
+        let mass_matrix = state.matrices::<2>().mass;
+        let pull = self.gravity().norm();
+        let reach = |i: usize| self.links()[i..].iter().map(|link| link.length).sum::<f64>();
+        let mass = |i: usize| self.links()[i..].iter().map(|link| link.mass).sum::<f64>();
+        let one = |i: usize| ACCELERATION * mass_matrix[(i, i)] + pull * mass(i) * reach(i);
+        (0..self.dof()).map(one).collect()
+    }
+
+    fn state(self: &Arc<Self>) -> PlanarState {
+        let n = self.dof();
+        let mut state = PlanarState {
+            arm: Arc::clone(self),
+            q: vec![0.0; n],
+            dq: vec![0.0; n],
+            joints: self
+                .composite
+                .iter()
+                .map(|link| Joint { diagonal: link.diagonal, ..Joint::default() })
+                .collect(),
+            tip: Vector::<2>::zeros(),
+            tip_velocity: Vector::<2>::zeros(),
+            tip_bias: Vector::<2>::zeros(),
+        };
+        state.update(&vec![0.0; n], &vec![0.0; n]);
+        state
     }
 }
 
@@ -399,6 +231,26 @@ impl PlanarState {
             outer += joints[i].b * s;
             s -= u[i];
         }
+    }
+}
+
+/// A task of position.
+impl Manipulator<2, 2> for PlanarState {
+    type Pose = Vector<2>;
+
+    #[inline]
+    fn pose(&self) -> Vector<2> {
+        self.tip
+    }
+}
+
+/// A task of position and orientation.
+impl Manipulator<2, 3> for PlanarState {
+    type Pose = PlanarPose;
+
+    #[inline]
+    fn pose(&self) -> PlanarPose {
+        PlanarPose(twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle)))
     }
 }
 
@@ -560,10 +412,6 @@ impl Robot<2> for PlanarState {
     fn potential_energy(&self) -> f64 {
         let first_moment: Vector<2> = self.joints.iter().map(|joint| joint.b).sum();
         -self.arm.gravity.dot(&first_moment)
-    }
-
-    fn pose<const M: usize>(&self) -> SVector<f64, M> {
-        twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle))
     }
 
     #[inline]
@@ -823,6 +671,7 @@ mod tests {
         fn derivatives_by_finite_differences(c in case(1usize..9)) {
             let (n, h, state) = (c.q.len(), 1e-5, c.state());
             let now = state.matrices::<3>();
+            let pose = |state: PlanarState| Manipulator::<2, 3>::pose(&state).0;
             for k in 0..n {
                 let at = |step: f64| {
                     let mut q = c.q.clone();
@@ -831,7 +680,7 @@ mod tests {
                     state.update(&q, &c.dq);
                     state
                 };
-                let column = (at(h).pose::<3>() - at(-h).pose::<3>()) / (2.0 * h);
+                let column = (pose(at(h)) - pose(at(-h))) / (2.0 * h);
                 assert_close(now.jacobian.column(k).as_slice(), column.as_slice(), 1e-7);
                 let slope = (at(h).potential_energy() - at(-h).potential_energy()) / (2.0 * h);
                 assert_close(&[now.gravity[k]], &[slope], 1e-6);
