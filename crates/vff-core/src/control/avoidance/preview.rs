@@ -9,7 +9,7 @@
 use super::rehearsal::Rehearsal;
 use super::{Yielding, due};
 use crate::control::{Gains, OperationalSpace, Torque};
-use crate::math::{Capsule, Noise, Pose, dot};
+use crate::math::{Body, Noise, Pose, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::{CollisionQuery, Contact};
@@ -416,8 +416,8 @@ struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     speed: Vec<f64>,
     obstacles: Vec<usize>,
     pairs: Vec<Contact<D>>,
-    /// The links one step before, and of every link and obstacle, how much nearer they can come before they matter.
-    links: Vec<Capsule<D>>,
+    /// The bodies one step before, and of every body and obstacle, how much nearer they can come before they matter.
+    bodies: Vec<Body<D>>,
     apart: Vec<Apart>,
     /// Pairs farther apart than this [m] do not matter.
     reach: f64,
@@ -455,7 +455,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             speed: yielding.joint_speeds(robot),
             obstacles: vec![],
             pairs: vec![],
-            links: robot.links().collect(),
+            bodies: robot.bodies().collect(),
             apart: vec![],
             reach: NEAR.max(settings.clearance).max(yielding.margin),
             reference: Vec::with_capacity(settings.steps + 1),
@@ -479,11 +479,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         obstacles.clear();
         obstacles.reserve(count);
         pairs.clear();
-        pairs.reserve(count * robot.dof());
+        pairs.reserve(count * robot.body_count());
         apart.clear();
-        apart.reserve(count * robot.dof());
+        apart.reserve(count * robot.body_count());
         surroundings.for_each_contact(
-            robot.links(),
+            robot.bodies(),
             REACH,
             |_, _| {},
             |pair| {
@@ -523,7 +523,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.q.copy_from_slice(&self.start[0]);
         self.v.copy_from_slice(&self.start[1]);
         self.apart.clear();
-        self.apart.resize(self.links.len() * self.obstacles.len(), Apart::default());
+        self.apart.resize(self.bodies.len() * self.obstacles.len(), Apart::default());
         let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
         for k in 0..self.reference.len() {
             let s = self.step * k as f64;
@@ -545,22 +545,23 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
     /// The smallest distance when the obstacles have gone on for `after` [s], as far as it is within reach; gathers
     /// the pairs that are near.
     fn measure(&mut self, surroundings: &impl CollisionQuery<D>, after: f64) -> f64 {
-        let Self { scout, obstacles, pairs, links, apart, reach, step, .. } = self;
+        let Self { scout, obstacles, pairs, bodies, apart, reach, step, .. } = self;
         let mut least = f64::INFINITY;
         pairs.clear();
         let mut apart = apart.iter_mut();
-        for (i, before) in links.iter_mut().enumerate() {
-            let link = scout.link(i);
-            // No point of the link has gone farther than one of its ends.
-            let ends = [link.start - before.start, link.end() - before.end()];
+        for (i, before) in bodies.iter_mut().enumerate() {
+            let body = scout.body(i);
+            // No point of the body has gone farther than one of its ends.
+            let (now, then) = (&body.shape, &before.shape);
+            let ends = [now.start - then.start, now.end() - then.end()];
             let way = ends[0].norm_squared().max(ends[1].norm_squared()).sqrt();
-            *before = link;
+            *before = body;
             for (&j, apart) in obstacles.iter().zip(&mut apart) {
                 apart.room -= way + apart.drift;
                 if apart.room > 0.0 {
                     continue;
                 }
-                let pair = surroundings.contact_after(i, &link, j, after);
+                let pair = surroundings.contact_after(i, &body, j, after);
                 *apart =
                     Apart { room: pair.distance - *reach, drift: pair.velocity.norm() * *step };
                 least = least.min(pair.distance);
@@ -759,17 +760,17 @@ mod tests {
 
         fn for_each_contact(
             &mut self,
-            links: impl IntoIterator<Item = Capsule<2>>,
+            bodies: impl IntoIterator<Item = Body<2>>,
             reach: f64,
             distance: impl FnMut(usize, f64),
             visit: impl FnMut(&Contact<2>),
         ) {
-            self.world.for_each_contact(links, reach, distance, visit);
+            self.world.for_each_contact(bodies, reach, distance, visit);
         }
 
-        fn contact_after(&self, i: usize, link: &Capsule<2>, j: usize, after: f64) -> Contact<2> {
+        fn contact_after(&self, i: usize, body: &Body<2>, j: usize, after: f64) -> Contact<2> {
             self.times.set(self.times.get() + 1);
-            self.world.contact_after(i, link, j, after)
+            self.world.contact_after(i, body, j, after)
         }
     }
 

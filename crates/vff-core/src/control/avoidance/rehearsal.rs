@@ -6,7 +6,7 @@
 
 use super::{barrier, due};
 use crate::control::{Gains, ReactiveController};
-use crate::math::Capsule;
+use crate::math::Body;
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::{CollisionQuery, Contact};
@@ -143,26 +143,26 @@ impl<S: CollisionQuery<D>, const D: usize> CollisionQuery<D> for Later<'_, S> {
 
     fn for_each_contact(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        for (i, link) in links.into_iter().enumerate() {
+        for (i, body) in bodies.into_iter().enumerate() {
             let mut least = f64::INFINITY;
             for &j in self.obstacles {
-                let contact = self.surroundings.contact_after(i, &link, j, self.after);
+                let contact = self.surroundings.contact_after(i, &body, j, self.after);
                 least = least.min(contact.distance);
                 if contact.distance < reach {
                     visit(&contact);
                 }
             }
-            distance(i, least);
+            distance(body.link, least);
         }
     }
 
-    fn contact_after(&self, link: usize, capsule: &Capsule<D>, j: usize, after: f64) -> Contact<D> {
-        self.surroundings.contact_after(link, capsule, j, self.after + after)
+    fn contact_after(&self, i: usize, body: &Body<D>, j: usize, after: f64) -> Contact<D> {
+        self.surroundings.contact_after(i, body, j, self.after + after)
     }
 }
 
