@@ -1,5 +1,6 @@
 //! The few types that every layer shares.
 
+mod body;
 pub mod memory;
 mod nearest;
 mod noise;
@@ -9,7 +10,8 @@ mod scalar_or_vec;
 mod sincos;
 mod third_order_filter;
 
-pub use nearest::{Nearest, nearest};
+pub use body::{Body, keep_least};
+pub use nearest::{Nearest, beside, nearest};
 pub use noise::Noise;
 pub use point::Point;
 pub use pose::{PlanarPose, Pose};
@@ -68,6 +70,13 @@ impl<const D: usize> Capsule<D> {
     #[inline]
     pub fn end(&self) -> Vector<D> {
         self.start + self.direction * self.length
+    }
+
+    /// Whether the perpendicular from `point` meets the axis between its ends.
+    #[inline]
+    pub fn has_beside(&self, point: &Vector<D>) -> bool {
+        let along = self.direction.dot(&(point - self.start));
+        0.0 < along && along < self.length
     }
 
     /// The point of the axis that is nearest to `point` [m].
