@@ -24,7 +24,11 @@ SCENE: dict[str, Any] = {
     "reference": {"kind": "setpoint", "point": [2.0, 1.0]},
 }
 ARM = vff.Arm.uniform(N, gravity=9.81)
-Q, DQ, A = np.array([0.3, 0.4, -0.5, 0.25]), np.array([0.5, -0.25, 1.0, 0.75]), np.array([1.0, 2.0, -1.0, 0.5])
+Q, DQ, A = (
+    np.array([0.3, 0.4, -0.5, 0.25]),
+    np.array([0.5, -0.25, 1.0, 0.75]),
+    np.array([1.0, 2.0, -1.0, 0.5]),
+)
 X = np.array([2.0, 1.5])
 ROWS = np.stack([Q, DQ, A])
 DISC = {"shape": {"kind": "circle", "radius": 0.5}, "position": [2.5, 1.0]}
@@ -68,7 +72,10 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], Floats]] = {
     "Simulation.step": (lambda v: vff.Simulation(SCENE).step(v).q, A),
     "Episodes.step": (_episodes, 0.1 * ROWS),
     "Arm lengths": (lambda v: vff.Arm(v, 1.0).forward_kinematics(Q), np.array([1.0, 0.5, 0.75, 2.0])),
-    "Arm com": (lambda v: vff.Arm([1.0] * 3, 1.0, v).com, np.array([[0.5, 0.25], [0.25, 0.0], [0.125, -0.5]])),
+    "Arm com": (
+        lambda v: vff.Arm([1.0] * 3, 1.0, v).com,
+        np.array([[0.5, 0.25], [0.25, 0.0], [0.125, -0.5]]),
+    ),
 }
 
 
@@ -159,7 +166,9 @@ def test_what_is_no_array_of_numbers_is_refused(argument: str, kind: str) -> Non
     if optional:
         call(None)
         return
-    with pytest.raises((InputTypeError, InputError), match=r"^(q|dq|ddq|tau|t|x_ref|dx_ref|ddx_ref|action)\b"):
+    with pytest.raises(
+        (InputTypeError, InputError), match=r"^(q|dq|ddq|tau|t|x_ref|dx_ref|ddx_ref|action)\b"
+    ):
         call(REFUSED[kind](value))
 
 
@@ -264,7 +273,9 @@ def test_reprs_say_what_things_are() -> None:
         assert "0x" not in repr(thing) and any(c.isdigit() for c in repr(thing)), repr(thing)
 
 
-@pytest.mark.parametrize("call", ["mass", "coriolis", "terms", "extended", "cbf", "explicit", "distances", "episodes"])
+@pytest.mark.parametrize(
+    "call", ["mass", "coriolis", "terms", "extended", "cbf", "explicit", "distances", "episodes"]
+)
 def test_memory_is_limited(call: str) -> None:
     """What would take more memory than is allowed is refused before it is allocated."""
     n = 40_000
