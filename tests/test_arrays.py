@@ -1,4 +1,4 @@
-"""Arrays as arguments: however their numbers lie in memory, the result is that of the plain array, or an error."""
+"""Arrays as arguments: however their numbers lie in memory, the result is that of the plain array."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import vffnull as vff
 from numpy.typing import NDArray
+
+import vffnull as vff
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError
 
@@ -175,18 +176,18 @@ def test_what_is_no_array_of_numbers_is_refused(argument: str, kind: str) -> Non
 def test_exceptions_of_values_pass() -> None:
     """What a value raises while it is read is the caller's, unless it says that it is no number."""
 
-    class Mine(Exception):
+    class MineError(Exception):
         pass
 
     class Rude:
         def __float__(self) -> float:
-            raise Mine
+            raise MineError
 
         def __array__(self, *_: object, **__: object) -> Floats:
-            raise Mine
+            raise MineError
 
         def __index__(self) -> int:
-            raise Mine
+            raise MineError
 
     for call in (
         lambda: ARM.jacobian(Rude()),  # type: ignore[arg-type]
@@ -195,7 +196,7 @@ def test_exceptions_of_values_pass() -> None:
         lambda: vff.Arm.uniform(3, Rude()),  # type: ignore[arg-type]
         lambda: vff.Controller(ARM).torque(Q, DQ, X, t=Rude()),  # type: ignore[arg-type]
     ):
-        with pytest.raises(Mine):
+        with pytest.raises(MineError):
             call()
 
 
@@ -206,7 +207,7 @@ def test_huge_whole_numbers_are_named(digits: int) -> None:
     expected = str(huge) if digits < 70 else "bits"
     with pytest.raises(InputError, match=f"duration: .*{expected}.* does not fit into 64 bits"):
         _core.check("scenario", SCENE | {"duration": huge})
-    with pytest.raises(InputError, match="n: .* does not fit into 64 bits"):
+    with pytest.raises(InputError, match=r"n: .* does not fit into 64 bits"):
         vff.Arm.uniform(huge)
 
 
@@ -230,7 +231,7 @@ def test_messages_cut_what_they_quote() -> None:
         SCENE | {"q0": [1e300] * 10**5},
         SCENE | {"q0": [0.1] * 10**5 + [float("nan")]},
     ):
-        with pytest.raises(Exception) as error:  # noqa: PT011 - of several types
+        with pytest.raises(Exception) as error:
             _core.check("scenario", document)
         assert len(str(error.value)) < 2000, str(error.value)[:300]
 

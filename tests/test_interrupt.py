@@ -33,7 +33,8 @@ LONG = {
     "simulate": ("", "_core.run(scene())"),
     "simulate of heavy steps": (
         "",
-        "_core.run(scene(60, obstacles=discs(3000), controller={'avoidance': 'cbf', 'yielding': {'activation': 9.0}}))",
+        "_core.run(scene(60, obstacles=discs(3000), "
+        "controller={'avoidance': 'cbf', 'yielding': {'activation': 9.0}}))",
     ),
     "simulate_many": ("", "_core.run_many([scene()] * 3)"),
     "real_time": ("", "_core.real_time(scene(), 1000.0, 1e5)"),
@@ -128,7 +129,7 @@ SHORT = {
 
 @pytest.mark.parametrize("name", SHORT)
 def test_no_signal_is_lost(name: str) -> None:
-    """A loop of short calls is interrupted each time, wherever the signal comes, by the exception of the handler."""
+    """A loop of short calls ends each time with the exception of the handler, wherever it comes."""
     script = PREPARE + textwrap.dedent(f"""
     class Mine(BaseException): pass
     def handler(*_):
@@ -170,7 +171,7 @@ def test_no_signal_is_lost(name: str) -> None:
     "call", ["run(scene() | {'duration': 0.01})", "distances(arm_of(3), bent(3), bent(3), [])"]
 )
 def test_the_first_load_of_numpy(call: str) -> None:
-    """Ctrl-C while NumPy is loaded for the first array is the user's, and no panic; afterwards all is well."""
+    """Ctrl-C while NumPy is loaded for the first array is the user's, and no panic."""
     script = PREPARE.replace("import numpy as np\n", "").replace("np.", "math.") + textwrap.dedent(f"""
     import math
     def bent(n): return [1.0 / n] * n
@@ -215,7 +216,7 @@ def test_a_simulation_goes_on_after_an_interruption() -> None:
 
 
 def test_a_handler_cannot_lock_itself_out() -> None:
-    """A signal handler that uses the controller or simulation it has interrupted gets an error, and the call goes on."""
+    """A signal handler that uses the simulation it has interrupted gets an error."""
     script = PREPARE + textwrap.dedent("""
     from vffnull.errors import InputError
     simulation = vff.Simulation(scene(simulation={"control_every": 300000}))
