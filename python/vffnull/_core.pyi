@@ -279,8 +279,8 @@ class Controller:
 
     Notes
     -----
-    A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank
-    is as full as at the start.
+    A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy
+    tank is as full as at the start.
 
     Examples
     --------

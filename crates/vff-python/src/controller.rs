@@ -43,8 +43,8 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 ///
 /// Notes
 /// -----
-/// A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank
-/// is as full as at the start.
+/// A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy
+/// tank is as full as at the start.
 ///
 /// Examples
 /// --------
