@@ -15,6 +15,7 @@ import click
 from vffnull import _core
 from vffnull._simulate import prepare
 from vffnull.cli import results
+from vffnull.cli.arms import arms
 from vffnull.cli.common import (
     FINE,
     INTERRUPTED,
@@ -95,7 +96,7 @@ def _commands() -> None:
     """
 
 
-for _command in (live, realtime, evaluate, results.animate, results.report, results.compare):
+for _command in (arms, live, realtime, evaluate, results.animate, results.report, results.compare):
     _commands.add_command(_command)
 
 

@@ -6,8 +6,13 @@
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
+pub mod description;
+pub mod inertia;
 mod limits;
+pub mod models;
+mod names;
 pub mod planar;
+pub mod urdf;
 
 use crate::math::{Capsule, Vector};
 use nalgebra::{SMatrix, SVector};
