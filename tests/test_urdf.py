@@ -1,4 +1,5 @@
 """URDF and MJCF to explicit descriptions: what is read, what is refused, and what goes back."""
+# ruff: noqa: E501 — models as they are written
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from spatial_oracle import mass_and_gravity, poses
 
+from spatial_oracle import mass_and_gravity, poses
 from vffnull import _core, arms
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
@@ -93,7 +94,9 @@ def test_a_file_with_its_mesh(folder: Path) -> None:
     json.dumps(report.to_dict()["fits"])
 
 
-@pytest.mark.parametrize("mesh", ["../meshes/lower.obj", "package://two_description/meshes/lower.obj", "absolute"])
+@pytest.mark.parametrize(
+    "mesh", ["../meshes/lower.obj", "package://two_description/meshes/lower.obj", "absolute"]
+)
 def test_meshes_are_found(folder: Path, mesh: str) -> None:
     mesh = (folder / "meshes" / "lower.obj").as_uri() if mesh == "absolute" else mesh
     assert len(arms.read_urdf(write(folder, mesh)).fits) == 3
@@ -109,7 +112,9 @@ def test_packages_are_searched(folder: Path, packages: str) -> None:
 
 def test_a_mesh_that_is_not_there(folder: Path) -> None:
     path = write(folder, "package://two_description/meshes/upper.stl")
-    sentence = refused("lower: mesh|upper.stl|cannot be found|packages=", path, packages=[folder.parent / "other"])
+    sentence = refused(
+        "lower: mesh|upper.stl|cannot be found|packages=", path, packages=[folder.parent / "other"]
+    )
     assert str(folder / "meshes" / "upper.stl") in sentence
     assert str(folder.parent / "other" / "two_description" / "meshes" / "upper.stl") in sentence
     assert not arms.read_urdf(path, collision="none").document.get("collision")
@@ -126,7 +131,10 @@ def test_a_mesh_that_is_no_mesh(folder: Path) -> None:
 
 
 def test_shapes_as_in_the_file(folder: Path) -> None:
-    shapes = [item["shape"] for item in arms.read_urdf(folder / "urdf" / "two.urdf", collision="file").document["collision"]]
+    shapes = [
+        item["shape"]
+        for item in arms.read_urdf(folder / "urdf" / "two.urdf", collision="file").document["collision"]
+    ]
     assert [shape["kind"] for shape in shapes] == ["box", "capsule", "convex"]
     assert len(shapes[2]["vertices"]) == 5
 
@@ -152,7 +160,9 @@ def test_what_is_odd_is_warned_of() -> None:
     text = without_mesh().replace('<limit effort="20" velocity="4"/>', "")
     with pytest.warns(ScenarioWarning) as told:
         arm = arms.from_urdf(text, collision="none")
-    assert [str(each.message) for each in told] == [f"no limit of {of} for `elbow`" for of in ("speed", "torque")]
+    assert [str(each.message) for each in told] == [
+        f"no limit of {of} for `elbow`" for of in ("speed", "torque")
+    ]
     assert told[0].filename == __file__
     assert arm["torque_limits"] == [50.0, math.inf]
     assert _core.check_arm(arm) == arm
@@ -179,13 +189,20 @@ def test_refusals_reach_python_as_sentences(tmp_path: Path) -> None:
     refused("is floating", text.replace('"continuous"', '"floating"'))
     refused("is planar", text.replace('"continuous"', '"planar"'))
     refused("triangle inequality|fix_inertia=True", text.replace('izz="0.025"', 'izz="0.25"'))
-    refused("has no mass", text.replace('<mass value="1"/>', '<mass value="0"/>').replace("0.025", "0.0").replace(
-        'ixx="0.01" iyy="0.02"', 'ixx="0" iyy="0"'))
+    refused(
+        "has no mass",
+        text.replace('<mass value="1"/>', '<mass value="0"/>')
+        .replace("0.025", "0.0")
+        .replace('ixx="0.01" iyy="0.02"', 'ixx="0" iyy="0"'),
+    )
     refused("circle", text.replace('<parent link="base"/>', '<parent link="tool"/>'))
     refused("length 1", text.replace('<axis xyz="0 1 0"/>', '<axis xyz="0 1 1"/>'))
     refused("must be finite", text.replace('effort="50"', 'effort="inf"'))
     refused("not well-formed", text[:-20])
-    refused("entities", "<!DOCTYPE robot [<!ENTITY x SYSTEM 'file:///etc/passwd'>]>" + text.replace("two", "&x;", 1))
+    refused(
+        "entities",
+        "<!DOCTYPE robot [<!ENTITY x SYSTEM 'file:///etc/passwd'>]>" + text.replace("two", "&x;", 1),
+    )
     bomb = "".join(f"<!ENTITY a{i} '{f'&a{i - 1};' * 10}'>" for i in range(1, 12))
     refused("entities", f"<!DOCTYPE robot [<!ENTITY a0 'ha'>{bomb}]><robot name='&a11;'/>")
     refused("use from_mjcf", "<mujoco/>")
@@ -238,10 +255,16 @@ def test_quaternions_and_axes_are_normalised_only_where_rounding_explains_it() -
         (("joint_limits",), [[0, 1]], r"joint_limits: expected 2 values"),
         (("torque_limits",), [1, 0], r"torque_limits\[1\]: must be > 0"),
         (("gravity",), [0, 0, math.inf], r"gravity: must be finite"),
-        (("collision",), [{"link": "uper", "shape": {"kind": "sphere", "center": [0, 0, 0], "radius": 1}}],
-         r"collision\[0\].link: there is no link `uper`, did you mean `upper`"),
-        (("collision",), [{"link": "upper", "shape": {"kind": "sphere", "center": [0, 0, 0], "radius": 0}}],
-         r"collision\[0\].shape.radius"),
+        (
+            ("collision",),
+            [{"link": "uper", "shape": {"kind": "sphere", "center": [0, 0, 0], "radius": 1}}],
+            r"collision\[0\].link: there is no link `uper`, did you mean `upper`",
+        ),
+        (
+            ("collision",),
+            [{"link": "upper", "shape": {"kind": "sphere", "center": [0, 0, 0], "radius": 0}}],
+            r"collision\[0\].shape.radius",
+        ),
         (("collision",), [{"link": "upper", "shape": {"kind": "cone"}}], r"cone"),
         (("ignore",), [["upper", "x"]], r"ignore\[0\]: there is no link `x`"),
         (("tools",), 1, r"tools"),
@@ -313,9 +336,9 @@ def compare(arm: dict[str, Any], locked: dict[str, float], model: Any, tip: str)
     rng = np.random.default_rng(1)
     for _ in range(3):
         q = rng.uniform(-2, 2, len(kept))
-        whole = np.concatenate([
-            [math.cos(x), math.sin(x)] if reduced.joints[i + 1].nq == 2 else [x] for i, x in enumerate(q)
-        ])
+        whole = np.concatenate(
+            [[math.cos(x), math.sin(x)] if reduced.joints[i + 1].nq == 2 else [x] for i, x in enumerate(q)]
+        )
         M, g = mass_and_gravity(arm, q)
         pin.crba(reduced, data, whole)
         theirs = np.triu(data.M) + np.triu(data.M, 1).T - np.diag(reduced.armature)
@@ -377,10 +400,21 @@ def random_tree(rng: np.random.Generator) -> tuple[str, str, dict[str, float]]:
             kind = "revolute" if i == 1 else kind
         root = rng.normal(size=(3, 3))
         inertia = np.trace(root @ root.T) * np.eye(3) - root @ root.T
-        numbers = " ".join(
-            f"{key}='{inertia[a, b]!r}'"
-            for key, a, b in (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
-        ).replace("np.float64(", "").replace(")", "")
+        numbers = (
+            " ".join(
+                f"{key}='{inertia[a, b]!r}'"
+                for key, a, b in (
+                    ("ixx", 0, 0),
+                    ("iyy", 1, 1),
+                    ("izz", 2, 2),
+                    ("ixy", 0, 1),
+                    ("ixz", 0, 2),
+                    ("iyz", 1, 2),
+                )
+            )
+            .replace("np.float64(", "")
+            .replace(")", "")
+        )
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         links.append(
@@ -516,7 +550,9 @@ def test_mjcf_refusals() -> None:
     with pytest.raises(InputError, match="cannot compile"):
         arms.read_mjcf("<mujoco><worldbody><body/></worldbody></mujoco>".replace("<body/>", "<bodi/>"))
     with pytest.raises(InputError, match="is floating"):
-        arms.read_mjcf(HINGES.replace('<body name="stand" pos="0 0 1">', '<body name="stand"><freejoint/>'), tip="b")
+        arms.read_mjcf(
+            HINGES.replace('<body name="stand" pos="0 0 1">', '<body name="stand"><freejoint/>'), tip="b"
+        )
     with pytest.raises(InputError, match=r"`b after grip`|has no mass"):
         two = HINGES.replace('<joint name="two"', '<joint name="more" axis="0 0 1"/><joint name="two"')
         arms.read_mjcf(two, base="stand", tip="tcp")

@@ -63,7 +63,10 @@ def to_urdf(arm: Mapping[str, Any]) -> str:
         _urdf_fixed(robot, "mount", _free("world", arm), base, arm["mount"])
     n = len(joints)
     limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
-    velocity, torque = arm.get("velocity_limits") or [math.inf] * n, arm.get("torque_limits") or [math.inf] * n
+    velocity, torque = (
+        arm.get("velocity_limits") or [math.inf] * n,
+        arm.get("torque_limits") or [math.inf] * n,
+    )
     parent = base
     for i, joint in enumerate(joints):
         lower, upper = limits[i]
@@ -173,7 +176,7 @@ def to_mjcf(arm: Mapping[str, Any]) -> str:
     limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
     for joint, (lower, upper) in zip(arm["joints"], limits, strict=True):
         place = {"position": joint["position"], "orientation": joint["orientation"]}
-        body = ET.SubElement(body, "body", name=joint["link"], **_place(place))
+        body = ET.SubElement(body, "body", {"name": joint["link"], **_place(place)})
         inertial = {"pos": _text(joint["com"]), "mass": _text([joint["mass"]])}
         ET.SubElement(body, "inertial", inertial, fullinertia=_text(joint["inertia"]))
         kind = "slide" if joint["kind"] == "prismatic" else "hinge"
@@ -183,7 +186,7 @@ def to_mjcf(arm: Mapping[str, Any]) -> str:
         if math.isfinite(lower) and math.isfinite(upper):
             element.set("range", _text([lower, upper]))
         _mjcf_geoms(body, asset, arm, joint["link"])
-    ET.SubElement(body, "site", name=arm["tip"], **_place(arm["tool"]))
+    ET.SubElement(body, "site", {"name": arm["tip"], **_place(arm["tool"])})
     pairs = arm.get("ignore", [])
     if pairs:
         contact = ET.SubElement(root, "contact")
@@ -210,7 +213,7 @@ def _mjcf_geoms(body: ET.Element, asset: ET.Element, arm: Mapping[str, Any], lin
         elif kind == "box":
             half = _text([x / 2 for x in shape["size"]])
             place = _place({"position": shape["center"], "orientation": shape["orientation"]})
-            ET.SubElement(body, "geom", type="box", size=half, **place)
+            ET.SubElement(body, "geom", {"type": "box", "size": half, **place})
         else:
             name = f"hull_{len(asset)}"
             ET.SubElement(asset, "mesh", name=name, vertex=_text(np.ravel(shape["vertices"])))

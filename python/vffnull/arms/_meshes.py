@@ -82,8 +82,8 @@ def _places(file: str, folder: Path | None, packages: Packages | None) -> Iterab
             yield above / inside
         yield above / package / inside
     for variable, share in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
-        for root in filter(None, os.environ.get(variable, "").split(os.pathsep)):
-            yield Path(root) / share / package / inside
+        for listed in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            yield Path(listed) / share / package / inside
 
 
 def _roots(packages: Packages | None) -> list[Path]:

@@ -207,9 +207,7 @@ class _Reader:
             "geometry": self._geometry(body, anchor),
         }
 
-    def _joints_above(
-        self, body: int, anchors: Array, links: list[dict[str, Any]]
-    ) -> list[dict[str, Any]]:
+    def _joints_above(self, body: int, anchors: Array, links: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """The joints between a body and its parent; several make massless links between them."""
         model = self._model
         parent = int(model.body_parentid[body])
@@ -235,9 +233,7 @@ class _Reader:
         anchors[body] = model.jnt_pos[first + count - 1]
         return found
 
-    def _joint(
-        self, i: int, parent: str, child: str, origin: Array, quaternion: Array
-    ) -> dict[str, Any]:
+    def _joint(self, i: int, parent: str, child: str, origin: Array, quaternion: Array) -> dict[str, Any]:
         model, kinds = self._model, self._mujoco.mjtJoint
         kind, axis = int(model.jnt_type[i]), model.jnt_axis[i]
         address = int(model.jnt_dofadr[i])
@@ -300,7 +296,7 @@ class _Reader:
     def _geometry(self, body: int, anchor: Array) -> list[dict[str, Any]]:
         model, kinds = self._model, self._mujoco.mjtGeom
         found = []
-        for geom in np.flatnonzero(model.geom_bodyid == body):
+        for geom in map(int, np.flatnonzero(model.geom_bodyid == body)):
             if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
                 continue
             kind, size = int(model.geom_type[geom]), [float(x) for x in model.geom_size[geom]]

@@ -109,7 +109,9 @@ def _fits(fits: Sequence[Fit]) -> list[str]:
 
 def _table(rows: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
 
 
 def describe(arm: Mapping[str, Any]) -> str:
@@ -123,9 +125,7 @@ def describe(arm: Mapping[str, Any]) -> str:
     for i, joint in enumerate(joints):
         units = _UNITS.get(joint["kind"], _TURNING)
         cells = (limits[i][0], limits[i][1], velocity[i], torque[i])
-        shown = (
-            _quantity(value, unit) for value, unit in zip(cells, (units[0], *units), strict=True)
-        )
+        shown = (_quantity(value, unit) for value, unit in zip(cells, (units[0], *units), strict=True))
         rows.append((joint["name"], joint["kind"], *shown, joint["link"], f"{joint['mass']:.4g}"))
     total = sum(joint["mass"] for joint in joints)
     head = f"{n} joints from {arm['base']} to {arm['tip']}, {total:.4g} kg move"

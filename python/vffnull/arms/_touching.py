@@ -46,16 +46,14 @@ def segment_distance(p: Array, q: Array, r: Array, s: Array) -> float:
     d1, d2, w = q - p, s - r, p - r
     a, e, b = d1 @ d1, d2 @ d2, d1 @ d2
     c, f = d1 @ w, d2 @ w
-    candidates = []
+    candidates: list[tuple[float, float]] = []
     # The least of the ends against the other segment, and of the interior where lines cross.
-    for t in (0.0, 1.0):
-        u = np.clip((b * t + f) / e, 0, 1) if e > 0 else 0.0
-        candidates.append((t, u))
-        v = np.clip((b * t - c) / a, 0, 1) if a > 0 else 0.0
-        candidates.append((v, t))
+    for end in (0.0, 1.0):
+        candidates.append((end, float(np.clip((b * end + f) / e, 0, 1)) if e > 0 else 0.0))
+        candidates.append((float(np.clip((b * end - c) / a, 0, 1)) if a > 0 else 0.0, end))
     determinant = a * e - b * b
     if determinant > 1e-14 * a * e:
-        t, u = (b * f - c * e) / determinant, (a * f - b * c) / determinant
+        t, u = float((b * f - c * e) / determinant), float((a * f - b * c) / determinant)
         if 0 <= t <= 1 and 0 <= u <= 1:
             candidates.append((t, u))
     return float(min(np.linalg.norm(w + t * d1 - u * d2) for t, u in candidates))
