@@ -1,9 +1,9 @@
 """Write the bundled arms, crates/vff-core/src/robot/models/*.toml: `python docs/make_arms.py DESCRIPTIONS`.
 
-Needs vffnull[meshes] and `pip install example-robot-data`, which holds Panda and xArm7. DESCRIPTIONS is a folder
-of URDFs named as below, made from the makers' packages at the stated commits by xacro with the stated
-arguments; their meshes are read where the URDF says, or in DESCRIPTIONS. Joint frames, masses, inertias and
-limits carry over as facts; capsules are fitted to the meshes, which stay where they are. `--only NAME` makes one.
+Needs vffnull[meshes,models]; the wheel example-robot-data holds Panda and xArm7. DESCRIPTIONS is a folder of
+URDFs named as below, made from the makers' packages at the stated commits by xacro with the stated arguments;
+their meshes are read where the URDF says, or in DESCRIPTIONS. Joint frames, masses, inertias and limits carry
+over as facts; capsules are fitted to the meshes, which stay where they are. `--only NAME` makes one.
 """
 
 from __future__ import annotations
@@ -60,8 +60,9 @@ SOURCES = {
         3.0,
         0.855,
         (
-            "Kinematics, masses, inertias, limits: franka_ros (Apache-2.0) as in the wheel example-robot-data 6.0.0;",
-            "inertial parameters identified by C. Gaz et al., IEEE Robotics and Automation Letters 4(4), 2019.",
+            "Kinematics, masses, inertias, limits: franka_ros (Apache-2.0) as in the wheel",
+            "example-robot-data 6.0.0; inertial parameters identified by C. Gaz et al., IEEE Robotics and",
+            "Automation Letters 4(4), 2019.",
             "Payload, reach: Franka Emika Panda data sheet.",
         ),
         srdf="panda_description/srdf/panda.srdf",
@@ -142,7 +143,8 @@ SOURCES = {
         3.5,
         0.7,
         (
-            "Kinematics, masses, inertias, limits: xarm_ros (BSD-3-Clause) as in the wheel example-robot-data 6.0.0.",
+            "Kinematics, masses, inertias, limits: xarm_ros (BSD-3-Clause) as in the wheel",
+            "example-robot-data 6.0.0.",
             "Payload, reach: xArm 7 specification.",
         ),
         srdf="xarm_description/srdf/xarm7.srdf",
@@ -193,8 +195,8 @@ def make(name: str, source: Source, descriptions: Path) -> str:
     )
     said = [source.title + ".", "", *source.said, *SAME]
     said += [
-        "Capsules: fitted by docs/make_arms.py, all vertices inside, ends and radii rounded outwards to 0.1 mm;",
-        f"together {total:.2f} times the volume of the convex hulls inside, one by one:",
+        "Capsules: fitted by docs/make_arms.py, all vertices inside, ends and radii rounded outwards to",
+        f"0.1 mm; together {total:.2f} times the volume of the convex hulls inside, one by one:",
     ]
     said += wrapped(tight)
     if report.touching:

@@ -13,14 +13,14 @@ import numpy as np
 from vffnull.arms._capsules import Solid
 from vffnull.errors import InputError
 
-__all__ = ["MissingMesh", "Packages", "find", "read"]
+__all__ = ["MissingMeshError", "Packages", "find", "read"]
 
 Packages = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 _METRES = {"meters": 1.0, "meter": 1.0, "millimeters": 1e-3, "centimeters": 1e-2, "inches": 0.0254}
 
 
-class MissingMesh(InputError):
+class MissingMeshError(InputError):
     """A mesh that is not where the model says; a model can be read without."""
 
 
@@ -39,7 +39,7 @@ def find(file: str, folder: Path | None, packages: Packages | None) -> Path:
 
     Raises
     ------
-    MissingMesh
+    MissingMeshError
         With the list of places where it was looked for.
     """
     tried: list[Path] = []
@@ -48,11 +48,13 @@ def find(file: str, folder: Path | None, packages: Packages | None) -> Path:
             continue
         tried.append(place)
         if place.is_dir():
-            raise MissingMesh(f"mesh {file!r} is a directory: {place}")
+            raise MissingMeshError(f"mesh {file!r} is a directory: {place}")
         if place.is_file():
             return place
     looked = "".join(f"\n  {place}" for place in tried) or " nowhere: the model is text without a folder"
-    raise MissingMesh(f"mesh {file!r} cannot be found; looked in{looked}\npackages= names folders to search")
+    raise MissingMeshError(
+        f"mesh {file!r} cannot be found; looked in{looked}\npackages= names folders to search"
+    )
 
 
 def _places(file: str, folder: Path | None, packages: Packages | None) -> Iterable[Path]:
@@ -69,7 +71,9 @@ def _places(file: str, folder: Path | None, packages: Packages | None) -> Iterab
         yield from (root / path for root in [*roots, *map(Path, named.values())])
         return
     if scheme not in ("package", "model"):
-        raise MissingMesh(f"mesh {file!r}: {scheme}:// is not fetched; package://, file:// and paths are")
+        raise MissingMeshError(
+            f"mesh {file!r}: {scheme}:// is not fetched; package://, file:// and paths are"
+        )
     package, _, inside = rest.partition("/")
     if package in named:
         yield Path(named[package]) / inside

@@ -11,7 +11,7 @@ import numpy as np
 
 from vffnull import _core
 from vffnull.arms._frames import frame, matrix
-from vffnull.arms._meshes import MissingMesh
+from vffnull.arms._meshes import MissingMeshError
 from vffnull.arms._report import Report
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
@@ -182,7 +182,7 @@ def _as_in_file(
         else:
             try:
                 solid = _solid(item, mesh)
-            except MissingMesh as error:
+            except MissingMeshError as error:
                 odd.append(f"{error}; it is left out")
                 continue
             if kind == "mesh":

@@ -142,8 +142,8 @@ def read_urdf(
     def mesh(form: Mapping[str, Any], name: str) -> Solid:
         try:
             return load(form["file"], tuple(form["scale"]))
-        except _meshes.MissingMesh as error:
-            raise _meshes.MissingMesh(f"{name.partition(':')[0]}: {error}") from None
+        except _meshes.MissingMeshError as error:
+            raise _meshes.MissingMeshError(f"{name.partition(':')[0]}: {error}") from None
 
     return finish(reading, collision, mesh, str(path or "URDF"))
 

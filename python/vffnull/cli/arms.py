@@ -55,7 +55,8 @@ def list_arms(as_json: bool = False) -> int:
         speed, torque = max(arm["velocity_limits"]), max(arm["torque_limits"])
         click.echo(
             f"{name:7} {len(arm['joints']):<7} {arm['reach']:<5.3g} m  {arm['payload']:<4.3g} kg  "
-            f"{mass:<8.3g} kg  {speed:<4.3g} rad/s {torque:<5.4g} N·m  {len(arm['collision']):<9} {arm['tip']}"
+            f"{mass:<8.3g} kg  {speed:<4.3g} rad/s {torque:<5.4g} N·m  "
+            f"{len(arm['collision']):<9} {arm['tip']}"
         )
     return FINE
 

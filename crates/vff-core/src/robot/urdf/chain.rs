@@ -348,7 +348,7 @@ impl Tree {
         let mut warnings = self.warnings.clone();
         let mut merger =
             Merger { index: &index, moving: &moving, options, locked: BTreeMap::new() };
-        let (carriers, geometry, tool) = merger.merge(base, tip, &mut warnings)?;
+        let Merged { carriers, geometry, tool } = merger.merge(base, tip, &mut warnings)?;
         let locked = merger.locked;
         if moving.is_empty() {
             let name = |link: usize| self.links[link].name.clone();
@@ -508,6 +508,13 @@ enum Place {
     Own(Option<(usize, Frame)>),
 }
 
+/// What moves as one, what collides on it, and where the tip is in the last of them.
+struct Merged {
+    carriers: Vec<Carrier>,
+    geometry: Vec<Carried>,
+    tool: Isometry3<f64>,
+}
+
 struct Merger<'a> {
     index: &'a Index<'a>,
     moving: &'a BTreeSet<usize>,
@@ -516,13 +523,13 @@ struct Merger<'a> {
 }
 
 impl Merger<'_> {
-    /// What moves as one, what collides on it, and where the tip is in the last of them.
+    /// Walks down from the base.
     fn merge(
         &mut self,
         base: usize,
         tip: usize,
         warnings: &mut Vec<String>,
-    ) -> Result<(Vec<Carrier>, Vec<Carried>, Isometry3<f64>), UrdfError> {
+    ) -> Result<Merged, UrdfError> {
         let tree = self.index.tree;
         let mut carriers: Vec<Carrier> = vec![];
         let mut geometry = vec![];
@@ -573,7 +580,7 @@ impl Merger<'_> {
             .into_iter()
             .map(|(on, geometry)| Carried { on: carriers[on].name.clone(), geometry })
             .collect();
-        Ok((carriers, carried, tool))
+        Ok(Merged { carriers, geometry: carried, tool })
     }
 }
 
