@@ -215,16 +215,7 @@ fn every_refusal_has_a_sentence() {
     );
     says("<robot name='&a;'/>", &none, &["entities"]);
     says(&" ".repeat(MAX_BYTES + 1), &none, &["at most"]);
-    says(&Options { armature: vec![1.0; 3], ..flange.clone() }.armature_fault(), &none, &[]);
-}
-
-impl Options {
-    /// Refused by itself; returned as a text that is refused, too, so that both are asked in one list.
-    fn armature_fault(&self) -> String {
-        let fault = fault(ARM, self);
-        assert!(fault.contains("one value or 2"), "{fault}");
-        String::new()
-    }
+    says(ARM, &Options { armature: vec![1.0; 3], ..flange }, &["one value or 2"]);
 }
 
 #[test]
