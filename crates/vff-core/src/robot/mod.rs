@@ -7,8 +7,17 @@
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
+#[cfg(feature = "models")]
+pub mod description;
+pub mod inertia;
 mod limits;
+#[cfg(feature = "models")]
+pub mod models;
+#[cfg(feature = "models")]
+mod names;
 pub mod planar;
+#[cfg(feature = "models")]
+pub mod urdf;
 
 use crate::math::{Body, Pose, Vector};
 use nalgebra::{SMatrix, SVector};
