@@ -9,6 +9,7 @@
 pub mod dense;
 #[cfg(feature = "models")]
 pub mod description;
+#[cfg(feature = "models")]
 pub mod inertia;
 mod limits;
 #[cfg(feature = "models")]
