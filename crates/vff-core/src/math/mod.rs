@@ -4,12 +4,14 @@ mod broadcast;
 mod nearest;
 mod noise;
 mod pursuit;
+pub mod rotation;
 mod sincos;
 
 pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
 pub use noise::Noise;
 pub use pursuit::Pursuit;
+pub use rotation::UnitQuaternion;
 pub use sincos::{sin_cos, unit_vectors};
 
 use nalgebra::SVector;

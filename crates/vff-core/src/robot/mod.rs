@@ -8,6 +8,7 @@
 pub mod dense;
 mod limits;
 pub mod planar;
+pub mod spatial;
 
 use crate::math::{Capsule, Vector};
 use nalgebra::{SMatrix, SVector};
@@ -16,6 +17,7 @@ use std::fmt::Debug;
 pub use dense::Matrices;
 pub use limits::Limits;
 pub use planar::{PlanarArm, PlanarState};
+pub use spatial::{SpatialArm, SpatialState};
 
 /// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).
 ///
