@@ -1,4 +1,4 @@
-//! Rotations in space: unit quaternions, rotation vectors, and the error of an orientation.
+//! Rotations in space: unit quaternions, rotation vectors, and the error of an orientation (T91).
 //!
 //! A rotation vector φ is a unit axis times an angle; `exp` and `log` go between it and the unit
 //! quaternion (cos ½θ, sin ½θ · axis). All rotations act on vectors from the left.

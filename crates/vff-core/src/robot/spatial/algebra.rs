@@ -3,6 +3,7 @@
 use crate::math::Vector;
 use nalgebra::Matrix3;
 use std::ops::{Add, AddAssign, Mul, Sub, SubAssign};
+use wide::f64x2;
 
 /// A twist or a wrench.
 ///
@@ -43,11 +44,25 @@ impl Spatial {
         Self::new(Vector::<3>::new(w[0], w[1], w[2]), Vector::<3>::new(w[3], w[4], w[5]))
     }
 
+    /// Two components at a time.
+    #[inline(always)]
+    fn lanes(&self) -> [f64x2; 3] {
+        let Self { angular: a, linear: l } = self;
+        [f64x2::new([a.x, a.y]), f64x2::new([a.z, l.x]), f64x2::new([l.y, l.z])]
+    }
+
+    #[inline(always)]
+    fn from_lanes(lanes: [f64x2; 3]) -> Self {
+        let [[ax, ay], [az, lx], [ly, lz]] = lanes.map(f64x2::to_array);
+        Self::new(Vector::<3>::new(ax, ay, az), Vector::<3>::new(lx, ly, lz))
+    }
+
     /// The power of a wrench on a twist, in either order.
     #[inline(always)]
     pub(super) fn dot(&self, other: &Self) -> f64 {
-        // Two sums side by side: one alone would wait for itself.
-        self.angular.dot(&other.angular) + self.linear.dot(&other.linear)
+        let (a, b) = (self.lanes(), other.lanes());
+        let [x, y] = ((a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]).to_array();
+        x + y
     }
 
     /// V × W, the rate of a twist W that is carried along with V.
@@ -79,7 +94,8 @@ impl Add for Spatial {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self::new(self.angular + other.angular, self.linear + other.linear)
+        let (a, b) = (self.lanes(), other.lanes());
+        Self::from_lanes([a[0] + b[0], a[1] + b[1], a[2] + b[2]])
     }
 }
 
@@ -87,7 +103,8 @@ impl Sub for Spatial {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self::new(self.angular - other.angular, self.linear - other.linear)
+        let (a, b) = (self.lanes(), other.lanes());
+        Self::from_lanes([a[0] - b[0], a[1] - b[1], a[2] - b[2]])
     }
 }
 
@@ -109,7 +126,7 @@ impl Mul<f64> for Spatial {
     type Output = Self;
     #[inline(always)]
     fn mul(self, factor: f64) -> Self {
-        Self::new(self.angular * factor, self.linear * factor)
+        Self::from_lanes(self.lanes().map(|lane| lane * factor))
     }
 }
 
@@ -218,7 +235,7 @@ impl Inertia {
         w * (0.5 * self.tensor.trace()) - self.tensor.mul(w)
     }
 
-    /// B W of a body that moves with `v` and has the momentum `l`, where C = Σ SᵀI Ṡ + SᵀB S (T86).
+    /// B W of a body that moves with `v` and has the momentum `l`, where C = Σ SᵀI Ṡ + SᵀB S (T87).
     #[inline(always)]
     pub fn coriolis_mul(&self, v: &Spatial, l: &Vector<3>, w: &Spatial) -> Spatial {
         let alpha = &w.angular;

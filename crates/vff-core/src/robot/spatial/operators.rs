@@ -1,4 +1,4 @@
-//! The operators of [`Robot`] on a spatial arm (docs/theory-spatial.md, T84–T91).
+//! The operators of [`Robot`] on a spatial arm (docs/theory-spatial.md, T84–T89).
 //!
 //! Backward sweeps give the links' twists up again joint by joint, instead of storing them.
 

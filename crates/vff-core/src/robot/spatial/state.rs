@@ -139,6 +139,7 @@ impl SpatialState {
         (&self.joints, &v[..n], &mut out[..n])
     }
 
+    /// Base to tip: positions, twists and their rates (T84), and the inertias in world axes.
     pub(super) fn move_to(&mut self, q: &[f64], dq: &[f64]) {
         self.q.copy_from_slice(q);
         self.dq.copy_from_slice(dq);
