@@ -367,7 +367,7 @@ mod tests {
         assert!(UnitQuaternion::new([0.0; 4]).is_err());
         assert!(UnitQuaternion::new([1.0 + 2e-6, 0.0, 0.0, 0.0]).is_err());
         let near = UnitQuaternion::new([0.0, -(1.0 - 9e-7), 0.0, 0.0]).unwrap();
-        assert_eq!(near.to_array(), [0.0, 1.0, 0.0, 0.0]);
+        assert_close(&near.to_array(), &[0.0, 1.0, 0.0, 0.0], 1e-16);
     }
 
     /// A half turn: an error of full size, and a rotation vector of length π, about every axis.

@@ -27,9 +27,9 @@ impl Mobility {
     #[inline(always)]
     fn mul(&self, w: &Spatial) -> Spatial {
         let (w, mut out) = (w.components(), [0.0; 6]);
-        for i in 0..6 {
-            for j in 0..6 {
-                out[i] += self.rows[i.max(j)][i.min(j)] * w[j];
+        for (i, out) in out.iter_mut().enumerate() {
+            for (j, w) in w.iter().enumerate() {
+                *out += self.rows[i.max(j)][i.min(j)] * w;
             }
         }
         Spatial::from_components(&out)

@@ -45,7 +45,7 @@ impl SpatialState {
 
     /// A point of the world, from the base.
     #[inline(always)]
-    fn from_base(&self, point: &Vector<3>) -> Vector<3> {
+    fn relative(&self, point: &Vector<3>) -> Vector<3> {
         point - self.arm.base()
     }
 }
@@ -310,11 +310,11 @@ impl Robot<3> for SpatialState {
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {
-        self.joints[i].velocity.velocity_at(&self.from_base(point))
+        self.joints[i].velocity.velocity_at(&self.relative(point))
     }
 
     fn point_jacobian_tr_mul(&self, i: usize, point: &Vector<3>, f: &Vector<3>, out: &mut [f64]) {
-        let wrench = Spatial::at(&self.from_base(point), *f, Vector::zeros());
+        let wrench = Spatial::at(&self.relative(point), *f, Vector::zeros());
         let (inner, outer) = out.split_at_mut(i + 1);
         for (joint, out) in self.joints.iter().zip(inner) {
             *out = joint.s.dot(&wrench);
@@ -323,15 +323,14 @@ impl Robot<3> for SpatialState {
     }
 
     fn point_bias_acceleration(&self, i: usize, point: &Vector<3>) -> Vector<3> {
-        let (point, Joint { velocity, acceleration, .. }) =
-            (self.from_base(point), &self.joints[i]);
+        let (point, Joint { velocity, acceleration, .. }) = (self.relative(point), &self.joints[i]);
         acceleration.velocity_at(&point) + velocity.angular.cross(&velocity.velocity_at(&point))
     }
 
     /// By one half solve from link `i` inward; for many contacts at once see
     /// [`mobilities`](SpatialState::mobilities).
     fn point_mobility(&self, i: usize, point: &Vector<3>, n: &Vector<3>) -> f64 {
-        let mut wrench = Spatial::at(&self.from_base(point), *n, Vector::zeros());
+        let mut wrench = Spatial::at(&self.relative(point), *n, Vector::zeros());
         let mut sum = 0.0;
         for joint in self.joints[..=i].iter().rev() {
             let e = joint.s.dot(&wrench);
@@ -342,7 +341,7 @@ impl Robot<3> for SpatialState {
     }
 
     fn add_force(&self, wrenches: &mut [Spatial], i: usize, point: &Vector<3>, f: &Vector<3>) {
-        wrenches[i] += Spatial::at(&self.from_base(point), *f, Vector::zeros());
+        wrenches[i] += Spatial::at(&self.relative(point), *f, Vector::zeros());
     }
 
     fn wrenches_tr_mul(&self, wrenches: &[Spatial], out: &mut [f64]) {
@@ -632,8 +631,8 @@ mod tests {
             let expected = apply(n, |out| a.bias_torque(out));
             assert_close(&apply(n, |out| b.bias_torque(out)), &expected, 1e-12);
             // And the tool goes along.
-            let from_base = |state: &SpatialState| state.position() - state.arm.base();
-            assert_close(from_base(&b).as_slice(), turn.rotate(&from_base(&a)).as_slice(), 1e-12);
+            let relative = |state: &SpatialState| state.position() - state.arm.base();
+            assert_close(relative(&b).as_slice(), turn.rotate(&relative(&a)).as_slice(), 1e-12);
             let axes = turn.matrix() * a.tool_axes();
             assert_close(b.tool_axes().as_slice(), axes.as_slice(), 1e-13);
         }
