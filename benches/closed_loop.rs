@@ -38,7 +38,7 @@ fn check(scenario: &Scenario) {
     }
     assert_eq!(taken, STEPS);
     let outcome = run.outcome();
-    // A disc at the base, which alarms, is a collision from the beginning.
+    // A disc at the base, which triggers the search, is a collision from the beginning.
     let ends = ["completed", "collided"];
     assert!(ends.contains(&outcome.status.name()), "{}", outcome.message);
     assert!(outcome.record.force.iter().any(|f| *f > 0.1), "no force worth the name");

@@ -9,12 +9,13 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
 use vff_core::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use vff_core::control::{Controller, Formulation, Gains, OperationalSpace, Settings};
+use vff_core::control::{Controller, Formulation, Gains, OperationalSpace, Settings, TaskMetric};
 use vff_core::math::{Capsule, Vector};
 use vff_core::robot::planar::Link;
-use vff_core::robot::{PlanarArm, PlanarState, Robot};
+use vff_core::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
 use vff_core::trajectory::Sample;
-use vff_core::world::{Motion, Obstacle, Shape, World};
+use vff_core::world::Motion;
+use vff_core::world::plane::{Obstacle, Shape, World};
 
 /// Numbers in (−1, 1), the same in every run.
 fn numbers(n: usize, seed: f64) -> Vec<f64> {
@@ -81,7 +82,7 @@ fn on_the_task(group: &mut Group<'_>, robot: &PlanarState) {
     let (v, f) = (numbers(n, 1.1), SVector::<f64, 2>::new(0.4, -0.7));
     let mut out = vec![0.0; n];
     let mut y = vec![SVector::<f64, 2>::zeros(); n];
-    group.bench_function(id("pose"), |b| b.iter(|| robot.pose::<2>()));
+    group.bench_function(id("pose"), |b| b.iter(|| Manipulator::<2, 2>::pose(robot)));
     group.bench_function(id("jacobian_mul"), |b| {
         b.iter(|| robot.jacobian_mul::<2>(black_box(&v)));
     });
@@ -138,7 +139,8 @@ fn law(c: &mut Criterion) {
     };
     for n in [6, 100] {
         let robot = arm(n);
-        let mut space = OperationalSpace::<2>::new(n, 1e-3 / robot.total_mass());
+        let mut space =
+            OperationalSpace::<2>::new(n, 1e-3 / robot.total_mass(), TaskMetric::new::<2>(1.0));
         group.bench_function(BenchmarkId::new("operational_space", n), |b| {
             b.iter(|| space.refresh(black_box(&robot)));
         });
@@ -197,10 +199,10 @@ fn proximity(c: &mut Criterion) {
     group.finish();
 }
 
-/// A programme of 6 unknowns: rows that all hold, and rows that all but hold at a common point, so that
+/// A QP of 6 unknowns: rows that all hold, and rows that nearly hold at a common point, so that
 /// several act in the end.
-fn programme(c: &mut Criterion) {
-    let mut group = c.benchmark_group("programme");
+fn quadratic_program(c: &mut Criterion) {
+    let mut group = c.benchmark_group("quadratic_program");
     let n = 6;
     let hessian: Vec<f64> = (0..n * n)
         .map(|k| if k % (n + 1) == 0 { 2.0 } else { 0.3 * f64::sin((k / n * (k % n)) as f64) })
@@ -235,6 +237,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_millis(150))
         .measurement_time(Duration::from_millis(500));
-    targets = operators, law, proximity, programme
+    targets = operators, law, proximity, quadratic_program
 }
 criterion_main!(benches);

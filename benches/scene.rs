@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
-use vff_core::scenario::{AnyRun, Scenario};
+use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 /// Plant steps of one run; a longer measurement begins another run, outside the measured time.
 pub const STEPS: u64 = 2000;
@@ -106,7 +106,7 @@ pub fn preview(n: usize, discs: usize) -> Scenario {
     looking(scene(n, discs, EULER))
 }
 
-/// And alarmed all the time: one of the discs is at the base, where no course ever leaves it.
+/// And searching all the time: one of the discs is at the base, where no candidate avoids it.
 pub fn alarmed(n: usize, discs: usize) -> Scenario {
     let places = |joints: &[[f64; 2]]| {
         let beside = beside(joints).into_iter();

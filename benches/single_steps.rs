@@ -59,7 +59,7 @@ fn main() {
             ("1 disc, cbf", barriers(n, 1)),
             ("8 discs, cbf", barriers(n, 8)),
             ("8 discs, cbf + preview", preview(n, 8)),
-            ("8 discs, cbf + preview in alarm", alarmed(n, 8)),
+            ("8 discs, cbf + preview, searching", alarmed(n, 8)),
         ] {
             table.push((format!("{n} joints, {what}"), times(&scenario, runs)));
         }

@@ -12,7 +12,7 @@ SECTIONS = {
     "operators": ("operator", "operators of the arm"),
     "law": ("law", "the law alone"),
     "proximity": ("shape", "one link, one obstacle"),
-    "programme": ("rows", "the programme of cbf, 6 unknowns, by the number of rows"),
+    "quadratic_program": ("rows", "the QP of cbf, 6 unknowns, by the number of rows"),
 }
 
 

@@ -1,7 +1,7 @@
 """Write docs/evaluation.md and its figures: `python docs/evaluate.py`, with vffnull[evaluate,peers].
 
-Finished parts are kept in target/evaluation, so that a run that was broken off goes on where it was; remove
-those of a controller after changing it (`verdicts.json` may stay: no controller has a say in it).
+Finished parts are kept in target/evaluation, so that an interrupted run resumes where it was. Remove the parts
+of a controller after changing it (`verdicts.json` may stay: it does not depend on controllers).
 `python docs/evaluate.py 34` takes 34 instead of 334 scenes for each category and number of joints.
 """
 
@@ -24,7 +24,7 @@ FIRST = scenes.EVALUATION.start
 SIZES = (4, 6, 9)
 PEERS = 5  # scenes for each family and number of joints under other libraries
 
-# Scenes with an escape, from a study of its own 1200 scenes: collisions and, in brackets, success [%].
+# Feasible scenes of another study, with 1200 scenes of its own: collisions and, in brackets, success [%].
 ELSEWHERE = {
     "null-space field": {"links-swept": "1", "path-crossed": "100", "clutter": "37", "crowd": "70"},
     "cbf": {"links-swept": "0 (98)", "path-crossed": "1 to 3", "clutter": "0 (89)", "crowd": "22 to 25"},
@@ -34,20 +34,20 @@ ELSEWHERE = {
 HEAD = """# Controllers against each other
 
 {total} random scenes under {controllers} controllers, made by `python docs/evaluate.py{count}`, vffnull
-{version}, in a quarter of an hour on two cores. `vffnull.scenes` makes the scenes from a seed;
-those from 1 000 000 on serve here, and nothing has been tuned to them.
+{version}, in a quarter of an hour on two cores. `vffnull.scenes` generates the scenes from a seed;
+seeds from 1 000 000 on are used here, and no parameter has been tuned on them.
 
-**Escape.** A planner that knows the future and no controller looks for a motion of the arm that keeps 1 mm or
+**Feasibility.** A planner that knows the future searches for a collision-free motion of the arm, without any controller. The motion keeps 1 mm or
 more from everything, at joint speeds up to 3 rad/s and accelerations up to 30 rad/s²: first with the tip
-within 1 cm of its reference ("with tip"), then without that ("without tip"). The rule was fixed before any
-controller was run; the module `scenario/feasibility.rs` states it in full. "None found" is no proof that
-there is none.
+within 1 cm of its reference ("with tip"), then without this condition ("without tip"). The rule was fixed before any
+controller was run; the module `scenario/feasibility.rs` states it in full. "None found" does not prove that no such motion
+exists.
 
 **Collision**: an overlap of more than 1 mm. **Success**: no collision, and the tip within 1 cm of its
-reference at all times. Rates are in per cent, with 95 % intervals by Wilson's score. "Feasible" scenes are
-those with an escape; success is given for those whose escape holds the tip, too. The encounter lasts as long
+reference at all times. Rates are in per cent, with 95 % confidence intervals (Wilson score). "Feasible" scenes are
+those in which a collision-free motion exists; "feasible with tip" are those in which it also holds the tip. The encounter lasts as long
 as the arm without avoidance has an obstacle within 0.1 m. Numbers that are not rates are medians of the runs
-that came through. Every controller has the settings of the scene (K = 100/s², D = 20/s, null damping 6/s,
+that completed. Every controller has the settings of the scene (K = 100/s², D = 20/s, null damping 6/s,
 Khatib's field with 0.3 N·m³ from 0.6 m on) and otherwise the defaults; the unprojected field is that of
 Khatib (1986).
 
@@ -57,7 +57,7 @@ Khatib (1986).
 """
 
 TAIL = """
-The lines are empirical distributions: how large a share of the runs came nearer, or had a smaller error.
+The lines are empirical cumulative distributions: the share of the runs that came nearer, or had a smaller error.
 
 ![Distributions of the smallest clearance.](figures/evaluation/clearance.png)
 
@@ -67,7 +67,7 @@ The lines are empirical distributions: how large a share of the runs came nearer
 
 BUNDLED = """## Bundled scenes
 
-These are not random: `vffnull list` names them.
+These scenes are not random: `vffnull list` names them.
 
 ![Six bundled scenes: on-path, on-path-moving, crowd, narrow-gap, pincer, chase.](figures/scenes.png)
 """
@@ -102,8 +102,8 @@ def main(count: int) -> None:
         causes(ours),
         parameters(),
         BUNDLED,
-        "## Time of a step\n\nIn crowds, law and plant, called from Python on one thread. The maximum is "
-        "what the operating system takes for others.\n",
+        "## Time of a step\n\nControl law and plant, in crowds, called from Python on one thread. The "
+        "maximum is caused by other programs on the machine.\n",
         evaluation.loop_times(n=SIZES),
     ]
     (DOCS / "evaluation.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
@@ -152,8 +152,8 @@ CBF = ("cbf", "cbf + preview")
 def sizes(outcome: vff.Evaluation) -> str:
     """Collisions of cbf by the number of joints."""
     lines = [
-        "## cbf by the number of joints\n\nCollisions where an escape exists, and success where it holds the "
-        "tip [%].\n",
+        "## cbf by the number of joints\n\nCollisions in feasible scenes, and success in scenes that are "
+        "feasible with tip [%].\n",
         "| family | controller | " + " | ".join(f"collisions, n = {n}" for n in SIZES),
     ]
     lines[-1] += " | " + " | ".join(f"success, n = {n}" for n in SIZES) + " |"
@@ -170,9 +170,9 @@ def sizes(outcome: vff.Evaluation) -> str:
 def elsewhere(outcome: vff.Evaluation) -> str:
     """Beside the reference points."""
     lines = [
-        "## Beside another study\n\nA study of 1200 scenes of its own, with another implementation of a cbf "
-        "law. Its scenes are not these, nor is its judgement of what is feasible; how the null-space field "
-        "alone fares says how hard the scenes are.\n",
+        "## Beside another study\n\nAnother study used 1200 scenes of its own, with another implementation of a "
+        "CBF law. Both its scenes and its definition of feasibility differ from those here; the results of the "
+        "null-space field alone show how difficult the scenes are.\n",
         "| family | controller | collisions, feasible [%] | the same, feasible with tip [%] "
         "| success, feasible [%] | success, feasible with tip [%] | there: collisions (success) [%] |",
         "|---|---|--:|--:|--:|--:|--:|",
@@ -220,9 +220,9 @@ def parameters() -> str:
     )
     lines = [
         "## Which parameters of cbf matter\n",
-        f"{CHUNK} training scenes of every family and number of joints: collisions where an escape exists "
-        "and, after the slash, success where it holds the tip. Where they differ from the defaults by a few "
-        "scenes only, the defaults stay; `examples/tune.py` searches for more.\n",
+        f"{CHUNK} training scenes of every family and number of joints: collisions in feasible scenes "
+        "and, after the slash, success in scenes that are feasible with tip. A variant that differs from the "
+        "defaults by a few scenes only is no reason to change them; `examples/tune.py` searches further.\n",
         "| cbf with | " + " | ".join(scenes.FAMILIES) + " |",
         "|---" + "|--:" * len(scenes.FAMILIES) + "|",
     ]
@@ -246,20 +246,20 @@ def peers() -> str:
 
 CAUSES = {
     "flat side": "a link lies along a flat side, and the nearest point jumps from corner to corner: a sample "
-    "has a barrier for one of them alone, and the slack stays far below the 32 m/s² that hold a contact",
-    "pinched": "two or more obstacles within 0.1 m ask for opposite accelerations: the programme contradicts "
-    "itself, and a slack is recorded",
-    "out of reach": "one obstacle, and hardly a joint moves the link out of its way: contact next to the "
+    "has a barrier for one of them only, and the slack stays far below the 32 m/s² that hold a contact",
+    "pinched": "two or more obstacles within 0.1 m require opposite accelerations: the rows of the QP contradict "
+    "each other, and a slack is recorded",
+    "out of reach": "one obstacle, and hardly any joint can move the link out of its way: contact next to the "
     "base, or the arm stretched along the normal (effective mass above 20 kg)",
-    "speed limit": "a joint is at the barrier of its speed, 6 rad/s, and the programme yields",
-    "tip first": "one obstacle, authority of the null space ρₙ below 0.1: only the task could have given way",
-    "cornered": "one obstacle, with authority left, and the programme yields all the same to other barriers",
-    "no slack": "the programme was content: the distance was lost between two samples",
+    "speed limit": "a joint is at the barrier of its speed, 6 rad/s, and the distance yields",
+    "tip first": "one obstacle, and the null space has an authority ρₙ below 0.1: only the task could have given way",
+    "cornered": "one obstacle, with authority left, and the distance yields to other barriers all the same",
+    "no slack": "the QP violated nothing: the distance was lost between two samples",
 }
 
 
 def causes(outcome: vff.Evaluation) -> str:
-    """Why cbf collides where an escape exists, run by run."""
+    """Why cbf collides in feasible scenes, run by run."""
     rows = outcome.where(controller=CBF, collided=True).feasible.columns
     found: dict[tuple[str, str], dict[str, list[tuple[float, float, float]]]] = {
         (family, name): defaultdict(list) for family in outcome.families for name in CBF
@@ -271,9 +271,9 @@ def causes(outcome: vff.Evaluation) -> str:
         found[str(family), str(name)][why].append((numbers[0], numbers[1], numbers[2]))
     kinds = [kind for kind in CAUSES if any(kind in counts for counts in found.values())]
     lines = [
-        "## Where cbf collides although an escape exists\n",
-        "Every such run, by what happens in the 0.2 s before the first contact; the first cause that applies "
-        "counts. A joint-speed barrier of 6 rad/s is the default.\n",
+        "## Where cbf collides although a collision-free motion exists\n",
+        "Every such run is classified by what happens in the 0.2 s before the first contact; the first cause that "
+        "applies counts. The default barrier of the joint speed is 6 rad/s.\n",
         *(f"- **{kind}**: {CAUSES[kind]}." for kind in kinds),
         "",
         "| family | controller | runs | " + " | ".join(kinds) + " |",

@@ -18,7 +18,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 import vffnull as vff
-from vffnull.plotting import geometry, strobe, style
+from vffnull.plotting import canvas, strobe, style
+from vffnull.plotting.primitives import Scene
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"
@@ -52,16 +53,14 @@ def sweep_through() -> None:
 def passing(ax: Axes, result: vff.Result) -> None:
     """The arm and the disc at a few instants, early light and late dark."""
     colours = strobe.shades(len(TIMES))
-    joints, radii = geometry.joints(result), geometry.link_radii(result)
-    (outline,) = geometry.obstacle_outlines(result)
+    scene = Scene.of_result(result)
     for order, (t, colour) in enumerate(zip(TIMES, colours, strict=True)):
         row = int(np.searchsorted(result.t, t - 1e-9))
-        disc = result.obstacles[row, 0]
-        strobe.solid(ax, outline + disc, colour, zorder=1.5)
-        strobe.draw_arm(ax, joints[row], radii, colour, zorder=3 + order)
-        x, y = disc
+        canvas.paint(ax, scene.at(row, ["obstacle"]), colour=colour, zorder=1.5)
+        canvas.paint(ax, scene.at(row, ["link", "joint"]), colour=colour, zorder=3 + order)
+        x, y = result.obstacles[row, 0]
         ax.annotate(f"{t:g} s", (x + 0.2, y + 0.16), color=colour, fontsize=7, va="center", zorder=9)
-    ax.plot(0.0, 0.0, marker="s", markersize=6, color=style.INK, zorder=2.5)
+    canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
     ax.set_xlim(-0.35, 5.45)
     ax.set_ylim(-0.35, 3.35)
     ax.set_aspect("equal")
@@ -147,15 +146,14 @@ def on_path() -> None:
 
 def around(ax: Axes, result: vff.Result, colour: str) -> None:
     """The arm at a few instants, early light and late dark, the disc, and the path of the tip."""
-    joints, radii = geometry.joints(result), geometry.link_radii(result)
-    (outline,) = geometry.obstacle_outlines(result)
-    strobe.solid(ax, outline + result.obstacles[0, 0], style.INK, zorder=1.5)
+    scene = Scene.of_result(result)
+    canvas.paint(ax, scene.at(0, ["obstacle"]), colour=style.INK, zorder=1.5)
     for order, (t, shade) in enumerate(zip(INSTANTS, strobe.shades(len(INSTANTS)), strict=True)):
         row = int(np.searchsorted(result.t, t - 1e-9))
-        strobe.draw_arm(ax, joints[row], radii, shade, zorder=3 + order)
-    ax.plot(*result.x_ref.T, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)), zorder=10)
+        canvas.paint(ax, scene.at(row, ["link", "joint"]), colour=shade, zorder=3 + order)
+    canvas.paint(ax, scene.at(0, ["reference"]), colour=style.INK, zorder=10)
     ax.plot(*result.x.T, color=colour, linewidth=1.6, zorder=11)
-    ax.plot(0.0, 0.0, marker="s", markersize=5, color=style.INK, zorder=2.5)
+    canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
     ax.set_xlim(-0.4, 4.2)
     ax.set_ylim(-1.4, 2.1)
     ax.set_aspect("equal")
@@ -200,26 +198,17 @@ def random_scenes() -> None:
 
 def instants(ax: Axes, result: vff.Result, count: int) -> None:
     """The arm and the obstacles at a few instants, early light and late dark; the paths of all."""
-    joints, radii = geometry.joints(result), geometry.link_radii(result)
+    scene = Scene.of_result(result)
     rows = np.linspace(0, len(result.t) - 1, count).astype(int)
-    shades = strobe.shades(count) if count > 1 else [style.INK]
-    for index, points in enumerate(geometry.obstacle_outlines(result)):
-        path = result.obstacles[:, index]
-        moves = np.ptp(path, axis=0).max() > 0.0
-        ax.plot(*path.T, color=style.MUTED, linewidth=0.6, linestyle=(0, (1, 2)), zorder=1)
-        for row, shade in zip(rows if moves else rows[:1], shades, strict=False):
-            strobe.solid(ax, points + path[row], shade if moves else style.MUTED, zorder=1.5)
-    for order, (row, shade) in enumerate(zip(rows, shades, strict=True)):
-        strobe.draw_arm(ax, joints[row], radii, shade, zorder=3 + order)
-    ax.plot(*result.x_ref.T, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)), zorder=10)
-    ax.plot(*result.x_ref[-1], marker="x", markersize=5, color=style.INK, zorder=10)
+    strobe.draw(ax, scene, list(rows), strobe.shades(count) if count > 1 else [style.INK])
+    canvas.paint(ax, scene.at(len(scene.t) - 1, ["reference", "target"]), colour=style.INK, zorder=10)
     ax.plot(*result.x.T, color=style.ALARM, linewidth=1.2, zorder=11)
-    ax.plot(0.0, 0.0, marker="s", markersize=5, color=style.INK, zorder=2.5)
-    left, right, bottom, top = geometry.frame(result)
-    middle = ((left + right) / 2, (bottom + top) / 2)
-    half = max(right - left, top - bottom) / 2
-    ax.set_xlim(middle[0] - half, middle[0] + half)
-    ax.set_ylim(middle[1] - half, middle[1] + half)
+    canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
+    low, high = scene.frame()
+    half = float((high - low).max()) / 2
+    (x, y) = (low + high) / 2
+    ax.set_xlim(x - half, x + half)
+    ax.set_ylim(y - half, y + half)
     ax.set_aspect("equal")
     ax.tick_params(labelsize=6)
 

@@ -23,8 +23,8 @@ with style.look():
     for limit, colour in zip(LIMITS, style.joint_colours(len(LIMITS)), strict=True):
         result = vff.simulate("paper-1", {"arm.torque_limits": limit, "duration": 3.0})
         left.plot(result.t, np.linalg.norm(result.error, axis=1), color=colour, label=f"{limit:g} N·m")
-        right.plot(result.t, result.granted[:, SHARES["task"]], color=colour)
-        least = result.granted.min(axis=0)
+        right.plot(result.t, result.objective_scale[:, SHARES["task"]], color=colour)
+        least = result.objective_scale.min(axis=0)
         lost = [name for name, share in zip(vff.OBJECTIVES, least, strict=True) if share < 1]
         print(
             f"{limit:5g} N·m: took from {', '.join(lost) or 'nothing'}, {result.metrics.limited_steps} steps"

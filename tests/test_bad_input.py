@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 import vffnull as vff
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning, VffNullError
+from waiting import HANG
 
 NAN, INF = math.nan, math.inf
 
@@ -395,7 +396,8 @@ def test_things_that_are_no_scenario(thing: Any) -> None:
 def test_things_that_are_no_document(thing: Any) -> None:
     only_one_of_ours(lambda: vff.Scenario.from_dict(thing))
     only_one_of_ours(lambda: vff.Simulation(thing))
-    only_one_of_ours(lambda: vff.Controller(vff.Arm.uniform(3), thing))
+    if thing is not None:  # the default settings
+        only_one_of_ours(lambda: vff.Controller(vff.Arm.uniform(3), thing))
 
 
 @pytest.mark.parametrize(
@@ -439,7 +441,7 @@ for call in (lambda: vff.Simulation(loop), lambda: vff.Controller(vff.Arm.unifor
     except vff.VffNullError as error:
         print(type(error).__name__)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0, f"exit {done.returncode}: {done.stderr[-300:]}"
     assert len(done.stdout.split()) == 4
 
@@ -779,3 +781,53 @@ def test_any_text_is_toml_or_an_error(text: str) -> None:
         assert "fuzz" in str(error)
     else:
         assert isinstance(document, dict)
+
+
+HALF = "a\ud800"  # half of a surrogate pair: Python has it in text, no encoding has
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: vff.simulate("paper-1", {"name": HALF}),
+        lambda: vff.simulate("paper-1", {HALF: 1}),
+        lambda: vff.simulate("paper-1", {f"controller.{HALF}": 1}),
+        lambda: vff.simulate("paper-1", {"controller": {HALF: 1}}),
+        lambda: vff.simulate("paper-1", {"reference": {"kind": HALF}}),
+        lambda: vff.simulate(HALF),
+        lambda: vff.simulate(f"{HALF}.toml"),
+        lambda: vff.Scenario.load(Path(f"{HALF}.toml")),
+        lambda: vff.Scenario.load("paper-1").replace(description=HALF),
+        lambda: vff.Scenario.load("paper-1")[HALF],
+        lambda: vff.simulate_many(["paper-1"], {"name": HALF}),
+        lambda: vff.ControlSettings(projection=HALF),  # type: ignore[arg-type]
+        lambda: vff.ControlSettings(tank={HALF: 1.0}),
+        lambda: vff.Simulation(HALF),
+        lambda: vff.Obstacle("circle", (("radius", 1.0), (HALF, 1.0)), (0.0, 0.0)),
+    ],
+)
+def test_text_that_no_encoding_has(call: Callable[[], object]) -> None:
+    """One of our errors, with a message that can be printed."""
+    assert str(only_one_of_ours(call)).encode("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: vff.simulate_many(["paper-1"], threads=0), "threads"),
+        (lambda: vff.simulate_many(["paper-1"], threads=-(2**70)), "threads"),
+        (lambda: vff.simulate_many(["paper-1"], threads=2**70), "threads"),
+        (lambda: vff.simulate_many(["paper-1"], threads=1.0), "threads"),  # type: ignore[arg-type]
+        (lambda: vff.scenes.random("crowd", 4, -1), "seed"),
+        (lambda: vff.scenes.random("crowd", 4, 2**70), "seed"),
+        (lambda: vff.scenes.random("crowd", 2**70, 1), "n"),
+        (lambda: vff.simulate("paper-1", {"seed": -1}), "seed"),
+        (lambda: vff.simulate("paper-1", {"seed": 2**70}), "seed"),
+        (lambda: vff.realtime("paper-1", rate=10**400), "rate"),
+        (lambda: vff.realtime("paper-1", seconds=10**400), "seconds"),
+        (lambda: vff.realtime("paper-1", priority=2**70), "priority"),
+        (lambda: vff.realtime("paper-1", core=-1), "core"),
+    ],
+)
+def test_whole_numbers_out_of_range(call: Callable[[], object], name: str) -> None:
+    assert str(only_one_of_ours(call)).startswith(name)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 import vffnull as vff
+from waiting import HANG, processor_time, wait_for
 
 
 def vffnull(*arguments: object, cwd: Path | None = None, code: int = 0) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "vffnull", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=cwd)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG, cwd=cwd)
     assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr and "panicked" not in done.stderr
     return done
@@ -25,7 +26,7 @@ def vffnull(*arguments: object, cwd: Path | None = None, code: int = 0) -> subpr
 
 def test_the_console_script_is_installed() -> None:
     script = Path(sys.executable).with_name("vffnull")
-    done = subprocess.run([script, "--version"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([script, "--version"], capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0 and vff.__version__ in done.stdout
 
 
@@ -75,7 +76,8 @@ def test_schema_names_every_key() -> None:
         "slack_price",
         "preview",
         "horizon",
-        "alarm",
+        "trigger",
+        "characteristic_length",
         "candidates",
         "speed",
         "posture",
@@ -310,7 +312,7 @@ def test_completion() -> None:
         asked = {"_VFFNULL_COMPLETE": "bash_complete", "COMP_WORDS": f"vffnull {words}"}
         asked["COMP_CWORD"] = str(len(words.split()))
         command = [sys.executable, "-m", "vffnull"]
-        done = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(command, env=os.environ | asked, capture_output=True, text=True, timeout=HANG)
         return {line.split(",", 1)[1] for line in done.stdout.splitlines() if line.startswith("plain")}
 
     assert offered("re") == {"realtime", "report"}
@@ -344,13 +346,17 @@ def test_json_of_the_other_commands(tmp_path: Path) -> None:
     good = tmp_path / "good.toml"
     vff.Scenario.load("paper-1").save(good)
     judged = json.loads(vffnull("validate", good, "missing.toml", "--json", code=2).stdout)
-    assert judged[0] == {"file": str(good), "error": None, "warnings": []}
+    assert judged[0] == {"file": str(good), "error": None, "errors": [], "warnings": []}
     assert "missing.toml" in judged[1]["error"]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
-    """SIGINT ends a run of hours at once (0.2 s by the issue; 2 s here, with the interpreter's exit on a busy
-    machine), with code 130, a report, and the partial result saved."""
+    """SIGINT ends a run of hours at once, with code 130, a report, and the partial result saved.
+
+    At once: after less than a second of computing, however long the machine takes for that. The run has begun
+    when it has computed for longer than starting and reading take.
+    """
     file = tmp_path / "partial.npz"
     command = [
         sys.executable,
@@ -367,12 +373,15 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
         str(file),
     ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(3.0)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    wait_for(lambda: process.poll() is not None or processor_time(process.pid) > 1.5, "the run")
     assert process.poll() is None, process.communicate()
-    sent = time.monotonic()
+    sent = processor_time(process.pid)
     os.kill(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=30)
-    assert time.monotonic() - sent < 2.0
+    out, err = process.communicate(timeout=HANG)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    assert spent - sent < 1.0
     assert process.returncode == 130 and "Traceback" not in err
     report = json.loads(out)
     assert report["status"] == "interrupted" and 0 < report["end_time"] < 1e6
@@ -385,7 +394,10 @@ def test_ctrl_c_keeps_what_there_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("formulation", ["recursive", "extended_jacobian"])
 def test_ctrl_c_in_python_is_a_result(formulation: str) -> None:
-    """`simulate` returns the partial result instead of raising; also for 40 links in the dense form."""
+    """`simulate` returns the partial result instead of raising; also for 40 links in the dense form.
+
+    The signal comes when the run reports progress for the first time, from another thread.
+    """
     code = f"""
 import os, signal, threading, time
 import vffnull as vff
@@ -394,16 +406,16 @@ q0 = [0.05] * 40
 scenario = vff.Scenario(arm=arm, q0=q0, duration=1e4, reference={{"kind": "setpoint",
     "point": arm.forward_kinematics(q0)[-1]}}, controller={{"formulation": "{formulation}"}},
     simulation={{"record_every": 100000}})
-sent = []
+sent, running = [], threading.Event()
 def interrupt():
-    time.sleep(0.7)
-    sent.append(time.monotonic())
+    running.wait()
+    sent.append(time.process_time())
     os.kill(os.getpid(), signal.SIGINT)
 threading.Thread(target=interrupt).start()
-result = vff.simulate(scenario)
-print(result.status, time.monotonic() - sent[0])
+result = vff.simulate(scenario, progress=lambda t, duration: running.set())
+print(result.status, time.process_time() - sent[0])
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     assert done.returncode == 0, done.stderr
     status, late = done.stdout.split()
     assert status == "interrupted" and float(late) < 1.0

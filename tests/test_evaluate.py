@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import math
+import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +18,7 @@ import pytest
 import vffnull as vff
 from vffnull import evaluation, scenes
 from vffnull.errors import InputError, InputTypeError
+from vffnull.evaluation import run
 
 PAIR = ("no avoidance", "cbf")
 
@@ -83,9 +87,9 @@ def test_a_row_says_what_the_run_was(outcome: vff.Evaluation) -> None:
 
 def test_recovery_is_when_the_tip_is_back_for_good() -> None:
     t = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    assert evaluation._recovery(t, np.array([0.1, 0.0, 0.1, 0.005, 0.0])) == 3.0
-    assert evaluation._recovery(t, np.zeros(5)) == 0.0
-    assert math.isnan(evaluation._recovery(t, np.full(5, 0.02)))
+    assert run._recovery(t, np.array([0.1, 0.0, 0.1, 0.005, 0.0])) == 3.0
+    assert run._recovery(t, np.zeros(5)) == 0.0
+    assert math.isnan(run._recovery(t, np.full(5, 0.02)))
 
 
 def test_avoidance_decides(outcome: vff.Evaluation) -> None:
@@ -133,7 +137,12 @@ def test_joined_rows_are_all_rows(outcome: vff.Evaluation) -> None:
     [
         ({"controllers": ["cbff"]}, InputError, "controllers: expected some of no avoidance"),
         ({"controllers": []}, InputError, "controllers: at least one is needed"),
-        ({"count": 0}, InputError, "count: must be at least 1, got 0"),
+        ({"count": 0}, InputError, "count: must be from 1 to 1000000, got 0"),
+        ({"count": 2**80}, InputError, "count: must be from 1"),
+        ({"seed": -1}, InputError, "seed: must be from 0"),
+        ({"threads": 0}, InputError, "threads: must be from 1 to 1024, got 0"),
+        ({"threads": 1.5}, InputTypeError, "threads: expected a whole number"),
+        ({"controllers": 3}, InputTypeError, "controllers: expected names"),
         ({"count": 1.5}, InputTypeError, "count: expected a whole number, not a float"),
         ({"n": []}, InputError, "no category or no number of joints"),
         ({"category": "x"}, InputError, "category: expected 1, 2 or one of"),
@@ -179,3 +188,65 @@ def test_command_as_json() -> None:
     rate = outcome.rate("collided")
     assert told["collisions"] == {"count": rate.count, "total": 3, "interval": [rate.low, rate.high]}
     assert told["success_feasible_with_tip"]["total"] == len(outcome.where(feasibility="with tip"))
+
+
+# --------------------------------------------------------------------------------------------------- Ctrl-C
+
+
+def test_an_interrupted_run_makes_the_evaluation_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The core ends its runs with what there is; that must not be counted as what a controller did."""
+
+    def cut(*arguments: object) -> list[vff.Result]:
+        first, *others = vff.simulate_many(*arguments)  # type: ignore[arg-type]
+        return [dataclasses.replace(first, status=vff.Status.INTERRUPTED), *others]
+
+    monkeypatch.setattr(run, "simulate_many", cut)
+    with pytest.raises(KeyboardInterrupt):
+        vff.evaluate("cbf", "crowd", 4, 2, 0, verdicts={f"crowd-4-{i}": "with tip" for i in range(2)})
+
+
+INTERRUPTED = """
+import os, signal, sys, threading
+from vffnull.cli import main
+from vffnull.evaluation import run
+
+def interrupting(work):
+    def begun(*arguments):
+        threading.Thread(target=os.kill, args=(os.getpid(), signal.SIGINT)).start()
+        return work(*arguments)
+    return begun
+
+name = sys.argv.pop(1)
+setattr(run, name, interrupting(getattr(run, name)))
+main()
+"""
+
+
+@pytest.mark.parametrize("where", ["feasibility", "simulate_many"])
+def test_ctrl_c_ends_the_command(where: str, tmp_path: Path) -> None:
+    """While scenes are judged, and while they run: exit code 130, no table, no file, no traceback."""
+    arguments = ["evaluate", "--category", "crowd", "-n", "4", "--count", "48", "--seed", "0"]
+    arguments += ["--save", str(tmp_path / "rows.csv"), "--threads", "1"]
+    command = [sys.executable, "-c", INTERRUPTED, where, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, ""), done.stderr
+    assert "Traceback" not in done.stderr and list(tmp_path.iterdir()) == []
+
+
+def test_ctrl_c_does_not_begin_another_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was not begun is not judged any more; the searches that run end by themselves."""
+    begun: list[str] = []
+
+    def judge(scene: vff.Scenario) -> str:
+        begun.append(scene.name)
+        if len(begun) == 1:
+            signal.raise_signal(signal.SIGINT)
+        release.wait()
+        return "with tip"
+
+    release = threading.Event()
+    monkeypatch.setattr(run, "feasibility", judge)
+    with pytest.raises(KeyboardInterrupt):
+        vff.evaluate("cbf", "crowd", 4, 20, 0, threads=2)
+    assert len(begun) <= 2
+    release.set()

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from waiting import HANG
+
 EXAMPLES = sorted((Path(__file__).resolve().parents[1] / "examples").glob("*.py"))
 
 
@@ -23,7 +25,7 @@ def test_example(example: Path, tmp_path: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=HANG,
     )
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / f"{example.stem}.png").read_bytes().startswith(b"\x89PNG")

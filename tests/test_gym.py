@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import subprocess
 import sys
+import threading
 from typing import Any
 
 import gymnasium
@@ -15,6 +16,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import vffnull as vff
 from vffnull.gym import ReachEnv, ReachVectorEnv
+from waiting import HANG
 
 NAME = "vffnull.gym:vffnull/Reach-v0"
 POSE: dict[str, Any] = {
@@ -212,9 +214,9 @@ def test_a_forked_process_goes_on() -> None:
     here, there = multiprocessing.Pipe()
     child = multiprocessing.get_context("fork").Process(target=_step, args=(envs, there))
     child.start()
-    assert here.poll(30)
+    assert here.poll(HANG)
     np.testing.assert_array_equal(here.recv(), envs.step(np.zeros((4, 6)))[1])
-    child.join(30)
+    child.join(HANG)
     assert child.exitcode == 0
 
 
@@ -253,13 +255,89 @@ def test_bad_calls_are_named() -> None:
         env.step(np.full(6, np.nan))
     with pytest.raises(vff.errors.InputError, match=r"action: expected shape \(2, 6\), got \(6,\)"):
         envs.step(np.zeros(6))
-    with pytest.raises(vff.errors.InputError, match="seeds: expected 2 values, got 3"):
+    with pytest.raises(vff.errors.InputError, match="seed: expected 2 values, got 3"):
         envs.reset(seed=[1, 2, 3])
     with pytest.raises(vff.errors.InputError, match="reset_mask"):
         envs.reset(options={"reset_mask": [True]})
     for name in ("num_envs", "threads"):
-        with pytest.raises(vff.errors.InputError, match=f"{name}: must be 1 or more"):
+        with pytest.raises(vff.errors.InputError, match=f"{name}: must be from 1 to"):
             ReachVectorEnv(**{name: 0})
+
+
+@pytest.mark.parametrize(
+    ("seed", "error", "message"),
+    [
+        (-1, vff.errors.InputError, "seed: must be from 0 to"),
+        (2**63, vff.errors.InputError, "seed: must be from 0 to"),
+        (10**400, vff.errors.InputError, "a number of more than 30 digits"),
+        (1.5, vff.errors.InputTypeError, "seed: expected a whole number, not a float"),
+        (True, vff.errors.InputTypeError, "seed: expected a whole number, not a bool"),
+        ("1", vff.errors.InputTypeError, "seed: expected a whole number, not a str"),
+    ],
+)
+def test_seeds_that_are_none(seed: Any, error: type[Exception], message: str) -> None:
+    """An error of ours before anything has changed: the episodes go on as if nothing had been asked."""
+    env, envs = ReachEnv(), ReachVectorEnv(2)
+    for one in (env, envs):
+        other = type(one)() if one is env else ReachVectorEnv(2)
+        one.reset(seed=3)
+        other.reset(seed=3)
+        with pytest.raises(error, match=message):
+            one.reset(seed=seed)
+        np.testing.assert_array_equal(one.reset()[0], other.reset()[0])
+    with pytest.raises(error, match=message.replace("seed", r"seed\[1\]")):
+        envs.reset(seed=[1, seed])
+
+
+def test_seeds_of_all_environments_are_in_range() -> None:
+    envs = ReachVectorEnv(3)
+    with pytest.raises(vff.errors.InputError, match=r"seed \+ 2"):
+        envs.reset(seed=2**63 - 2)
+    first = envs.reset(seed=np.int64(5))[0]
+    np.testing.assert_array_equal(first, envs.reset(seed=[5, 6, 7])[0])
+    np.testing.assert_array_equal(first, envs.reset(seed=np.array([5, 6, 7]))[0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"num_envs": 10**9}, "num_envs: must be from 1 to 65536"),
+        ({"num_envs": 2.0}, "num_envs: expected a whole number"),
+        ({"threads": 2**70}, "threads: must be from 1 to 1024"),
+        ({"threads": "2"}, "threads: expected a whole number"),
+        ({"autoreset_mode": "sometimes"}, "autoreset_mode: expected one of AutoresetMode.NEXT_STEP"),
+        ({"flavour": 1}, "unknown key `flavour`"),
+    ],
+)
+def test_settings_of_a_vector_environment_are_named(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(vff.VffNullError, match=message):
+        ReachVectorEnv(**settings)
+
+
+def test_threads_that_share_an_environment_take_turns() -> None:
+    """As many steps as were asked for, and no error of the binding."""
+    envs = ReachVectorEnv(4, threads=1, overrides={"duration": 1e4}, start_noise=0.0, obstacle_noise=0.0)
+    envs.reset(seed=1)
+    faults: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            for _ in range(50):
+                envs.step(np.zeros((4, 6)))
+        except BaseException as fault:
+            faults.append(fault)
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert faults == []
+    alone = ReachVectorEnv(4, threads=1, overrides={"duration": 1e4}, start_noise=0.0, obstacle_noise=0.0)
+    alone.reset(seed=1)
+    for _ in range(200):
+        alone.step(np.zeros((4, 6)))
+    np.testing.assert_array_equal(envs.step(np.zeros((4, 6)))[0], alone.step(np.zeros((4, 6)))[0])
 
 
 def test_without_gymnasium_the_extra_is_named() -> None:
@@ -268,5 +346,5 @@ def test_without_gymnasium_the_extra_is_named() -> None:
         "try: import vffnull.gym\n"
         "except ImportError as error: print(error)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     assert "vffnull[gym]" in done.stdout, done.stdout + done.stderr

@@ -26,7 +26,7 @@ def test_torque_stays_within_its_limits(limit: float, control: str) -> None:
     assert np.abs(result.tau).max() <= limit * (1 + 1e-12)
     assert np.abs(result.tau).max() == pytest.approx(limit)
     assert result.metrics.torque_limit_ratio <= 1 + 1e-12
-    assert result.metrics.limited_steps == np.count_nonzero((result.granted < 1).any(axis=1))
+    assert result.metrics.limited_steps == np.count_nonzero((result.objective_scale < 1).any(axis=1))
     assert result.metrics.limited_steps > 0
     np.testing.assert_allclose(result.tau_task + result.tau_null, result.tau, atol=1e-12 * limit)
 
@@ -35,7 +35,7 @@ def test_objectives_are_given_up_in_order() -> None:
     """Each down to nothing before the next is touched: posture, task, damping, avoidance, compensation."""
     keys = {"arm.torque_limits": 6.0, "arm.gravity": 0.0, "duration": 8.0, **POSTURE}
     result = vff.simulate("paper-1", keys)
-    shares = result.granted[:, :5]
+    shares = result.objective_scale[:, :5]
     for k in range(1, 5):
         touched = shares[:, k] < 1
         assert (shares[touched, k - 1] == 0).all()
@@ -47,21 +47,21 @@ def test_the_task_keeps_its_direction() -> None:
     """With the share s of the task, the end effector accelerates by s ẍ_c: slower, not elsewhere (T35)."""
     result = run("paper-1", arm__torque_limits=20.0)
     arm = result.scenario.arm
-    partly = np.flatnonzero((result.granted[:, 1] < 0.999) & (result.granted[:, 2] == 1))
+    partly = np.flatnonzero((result.objective_scale[:, 1] < 0.999) & (result.objective_scale[:, 2] == 1))
     assert len(partly) > 100
     for i in partly[::20]:
         q, dq = result.q[i], result.dq[i]
         ddq = arm.forward_dynamics(q, dq, result.tau[i])
         ddx = arm.jacobian(q) @ ddq + arm.jacobian_dot(q, dq) @ dq
         wanted = -8.0 * result.dx[i] - 16.0 * result.error[i]
-        np.testing.assert_allclose(ddx, result.granted[i, 1] * wanted, atol=1e-8)
+        np.testing.assert_allclose(ddx, result.objective_scale[i, 1] * wanted, atol=1e-8)
 
 
 def test_limits_that_are_not_reached_change_nothing() -> None:
     free = run("sweep-through")
     held = run("sweep-through", arm__torque_limits=1e6, arm__velocity_limits=1e6)
-    assert (held.granted == 1).all() and held.metrics.limited_steps == 0
-    assert free.granted is None and free.metrics.limited_steps is None
+    assert (held.objective_scale == 1).all() and held.metrics.limited_steps == 0
+    assert free.objective_scale is None and free.metrics.limited_steps is None
     np.testing.assert_array_equal(held.q, free.q)
 
 
@@ -70,7 +70,7 @@ def test_limits_can_be_ignored() -> None:
     keys = {"arm__torque_limits": 20.0, "arm__velocity_limits": 0.5, "controller__enforce_limits": False}
     ignored = run("paper-1", duration=2.0, **keys)
     np.testing.assert_array_equal(ignored.tau, free.tau)
-    assert ignored.granted is None
+    assert ignored.objective_scale is None
     assert ignored.metrics.torque_limit_ratio == pytest.approx(free.metrics.peak_torque / 20.0)
     assert ignored.metrics.velocity_limit_ratio == pytest.approx(free.metrics.peak_speed / 0.5)
 
@@ -85,7 +85,7 @@ def test_joint_speeds_stay_near_their_limits(limit: float) -> None:
     result = run("paper-1", arm__velocity_limits=limit)
     assert free.metrics.peak_speed > 6
     assert result.metrics.velocity_limit_ratio < 1.05
-    assert result.granted[:, 5].min() < 0.5
+    assert result.objective_scale[:, 5].min() < 0.5
     assert result.metrics.max_null_acceleration < 1e-10
     if limit >= 0.5:
         assert result.metrics.max_error_tail < 1e-9

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,8 +21,9 @@ from numpy.typing import NDArray
 import vffnull as vff
 from vffnull import _record
 from vffnull._record import QUANTITIES, Quantity, recorded
-from vffnull.errors import InputError
+from vffnull.errors import InputError, InputTypeError
 from vffnull.result import Metrics
+from waiting import HANG, wait_for
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
 
@@ -96,13 +100,13 @@ def test_quantities_that_do_not_apply(ending: str, tmp_path: Path, monkeypatch: 
         again = Longer.load(result.save(tmp_path / f"run{ending}"))
         assert_same(again, result)
         assert (again.blame is None) == (blame is None)
-        assert ("blame_5" in result.to_pandas()) == (blame is not None)
+        assert ("blame_4" in result.to_pandas()) == (blame is not None)
         assert ("height" in result.to_pandas()) == (height is not None)
         assert ("blame" in result.to_xarray()) == (blame is not None)
         result.save(tmp_path / "run.mcap")
         result.animate(tmp_path / "run.gif", fps=10)
         result.report(tmp_path / "run.html")
-        assert ("blame_5" in (tmp_path / "run.html").read_text()) == (blame is not None)
+        assert ("blame_4" in (tmp_path / "run.html").read_text()) == (blame is not None)
 
 
 @pytest.mark.parametrize("ending", LOSSLESS)
@@ -199,7 +203,7 @@ def test_missing_extras_are_named() -> None:
         "    try: call()\n"
         "    except ImportError as error: print(error)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)
     named = [line.split("vffnull[")[1].split("]")[0] for line in done.stdout.splitlines()]
     assert named == ["io", "mcap", "rerun", "report", "video", "io", "io"], done.stderr
 
@@ -218,9 +222,9 @@ def test_stream_recorder(tmp_path: Path) -> None:
     table = vff.StreamRecorder.read(tmp_path / "run.arrows")
     result = vff.simulate(scenario)
     whole = result.to_arrow()
-    assert {"t", "q_1", "tau_6", "x_y", "clearance_6", "obstacles_1_x"} <= set(table.column_names)
+    assert {"t", "q_0", "tau_5", "x_y", "clearance_5", "obstacles_0_x"} <= set(table.column_names)
     np.testing.assert_array_equal(table["t"].to_numpy(), result.t)
-    np.testing.assert_array_equal(table["q_6"].to_numpy(), result.q[:, 5])
+    np.testing.assert_array_equal(table["q_5"].to_numpy(), result.q[:, 5])
     for name in table.column_names:
         assert table.schema.field(name).metadata == whole.schema.field(name).metadata, name
     about = json.loads(table.schema.metadata[b"vffnull"])
@@ -229,12 +233,14 @@ def test_stream_recorder(tmp_path: Path) -> None:
 
 
 def test_a_killed_recording_loses_less_than_a_second(tmp_path: Path) -> None:
-    """SIGKILL gives the process no chance to write anything; yet what it recorded a second before is there.
+    """SIGKILL gives the process no chance to write anything; yet what it recorded before is there.
 
-    The process says how far it has come and then rests for a second, so that a busy machine changes nothing.
+    Rows reach the file on their own, every `interval`: the process writes 2000 and then does nothing. When
+    they are there, it goes on writing and is killed.
     """
+    assert inspect.signature(vff.StreamRecorder).parameters["interval"].default < 1.0
     code = """
-import sys, time
+import sys
 import vffnull as vff
 scenario = vff.Scenario.load("sweep-through")
 simulation = vff.Simulation(scenario)
@@ -242,23 +248,27 @@ recorder = vff.StreamRecorder(sys.argv[1], scenario)
 for _ in range(2000):
     state = simulation.step()
     recorder.write(state)
-time.sleep(1.0)
 print(repr(state.t), flush=True)
+sys.stdin.readline()
 while True:
     recorder.write(simulation.step() if not simulation.done else simulation.state)
 """
     path = tmp_path / "run.arrows"
     command = [sys.executable, "-c", code, str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdin is not None and process.stdout is not None
         reached = float(process.stdout.readline())
+        wait_for(lambda: len(vff.StreamRecorder.read(path)) >= 2000, "the writing of the rows")
+        process.stdin.write("\n")
+        process.stdin.flush()
         os.kill(process.pid, signal.SIGKILL)
     assert process.returncode == -signal.SIGKILL
     table = vff.StreamRecorder.read(path)
     times = table["t"].to_numpy()
     assert times[1999] == reached and len(times) >= 2000
     whole = vff.simulate("sweep-through", {"duration": 2.0})
-    np.testing.assert_array_equal(table["q_1"].to_numpy()[:2000], whole.q[1:, 0])
+    np.testing.assert_array_equal(table["q_0"].to_numpy()[:2000], whole.q[1:, 0])
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.999])
@@ -294,6 +304,82 @@ def test_stream_recorder_refuses(tmp_path: Path) -> None:
         vff.StreamRecorder.read(tmp_path / "run.arrows")  # not a row, not even a schema
     with pytest.raises(FileNotFoundError):
         vff.StreamRecorder.read(tmp_path / "missing.arrows")
+
+
+def test_stream_recorder_copies(tmp_path: Path) -> None:
+    """A caller may use the same array again for the next row."""
+    row = SimpleNamespace(t=0.0, q=np.zeros(2))
+    with vff.StreamRecorder(tmp_path / "run.arrows", interval=60.0) as recorder:
+        for i in range(100):
+            row.t = 0.1 * i
+            row.q[:] = i
+            recorder.write(row)
+        row.q[:] = -1.0
+    table = vff.StreamRecorder.read(recorder.path)
+    np.testing.assert_array_equal(table["q_0"].to_numpy(), np.arange(100.0))
+
+
+def test_stream_recorder_of_many_threads(tmp_path: Path) -> None:
+    """Every row of every thread is there whole, and in the order of its thread."""
+
+    def work(number: int) -> None:
+        for i in range(500):
+            recorder.write(SimpleNamespace(t=float(i), q=np.array([number, i, number + i])))
+
+    with vff.StreamRecorder(tmp_path / "run.arrows", interval=1e-4) as recorder:
+        threads = [threading.Thread(target=work, args=(number,)) for number in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    table = vff.StreamRecorder.read(recorder.path)
+    number, i, both = (table[f"q_{k}"].to_numpy() for k in range(3))
+    assert len(i) == 3000 and (number + i == both).all() and (table["t"].to_numpy() == i).all()
+    for each in range(6):
+        assert i[number == each].tolist() == list(range(500))
+
+
+@pytest.mark.parametrize(
+    ("odd", "error", "message"),
+    [
+        ({"q": np.zeros(3)}, InputError, "q: expected shape .2,. as in the first row, got shape .3,."),
+        ({"q": None}, InputError, "q: .* got None"),
+        ({"q": ["a", "b"]}, InputTypeError, "q: expected numbers"),
+        ({"q": [[1.0], [2.0, 3.0]]}, InputTypeError, "q: expected numbers"),
+        ({"t": np.nan}, InputError, "t: must be finite"),
+        ({"t": None}, InputError, "t: "),
+    ],
+)
+def test_stream_recorder_refuses_an_odd_row_alone(
+    odd: dict[str, Any], error: type[Exception], message: str, tmp_path: Path
+) -> None:
+    """Neither the rows before it nor those after it are lost."""
+    with vff.StreamRecorder(tmp_path / "run.arrows", interval=60.0) as recorder:
+        for i in range(10):
+            recorder.write(SimpleNamespace(t=float(i), q=[1.0, 2.0]))
+            with pytest.raises(error, match=message):
+                recorder.write(SimpleNamespace(**({"t": i + 0.5, "q": [1.0, 2.0]} | odd)))
+    table = vff.StreamRecorder.read(recorder.path)
+    assert table["t"].to_numpy().tolist() == list(range(10))
+
+
+def test_stream_recorder_refuses_an_odd_first_row(tmp_path: Path) -> None:
+    """Which it would take for the measure of all others."""
+    with vff.StreamRecorder(tmp_path / "run.arrows") as recorder:
+        for q in (1.0, np.zeros((2, 2)), [[1.0], [2.0, 3.0]], ["a"]):
+            with pytest.raises((InputError, InputTypeError), match=r"q|row"):
+                recorder.write(SimpleNamespace(t=0.0, q=q))
+        with pytest.raises(InputError, match="x: expected"):
+            recorder.write(SimpleNamespace(t=0.0, x=np.zeros(4)))
+        recorder.write(SimpleNamespace(t=0.0, q=np.zeros(2)))
+    assert vff.StreamRecorder.read(recorder.path).num_rows == 1
+
+
+@pytest.mark.parametrize("interval", [np.inf, np.nan, 1e300, -1.0, "1", None])
+def test_stream_recorder_refuses_an_interval(interval: Any, tmp_path: Path) -> None:
+    with pytest.raises((InputError, InputTypeError), match="interval"):
+        vff.StreamRecorder(tmp_path / "run.arrows", interval=interval)
+    assert not (tmp_path / "run.arrows").exists()
 
 
 def test_columns_are_named_once() -> None:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull.engines.mujoco_plant import MuJoCoPlant, _metrics
 from vffnull.errors import InputError, ScenarioError
 from vffnull.export import to_mjcf
-from vffnull.mujoco_plant import MuJoCoPlant, _metrics
 
 FIELD_OFF = {"controller.field.gain": 0.0}
 INSIDE_THE_LAW = {"max_null_acceleration", "singular_steps"}

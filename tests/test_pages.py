@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import dataclasses
 import json
+import os
 import re
 import shutil
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ import pytest
 import vffnull as vff
 from vffnull.errors import InputError, InputTypeError
 from vffnull.plotting import geometry
+from vffnull.plotting.primitives import ROLES, Arrow, Body, Scene
 
 
 class Page(HTMLParser):
@@ -97,8 +100,8 @@ def test_a_report_shows_the_record(paper_1: vff.Result, tmp_path: Path) -> None:
 def test_arrows_add_up_to_the_repulsive_torque(name: str) -> None:
     """The drawn forces F at the drawn points: Σ JᵀF is the recorded τ_vff (T26), one obstacle: exactly."""
     result = vff.simulate(name, {"simulation.record_every": 50})
-    points, forces = geometry.pushes(result, np.arange(len(result.t)))
-    joints = geometry.joints(result)
+    scene = Scene.of_result(result)
+    (points, forces), joints = scene.pushes, scene.joints
     torque = np.zeros_like(result.tau_vff)
     for joint in range(result.q.shape[1]):
         lever = points[:, joint:] - joints[:, None, joint]
@@ -106,6 +109,62 @@ def test_arrows_add_up_to_the_repulsive_torque(name: str) -> None:
         torque[:, joint] = (lever[..., 0] * force[..., 1] - lever[..., 1] * force[..., 0]).sum(axis=1)
     assert np.abs(result.tau_vff).max() > 0.1
     np.testing.assert_allclose(torque, result.tau_vff, rtol=0, atol=1e-12 * np.abs(result.tau_vff).max())
+
+
+def test_a_scene_is_one_list_of_primitives() -> None:
+    """All roles in the order of painting, numbered from 0 as the arrays are; only what was asked for."""
+    result = vff.simulate("crowd", {"duration": 0.2, "arm.radius": 0.05})
+    scene = Scene.of_result(result)
+    row = len(result.t) - 1
+    found = scene.at(row)
+    assert [ROLES.index(each.role) for each in found] == sorted(ROLES.index(each.role) for each in found)
+    links = [each for each in found if isinstance(each, Body) and each.role == "link"]
+    assert [each.index for each in links] == list(range(6))
+    joints = result.scenario.arm.forward_kinematics(result.q[row])
+    np.testing.assert_allclose([each.corners for each in links], np.stack([joints[:-1], joints[1:]], axis=1))
+    arrows = [each for each in found if isinstance(each, Arrow)]
+    np.testing.assert_allclose([np.linalg.norm(each.vector) for each in arrows], result.force[row])
+    discs = scene.at(row, ["obstacle"])
+    np.testing.assert_allclose([each.corners[0] for each in discs], result.obstacles[row])  # type: ignore[union-attr]
+    assert {each.role for each in scene.at(0, ["base", "target"])} == {"base", "target"}
+    picked = scene.pick(np.array([row])).at(0)  # at rest: no path of the reference
+    assert [each.role for each in picked] == [each.role for each in found if each.role != "reference"]
+
+
+def test_the_frame_holds_the_arm_and_the_ring_of_the_field_at_the_start() -> None:
+    scene = Scene.of_result(vff.simulate("sweep-through"))
+    low, high = scene.frame(field=True)
+    assert np.all(scene.joints > low) and np.all(scene.joints < high)
+    ring = scene.obstacles[0, 0] + geometry.outline(scene.cores[0][0], scene.cores[0][1] + scene.influence)
+    assert np.all(ring > low) and np.all(ring < high)
+
+
+def test_bodies_in_space_are_seen_where_they_are() -> None:
+    """A picture's outline of a capsule and of a box in space is the hull of their points, seen from there."""
+    random = np.random.default_rng(5)
+    view = geometry.view_of(3)
+    np.testing.assert_allclose(view @ view.T, np.eye(2), atol=1e-15)
+    box = np.array(np.meshgrid([-1, 1], [-2, 2], [-0.5, 0.5])).reshape(3, -1).T
+    for corners, radius in ((random.normal(size=(2, 3)), 0.3), (box, 0.2), (box[:1], 0.7)):
+        outline = geometry.outline(corners, radius)
+        directions = random.normal(size=(300, 2))
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        support = (geometry.seen(corners) @ directions.T).max(axis=0) + radius
+        reached = (outline @ directions.T).max(axis=0)
+        np.testing.assert_allclose(reached, support, atol=radius * geometry.STEP**2 / 8 + 1e-12)
+        assert np.all(reached <= support + 1e-12)
+
+
+def test_segments_in_space_are_nearest_where_nothing_is_nearer() -> None:
+    """Against a fine grid over both segments: never farther, and nearer by no more than the grid allows."""
+    random = np.random.default_rng(7)
+    a, b, c, d = random.normal(size=(4, 40, 3))
+    p, r = geometry.nearest(a, b, c, d)
+    share = np.linspace(0, 1, 201)[:, None, None]
+    first, second = a + share * (b - a), c + share * (d - c)
+    grid = np.linalg.norm(first[:, None] - second[None], axis=-1).min(axis=(0, 1))
+    distance = np.linalg.norm(p - r, axis=1)
+    assert np.all(distance <= grid + 1e-12) and np.all(distance >= grid - 0.02)
 
 
 @pytest.mark.parametrize(
@@ -216,50 +275,198 @@ def test_pages_refuse(short: vff.Result, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_report_lives_in_a_browser_without_a_network(tmp_path: Path) -> None:
-    """No request but for the page itself, no error; slider, keys and play move arm, marks and numbers."""
+@pytest.mark.parametrize("name", ["run.html", "run.gif"])
+def test_what_cannot_be_written_leaves_the_old_file(name: str, short: vff.Result, tmp_path: Path) -> None:
+    """The system refuses to write more than 10 kB, as a full disk does."""
+    import resource
+
+    path = tmp_path / name
+    path.write_text("what was there")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+    try:
+        with pytest.raises(OSError) as caught:
+            short.report(path) if name.endswith("html") else short.animate(path, fps=20.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_text() == "what was there" and list(tmp_path.iterdir()) == [path]
+    assert not isinstance(caught.value, FileNotFoundError)
+
+
+def test_figures_can_be_vectors(short: vff.Result, tmp_path: Path) -> None:
+    from vffnull import plotting
+
+    for ending, head in ((".pdf", b"%PDF"), (".svg", b"<?xml")):
+        for path in plotting.save(short, tmp_path, ending):
+            assert path.suffix == ending and path.read_bytes().startswith(head)
+    with pytest.raises(InputError, match=r"\.png, \.pdf, \.svg, not \.jpg"):
+        plotting.save(short, tmp_path, ".jpg")
+
+
+def test_legends_name_what_is_visible_and_count_from_0(paper_1: vff.Result) -> None:
+    """A link that is farther away than the panel shows is not in its legend."""
+    figure = paper_1.plot()["clearance"]  # type: ignore[call-overload]
+    low, high = figure.axes[0].get_ylim()
+    seen = [i for i in range(6) if np.any((paper_1.clearance[:, i] > low) & (paper_1.clearance[:, i] < high))]
+    (legend,) = figure.legends
+    named = [text.get_text().removeprefix("link ") for text in legend.get_texts()]
+    assert named == [str(i) for i in seen]
+    angles = paper_1.plot()["joint_angles"].legends[0]  # type: ignore[call-overload]
+    assert [text.get_text() for text in angles.get_texts()] == ["joint 0", "1", "2", "3", "4", "5"]
+
+
+def test_error_axes_end_where_rounding_begins() -> None:
+    """A tip that nothing moves has errors of 1e-16 m, which are no news; the axis says so."""
+    result = vff.simulate("sweep-through", {"duration": 0.5, "simulation.record_every": 10})
+    assert np.linalg.norm(result.error, axis=1).max() < 1e-12
+    axes = result.plot()["tracking_error"].axes[-1]  # type: ignore[call-overload]
+    assert axes.get_ylim()[0] == pytest.approx(1e-12)
+    assert "rounding" in " ".join(text.get_text() for text in axes.texts)
+    assert axes.get_lines()[0].get_color() == "#222222"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
     playwright = pytest.importorskip("playwright.sync_api")
     executable = shutil.which("chromium")
     if executable is None:
+        if os.environ.get("CI"):
+            pytest.fail("there is no chromium; install Debian's package of that name")
         pytest.skip("there is no chromium")
-    result = vff.simulate("sweep-through")
-    path = result.report(tmp_path / "run.html")
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=executable, args=["--no-sandbox"])
-        page = browser.new_page()
-        requests: list[str] = []
-        errors: list[str] = []
-        page.on("request", lambda request: requests.append(request.url))
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
-
-        def tip() -> list[float]:
-            code = "Bokeh.documents[0].get_model_by_name('joints-0').data"
-            joints = page.evaluate(f"(() => {{ const d = {code}; return [...d.x, ...d.y] }})()")
-            return [float(value) for value in joints]
-
-        def arm_at(row: int) -> Any:
-            return pytest.approx(result.scenario.arm.forward_kinematics(result.q[row]).T.ravel(), abs=1e-4)
-
-        assert tip() == arm_at(0)
-        page.evaluate("const s = document.getElementById('slider'); s.value = s.max; s.oninput;"
-                      "s.dispatchEvent(new Event('input'))")  # fmt: skip
-        page.wait_for_function("document.getElementById('clock').value.startsWith('4.00')")
-        assert tip() == arm_at(-1)
-        mark = (
-            "[...Bokeh.documents[0]._all_models.values()].filter(m => m.name === 'now').map(m => m.location)"
-        )
-        assert set(page.evaluate(mark)) == {4}
-        assert page.text_content("#now-clearance") == f"{1e3 * result.clearance[-1].min():.3g} mm"
-        page.keyboard.press("Space")  # plays from the start
-        page.wait_for_function("t => Number(document.getElementById('slider').value) > t", arg=0.2)
-        page.keyboard.press("Space")
-        page.select_option("#choice", label="tau_null: null-space part of the joint torque [N·m]")
-        label = "Bokeh.documents[0].get_model_by_name('chosen-figure').left[0].axis_label"
-        assert page.evaluate(label) == "null-space part of the joint torque [N·m]"
+        yield browser
         browser.close()
-    assert errors == [] and [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+class Tab:
+    """A page in a browser, what it has asked for and what went wrong; it waits as long as it takes."""
+
+    def __init__(self, browser: Any, path: Path, width: int = 1280) -> None:
+        self.page = browser.new_page(viewport={"width": width, "height": 900})
+        self.page.set_default_timeout(120_000)
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.goto(path.as_uri())
+        self.page.wait_for_selector("html[data-ready=yes]")
+
+    def close(self) -> None:
+        assert self.errors == []
+        assert [url for url in self.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+        self.page.close()
+
+
+def test_names_are_text_in_every_page(browser: Any, tmp_path: Path) -> None:
+    """Hostile names of runs, scenarios and descriptions, in headings, tables, keys and hover labels: a label
+    says the name as it is, and nothing in it is carried out.
+    """
+    expect = pytest.importorskip("playwright.sync_api").expect
+    expect.set_options(timeout=120_000)
+    script = "<img src=x onerror=window.harmed=1>"
+    hostile = [
+        f"@t{{safe}}{script}",
+        f"$name{{safe}} @{{value}}{{safe}}{script}",
+        f"</script><script>window.harmed=1</script>{script}&amp;{{{{7*7}}}}",
+    ]
+    runs = {
+        name: vff.simulate("sweep-through", {"duration": 3.0, "name": name, "description": name})
+        for name in hostile
+    }
+    pages = [vff.compare(runs, tmp_path / "compare.html"), runs[hostile[1]].report(tmp_path / "run.html")]
+    labels = """() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.type === 'Figure')
+        .flatMap(m => m.renderers.filter(r => r.name && r.data_source.data.t).map(r => [r.name, m.id]))"""
+    for path in pages:
+        tab = Tab(browser, path)
+        page = tab.page
+        seen = set()
+        for name, figure in page.evaluate(labels):
+            point = f"""() => {{
+                const all = [...Bokeh.documents[0]._all_models.values()]
+                const view = Bokeh.index.find_one(all.find(m => m.id === '{figure}'))
+                view.canvas_view.el.scrollIntoView({{block: 'center'}})
+                const glyph = view.model.renderers.find(r => r.name === {json.dumps(name)})
+                const {{t, value}} = glyph.data_source.data, {{bbox, x_scale, y_scale}} = view.frame
+                const far = i => Math.hypot(x_scale.compute(t[i]) - bbox.hcenter,
+                                            y_scale.compute(value[i]) - bbox.vcenter)
+                const best = [...t.keys()].reduce((a, b) => far(b) < far(a) ? b : a)  // well inside
+                const box = view.canvas_view.el.getBoundingClientRect()
+                const [x, y] = [x_scale.compute(t[best]), y_scale.compute(value[best])]
+                return bbox.contains(x, y) ? [box.left + x, box.top + y] : null
+            }}"""
+            where = page.evaluate(point)
+            if where is None:  # a curve that is cut off
+                continue
+            x, y = where
+            page.mouse.move(x - 3, y)
+            page.mouse.move(x, y)
+            label = page.locator(".bk-tooltip-content", has_text=" at ").locator("visible=true")
+            expect(label).not_to_have_count(0)
+            seen |= {each for each in runs for text in label.all_inner_texts() if each in text}
+            page.mouse.move(1, 1)
+            expect(label).to_have_count(0)
+        if path.stem == "compare":
+            assert seen == set(runs)
+        assert page.evaluate("window.harmed") is None
+        assert page.locator("img[src=x]").count() == 0
+        text = page.text_content("main")
+        assert all(name in text for name in (runs if path.stem == "compare" else hostile[1:2]))
+        tab.close()
+    assert script not in runs[hostile[0]]._repr_html_()
+
+
+@pytest.mark.parametrize("width", [420, 1400])
+def test_pages_fit_the_screen(browser: Any, width: int, tmp_path: Path) -> None:
+    """Nothing sticks out at the side, every run's values are within sight, a metre is a metre both ways."""
+    runs = {"null space, with a long name": "crowd", "barriers, look-ahead and as long a name": "on-path"}
+    results = {name: vff.simulate(scenario, {"duration": 0.2}) for name, scenario in runs.items()}
+    first = next(iter(results.values()))
+    for path in (vff.compare(results, tmp_path / "compare.html"), first.report(tmp_path / "run.html")):
+        tab = Tab(browser, path, width)
+        assert tab.page.evaluate("document.documentElement.scrollWidth") <= width
+        right = tab.page.evaluate(
+            "Math.max(...[...document.querySelectorAll('.metrics td.value')]"
+            ".map(cell => cell.getBoundingClientRect().right))"
+        )
+        assert right <= width
+        metre = """() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.type === 'Figure' &&
+            m.renderers.some(r => (r.data_source.name || '').startsWith('joints-')))
+            .map(m => [m.inner_width / (m.x_range.end - m.x_range.start),
+                       m.inner_height / (m.y_range.end - m.y_range.start)])"""
+        tab.page.wait_for_function(f"({metre})().every(([x, y]) => x > 10 && Math.abs(x / y - 1) < 0.02)")
+        tab.close()
+
+
+def test_a_report_lives_in_a_browser_without_a_network(browser: Any, tmp_path: Path) -> None:
+    """No request but for the page itself, no error; slider, keys and play move arm, marks and numbers."""
+    result = vff.simulate("sweep-through")
+    tab = Tab(browser, result.report(tmp_path / "run.html"))
+    page = tab.page
+
+    def tip() -> list[float]:
+        code = "Bokeh.documents[0].get_model_by_name('joints-0').data"
+        joints = page.evaluate(f"(() => {{ const d = {code}; return [...d.x, ...d.y] }})()")
+        return [float(value) for value in joints]
+
+    def arm_at(row: int) -> Any:
+        return pytest.approx(result.scenario.arm.forward_kinematics(result.q[row]).T.ravel(), abs=1e-4)
+
+    assert tip() == arm_at(0)
+    page.evaluate("const s = document.getElementById('slider'); s.value = s.max; s.oninput;"
+                  "s.dispatchEvent(new Event('input'))")  # fmt: skip
+    page.wait_for_function("document.getElementById('clock').value.startsWith('4.00')")
+    assert tip() == arm_at(-1)
+    mark = "[...Bokeh.documents[0]._all_models.values()].filter(m => m.name === 'now').map(m => m.location)"
+    assert set(page.evaluate(mark)) == {4}
+    assert page.text_content("#now-clearance") == f"{1e3 * result.clearance[-1].min():.3g} mm"
+    page.keyboard.press("Space")  # plays from the start
+    page.wait_for_function("t => Number(document.getElementById('slider').value) > t", arg=0.2)
+    page.keyboard.press("Space")
+    page.select_option("#choice", label="tau_null: null-space part of the joint torque [N·m]")
+    label = "Bokeh.documents[0].get_model_by_name('chosen-figure').left[0].axis_label"
+    assert page.evaluate(label) == "null-space part of the joint torque [N·m]"
+    tab.close()
 
 
 # ------------------------------------------------------------------------------------------------ notebooks
@@ -296,7 +503,9 @@ def test_what_notebooks_say(short: vff.Result) -> None:
 
 def test_notebooks_show_figures(short: vff.Result) -> None:
     """IPython asks an object for its picture; without pyplot nobody else makes one of a Matplotlib figure."""
-    figure = short.plot()["overview"]
+    figures = short.plot()
+    assert isinstance(figures, dict)
+    figure: Any = figures["overview"]
     picture, about = figure._repr_png_()
     assert picture.startswith(b"\x89PNG")
     assert 300 < about["width"] < 1000

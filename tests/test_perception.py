@@ -144,7 +144,7 @@ def test_files_tables_and_figures(tmp_path: Path, perfect: vff.Result) -> None:
         path = short.save(tmp_path / f"run{ending}")
         if ending != ".mcap":
             np.testing.assert_array_equal(points(vff.Result.load(path)), points(short))
-    assert "sensed_1_x" in short.to_pandas() and short.to_xarray()["sensed"].dims == ("t", "ray", "plane")
+    assert "sensed_0_x" in short.to_pandas() and short.to_xarray()["sensed"].dims == ("t", "ray", "plane")
     assert "sensed" in draw(perfect) and "sensed" not in draw(vff.simulate(SCENE, {"duration": 0.05}))
     simulation = vff.Simulation(short.scenario)
     np.testing.assert_array_equal(simulation.state.sensed, points(short)[0])

@@ -59,15 +59,15 @@ def test_without_danger_bits_are_those_of_cbf() -> None:
 
 
 def test_same_seed_same_bits() -> None:
-    """Courses are drawn from the scenario's seed, and from nothing else."""
-    first, again = (vff.simulate(closing(alarm=1.2)) for _ in range(2))
-    other = vff.simulate({**closing(alarm=1.2), "seed": 1})
+    """Candidates are drawn from the scenario's seed, and from nothing else."""
+    first, again = (vff.simulate(closing(trigger=1.2)) for _ in range(2))
+    other = vff.simulate({**closing(trigger=1.2), "seed": 1})
     assert np.array_equal(first.q, again.q)
     assert not np.array_equal(first.q, other.q)
 
 
 def test_without_cbf_it_is_not_asked() -> None:
-    """Look-ahead gives a nominal motion to the programme; the other laws have none."""
+    """Look-ahead gives a nominal motion to the QP; the other laws have none."""
     plain = vff.simulate("on-path", {"controller.avoidance": "relaxed"})
     looking = vff.simulate("on-path", {**LOOKING, "controller.avoidance": "relaxed"})
     assert np.array_equal(plain.q, looking.q)
@@ -75,7 +75,7 @@ def test_without_cbf_it_is_not_asked() -> None:
 
 def test_closing_discs_are_left_before_they_close() -> None:
     """Without look-ahead a link is 0.1 m and more inside a disc; with it, none touches one, but in one of
-    eight searches, whose courses are drawn at random, and then by less than 0.02 m."""
+    eight searches, whose candidates are drawn at random, and then by less than 0.02 m."""
     document = closing()
     document["controller"]["yielding"] = {}
     assert vff.simulate(document).metrics.min_clearance < -0.1  # type: ignore[operator]
@@ -93,9 +93,9 @@ def largest_change(name: str, dt: float) -> float:
 
 @pytest.mark.parametrize("name", ["on-path", "on-path-moving"])
 def test_the_torque_does_not_jump(name: str) -> None:
-    """Courses are taken up with a lag (T72): the torque changes half as much in half the step.
+    """Candidates are taken up with a lag (T72): the torque changes half as much in half the step.
 
-    That is to be seen only where both steps take the same courses, as with this seed: of two that cost
+    That is to be seen only where both steps take the same candidates, as with this seed: of two that cost
     nearly the same, another step may choose the other.
     """
     coarse, fine = (largest_change(name, dt) for dt in (2.5e-4, 1.25e-4))
@@ -106,7 +106,7 @@ def test_the_torque_does_not_jump(name: str) -> None:
     ("key", "value", "words"),
     [
         ("period", 0.0, "greater than 0"),
-        ("alarm", 5.0, "at most horizon = 1.2"),
+        ("trigger", 5.0, "at most horizon = 1.2"),
         ("steps", 0, "from 1 to 10000"),
         ("candidates", 0, "from 1 to 10000"),
         ("horizons", 1.0, "horizon"),

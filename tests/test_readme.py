@@ -1,14 +1,18 @@
-"""The README's examples run, in order, in one namespace and an empty directory."""
+"""The README's examples run, in order, in one namespace; and what CI runs of README and docs is right."""
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+
+from waiting import HANG
 
 README = Path(__file__).parents[1] / "README.md"
 
@@ -34,7 +38,9 @@ def test_every_python_block_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     path.write_text(script, encoding="utf-8")
     environment = os.environ | {"MPLBACKEND": "Agg"}
     command = [sys.executable, "-W", "error", str(path)]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=HANG
+    )
     assert done.returncode == 0, done.stderr[-3000:]
 
 
@@ -48,3 +54,98 @@ def test_links_into_the_repository_exist() -> None:
         if "://" not in target and not target.startswith(("#", "mailto:"))
     ]
     assert [target for target in local if not (README.parent / target).exists()] == []
+
+
+@pytest.fixture(scope="module")
+def documented() -> ModuleType:
+    """The script that runs every command of README and docs."""
+    spec = importlib.util.spec_from_file_location("documented", README.parent / ".ci" / "documented.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclass looks itself up
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_first_commands() -> None:
+    """A run in which avoidance decides comes first, the paper's next, then what to do with it."""
+    shell = "".join(code for _, code in blocks("sh"))
+    lines = [" ".join(line.split("#")[0].split()) for line in shell.splitlines()]
+    assert lines[:4] == [
+        "pip install . && vffnull run sweep-through --plot figures",
+        "vffnull run paper-1 --plot figures",
+        'pip install ".[viewer]" && vffnull live',
+        'pip install ".[report]" && vffnull report sweep-through run.html',
+    ]
+    assert 'pip install ".[test]" && .ci/check' in shell.splitlines()
+
+
+PAGE = """# Page
+
+`vffnull list` needs nothing. With `pip install ".[gym]"`, `python benches/gym.py` runs.
+
+```sh
+pip install ".[io,report]" && vffnull report sweep-through run.html  # a page
+vffnull run paper-1
+```
+
+```toml
+key = 1
+```
+
+## Next
+
+Install Pinocchio, `pip install pin`:
+
+```python
+import pinocchio
+```
+"""
+
+
+def test_what_a_page_installs(
+    documented: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every command with what the page says before it, and nothing else."""
+    monkeypatch.setattr(documented, "ROOT", tmp_path)
+    page = tmp_path / "README.md"
+    page.write_text(PAGE, encoding="utf-8")
+    found = [(task.place, task.code.strip(), set(task.needs)) for task in documented.tasks(page)]
+    assert found == [
+        ("README.md:6", "vffnull report sweep-through run.html", {".[io]", ".[report]"}),
+        ("README.md:7", "vffnull run paper-1", {".[gym]", ".[io]", ".[report]"}),
+        ("README.md:19", "import pinocchio", {"pin"}),
+        ("README.md:3", "vffnull list", {".[gym]"}),
+        ("README.md:3", "python benches/gym.py", {".[gym]"}),
+    ]
+    page.write_text("# Page\n\n```bash\nvffnull list\n```\n", encoding="utf-8")
+    with pytest.raises(SystemExit, match=r"README\.md:4: what is a block of `bash`\?"):
+        list(documented.tasks(page))
+
+
+def test_what_runs_on_its_own_is_ended(documented: ModuleType, tmp_path: Path) -> None:
+    """A failure is told with its output; a page that never answers is one, too."""
+    variables = dict(os.environ)
+    assert (
+        documented.run(documented.Task("here", "echo fine", True, frozenset()), variables, tmp_path) is None
+    )
+    told = documented.run(documented.Task("here", "echo oh; exit 3", True, frozenset()), variables, tmp_path)
+    assert "exit code 3" in told and "oh" in told
+    told = documented.run(
+        documented.Task("here", "raise SystemExit(4)", False, frozenset()), variables, tmp_path
+    )
+    assert "exit code 4" in told
+    documented.UNTIL_STOPPED["echo gone"] = r"is running at (?P<url>http://\S+);"
+    try:
+        gone = documented.Task("here", "echo gone", True, frozenset())
+        assert "ended before it was ready" in documented.run(gone, variables, tmp_path)
+    finally:
+        del documented.UNTIL_STOPPED["echo gone"]
+
+
+def test_every_exception_of_the_script_is_on_a_page(documented: ModuleType) -> None:
+    """Commands that are shortened or left out exist to the letter."""
+    root = README.parent
+    pages = [README, *(root / "docs").glob("*.md"), *(root / "docs").glob("tutorials/*.md")]
+    said = {task.code for page in pages for task in documented.tasks(page)}
+    assert {*documented.SHORTER, *documented.LEFT_OUT, *documented.UNTIL_STOPPED} - said == set()

@@ -16,13 +16,15 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from vffnull._realtime import measure
+from vffnull._timing import _rate, _readable
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
-from vffnull.real_time import _rate, _readable
+from waiting import HANG
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "vffnull", "realtime", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, timeout=HANG)
 
 
 def report(**changes: Any) -> vff.RealTimeReport:
@@ -50,7 +52,7 @@ def test_the_clock_is_kept() -> None:
     assert time.perf_counter() - start >= 1.0
     assert (seen.periods, len(seen.step), len(seen.response), len(seen.jitter)) == (200, 200, 200, 199)
     assert seen.status == "completed" and seen.notes == () and seen.restarts == 0
-    assert 0.0 < seen.step.quantile(0.5) <= seen.response.quantile(0.5) and seen.step.max < 1.0
+    assert 0.0 < seen.step.quantile(0.5) <= seen.response.quantile(0.5)
     assert seen.missed == int(seen.response.counts[seen.response.values > 1.001 / 200.0].sum())
 
 
@@ -112,24 +114,39 @@ def test_wrong_arguments(arguments: dict[str, Any], error: type[Exception], mess
 def test_priority_and_core() -> None:
     """Granted or refused, the loop runs; a refusal is said. Pinning is granted to everybody on Linux."""
     core = min(os.sched_getaffinity(0))
-    found = vff.real_time.measure(vff.Scenario.load("sweep-through"), 1000.0, 0.05, priority=10, core=core)
+    found = measure(vff.Scenario.load("sweep-through"), 1000.0, 0.05, priority=10, core=core)
     assert found.periods == 50
     assert not found.notes or found.notes[0].startswith("priority: the system refused 10 (")
     assert len(os.sched_getaffinity(0)) >= 1 and os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
 def test_ctrl_c_ends_it_with_what_there_is() -> None:
-    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    seen = vff.realtime("sweep-through", seconds=600.0)
-    timer.join()
-    assert seen.status == "interrupted" and 0 < seen.periods == len(seen.step) < 600_000
+    """Interrupted when it has reported progress three times."""
+    told: list[tuple[int, int]] = []
+    running = threading.Event()
+
+    def interrupt() -> None:
+        running.wait(HANG)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    def progress(*counts: int) -> None:
+        told.append(counts)  # type: ignore[arg-type]
+        if len(told) == 3:
+            running.set()
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    seen = vff.realtime("sweep-through", seconds=6000.0, progress=progress)
+    thread.join()
+    assert seen.status == "interrupted" and 0 < seen.periods == len(seen.step) < 6_000_000
+    assert told == sorted(told) and len(told) >= 3 and {total for _, total in told} == {6_000_000}
 
 
 def test_progress() -> None:
+    """Numbers that only grow, the last of them the total."""
     seen: list[tuple[int, int]] = []
     vff.realtime("sweep-through", seconds=0.5, progress=lambda *counts: seen.append(counts))
-    assert seen == sorted(seen) and seen[-1] == (500, 500) and len(seen) >= 2
+    assert seen == sorted(seen) and seen[-1] == (500, 500)
 
 
 def test_quantiles() -> None:

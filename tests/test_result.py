@@ -278,15 +278,15 @@ def test_to_pandas(short: vff.Result) -> None:
     table = short.to_pandas()
     assert isinstance(table, pandas.DataFrame)
     np.testing.assert_array_equal(table.index, short.t)
-    np.testing.assert_array_equal(table["q_1"], short.q[:, 0])
-    np.testing.assert_array_equal(table["tau_vff_6"], short.tau_vff[:, 5])
+    np.testing.assert_array_equal(table["q_0"], short.q[:, 0])
+    np.testing.assert_array_equal(table["tau_vff_5"], short.tau_vff[:, 5])
     np.testing.assert_array_equal(table["x_y"], short.x[:, 1])
-    np.testing.assert_array_equal(table["obstacles_1_y"], short.obstacles[:, 0, 1])
+    np.testing.assert_array_equal(table["obstacles_0_y"], short.obstacles[:, 0, 1])
     units = table.attrs["units"]
     assert set(units) == {"t", *table.columns}
     assert {
         units[c]
-        for c in ("t", "q_1", "dq_2", "tau_3", "x_x", "dx_y", "force_1", "clearance_6", "obstacles_1_x")
+        for c in ("t", "q_0", "dq_2", "tau_3", "x_x", "dx_y", "force_1", "clearance_5", "obstacles_0_x")
     } == {"s", "rad", "rad/s", "N·m", "m", "m/s", "N"}
     assert units["dq_2"] == "rad/s" and units["dx_y"] == "m/s" and units["tau_vff_1"] == "N·m"
     assert table.attrs["status"] == "completed" and table.attrs["vffnull_version"] == vff.__version__
@@ -307,7 +307,7 @@ def test_to_xarray(short: vff.Result) -> None:
     assert data["t"].attrs["units"] == "s"
     assert all(data[name].attrs["long_name"] for name in data.data_vars)
     np.testing.assert_array_equal(data["x"].sel(task="y"), short.x[:, 1])
-    np.testing.assert_array_equal(data["q"].sel(joint=6), short.q[:, 5])
+    np.testing.assert_array_equal(data["q"].sel(joint=5), short.q[:, 5])
     assert data.attrs["status"] == "completed"
 
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vffnull as vff
-from vffnull import _feasibility as planner
 from vffnull import scenes
 from vffnull.errors import InputError, InputTypeError
+from vffnull.evaluation import planner
 
 SIZES = (4, 6, 9)
 some_scene = st.tuples(st.sampled_from(scenes.FAMILIES), st.integers(3, 12), st.integers(0, 1_999_999))
@@ -129,8 +129,8 @@ def test_an_escape_stays_one_when_an_obstacle_is_taken_away(seed: int) -> None:
 
 
 def test_feasibility_refuses_what_it_cannot_judge() -> None:
-    with pytest.raises(InputTypeError, match="expected a Scenario, not a str"):
-        vff.feasibility("paper-1")  # type: ignore[arg-type]
+    with pytest.raises(InputTypeError, match="expected a name, a path, a dict or a Scenario, not a int"):
+        vff.feasibility(3)  # type: ignore[arg-type]
     pose = {"controller.task": "pose", "reference.point": [2.8, 1.6, 0.0]}
     with pytest.raises(vff.errors.ScenarioError, match=r"controller\.task.*position only"):
         vff.feasibility(vff.Scenario.load("paper-1").replace(**pose))
@@ -142,7 +142,7 @@ def test_feasibility_refuses_what_it_cannot_judge() -> None:
         ((3, 6, 0), InputError, "category: expected 1, 2 or one of links-swept"),
         (("crowds", 6, 0), InputError, "not 'crowds'"),
         ((1.0, 6, 0), InputTypeError, "category: expected 1, 2 or a family, not a float"),
-        ((1, 2, 0), InputError, "n: must be from 3 to 12 joints, got 2"),
+        ((1, 2, 0), InputError, "n: must be from 3 to 12, got 2"),
         ((1, 6.0, 0), InputTypeError, "n: expected a whole number, not a float"),
         ((1, 6, -1), InputError, "seed: must be from 0 to 1999999, got -1"),
     ],

@@ -84,7 +84,7 @@ def run(way: Way, scene: vff.Scenario, free: vff.Result, n: int, seed: int, verd
     through = k == round(scene.duration / dt) and bool(np.isfinite(error).all())
     if len(speeds) > 3:
         jerk = float(np.sqrt(np.mean(np.sum((np.diff(speeds, 2, axis=0) / dt**2) ** 2, axis=1))))
-    row = evaluation.judged(
+    row = evaluation.scores(
         status="completed" if through else "diverged",
         t=np.array(t),
         error=np.array(error),

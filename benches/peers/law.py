@@ -11,11 +11,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotrs
 
 import oracle
 import vffnull as vff
-from peers.peer import Array
+
+Array = NDArray[Any]
 
 
 class Task:

@@ -34,18 +34,19 @@ from vffnull._many import metrics_table, simulate_many
 from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
-from vffnull.real_time import Histogram, RealTimeReport, realtime
-from vffnull.report import compare
-from vffnull.result import Metrics, Result, Status
+from vffnull.report import compare  # before `report` below, which takes the place of the package's name
+from vffnull.result import Film, Metrics, Result, Status, report
 from vffnull.scenario import Scenario, scenarios
-from vffnull.viewer import live
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
     from vffnull import scenes
-    from vffnull._feasibility import feasibility
+    from vffnull._realtime import RealTimeReport, realtime
+    from vffnull._timing import Histogram
     from vffnull.evaluation import Evaluation, evaluate
+    from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
+    from vffnull.viewer import live
 
 __all__ = [
     "ENERGIES",
@@ -58,6 +59,7 @@ __all__ = [
     "Evaluation",
     "ExtendedJacobian",
     "Field",
+    "Film",
     "Histogram",
     "Metrics",
     "Motion",
@@ -80,6 +82,7 @@ __all__ = [
     "live",
     "metrics_table",
     "realtime",
+    "report",
     "scenarios",
     "scenes",
     "simulate",
@@ -87,12 +90,16 @@ __all__ = [
 ]
 
 
-# What brings NumPy along is loaded when it is asked for.
+# What brings NumPy along, or is not needed by most, is loaded when it is asked for.
 _LATER = {
-    "StreamRecorder": "vffnull.logs.stream",
     "Evaluation": "vffnull.evaluation",
+    "Histogram": "vffnull._timing",
+    "RealTimeReport": "vffnull._realtime",
+    "StreamRecorder": "vffnull.logs.stream",
     "evaluate": "vffnull.evaluation",
-    "feasibility": "vffnull._feasibility",
+    "feasibility": "vffnull.evaluation.planner",
+    "live": "vffnull.viewer",
+    "realtime": "vffnull._realtime",
 }
 
 
@@ -105,3 +112,8 @@ def __getattr__(name: str) -> Any:
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """The public names, and nothing else."""
+    return sorted(__all__)

@@ -1,6 +1,8 @@
 """The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike
 from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
 import numpy as np
@@ -31,12 +33,14 @@ __all__ = [
     "run",
     "run_many",
     "schema",
+    "schema_json",
 ]
 
 class _HasDocument(Protocol):
     def to_dict(self) -> dict[str, Any]: ...
 
 _Document = Mapping[str, Any] | _HasDocument
+_Scenario = _Document | str | os.PathLike[str]
 _Array = NDArray[np.float64]
 
 __version__: str
@@ -261,15 +265,24 @@ class Controller:
     ----------
     arm : Arm
         The arm's model.
-    settings : ControlSettings or dict
-        Gains, field, and variant of the law.
+    settings : ControlSettings or dict, optional
+        Gains, field, and variant of the law; the defaults of a scenario if not given.
     period : float, optional
         Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
+
+    strict : bool, optional
+        Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond all
+        reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
 
     Raises
     ------
     vffnull.errors.ScenarioError
         If the settings do not suit the arm.
+
+    Notes
+    -----
+    A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank is as
+    full as at the start.
 
     Examples
     --------
@@ -278,7 +291,13 @@ class Controller:
     (6,)
     """
 
-    def __new__(cls, arm: Arm, settings: _Document, period: float | None = None) -> Controller: ...
+    def __new__(
+        cls,
+        arm: Arm,
+        settings: _Document | None = None,
+        period: float | None = None,
+        strict: bool = False,
+    ) -> Controller: ...
     def torque(
         self,
         q: ArrayLike,
@@ -391,7 +410,7 @@ class Terms:
     def power(self) -> _Array:
         """Powers as named in `PORTS`, (6,) [W]."""
     @property
-    def granted(self) -> _Array:
+    def objective_scale(self) -> _Array:
         """What the limits let through of each of `OBJECTIVES`, (6,), from 0 to 1."""
     @property
     def tank(self) -> float | None:
@@ -408,6 +427,9 @@ class Terms:
     @property
     def null_acceleration(self) -> float:
         """‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task."""
+    @property
+    def finite(self) -> bool:
+        """Whether the torque is finite: it is not at states and references beyond what numbers can hold."""
 
 @final
 class Distances:
@@ -529,7 +551,7 @@ class Live:
 
     Parameters
     ----------
-    scenario : Scenario or dict
+    scenario : Scenario, dict, str or path
         What to run; its duration is of no meaning.
 
     Raises
@@ -538,7 +560,7 @@ class Live:
         If the scenario cannot be run.
     """
 
-    def __new__(cls, scenario: _Document) -> Live: ...
+    def __new__(cls, scenario: _Scenario) -> Live: ...
     def start(self) -> None:
         """Begin, or go on after a pause."""
     def pause(self) -> None:
@@ -577,8 +599,8 @@ class Simulation:
 
     Parameters
     ----------
-    scenario : Scenario or dict
-        What to simulate.
+    scenario : Scenario, dict, str or path
+        What to simulate; a bundled scenario's name or a file.
 
     Raises
     ------
@@ -592,7 +614,7 @@ class Simulation:
     ...     state = simulation.step(my_controller(simulation.state))
     """
 
-    def __new__(cls, scenario: _Document) -> Simulation: ...
+    def __new__(cls, scenario: _Scenario) -> Simulation: ...
     def step(self, tau: ArrayLike | None = None) -> State:
         """Advance by one control period.
 
@@ -884,3 +906,6 @@ def format_toml(document: Mapping[str, Any]) -> str:
 
 def schema() -> str:
     """Every key of a scenario with its unit, default and meaning, as text."""
+
+def schema_json() -> str:
+    """The same as a JSON Schema (draft 7)."""

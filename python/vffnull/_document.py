@@ -1,14 +1,15 @@
 """Scenario documents: nested dictionaries, lists, strings, booleans and numbers, as TOML knows them.
 
-This module moves values in and out of such documents. Whether a value makes sense is for the core to judge.
+This module moves values in and out of such documents. The core validates the values.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol, runtime_checkable
 
-from vffnull.errors import InputTypeError, ScenarioError
+from vffnull.errors import InputError, InputTypeError, ScenarioError
 
 Document = dict[str, Any]
 
@@ -53,7 +54,7 @@ def plain(value: object, path: str = "") -> Any:
 
 def _plain(value: object, path: str) -> Any:
     if isinstance(value, str):
-        return str(value)
+        return _text(value, path)
     if isinstance(value, bool | int | float):
         return value
     if isinstance(value, _FromNumPy):
@@ -62,7 +63,7 @@ def _plain(value: object, path: str) -> Any:
         return _plain(value.to_dict(), path)
     if isinstance(value, Mapping):
         return {
-            str(key): _plain(inner, f"{path}.{key}" if path else str(key))
+            _text(str(key), path): _plain(inner, f"{path}.{key}" if path else str(key))
             for key, inner in value.items()
             if inner is not None
         }
@@ -70,6 +71,21 @@ def _plain(value: object, path: str) -> Any:
         return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
     where = f"{path}: " if path else ""
     raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")
+
+
+def _text(value: str, path: str) -> str:
+    """Text as a plain string; half of a surrogate pair stands for no character and cannot be written."""
+    text = str(value)
+    if not text.isascii():
+        try:
+            text.encode("utf-8")
+        except UnicodeEncodeError:
+            raise InputError(f"{path}: {_short(text)} is not text: it has a lone surrogate") from None
+    return text
+
+
+def _short(text: str) -> str:
+    return ascii(text if len(text) <= 60 else f"{text[:60]}…")
 
 
 def frozen(value: object) -> Any:
@@ -85,8 +101,10 @@ def frozen(value: object) -> Any:
 
 def get(document: Document, name: str) -> Any:
     """The value under a dotted name; numbers count list elements, as in ``obstacles.0.position``."""
+    if not isinstance(name, str):
+        raise InputTypeError(f"{name!r}: a key is a dotted name, not a {type(name).__name__}")
     place: Any = document
-    for key in name.split("."):
+    for key in _parts(_text(name, "key")):
         try:
             place = place[int(key) if isinstance(place, list) else key]
         except (KeyError, IndexError, ValueError, TypeError):
@@ -104,11 +122,16 @@ def put(document: Document, name: str, value: object) -> None:
     """
     if not isinstance(name, str):
         raise InputTypeError(f"{name!r}: a key is a dotted name, not a {type(name).__name__}")
-    *parents, last = name.split(".")
+    *parents, last = _parts(_text(name, "key"))
     place: Any = document
     for depth, key in enumerate(parents, start=1):
+        following = [*parents, last][depth]
         if isinstance(place, list):
             place = place[_index(place, key, name)]
+        elif key not in place and following.isdecimal():
+            raise ScenarioError(
+                f"{name}: there is no list {'.'.join(parents[:depth])} in this scenario", name
+            )
         else:
             place = place.setdefault(key, {})
         if not isinstance(place, dict | list):
@@ -125,8 +148,14 @@ def put(document: Document, name: str, value: object) -> None:
         place[last] = plain(value, name)
 
 
+def _parts(name: str) -> list[str]:
+    """The keys of a dotted name; an index may also stand in brackets, as in ``obstacles[0].position``."""
+    return re.sub(r"\[(\d+)\]", r".\1", name).split(".")
+
+
 def _index(place: list[Any], key: str, name: str) -> int:
     if key.isdecimal() and int(key) < len(place):
         return int(key)
-    there = f"0 to {len(place) - 1}" if place else "none, the list is empty"
-    raise ScenarioError(f"{name}: no list element {key!r}; there are {there}", name)
+    there = {0: "the list is empty", 1: "there is one, number 0"}
+    count = there.get(len(place), f"there are {len(place)}, 0 to {len(place) - 1}")
+    raise ScenarioError(f"{name}: no list element {_short(key)}; {count}", name)

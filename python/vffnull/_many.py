@@ -6,15 +6,16 @@ import copy
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from vffnull import _core
+from vffnull import _core, _progress
+from vffnull._arguments import MOST_THREADS, whole
 from vffnull._document import Document, plain
-from vffnull._simulate import changed, check_overrides, check_progress, document_of, result_of
+from vffnull._progress import Counter, counted
+from vffnull._simulate import result_of
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
 from vffnull.result import Result
-from vffnull.scenario import Scenario, ScenarioLike
+from vffnull.scenario import Scenario, ScenarioLike, changed, check_overrides, document_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["metrics_table", "simulate_many"]
 
-Progress = Callable[[int, int], None]
 _Overrides = Mapping[str, Any]
 
 
@@ -31,7 +31,7 @@ def simulate_many(
     overrides: _Overrides | Iterable[_Overrides] | None = None,
     threads: int | None = None,
     record: bool = True,
-    progress: bool | Progress | None = None,
+    progress: bool | Counter | None = None,
 ) -> list[Result]:
     """Run many scenarios on all cores.
 
@@ -71,7 +71,7 @@ def simulate_many(
     Warns
     -----
     vffnull.errors.ScenarioWarning
-        Once for each thing that is odd, however many scenarios it concerns.
+        Once for each warning, with the number of scenarios that it concerns.
 
     See Also
     --------
@@ -84,24 +84,19 @@ def simulate_many(
     >>> [str(result.status) for result in results]
     ['collided', 'completed', 'completed']
     """
-    check_progress(progress)
+    _progress.check(progress)
     if not isinstance(record, bool):
         raise InputTypeError(f"record: expected True or False, not a {type(record).__name__}")
-    if isinstance(threads, bool) or not (threads is None or hasattr(threads, "__index__")):
-        raise InputTypeError(f"threads: expected a whole number, not a {type(threads).__name__}")
-    if threads is not None and not 1 <= threads <= _MOST_THREADS:
-        raise InputError(f"threads: must be from 1 to {_MOST_THREADS}, got {threads}")
+    if threads is not None:
+        threads = whole("threads", threads, 1, MOST_THREADS)
     name, documents = _documents(scenarios, overrides)
-    with _report(progress, len(documents)) as report:
+    with counted(progress, len(documents)) as report:
         outcomes = _core.run_many(documents, name, threads, record, report)
     pairs = zip(documents, outcomes, strict=True)
     results = [result_of(Scenario._of(document), outcome) for document, outcome in pairs]
-    for message in _oddities(name, results):
+    for message in _warnings_of(name, results):
         warnings.warn(message, ScenarioWarning, stacklevel=2)
     return results
-
-
-_MOST_THREADS = 1024
 
 
 def _documents(
@@ -140,18 +135,7 @@ def _placed(name: str, i: int, given: Any, make: Callable[[Any], Document]) -> D
         raise type(error)(f"{name}[{i}]: {error}") from None
 
 
-@contextmanager
-def _report(progress: bool | Progress | None, total: int) -> Iterator[Progress | None]:
-    if progress is not True:
-        yield progress or None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=total, unit=" runs", leave=False) as bar:
-        yield lambda finished, _total: bar.update(finished - bar.n)
-
-
-def _oddities(name: str, results: Iterable[Result]) -> Iterator[str]:
+def _warnings_of(name: str, results: Iterable[Result]) -> Iterator[str]:
     """Every warning once, with the first scenario that it concerns."""
     places: dict[str, list[int]] = {}
     for i, result in enumerate(results):

@@ -43,7 +43,7 @@ QUANTITIES: dict[str, Quantity] = {
     "energy": Quantity("J", "energy of the arm", ("store",)),
     "power": Quantity("W", "power of the motors and into the null space", ("port",)),
     "manipulability": Quantity("m²", "manipulability", ()),
-    "granted": Quantity("", "share that the limits let through", ("objective",), optional=True),
+    "objective_scale": Quantity("", "share that the limits let through", ("objective",), optional=True),
     "self_clearance": Quantity("m", "distance of the nearest two links", (), optional=True),
     "tank": Quantity("J", "energy in the tank", (), optional=True),
     "slack": Quantity("m/s²", "breach of the barriers", (), optional=True),
@@ -64,7 +64,7 @@ NAMES: dict[Dimension, tuple[str, ...]] = {
     "port": _core.PORTS,
     "objective": _core.OBJECTIVES,
 }
-"""What the places along a dimension are called; elsewhere they count from 1."""
+"""What the places along a dimension are called; elsewhere they count from 0, as arrays do."""
 
 
 def unit(name: str, axis: str) -> str:
@@ -73,13 +73,13 @@ def unit(name: str, axis: str) -> str:
 
 
 def label(over: Dimension, index: int) -> str:
-    """What an entry along a dimension is called: its name if it has one, a number from 1 otherwise."""
-    return NAMES[over][index] if over in NAMES else str(index + 1)
+    """What an entry along a dimension is called: its name if it has one, otherwise its index, from 0."""
+    return NAMES[over][index] if over in NAMES else str(index)
 
 
 def labels(over: Dimension, size: int) -> list[str] | list[int]:
     """What the entries along a dimension of this size are called in a table of their own."""
-    return list(NAMES[over][:size]) if over in NAMES else list(range(1, size + 1))
+    return list(NAMES[over][:size]) if over in NAMES else list(range(size))
 
 
 def recorded(source: object) -> dict[str, NDArray[Any]]:
@@ -107,7 +107,7 @@ class Column:
 def columns(name: str, shape: tuple[int, ...]) -> list[Column]:
     """The columns of a quantity whose values at one instant have this shape, in row-major order.
 
-    They are called ``q_1``, ``x_x``, ``obstacles_1_x``, and like the quantity itself if it is one number.
+    They are called ``q_0``, ``x_x``, ``obstacles_0_x``, and like the quantity itself if it is one number.
     """
     quantity = QUANTITIES[name]
     found = []

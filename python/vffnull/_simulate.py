@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
-from vffnull import _core
-from vffnull._document import Document, plain, put
-from vffnull.errors import InputError, InputTypeError, ScenarioWarning
+from vffnull import _core, _progress
+from vffnull._progress import Progress
+from vffnull.errors import InputError, ScenarioWarning
 from vffnull.result import Metrics, Result, Status
-from vffnull.scenario import Scenario, ScenarioLike, read
+from vffnull.scenario import Scenario, ScenarioLike, prepare
 
-__all__ = ["simulate"]
-
-Progress = Callable[[float, float], None]
+__all__ = ["prepare", "result_of", "run", "simulate"]
 
 _PLANTS = ("core", "mujoco")
 
@@ -67,12 +64,12 @@ def simulate(
     >>> result = simulate("paper-1", overrides={"controller.field.gain": 2.0, "duration": 5.0})
     >>> print(result.metrics)  # doctest: +SKIP
     """
-    check_progress(progress)
+    _progress.check(progress)
     if plant not in _PLANTS:
         raise InputError(f"plant: expected one of {', '.join(_PLANTS)}, not {plant!r}")
     ready = prepare(scenario, overrides)
     if progress is True:
-        with progress_bar(ready.duration) as report:
+        with _progress.bar(ready.duration) as report:
             result = run(ready, report, plant)
     else:
         result = run(ready, progress or None, plant)
@@ -81,47 +78,10 @@ def simulate(
     return result
 
 
-def check_progress(progress: object) -> None:
-    """Refuse what is neither a switch nor a callable."""
-    if not (progress is None or isinstance(progress, bool) or callable(progress)):
-        raise InputTypeError(f"progress: expected True or a callable, not a {type(progress).__name__}")
-
-
-def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
-    """The scenario that is meant, with the overrides applied before anything is checked."""
-    check_overrides(overrides)
-    if isinstance(scenario, Scenario) and not overrides:
-        return scenario
-    return Scenario.from_dict(changed(document_of(scenario), overrides))
-
-
-def check_overrides(overrides: object) -> None:
-    """Refuse what is not a dictionary."""
-    if overrides is not None and not isinstance(overrides, Mapping):
-        raise InputTypeError(f"overrides: expected a dict of dotted names, not a {type(overrides).__name__}")
-
-
-def document_of(scenario: ScenarioLike) -> Document:
-    """The document of what is meant, unchecked, as a copy of its own."""
-    if isinstance(scenario, Scenario):
-        return scenario.to_dict()
-    if isinstance(scenario, Mapping):
-        document: Document = plain(scenario)
-        return document
-    return _core.parse_toml(read(scenario), str(scenario))
-
-
-def changed(document: Document, overrides: Mapping[str, Any] | None) -> Document:
-    """The document itself, with other values for some keys."""
-    for name, value in (overrides or {}).items():
-        put(document, name, value)
-    return document
-
-
 def run(scenario: Scenario, progress: Progress | None = None, plant: str = "core") -> Result:
-    """Run a scenario without a word; the warnings are in the result."""
+    """Run a scenario; the warnings are in the result, and none is raised."""
     if plant == "mujoco":
-        from vffnull import mujoco_plant
+        from vffnull.engines import mujoco_plant
 
         return mujoco_plant.run(scenario, progress)
     return result_of(scenario, _core.run(scenario.to_dict(), progress))
@@ -140,19 +100,3 @@ def result_of(scenario: Scenario, outcome: Mapping[str, Any]) -> Result:
         version=_core.__version__,
         **outcome["record"],
     )
-
-
-@contextmanager
-def progress_bar(total: float, delay: float = 0.0, counts: str = ".1f s simulated") -> Iterator[Progress]:
-    """A bar on stderr that appears after `delay` [s]; `counts` gives format and name of the numbers."""
-    from tqdm import tqdm
-
-    digits, _, what = counts.partition(" ")
-    numbers = f"{{n:{digits}}}/{{total:{digits}}} {what}"
-    form = f"{{percentage:3.0f}}%|{{bar}}| {numbers} [{{elapsed}}<{{remaining}}]"
-    with tqdm(total=total, delay=delay, bar_format=form, leave=False) as bar:
-
-        def report(done: float, _total: float) -> None:
-            bar.update(done - bar.n)
-
-        yield report

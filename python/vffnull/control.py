@@ -33,11 +33,11 @@ class Field:
         Distance [m] below which the force grows along its tangent instead of to infinity, so that it stays
         defined in contact and beyond. None leaves the choice to the core. Not for ``"bounded"``.
     approach_damping : float
-        Damping ratio against an approaching obstacle [1]; 0 switches it off. It never holds back a link
-        that moves away.
+        Damping ratio against an approaching obstacle [1]; 0 switches it off. It does not act on a link that
+        moves away.
     sliding : float
-        How strongly links are turned past an obstacle that comes at them [N·s/m]; 0 switches it off. The
-        force stands on the velocity of link and obstacle against each other.
+        How strongly links are deflected sideways past an approaching obstacle [N·s/m]; 0 switches it off. The
+        force is orthogonal to the relative velocity of link and obstacle.
 
     Raises
     ------
@@ -163,15 +163,17 @@ class ControlSettings:
     projection : {"dynamic", "kinematic", "none"}, optional
         What keeps the repulsion away from the end effector. All but ``"dynamic"`` are for comparison.
     avoidance : {"null_space", "relaxed", "priority", "cbf"}, optional
-        What happens if an obstacle is in the end effector's own way: ``"null_space"`` holds on to the task;
-        the others let it give way, ``"cbf"`` by no more than the distances and limits demand.
+        What has priority where an obstacle blocks the end effector itself: ``"null_space"`` keeps the task;
+        the others let the end effector deviate, ``"cbf"`` by no more than distances and limits require.
     yielding : dict, optional
-        How it gives way, where it does: see ``vffnull schema`` for the keys of ``[controller.yielding]``.
+        How the end effector deviates: see ``vffnull schema`` for the keys of ``[controller.yielding]``.
         ``{"preview": {}}`` lets ``"cbf"`` look ahead.
     governor : dict, optional
         Lets the reference wait while the end effector is off it: see ``vffnull schema`` for the keys of
         ``[controller.governor]``; ``{}`` takes every default. It acts in simulations; a `Controller` is given
         its reference and leaves it as it is.
+    characteristic_length : float, optional
+        Radius [m] at which an angle of the task counts as its arc, where metres and radians are put together.
     singularity : float, optional
         How early the task gives way near a singular posture: below this fraction of the mobility that one
         particle of the arm's mass would have.
@@ -202,6 +204,7 @@ class ControlSettings:
     avoidance: Literal["null_space", "relaxed", "priority", "cbf"] | None = None
     yielding: Document | None = None
     governor: Document | None = None
+    characteristic_length: float | None = None
     singularity: float | None = None
 
     def __post_init__(self) -> None:

@@ -6,15 +6,16 @@ figures, and all else takes the page's own colour, dark themes included.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
 from vffnull.plotting import geometry
+from vffnull.plotting.primitives import COLOURS, Body, Marks, Primitive, Scene, drawable
 
 if TYPE_CHECKING:
     from vffnull._core import Arm
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _WIDTH, _HIGHEST = 320.0, 300.0  # pixels
-_ARM, _OBSTACLE, _INK = "#0072B2", "#D55E00", "currentColor"
+_INK = "currentColor"
 _INSTANTS = 5
 _MAIN = (
     "min_clearance",
@@ -42,91 +43,104 @@ def arm(shown: Arm) -> str:
     """An arm, a little bent so that its joints can be told apart, and its parameters."""
     q = np.full(shown.n, -0.9 / shown.n)
     q[0] = 0.7
-    joints = np.asarray(shown.forward_kinematics(q))
-    radii = np.asarray(shown.radius)
-    low, high = joints.min(axis=0) - radii.max(), joints.max(axis=0) + radii.max()
     rows = [
         ("joints", str(shown.n)),
-        ("reach", f"{shown.lengths.sum():.4g} m"),
+        ("reach", f"{np.sum(shown.lengths):.4g} m"),
         ("lengths", f"{_range(shown.lengths)} m"),
         ("masses", f"{_range(shown.masses)} kg"),
         ("radius", f"{_range(shown.radius)} m"),
-        ("gravity", f"({shown.gravity[0] + 0.0:.4g}, {shown.gravity[1] + 0.0:.4g}) m/s²"),
+        ("gravity", f"({', '.join(f'{g + 0.0:.4g}' for g in shown.gravity)}) m/s²"),
     ]
-    return _card(_svg(low, high, [_base(), *_arm(joints, radii, _ARM, 1.0)]), "Arm", "", rows)
+    return _card(_picture(Scene.of_arm(shown, q)), "Arm", "", rows)
 
 
 def scenario(shown: Scenario) -> str:
     """The arm at the start among the obstacles, and what there is to know at a glance."""
     document = shown.to_dict()
-    model = shown.arm
-    joints = np.asarray(model.forward_kinematics(document["q0"]))
-    radii = np.asarray(model.radius)
-    shapes, around = [], [joints - radii.max(), joints + radii.max()]
-    for each in document.get("obstacles", []):
-        outline = geometry.rounded(*geometry.core(each["shape"], each.get("angle", 0.0)))
-        outline = outline + np.asarray(each.get("position", (0.0, 0.0)))
-        shapes.append(_polygon(outline, _OBSTACLE, 1.0))
-        around.append(outline)
-    points = np.vstack(around)
+    scene = Scene.of_scenario(shown)
     controller = document.get("controller", {})
     field = controller.get("field", {})
     rows = [
         ("duration", f"{shown.duration:g} s"),
-        ("joints", str(model.n)),
-        ("reference", escape(str(document["reference"]["kind"]))),
-        ("obstacles", str(len(shapes)) if shapes else "none"),
-        ("field", escape(f"{field['kind']}, gain {field['gain']:g}") if field.get("gain") else "off"),
-        ("projection", escape(str(controller.get("projection", "dynamic")))),
+        ("joints", str(shown.arm.n)),
+        ("reference", str(document["reference"]["kind"])),
+        ("obstacles", str(len(scene.cores)) if scene.cores else "none"),
+        ("field", f"{field['kind']}, gain {field['gain']:g}" if field.get("gain") else "off"),
+        ("projection", str(controller.get("projection", "dynamic"))),
     ]
-    drawing = _svg(
-        points.min(axis=0), points.max(axis=0), [*shapes, _base(), *_arm(joints, radii, _ARM, 1.0)]
-    )
-    return _card(drawing, shown.name or "Scenario", shown.description, rows)
+    return _card(_picture(scene), shown.name or "Scenario", shown.description, rows)
 
 
 def result(shown: Result) -> str:
     """The arm passing the obstacles, from early (faint) to late, and the main metrics."""
-    sound = geometry.drawable(shown)
-    left, right, bottom, top = geometry.frame(sound)
-    joints, radii = geometry.joints(sound), geometry.link_radii(sound)
-    outlines = geometry.obstacle_outlines(sound)
-    rows = geometry.instants(sound, _INSTANTS)
-    marks: list[str] = []
-    for order, row in enumerate(rows, start=1):
-        faint = 0.2 + 0.8 * (order / len(rows)) ** 2
-        places = sound.obstacles[row]
-        marks += [
-            _polygon(points + at, _OBSTACLE, faint) for points, at in zip(outlines, places, strict=True)
-        ]
-        marks += _arm(joints[row], radii, _ARM, faint)
-    metrics = [(name, shown.metrics.get(name)) for name in _MAIN]
-    table = [
-        (
-            f'<span title="{escape(_core.METRICS[name][1])}">{name}</span>',
-            f"{value:.4g} {_core.METRICS[name][0]}",
-        )
-        for name, value in metrics
+    scene = Scene.of_result(drawable(shown))
+    drawing = _picture(scene, scene.instants(_INSTANTS), scene.frame())
+    about = f"{shown.status}: {shown.message}"
+    main = {name: shown.metrics.get(name) for name in _MAIN}
+    return _card(drawing, shown.scenario.name or "Result", about, _measures(main))
+
+
+def _measures(values: Mapping[str, float | int | None]) -> list[tuple[str, str]]:
+    """Names and values with units, of those that apply."""
+    units = {name: _core.METRICS.get(name, ("", ""))[0] for name in values}
+    return [
+        (name, f"{value if isinstance(value, int) else format(value, '.4g')} {units[name]}".rstrip())
+        for name, value in values.items()
         if value is not None
     ]
-    drawing = _svg(np.array([left, bottom]), np.array([right, top]), [_base(), *marks])
-    about = f"{shown.status}: {shown.message}"
-    return _card(drawing, shown.scenario.name or "Result", about, table)
+
+
+def _table(rows: Iterable[tuple[str, str]]) -> str:
+    """Rows of plain text; the meaning of a metric appears where the pointer rests on its name."""
+    cell = "padding:1px 14px 1px 0;text-align:left;border:0;background:none;color:inherit"
+    body = "".join(
+        '<tr style="background:none">'
+        f'<td style="{cell};opacity:.7" title="{escape(_core.METRICS.get(name, ("", ""))[1])}">'
+        f'{escape(name)}</td><td style="{cell}">{escape(value)}</td></tr>'
+        for name, value in rows
+    )
+    return f'<table style="border:0;border-collapse:collapse;font-size:90%">{body}</table>'
 
 
 def _card(drawing: str, title: str, text: str, rows: Iterable[tuple[str, str]]) -> str:
-    cell = "padding:1px 14px 1px 0;text-align:left;border:0;background:none;color:inherit"
-    table = "".join(
-        f'<tr style="background:none"><td style="{cell};opacity:.7">{name}</td>'
-        f'<td style="{cell}">{value}</td></tr>'
-        for name, value in rows
-    )
     return (
         '<div style="display:flex;gap:24px;align-items:flex-start;flex-wrap:wrap;color:inherit">'
         f'{drawing}<div style="max-width:420px"><b>{escape(title)}</b>'
-        f'<div style="opacity:.7;margin-bottom:6px">{escape(text)}</div>'
-        f'<table style="border:0;border-collapse:collapse;font-size:90%">{table}</table></div></div>'
+        f'<div style="opacity:.7;margin-bottom:6px">{escape(text)}</div>{_table(rows)}</div></div>'
     )
+
+
+def _picture(scene: Scene, rows: ArrayLike = (0,), frame: tuple[Array, Array] | None = None) -> str:
+    """The scene at some instants, the earlier the fainter."""
+    shown = np.asarray(rows, dtype=np.intp)
+    strengths = 0.2 + 0.8 * (np.arange(1, len(shown) + 1) / len(shown)) ** 2
+    marks = _paint(scene.at(0, ["base"]), 1.0)
+    for row, strength in zip(shown, strengths, strict=True):
+        marks += _paint(scene.at(int(row), ["obstacle", "link", "joint"]), float(strength))
+    if frame is None:
+        bodies = scene.at(0, ["obstacle", "link"])
+        around = np.vstack([each.outline() for each in bodies if isinstance(each, Body)])
+        frame = around.min(axis=0), around.max(axis=0)
+    return _svg(*frame, marks)
+
+
+def _paint(primitives: Iterable[Primitive], opacity: float) -> list[str]:
+    """Primitives as elements of SVG, in metres; widths are in pixels."""
+    marks: list[str] = []
+    for each in primitives:
+        match each:
+            case Body(role="link", radius=0.0):
+                continue  # the line through the joints shows it
+            case Body(role=role):
+                marks.append(_polygon(each.outline(), COLOURS[role], opacity))
+            case Marks(role="base", points=points):
+                marks += [_dot(place, _INK, 14.0, 0.8, "square") for place in geometry.seen(points)]
+            case Marks(role="joint", points=points):
+                places = geometry.seen(points)
+                marks.append(_line(places, COLOURS["link"], opacity))
+                for place in places:
+                    marks += [_dot(place, COLOURS["joint"], 7.5, opacity), _dot(place, "#fff", 4.0, opacity)]
+    return marks
 
 
 def _svg(low: Array, high: Array, marks: list[str]) -> str:
@@ -149,31 +163,20 @@ def _svg(low: Array, high: Array, marks: list[str]) -> str:
     )
 
 
-def _arm(joints: Array, radii: Array, colour: str, opacity: float) -> list[str]:
-    """Links as lines, thick ones with their bodies, and joints as dots."""
-    marks = [
-        _polygon(geometry.capsule(a, b, radius), colour, opacity)
-        for a, b, radius in zip(joints[:-1], joints[1:], radii, strict=True)
-        if radius > 0.0
-    ]
-    line = (
-        f'<polyline points="{_points(joints)}" fill="none" stroke="{colour}" stroke-width="3" '
+def _line(points: Array, colour: str, opacity: float) -> str:
+    return (
+        f'<polyline points="{_points(points)}" fill="none" stroke="{colour}" stroke-width="3" '
         f'opacity="{opacity:.2f}" stroke-linecap="round" stroke-linejoin="round" '
         'vector-effect="non-scaling-stroke"/>'
     )
-    dots = [  # a line of no length with a round end is a dot of a size in pixels
-        f'<path d="M{x:.5g} {y:.5g}h0" stroke="{shade}" stroke-width="{size}" stroke-linecap="round" '
-        f'opacity="{opacity:.2f}" vector-effect="non-scaling-stroke"/>'
-        for x, y in joints
-        for shade, size in ((colour, 7.5), ("#fff", 4.0))
-    ]
-    return [*marks, line, *dots]
 
 
-def _base() -> str:
+def _dot(place: Array, colour: str, size: float, opacity: float, end: str = "round") -> str:
+    """A line of no length with such an end is a dot of a size in pixels."""
+    x, y = place
     return (
-        f'<path d="M0 0h0" stroke="{_INK}" stroke-width="14" stroke-linecap="square" '
-        'vector-effect="non-scaling-stroke" opacity=".8"/>'
+        f'<path d="M{x:.5g} {y:.5g}h0" stroke="{colour}" stroke-width="{size}" stroke-linecap="{end}" '
+        f'opacity="{opacity:.2f}" vector-effect="non-scaling-stroke"/>'
     )
 
 
@@ -188,7 +191,7 @@ def _points(points: Array) -> str:
     return " ".join(f"{x:.5g},{y:.5g}" for x, y in points)
 
 
-def _range(values: Array) -> str:
+def _range(values: ArrayLike) -> str:
     low, high = float(np.min(values)), float(np.max(values))
     return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
 

@@ -1,17 +1,17 @@
-"""What a run leaves behind: how it ended, what it measured, and everything recorded on the way."""
+"""What a run leaves behind, with everything that can be made of it: figures, pages, files and tables."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
-from vffnull import _core, _record
+from vffnull import _progress, _record
+from vffnull._extras import extra
+from vffnull._figures import ending
+from vffnull._outcome import Metrics, Outcome, Status, readable
 from vffnull._record import QUANTITIES, recorded, unit
-from vffnull.logs import extra
 from vffnull.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -24,86 +24,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Metrics", "Result", "Status"]
-
-
-class Status(str, Enum):
-    """How a run ended. A status equals its plain string: ``result.status == "completed"``."""
-
-    COMPLETED = "completed"
-    """To its end, and no link ever touched an obstacle."""
-    COLLIDED = "collided"
-    """To its end, but a link touched an obstacle on the way."""
-    DIVERGED = "diverged"
-    """Stopped early: velocities or angles grew beyond all bounds."""
-    INTERRUPTED = "interrupted"
-    """Stopped early by Ctrl-C."""
-    FAILED = "failed"
-    """One of many, ended by a fault of vffnull itself; the others are not concerned."""
-
-    def __str__(self) -> str:
-        return self.value
-
-    def __format__(self, spec: str) -> str:
-        return format(self.value, spec)
-
-
-class Metrics(Mapping[str, float | int | None]):
-    """Measures of a run by name, as items or as attributes; printed as a table with units.
-
-    A measure that does not apply to a run is None: the clearance without obstacles, for instance.
-
-    Parameters
-    ----------
-    values : Mapping
-        The measures.
-    """
-
-    __slots__ = ("_values",)
-
-    def __init__(self, values: Mapping[str, float | int | None]) -> None:
-        self._values = dict(values)
-
-    def __getitem__(self, name: str) -> float | int | None:
-        return self._values[name]
-
-    def __getattr__(self, name: str) -> float | int | None:
-        if name.startswith("_"):  # not ours; `_values` itself is looked for here while an object is unpickled
-            raise AttributeError(name)
-        if name not in self._values:
-            raise AttributeError(f"no metric called {name!r}; there are {', '.join(self._values)}")
-        return self._values[name]
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self._values]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __repr__(self) -> str:
-        return f"Metrics({self._values!r})"
-
-    def __str__(self) -> str:
-        rows = [(name, readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
-        if not rows:
-            return "(no metrics)"
-        wide = [max(len(row[column]) for row in rows) for column in range(3)]
-        return "\n".join(
-            f"{name:<{wide[0]}}  {value:>{wide[1]}} {unit:<{wide[2]}}  {meaning}".rstrip()
-            for name, value, unit, meaning in rows
-        )
-
-
-def readable(value: float | int | None) -> str:
-    """A metric with as many digits as one reads; a dash if it does not apply."""
-    return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
+__all__ = ["Film", "Metrics", "Result", "Status", "readable", "report"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Outcome):
     """The outcome of a run.
 
     With T recorded instants, n joints, k obstacles, and a task of dimension m (2 for a position, 3 for a
@@ -153,7 +78,7 @@ class Result:
         Powers [W] as named in `vffnull.PORTS`: of the motors, and into the storage of the null space.
     manipulability : (T,) ndarray
         √det(J Jᵀ) [m²], 0 in a singularity.
-    granted : (T, 6) ndarray or None
+    objective_scale : (T, 6) ndarray or None
         What the limits let through of each of `vffnull.OBJECTIVES`, from 0 to 1; None without limits.
     self_clearance : (T,) ndarray or None
         Signed distance [m] of the nearest two links that share no joint; None where it is not measured.
@@ -185,50 +110,6 @@ class Result:
     """
 
     scenario: Scenario
-    status: Status
-    message: str
-    end_time: float
-    wall_time: float
-    warnings: tuple[str, ...]
-    metrics: Metrics
-    version: str
-    t: Array
-    q: Array
-    dq: Array
-    tau: Array
-    tau_task: Array
-    tau_null: Array
-    tau_vff: Array
-    x: Array
-    dx: Array
-    x_ref: Array
-    error: Array
-    force: Array
-    clearance: Array
-    obstacles: Array
-    energy: Array
-    power: Array
-    manipulability: Array
-    granted: Array | None = None
-    self_clearance: Array | None = None
-    tank: Array | None = None
-    slack: Array | None = None
-    path_time: Array | None = None
-    q_measured: Array | None = None
-    dq_measured: Array | None = None
-    tau_applied: Array | None = None
-    sensed: Array | None = None
-    plant: str = "core"
-
-    def __repr__(self) -> str:
-        return (
-            f"<Result of {self.scenario.name or 'a scenario'}: {self.status} at {self.end_time:g} s, "
-            f"{len(self.t)} instants>"
-        )
-
-    def recorded(self) -> dict[str, Array]:
-        """Every recorded quantity that this run has, by name; time is not among them."""
-        return recorded(self)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the result with its scenario and version to one file; the ending says which kind.
@@ -331,7 +212,7 @@ class Result:
     def to_pandas(self) -> pandas.DataFrame:
         """The record as a table, one row per instant.
 
-        Columns are called ``q_1`` to ``q_n``, ``x_x``, ``x_y``, ``obstacles_1_x`` and so on; the index is
+        Columns are called ``q_0``, ``q_1``, …, ``x_x``, ``x_y``, ``obstacles_0_x`` and so on; the index is
         time [s]. ``attrs`` holds the unit of every column, the scenario, the status and the version.
 
         Raises
@@ -354,8 +235,8 @@ class Result:
     def to_xarray(self) -> xarray.Dataset:
         """The record as a dataset with named dimensions; ``units`` and ``long_name`` label plots of it.
 
-        Joints, links and obstacles count from 1. The attributes hold the scenario as TOML text, the status,
-        the version and the metrics.
+        Joints, links and obstacles count from 0, as the arrays do. The attributes hold the scenario as TOML
+        text, the status, the version and the metrics.
 
         Raises
         ------
@@ -394,39 +275,71 @@ class Result:
             **measured,
         }
 
-    def plot(self, directory: str | os.PathLike[str] | None = None) -> dict[str, Figure] | list[Path]:
+    def plot(
+        self, directory: str | os.PathLike[str] | None = None, format: str = "png"
+    ) -> dict[str, Figure] | list[Path]:
         """Draw the run: tracking, joint angles, repulsion, clearance, and the arm passing the obstacle.
 
         Parameters
         ----------
         directory : str or path, optional
-            Where to write the figures as PNG files; made if it does not exist.
+            Where to write the figures; made if it does not exist.
+        format : {"png", "pdf", "svg"}, optional
+            What kind of files to write.
 
         Returns
         -------
         dict of str to matplotlib.figure.Figure, or list of Path
             The figures by name; with a `directory`, the files written.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If figures are not written in this format.
         """
         from vffnull import plotting
 
-        return plotting.draw(self) if directory is None else plotting.save(self, Path(directory))
+        if directory is None:
+            return plotting.draw(self)
+        return plotting.save(self, Path(directory), ending(format))
 
+    @overload
+    def animate(
+        self,
+        path: None = None,
+        *,
+        fps: float = 25.0,
+        speed: float = 1.0,
+        progress: bool | _progress.Progress | None = None,
+    ) -> Film: ...
+
+    @overload
     def animate(
         self,
         path: str | os.PathLike[str],
         *,
         fps: float = 25.0,
         speed: float = 1.0,
-        progress: bool | Callable[[float, float], None] | None = None,
-    ) -> Path:
+        progress: bool | _progress.Progress | None = None,
+    ) -> Path: ...
+
+    def animate(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        fps: float = 25.0,
+        speed: float = 1.0,
+        progress: bool | _progress.Progress | None = None,
+    ) -> Path | Film:
         """Show the arm in motion: obstacles and how far their fields reach, forces, the tip's trail, time.
 
         An arrow shows the repulsion on a link, at its point nearest to an obstacle and away from that.
 
         Parameters
         ----------
-        path : str or path
-            A path that ends in ``.gif`` or, with the extra ``vffnull[video]``, in ``.mp4``.
+        path : str or path, optional
+            A path that ends in ``.gif`` or, with the extra ``vffnull[video]``, in ``.mp4``. Without it, the
+            film is returned, and a notebook shows it.
         fps : float, optional
             Frames per second of the film. GIF counts in hundredths of a second: 50, 25, 20, 10 are exact.
         speed : float, optional
@@ -436,8 +349,8 @@ class Result:
 
         Returns
         -------
-        Path
-            Where it was written.
+        Path or Film
+            Where it was written; without a `path`, the film itself.
 
         Raises
         ------
@@ -446,13 +359,21 @@ class Result:
         ImportError
             If a film needs the extra ``vffnull[video]`` and it is missing.
         """
-        from vffnull._simulate import progress_bar
+        if path is None:
+            from tempfile import TemporaryDirectory
+
+            with TemporaryDirectory() as folder:
+                return Film(self._film(Path(folder) / "run.gif", fps, speed, progress).read_bytes())
+        return self._film(Path(path), fps, speed, progress)
+
+    def _film(self, path: Path, fps: float, speed: float, progress: bool | _progress.Progress | None) -> Path:
         from vffnull.plotting.animation import animate, frames
 
+        _progress.check(progress)
         if progress is not True:
-            return animate(self, Path(path), fps=fps, speed=speed, progress=progress or None)
-        with progress_bar(len(frames(self, fps, speed)), delay=1.0, counts=".0f frames") as report:
-            return animate(self, Path(path), fps=fps, speed=speed, progress=report)
+            return animate(self, path, fps=fps, speed=speed, progress=progress or None)
+        with _progress.bar(len(frames(self, fps, speed)), delay=1.0, counts=".0f frames") as report:
+            return animate(self, path, fps=fps, speed=speed, progress=report)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write everything about the run into one HTML file that needs nothing else, not even a network.
@@ -489,3 +410,57 @@ class Result:
         from vffnull import notebook
 
         return notebook.result(self)
+
+
+@dataclass(frozen=True, repr=False)
+class Film:
+    """A run in motion as an animated GIF, which a notebook shows; made by `Result.animate` without a path.
+
+    Attributes
+    ----------
+    data : bytes
+        The file's content.
+    """
+
+    data: bytes
+
+    def __repr__(self) -> str:
+        return f"<Film: GIF of {len(self.data) / 1e3:.0f} kB; a notebook shows it>"
+
+    def _repr_html_(self) -> str:
+        from base64 import b64encode
+
+        return f'<img src="data:image/gif;base64,{b64encode(self.data).decode()}" alt="the arm in motion">'
+
+
+def report(result: Result, path: str | os.PathLike[str]) -> Path:
+    """Write everything about a run into one HTML file: the same as `Result.report`.
+
+    Parameters
+    ----------
+    result : Result
+        The run.
+    path : str or path
+        A path that ends in ``.html``.
+
+    Returns
+    -------
+    Path
+        Where it was written.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the path ends otherwise.
+    vffnull.errors.InputTypeError
+        If it is no result.
+    ImportError
+        Without the extra ``vffnull[report]``.
+
+    See Also
+    --------
+    vffnull.compare : several runs side by side.
+    """
+    from vffnull.report import write
+
+    return write([result], path)

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
+from vffnull._files import replacing
 from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Scenario", "ScenarioLike", "read", "scenarios"]
+__all__ = ["Scenario", "ScenarioLike", "changed", "document_of", "prepare", "read", "scenarios"]
 
 _BUNDLED = Path(__file__).with_name("scenarios")
 
@@ -150,7 +152,7 @@ class Scenario:
         vffnull.errors.ScenarioError
             If there is no such scenario, or if it cannot be run.
         """
-        return cls.from_dict(_core.parse_toml(read(source), str(source)))
+        return cls.from_dict(_core.parse_toml(read(source), shown(source)))
 
     @classmethod
     def _of(cls, document: Document) -> Scenario:
@@ -203,15 +205,12 @@ class Scenario:
         vffnull.errors.ScenarioError
             If the result cannot be run.
         """
-        document = self.to_dict()
-        for name, value in names.items():
-            put(document, name, value)
-        _core.check("scenario", document)
-        return self._of(document)
+        return prepare(self, names)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the scenario to a TOML file."""
-        Path(path).write_text(str(self), encoding="utf-8")
+        with replacing(Path(path)) as draft:
+            draft.write_text(str(self), encoding="utf-8")
 
     def __getitem__(self, name: str) -> Any:
         """The value of a key, by its dotted name; a copy."""
@@ -267,10 +266,11 @@ def read(source: str | os.PathLike[str]) -> str:
         try:
             return Path(name).read_text(encoding="utf-8")
         except UnicodeDecodeError:
-            raise ScenarioError(f"{name}: not a TOML file, the text is not UTF-8") from None
+            raise ScenarioError(f"{shown(name)}: not a TOML file, the text is not UTF-8") from None
         except (OSError, ValueError) as error:  # a ValueError if the path holds a null character
-            reason = getattr(error, "strerror", None) or str(error)
-            raise ScenarioError(f"{name}: cannot be read: {reason.lower()}") from None
+            encoding = isinstance(error, UnicodeEncodeError)
+            reason = "no path of this system" if encoding else getattr(error, "strerror", None) or str(error)
+            raise ScenarioError(f"{shown(name)}: cannot be read: {reason.lower()}") from None
     bundled = scenarios()
     if name in bundled:
         return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
@@ -279,6 +279,65 @@ def read(source: str | os.PathLike[str]) -> str:
     near = difflib.get_close_matches(name, bundled, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
     raise ScenarioError(
-        f"no scenario called {name!r}{hint}; bundled are {', '.join(bundled)}; "
+        f"no scenario called {shown(name[:100])!r}{hint}; bundled are {', '.join(bundled)}; "
         "the path of a file ends in .toml"
     )
+
+
+def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) -> Scenario:
+    """The scenario that is meant, with the overrides applied before anything is checked."""
+    check_overrides(overrides)
+    if isinstance(scenario, Scenario) and not overrides:
+        return scenario
+    document = document_of(scenario)
+    before = copy.deepcopy(document) if overrides else document
+    try:
+        return Scenario.from_dict(changed(document, overrides))
+    except ScenarioError as error:
+        raise _with_hint(error, overrides or {}, before) from None
+
+
+def _with_hint(error: ScenarioError, overrides: Mapping[str, Any], document: Document) -> ScenarioError:
+    """The error with the keys that may have been meant, if an override's key is unknown."""
+    from vffnull._keys import nearest
+
+    message = str(error)
+    for name in overrides:
+        last = name.rpartition(".")[2]
+        if f"unknown key `{last}`" not in message:
+            continue
+        near = nearest(name, document)
+        if "did you mean" in message and not any(each.endswith(f".{last}") for each in near):
+            continue  # the core has found a better one
+        if near:
+            message = re.sub(r", did you mean `\w+`\? Allowed", "; allowed", message)
+            return ScenarioError(f"{message}; did you mean {' or '.join(near)}?", error.path)
+    return error
+
+
+def check_overrides(overrides: object) -> None:
+    """Refuse what is not a dictionary."""
+    if overrides is not None and not isinstance(overrides, Mapping):
+        raise InputTypeError(f"overrides: expected a dict of dotted names, not a {type(overrides).__name__}")
+
+
+def document_of(scenario: ScenarioLike) -> Document:
+    """The document of what is meant, unchecked, as a copy of its own."""
+    if isinstance(scenario, Scenario):
+        return scenario.to_dict()
+    if isinstance(scenario, Mapping):
+        document: Document = plain(scenario)
+        return document
+    return _core.parse_toml(read(scenario), shown(scenario))
+
+
+def shown(source: str | os.PathLike[str]) -> str:
+    """A name or a path as it can be printed: bytes of a path that are no text are escaped."""
+    return os.fsdecode(source).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def changed(document: Document, overrides: Mapping[str, Any] | None) -> Document:
+    """The document itself, with other values for some keys."""
+    for name, value in (overrides or {}).items():
+        put(document, name, value)
+    return document

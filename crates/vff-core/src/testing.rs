@@ -1,7 +1,7 @@
 //! Random arms and states for the unit tests.
 
 use crate::math::Vector;
-use crate::robot::{PlanarArm, PlanarState, Robot, planar::Link};
+use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
 use proptest::prelude::*;
 use std::sync::Arc;
 

@@ -1,25 +1,35 @@
 //! Whatever a scenario says, it is refused or it runs: no panic, no hang, and no number that is none
-//! in the record of a run that has not diverged. 10⁵ texts are read, and 40 000 of them run.
+//! in the record of a run that has not diverged. 10⁵ texts are read, and 40 000 of them run. As many more as one likes:
+//!
+//! ```sh
+//! VFF_CASES=1000000 cargo test --release -p vff-core --test fuzz_scenarios -- --ignored --nocapture scaled
+//! ```
 
 use proptest::collection::vec;
 use proptest::option::of;
 use proptest::prelude::*;
 use proptest::sample::select;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
+use toml::{Table, Value as Toml};
+use vff_core::interrupt::{Watch, watched};
 use vff_core::scenario::{Scenario, ScenarioError};
 use vff_core::simulation::{Outcome, Status, Value};
 
 /// Valid scenarios: the bundled ones, and one with everything that they lack.
 const SEEDS: &[&str] = &[
-    include_str!("../../../python/vffnull/scenarios/crowd.toml"),
-    include_str!("../../../python/vffnull/scenarios/narrow-gap.toml"),
-    include_str!("../../../python/vffnull/scenarios/on-path.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-1.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-1-ramp.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-2.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-2-moving.toml"),
-    include_str!("../../../python/vffnull/scenarios/paper-2-printed.toml"),
-    include_str!("../../../python/vffnull/scenarios/sweep-through.toml"),
+    include_str!("scenarios/crowd.toml"),
+    include_str!("scenarios/narrow-gap.toml"),
+    include_str!("scenarios/on-path.toml"),
+    include_str!("scenarios/paper-1.toml"),
+    include_str!("scenarios/paper-1-ramp.toml"),
+    include_str!("scenarios/paper-2.toml"),
+    include_str!("scenarios/paper-2-moving.toml"),
+    include_str!("scenarios/paper-2-printed.toml"),
+    include_str!("scenarios/sweep-through.toml"),
     EVERYTHING,
 ];
 
@@ -326,8 +336,18 @@ fn run(scenario: &Scenario) -> Option<Outcome> {
 }
 
 /// What must hold of every outcome.
-fn judge(outcome: &Outcome) {
+fn validate(outcome: &Outcome) {
     let record = &outcome.record;
+    for (metric, value) in &outcome.metrics {
+        if let Value::Number(value) = value {
+            assert!(
+                value.is_finite(),
+                "{} of a run that has {}",
+                metric.name,
+                outcome.status.name()
+            );
+        }
+    }
     let arrays = [
         ("t", &record.t),
         ("q", &record.q),
@@ -345,13 +365,22 @@ fn judge(outcome: &Outcome) {
         ("q_measured", &record.q_measured),
         ("dq_measured", &record.dq_measured),
         ("tau_applied", &record.tau_applied),
+        ("energy", &record.energy),
+        ("power", &record.power),
+        ("manipulability", &record.manipulability),
+        ("objective_scale", &record.objective_scale),
+        ("tank", &record.tank),
+        ("slack", &record.slack),
+        ("path_time", &record.path_time),
     ];
-    assert!(record.rows >= 1);
+    assert!(record.rows >= 1 || outcome.status == Status::Diverged);
     assert_ne!(outcome.status, Status::Interrupted, "it was run to its end");
-    if outcome.status == Status::Diverged {
-        return;
-    }
     for (name, values) in arrays {
+        if outcome.status == Status::Diverged {
+            let last = values.len() - values.len() / record.rows.max(1);
+            assert!(values[last..].iter().all(|v| v.is_finite()), "{name} in the last row");
+            continue;
+        }
         let bad = values.iter().position(|v| !v.is_finite());
         assert_eq!(
             bad,
@@ -363,15 +392,12 @@ fn judge(outcome: &Outcome) {
     }
     // Infinite where there is no obstacle, and where it is too far for its distance to be a number.
     let distance = |v: &f64| v.is_finite() || *v == f64::INFINITY;
-    assert!(
-        record.clearance.iter().all(distance),
-        "clearance of a run that has {}",
-        outcome.status.name()
-    );
-    for (metric, value) in &outcome.metrics {
-        if let Value::Number(value) = value {
-            assert!(!value.is_nan(), "{}", metric.name);
-        }
+    if outcome.status != Status::Diverged {
+        assert!(
+            record.clearance.iter().all(distance),
+            "clearance of a run that has {}",
+            outcome.status.name()
+        );
     }
 }
 
@@ -412,7 +438,7 @@ proptest! {
     #[test]
     fn mutated_scenarios_run_or_are_refused(text in mutated()) {
         if let Some(outcome) = Scenario::from_toml(&text).ok().and_then(|scenario| run(&scenario)) {
-            judge(&outcome);
+            validate(&outcome);
         }
     }
 }
@@ -634,7 +660,7 @@ proptest! {
     fn valid_scenarios_run(text in valid()) {
         let scenario = Scenario::from_toml(&text).map_err(|error| TestCaseError::fail(error.to_string()))?;
         let outcome = run(&scenario).ok_or_else(|| TestCaseError::fail("refused"))?;
-        judge(&outcome);
+        validate(&outcome);
         let rows = 50 / scenario.simulation.record_every + 1;
         prop_assert!(outcome.record.rows == rows || outcome.status == Status::Diverged);
         let again = run(&scenario).unwrap();
@@ -643,6 +669,199 @@ proptest! {
         prop_assert!(bits(&outcome.record.tau) == bits(&again.record.tau));
     }
 }
+
+/// What the bundled scenarios do not have: one of these tables takes the place of the controller's.
+const CONTROLLERS: &[&str] = &[
+    "avoidance = 'cbf'\nyielding = { preview = {} }",
+    "avoidance = 'cbf'\nyielding = { rate = 40.0, margin = 0.02, activation = 1.2, task_weight = 20.0, \
+     slack_price = 4e4, speed = 6.0, preview = { period = 0.02, horizon = 1.2, alarm = 1.2, steps = 16, \
+     candidates = 64, clearance = 0.1, speed = 1.0 } }\ndamping = 8.0\nnull_damping = 2.0",
+    "avoidance = 'cbf'\nself_collision = 'avoid'",
+    "avoidance = 'priority'\nyielding = { rate = 20.0, margin = 0.02, inner = 0.05, outer = 0.3 }",
+    "avoidance = 'relaxed'\nyielding = { saturation = 0.5, inner = 0.05, outer = 0.3 }",
+    "tank = { capacity = 5.0, initial = 1.0, floor = 0.1 }",
+    "enforce_limits = true\ndamping = 8.0",
+    "governor = { inner = 0.01, outer = 0.2, rate = 30.0, floor = 0.1 }",
+    "field = { kind = 'khatib', gain = 50.0, influence = 0.6, floor = 0.05, approach_damping = 0.5, sliding = 5.0 }",
+    "formulation = 'extended_jacobian'",
+];
+
+/// Every number of a document that is one of a setting, each to be changed.
+fn numbers<'a>(value: &'a mut Toml, found: &mut Vec<&'a mut Toml>) {
+    match value {
+        Toml::Array(values) => values.iter_mut().for_each(|value| numbers(value, found)),
+        Toml::Table(table) => table.iter_mut().for_each(|(_, value)| numbers(value, found)),
+        Toml::Float(_) | Toml::Integer(_) => found.push(value),
+        _ => {}
+    }
+}
+
+/// A scenario with up to eight of its numbers scaled by powers of ten, sometimes all of a table at once.
+fn scaled(seed: u64) -> Table {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut draw = |count: usize| (random.next_u64() % count as u64) as usize;
+    let mut table: Table = SEEDS[draw(SEEDS.len())].parse().unwrap();
+    let mut simulation =
+        table.get("simulation").and_then(Toml::as_table).cloned().unwrap_or_default();
+    if draw(2) == 0 {
+        let controller: Table = CONTROLLERS[draw(CONTROLLERS.len())].parse().unwrap();
+        let old = table.entry("controller").or_insert_with(|| Table::new().into());
+        let old = old.as_table_mut().unwrap();
+        old.extend(controller);
+    }
+    if draw(4) == 0 {
+        let modes = ["hold", "predictor", "continuous"];
+        simulation.insert("control".into(), modes[draw(3)].into());
+        table.insert("simulation".into(), simulation.into());
+    }
+    if draw(4) == 0 {
+        let arm = table["arm"].as_table_mut().unwrap();
+        arm.insert("velocity_limits".into(), Toml::Float(2.0));
+        arm.insert("torque_limits".into(), Toml::Float(50.0));
+    }
+    // The length of the run is no setting that breaks anything.
+    table.insert("duration".into(), Toml::Float(0.05));
+    let mut whole = Toml::Table(table);
+    let parts: Vec<String> = whole.as_table().unwrap().keys().cloned().collect();
+    let part = (draw(6) == 0).then(|| parts[draw(parts.len())].clone());
+    let mut found = vec![];
+    match &part {
+        Some(part) => numbers(&mut whole[part.as_str()], &mut found),
+        None => numbers(&mut whole, &mut found),
+    }
+    let power = |draw: &mut dyn FnMut(usize) -> usize| {
+        let small = draw(2) == 0;
+        let reach = if small { 3 } else { 18 };
+        10_f64.powi(draw(2 * reach + 1) as i32 - reach as i32)
+    };
+    let (together, several) = (power(&mut draw), 1 + draw(8));
+    let count = found.len();
+    for k in 0..if part.is_some() { count } else { several.min(count) } {
+        let (which, by) = match part {
+            Some(_) => (k, together),
+            None => (draw(count), power(&mut draw)),
+        };
+        let scaled = match &*found[which] {
+            Toml::Integer(number) => *number as f64 * by,
+            other => other.as_float().unwrap() * by,
+        };
+        *found[which] = match &*found[which] {
+            Toml::Integer(_) if (1.0..9e18).contains(&scaled) => Toml::Integer(scaled as i64),
+            Toml::Integer(number) => Toml::Integer(*number),
+            _ => Toml::Float(scaled),
+        };
+    }
+    match whole {
+        Toml::Table(table) => table,
+        _ => unreachable!(),
+    }
+}
+
+thread_local! {
+    static BEGUN: Cell<Option<Instant>> = const { Cell::new(None) };
+}
+
+/// The longest that one step, or preparing, may take.
+const LONGEST: Duration = Duration::from_secs(5);
+
+/// Whether what was begun last has not taken too long.
+fn in_time() -> bool {
+    BEGUN.get().is_none_or(|begun| begun.elapsed() < 2 * LONGEST)
+}
+
+/// Prepares and runs a scenario for up to [`STEPS`] steps. `Ok(false)` if it is refused.
+fn survives(document: &Table) -> Result<bool, String> {
+    let begin = || BEGUN.set(Some(Instant::now()));
+    let slow = |what: &str| match BEGUN.get().unwrap().elapsed() {
+        taken if taken > LONGEST => panic!("{what} takes {taken:?}"),
+        _ => {}
+    };
+    let run = || {
+        begin();
+        let scenario = Scenario::from_document(document);
+        slow("reading");
+        let ready = scenario.and_then(|mut scenario| {
+            scenario.duration = scenario.duration.min(STEPS * scenario.simulation.dt);
+            begin();
+            scenario.prepare()
+        });
+        slow("preparing");
+        let mut ready = match ready {
+            Ok(ready) => ready,
+            Err(error) => {
+                assert!(is_told(&error), "{error:?}");
+                return false;
+            }
+        };
+        loop {
+            begin();
+            let over = !ready.run.step();
+            slow("a step");
+            if over {
+                break;
+            }
+        }
+        validate(&ready.run.outcome());
+        true
+    };
+    let done = catch_unwind(AssertUnwindSafe(|| watched(Watch::Ask(in_time), run)));
+    match done {
+        Ok(Ok(ran)) => Ok(ran),
+        Ok(Err(_)) => Err("a hang".into()),
+        Err(panic) => Err(panic
+            .downcast_ref::<String>()
+            .cloned()
+            .or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
+            .unwrap_or_default()),
+    }
+}
+
+/// `VFF_CASES` scenarios from the seed `VFF_SEED` on: what is found is told with its seed.
+#[test]
+#[ignore = "as long as one likes"]
+fn scaled_scenarios_run_or_are_refused() {
+    let number = |name: &str, default| {
+        std::env::var(name).map_or(default, |text| text.parse::<u64>().expect("a whole number"))
+    };
+    let (cases, first) = (number("VFF_CASES", 10_000), number("VFF_SEED", 0));
+    let (mut ran, mut faults) = (0, 0);
+    for seed in first..first + cases {
+        match survives(&scaled(seed)) {
+            Ok(accepted) => ran += u64::from(accepted),
+            Err(fault) => {
+                faults += 1;
+                println!("seed {seed}: {fault}");
+            }
+        }
+        if (seed - first) % 10_000 == 9_999 {
+            println!("{} cases, {ran} ran, {faults} faults", seed - first + 1);
+        }
+    }
+    println!("{cases} cases from {first}, {ran} ran, {faults} faults");
+    assert_eq!(faults, 0);
+}
+
+proptest! {
+    #![proptest_config(config(3000))]
+
+    /// The same, with seeds that are new every time.
+    #[test]
+    fn settings_of_any_size_run_or_are_refused(seed in any::<u64>()) {
+        let done = survives(&scaled(seed));
+        prop_assert!(done.is_ok(), "seed {}: {:?}", seed, done);
+    }
+}
+
+/// Seeds of [`scaled`] at which something was wrong once.
+#[test]
+fn what_was_found_stays_mended() {
+    for seed in FOUND {
+        let done = survives(&scaled(*seed));
+        assert!(done.is_ok(), "seed {seed}: {done:?}");
+    }
+}
+
+const FOUND: &[u64] = &[];
 
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|v| v.to_bits()).collect()
@@ -653,7 +872,7 @@ fn refused_or_sane(seed: &str, line: &str, by: &str) {
     assert_eq!(seed.matches(line).count(), 1, "{line}");
     let scenario = Scenario::from_toml(&seed.replace(line, by));
     if let Some(outcome) = scenario.ok().and_then(|scenario| run(&scenario)) {
-        judge(&outcome);
+        validate(&outcome);
     }
 }
 
@@ -662,7 +881,7 @@ fn refused_or_sane(seed: &str, line: &str, by: &str) {
 fn seeds_are_valid() {
     for seed in SEEDS {
         let outcome = run(&Scenario::from_toml(seed).unwrap()).unwrap();
-        judge(&outcome);
+        validate(&outcome);
         assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
     }
 }

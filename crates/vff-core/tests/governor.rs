@@ -1,17 +1,18 @@
-//! The reference that a governor makes wait, as the closed loop hands it to the law.
+//! The reference that a governor makes wait, as the closed loop drags it to the law.
 
-use vff_core::scenario::{AnyRun, Scenario};
+use vff_core::math::Vector;
 use vff_core::trajectory::{GovernorSettings, Sample};
+use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 /// One reference per plant step of `on-path`, where the tip has to go around a disc.
-fn references(control: &str, control_every: usize) -> Vec<Sample<2>> {
-    let text = include_str!("../../../python/vffnull/scenarios/on-path.toml")
+fn references(control: &str, control_every: usize) -> Vec<Sample<Vector<2>, 2>> {
+    let text = include_str!("scenarios/on-path.toml")
         .replace("control = \"continuous\"", &format!("control = \"{control}\""));
     let mut scenario = Scenario::from_toml(&text).unwrap();
     scenario.controller.avoidance = vff_core::control::Avoidance::Cbf;
     scenario.controller.governor = Some(GovernorSettings::default());
     scenario.simulation.control_every = control_every;
-    let AnyRun::Position(mut run) = scenario.prepare().unwrap().run else { unreachable!() };
+    let AnyRun::PlanarPosition(mut run) = scenario.prepare().unwrap().run else { unreachable!() };
     let mut samples = vec![*run.closed_loop().controller().reference()];
     while run.step() {
         samples.push(*run.closed_loop().controller().reference());

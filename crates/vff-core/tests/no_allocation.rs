@@ -8,13 +8,14 @@ use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
 use vff_core::math::Vector;
 use vff_core::robot::spatial::{Description, Joint, JointKind, Mobility, Placement, Spatial};
-use vff_core::robot::{Robot, SpatialArm};
+use vff_core::robot::{Model, Robot, SpatialArm};
+use vff_core::runtime::live::{Live, State};
+use vff_core::runtime::real_time::RealTime;
 use vff_core::scenario::Scenario;
-use vff_core::scenario::live::{Live, State};
-use vff_core::scenario::real_time::RealTime;
 use vff_core::simulation::Status;
 use vff_core::trajectory::GovernorSettings;
-use vff_core::world::{Motion, Obstacle, Shape};
+use vff_core::world::Motion;
+use vff_core::world::plane::{Obstacle, Shape};
 
 struct Counting;
 
@@ -197,7 +198,7 @@ fn no_step_of_a_real_plant_allocates() {
     }
 }
 
-/// Nor does one in which the end effector gives way, programme included.
+/// Nor does one in which the end effector gives way, QP included.
 #[test]
 fn no_step_allocates_that_gives_way() {
     let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
@@ -214,7 +215,7 @@ fn no_step_allocates_that_gives_way() {
     }
 }
 
-/// Nor does one that looks ahead, alarmed from beginning to end.
+/// Nor does one that looks ahead and searches from beginning to end.
 #[test]
 fn no_step_allocates_that_looks_ahead() {
     let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
@@ -223,7 +224,7 @@ fn no_step_allocates_that_looks_ahead() {
         scenario.controller.avoidance = Avoidance::Cbf;
         let mut plain = scenario.prepare().unwrap().run;
         scenario.controller.yielding.preview =
-            Some(PreviewSettings { alarm: 2.0, ..PreviewSettings::default() });
+            Some(PreviewSettings { trigger: 2.0, ..PreviewSettings::default() });
         let mut run = scenario.prepare().unwrap().run;
         let count = allocations(|| while run.step() {});
         assert_eq!(count, 0, "{simulation}");
@@ -259,14 +260,14 @@ fn no_beat_of_a_live_loop_allocates() {
         let reference = r#"{ kind = "setpoint", point = [3.5, 1.5] }"#;
         let mut live = Live::new(&scenario("position", reference, simulation, "dynamic")).unwrap();
         live.record(true).unwrap();
-        live.carry(0, [2.0, 2.0]).unwrap();
-        live.beat();
+        live.carry(0, &[2.0, 2.0]).unwrap();
+        live.tick();
         let count = allocations(|| {
             for k in 0..100 {
                 let way = 0.01 * f64::from(k);
-                live.carry(0, [2.0 + way, 2.0 - way]).unwrap();
-                live.aim([3.5 - way, 1.5]);
-                (0..20).for_each(|_| live.beat());
+                live.carry(0, &[2.0 + way, 2.0 - way]).unwrap();
+                live.aim(&[3.5 - way, 1.5]);
+                (0..20).for_each(|_| live.tick());
             }
         });
         assert_eq!(count, 0, "{simulation}");

@@ -1,5 +1,5 @@
 //! The dual active-set method against the conditions of optimality and against Clarabel, an
-//! interior-point method that shares nothing with it, on programmes of every kind.
+//! interior-point method that shares nothing with it, on QPs of every kind.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -11,9 +11,9 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 use vff_core::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 
-/// A programme with its own memory.
+/// A QP with its own memory.
 #[derive(Debug, Clone)]
-struct Programme {
+struct Owned {
     n: usize,
     hessian: DMatrix<f64>,
     gradient: Vec<f64>,
@@ -22,7 +22,7 @@ struct Programme {
     softness: Vec<f64>,
 }
 
-impl Programme {
+impl Owned {
     fn solve(&self) -> (Outcome, QuadraticProgram) {
         let normals = self.normals.concat();
         let mut solver = QuadraticProgram::new(self.n, self.bounds.len(), self.bounds.len());
@@ -103,7 +103,7 @@ fn sparse(dense: &DMatrix<f64>) -> CscMatrix<f64> {
     CscMatrix::new(dense.nrows(), dense.ncols(), colptr, rowval, nzval)
 }
 
-/// What the rows of a programme are made of.
+/// What the rows of a QP are made of.
 #[derive(Debug, Clone, Copy)]
 enum Kind {
     Fresh,
@@ -126,9 +126,9 @@ fn kind() -> impl Strategy<Value = Kind> {
     ]
 }
 
-/// Programmes of `scaled` decades of unequal scales. Bounds are drawn around a point, so that about
+/// QPs of `scaled` decades of unequal scales. Bounds are drawn around a point, so that about
 /// half of those with hard rows alone are feasible.
-fn programme(scaled: f64) -> impl Strategy<Value = Programme> {
+fn qp(scaled: f64) -> impl Strategy<Value = Owned> {
     (1usize..15, prop_oneof![0usize..8, 0usize..101], 0.0..1.0f64, -2.0..1.0f64)
         .prop_flat_map(move |(n, m, softened, shift)| {
             let one = || -1.0..1.0f64;
@@ -193,14 +193,14 @@ fn programme(scaled: f64) -> impl Strategy<Value = Programme> {
                 bounds.push(bound);
                 softness.push(if chance < softened { soft } else { 0.0 });
             }
-            Programme { n, hessian, gradient, normals, bounds, softness }
+            Owned { n, hessian, gradient, normals, bounds, softness }
         })
 }
 
 /// Hx + g = Σ u a, u ≥ 0, rows fulfilled, u only where they hold with equality: with H > 0 these are
 /// enough for the one minimum. Residuals relative to the terms that they are the sums of.
 fn check_optimality(
-    p: &Programme,
+    p: &Owned,
     solver: &QuadraticProgram,
     tolerance: f64,
 ) -> Result<(), TestCaseError> {
@@ -247,7 +247,7 @@ struct Seen {
     longest: usize,
 }
 
-fn check(p: &Programme, tolerance: f64, seen: &mut Seen) -> Result<(), TestCaseError> {
+fn check(p: &Owned, tolerance: f64, seen: &mut Seen) -> Result<(), TestCaseError> {
     let (outcome, solver) = p.solve();
     seen.longest = seen.longest.max(solver.iterations());
     match outcome {
@@ -283,12 +283,12 @@ fn run(cases: u32, scaled: f64, tolerance: f64) -> Seen {
     let mut seen = Seen::default();
     let rng = TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]);
     let mut runner = TestRunner::new_with_rng(ProptestConfig::default(), rng);
-    let strategy = programme(scaled);
+    let strategy = qp(scaled);
     let mut faults = vec![];
     for case in 0..cases {
-        let programme = strategy.new_tree(&mut runner).expect("a programme").current();
-        if let Err(fault) = check(&programme, tolerance, &mut seen) {
-            faults.push(format!("{case} ({}, {}): {fault}", programme.n, programme.bounds.len()));
+        let qp = strategy.new_tree(&mut runner).expect("a QP").current();
+        if let Err(fault) = check(&qp, tolerance, &mut seen) {
+            faults.push(format!("{case} ({}, {}): {fault}", qp.n, qp.bounds.len()));
         }
     }
     assert!(faults.is_empty(), "{} faults: {:#?}", faults.len(), &faults[..faults.len().min(20)]);
@@ -297,15 +297,15 @@ fn run(cases: u32, scaled: f64, tolerance: f64) -> Seen {
     seen
 }
 
-/// Ten thousand programmes of one to 14 unknowns and none to 100 rows, hard and soft, among them
+/// Ten thousand QPs of one to 14 unknowns and none to 100 rows, hard and soft, among them
 /// copies, multiples, sums and zeros of rows.
 #[test]
-fn random_programmes() {
+fn random_qps() {
     run(10_000, 0.0, 1e-9);
 }
 
 /// Unknowns and rows whose scales differ by up to six decades: H has a condition of 10¹².
 #[test]
-fn badly_scaled_programmes() {
+fn badly_scaled_qps() {
     run(4_000, 1.5, 1e-8);
 }

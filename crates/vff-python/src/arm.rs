@@ -1,25 +1,65 @@
 //! `Arm`: the planar arm and its matrices.
 
 use crate::convert::{
-    array1, array2, as_float_array, finite, matrix, number, table_to_dict, to_toml, vector,
-    whole_number, wrong_shape,
+    array1, array2, finite, float_array, load_numpy, matrix, misshapen, number, table_to_dict,
+    to_toml, vector, whole_number,
 };
 use crate::errors::{self, InputError};
+use crate::run::prepared;
+use crate::watch::interruptible;
 use nalgebra::DMatrix;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
 use toml::{Table, Value};
 use vff_core::control::extended_jacobian;
+use vff_core::interrupt;
+use vff_core::math::memory;
 use vff_core::robot::planar::Link;
-use vff_core::robot::{Matrices, PlanarArm, PlanarState, Robot};
+use vff_core::robot::{Matrices, Model, PlanarArm, PlanarState, Robot};
 use vff_core::scenario::{self, Scenario};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
 
-/// A planar arm of n revolute links.
+/// A planar arm of n revolute links in a chain. It cannot be changed.
+///
+/// Joint angles are relative; joint 1 sits at the origin, and link 1 lies along +x at q = 0.
+///
+/// Parameters
+/// ----------
+/// lengths : (n,) array_like
+///     Lengths of the links [m], positive.
+/// masses : float or (n,) array_like
+///     Masses [kg], positive.
+/// com : (n,) or (n, 2) array_like, optional
+///     Centre of mass of each link in its frame [m], x along the link; the middle of the link by default.
+/// inertias : float or (n,) array_like, optional
+///     Moments of inertia about the centre of mass [kg·m²]; a uniform rod's by default.
+/// radius : float or (n,) array_like, optional
+///     Radius of the links [m] when the distance to obstacles is measured; 0 by default.
+/// gravity : float or (2,) array_like, optional
+///     Gravity [m/s²]; a single number g acts along −y, as (0, −g). 0, a horizontal plane, by default.
+/// joint_limits : (n, 2) array_like, optional
+///     Lowest and highest joint angles [rad].
+/// torque_limits : float or (n,) array_like, optional
+///     Largest joint torques [N·m].
+/// velocity_limits : float or (n,) array_like, optional
+///     Largest joint speeds [rad/s].
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     If a parameter has the wrong length, is not finite, or makes no physical sense.
+/// vffnull.errors.InputTypeError
+///     If a parameter is not a number or an array of numbers.
+///
+/// Examples
+/// --------
+/// >>> arm = Arm.uniform(6)
+/// >>> arm.forward_kinematics([0.0] * 6)[-1]
+/// array([6., 0.])
 #[pyclass(frozen, module = "vffnull")]
 pub struct Arm {
     pub arm: Arc<PlanarArm>,
@@ -28,7 +68,8 @@ pub struct Arm {
 
 impl Arm {
     /// Reads an arm from its part of a scenario.
-    fn read(document: Table) -> PyResult<Self> {
+    fn read(py: Python<'_>, document: Table) -> PyResult<Self> {
+        load_numpy(py)?;
         let arm = scenario::read_arm(&document).map_err(|error| errors::arm(&error))?;
         Ok(Self { arm: Arc::new(arm), document })
     }
@@ -43,6 +84,14 @@ impl Arm {
         Ok(state)
     }
 
+    /// The dense matrices at a state, with the GIL released; some of the `count` that the caller makes of this size.
+    fn matrices(&self, py: Python<'_>, state: &PlanarState, count: usize) -> PyResult<Matrices<2>> {
+        let n = self.n();
+        memory::fits(count.saturating_mul(n).saturating_mul(n))
+            .map_err(|error| InputError::new_err(format!("matrices of {n} joints: {error}")))?;
+        interruptible(py, || state.matrices())
+    }
+
     fn moving(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<PlanarState> {
         let mut state = self.arm.state();
         state.update(&vector("q", q, self.n())?, &vector("dq", dq, self.n())?);
@@ -54,13 +103,16 @@ impl Arm {
     }
 }
 
-/// The physical arm of a scenario, payload included.
+/// The physical arm of a scenario document, payload included.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be used.
 #[pyfunction]
-pub fn plant(document: &Bound<'_, PyAny>) -> PyResult<Arm> {
+pub fn plant(py: Python<'_>, document: &Bound<'_, PyAny>) -> PyResult<Arm> {
     let document = crate::convert::document(document)?;
-    let arm = Scenario::from_document(&document)
-        .and_then(|scenario| scenario.plant_arm())
-        .map_err(|error| errors::scenario(&error))?;
+    let arm = prepared(py, &document, |scenario: Scenario| scenario.plant_arm())?;
     let list = |values: &mut dyn Iterator<Item = Value>| Value::Array(values.collect());
     let pair = |v: nalgebra::Vector2<f64>| Value::Array(vec![Value::Float(v.x), Value::Float(v.y)]);
     let links = || arm.links().iter();
@@ -105,9 +157,23 @@ impl Arm {
                 document.insert(name.into(), to_toml(value, name)?);
             }
         }
-        Self::read(document)
+        Self::read(lengths.py(), document)
     }
 
+    /// An arm of n equal uniform rods.
+    ///
+    /// Parameters
+    /// ----------
+    /// n : int
+    ///     Number of links, at least 1.
+    /// length : float, optional
+    ///     Length of each link [m].
+    /// mass : float, optional
+    ///     Mass of each link [kg].
+    /// radius : float, optional
+    ///     Radius of each link [m].
+    /// gravity : float, optional
+    ///     Gravity along −y [m/s²].
     #[staticmethod]
     #[pyo3(
         signature = (n, length=None, mass=None, radius=None, gravity=None),
@@ -120,7 +186,7 @@ impl Arm {
         radius: Option<&Bound<'_, PyAny>>,
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let n = whole_number("n", n)?;
+        let (py, n) = (n.py(), whole_number("n", n)?);
         let Some(count) = usize::try_from(n).ok().filter(|n| (1..=100_000).contains(n)) else {
             return Err(InputError::new_err(format!("n: must be from 1 to 100000, got {n}")));
         };
@@ -132,102 +198,141 @@ impl Arm {
         document.insert("masses".into(), read("mass", mass, 1.0)?);
         document.insert("radius".into(), read("radius", radius, 0.0)?);
         document.insert("gravity".into(), read("gravity", gravity, 0.0)?);
-        Self::read(document)
+        Self::read(py, document)
     }
 
+    /// Number of joints.
     #[getter(n)]
     fn py_n(&self) -> usize {
         self.n()
     }
 
+    /// Lengths of the links, (n,) [m].
     #[getter]
     fn lengths<'py>(&self, py: Python<'py>) -> Array1<'py> {
         self.per_link(py, |link| link.length)
     }
 
+    /// Masses of the links, (n,) [kg].
     #[getter]
     fn masses<'py>(&self, py: Python<'py>) -> Array1<'py> {
         self.per_link(py, |link| link.mass)
     }
 
+    /// Centres of mass in the links' frames, (n, 2) [m].
     #[getter]
     fn com<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         let values = self.arm.links().iter().flat_map(|link| [link.com.x, link.com.y]);
         array2(py, values.collect(), [self.n(), 2])
     }
 
+    /// Moments of inertia about the centres of mass, (n,) [kg·m²].
     #[getter]
     fn inertias<'py>(&self, py: Python<'py>) -> Array1<'py> {
         self.per_link(py, |link| link.inertia)
     }
 
+    /// Radii of the links, (n,) [m].
     #[getter]
     fn radius<'py>(&self, py: Python<'py>) -> Array1<'py> {
         self.per_link(py, |link| link.radius)
     }
 
+    /// Acceleration of free fall, (2,) [m/s²].
     #[getter]
     fn gravity<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, self.arm.gravity().as_slice())
     }
 
+    /// Positions of the joints; the last row is the tip.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : (n,) or (T, n) array_like
+    ///     Joint angles [rad].
+    ///
+    /// Returns
+    /// -------
+    /// (n+1, 2) or (T, n+1, 2) ndarray
+    ///     Positions [m].
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let (py, n) = (q.py(), self.n());
-        let array = as_float_array("q", q)?;
-        let joints = |state: &PlanarState, out: &mut Vec<f64>| {
-            (0..=n).for_each(|i| out.extend_from_slice(state.joint_position(i).as_slice()));
+        let array = float_array("q", q)?;
+        let rows = match *array.shape() {
+            [last] if last == n => None,
+            [rows, last] if last == n => Some(rows),
+            _ => return Err(misshapen("q", array.shape(), &format!("({n},) or (T, {n})"))),
         };
-        let mut positions = Vec::new();
-        let Ok(rows) = array.extract::<PyReadonlyArray2<'_, f64>>() else {
-            joints(&self.at(&array)?, &mut positions);
-            return Ok(array2(py, positions, [n + 1, 2])?.into_any());
-        };
-        let rows = rows.as_array();
-        if rows.ncols() != n {
-            return Err(wrong_shape("q", q, &format!("({n},) or (T, {n})")));
+        let angles = array.readonly().as_slice()?.to_vec();
+        for (k, row) in angles.chunks_exact(n).enumerate() {
+            let name = || rows.map_or("q".into(), |_| format!("q[{k}]"));
+            if row.iter().any(|angle| !angle.is_finite()) {
+                finite(&name(), row)?;
+            }
         }
-        let (mut state, still) = (self.arm.state(), vec![0.0; n]);
-        for (k, row) in rows.rows().into_iter().enumerate() {
-            let row = row.to_vec();
-            finite(&format!("q[{k}]"), &row)?;
-            state.update(&row, &still);
-            joints(&state, &mut positions);
+        let positions = interruptible(py, || {
+            let (mut state, mut positions) = (self.arm.state(), Vec::new());
+            for row in angles.chunks_exact(n) {
+                interrupt::spend(32 * n);
+                state.update_positions(row);
+                for i in 0..=n {
+                    positions.extend_from_slice(state.joint_position(i).as_slice());
+                }
+            }
+            positions
+        })?;
+        let positions = PyArray1::from_vec(py, positions);
+        match rows {
+            None => Ok(positions.reshape([n + 1, 2])?.into_any()),
+            Some(rows) => Ok(positions.reshape([rows, n + 1, 2])?.into_any()),
         }
-        Ok(PyArray1::from_vec(py, positions).reshape([rows.nrows(), n + 1, 2])?.into_any())
     }
 
+    /// Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper).
     fn jacobian<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array2<'py>> {
-        let m: Matrices<2> = self.at(q)?.matrices();
-        task_matrix(q.py(), &m.jacobian)
+        let state = self.at(q)?;
+        matrix(q.py(), &DMatrix::from_fn(2, self.n(), |i, k| state.jacobian_column::<2>(k)[i]))
     }
 
+    /// Time derivative of the Jacobian, (2, n).
     fn jacobian_dot<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
     ) -> PyResult<Array2<'py>> {
-        let m: Matrices<2> = self.moving(q, dq)?.matrices();
-        task_matrix(q.py(), &m.jacobian_dot)
+        let state = self.moving(q, dq)?;
+        matrix(q.py(), &DMatrix::from_fn(2, self.n(), |i, k| state.jacobian_dot_column::<2>(k)[i]))
     }
 
+    /// Mass matrix M, (n, n) [kg·m²]; symmetric and positive definite.
     fn mass_matrix<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array2<'py>> {
-        matrix(q.py(), &self.at(q)?.matrices::<2>().mass)
+        let state = self.at(q)?;
+        matrix(q.py(), &self.matrices(q.py(), &state, 4)?.mass)
     }
 
+    /// Coriolis matrix C by Christoffel symbols, (n, n) [N·m·s]: Ṁ = C + Cᵀ.
     fn coriolis_matrix<'py>(
         &self,
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
     ) -> PyResult<Array2<'py>> {
-        matrix(q.py(), &self.moving(q, dq)?.matrices::<2>().coriolis)
+        let state = self.moving(q, dq)?;
+        matrix(q.py(), &self.matrices(q.py(), &state, 4)?.coriolis)
     }
 
+    /// Torque g that holds the arm against gravity, (n,) [N·m].
     fn gravity_torque<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array1<'py>> {
         let mut out = vec![0.0; self.n()];
         self.at(q)?.gravity_torque(&mut out);
         Ok(array1(q.py(), &out))
     }
 
+    /// Torque of a motion, M q̈ + C q̇ + g, (n,) [N·m].
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq, ddq : (n,) array_like
+    ///     Joint angles [rad], velocities [rad/s], accelerations [rad/s²].
     fn inverse_dynamics<'py>(
         &self,
         q: &Bound<'py, PyAny>,
@@ -240,6 +345,12 @@ impl Arm {
         Ok(array1(q.py(), &out))
     }
 
+    /// Acceleration under a torque, M⁻¹(τ − C q̇ − g), (n,) [rad/s²], in O(n).
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq, tau : (n,) array_like
+    ///     Joint angles [rad], velocities [rad/s], torques [N·m].
     fn forward_dynamics<'py>(
         &self,
         q: &Bound<'py, PyAny>,
@@ -252,6 +363,7 @@ impl Arm {
         Ok(array1(q.py(), &out))
     }
 
+    /// Kinetic energy ½ q̇ᵀM q̇ [J].
     fn kinetic_energy(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<f64> {
         let state = self.moving(q, dq)?;
         let mut momentum = vec![0.0; self.n()];
@@ -259,17 +371,25 @@ impl Arm {
         Ok(0.5 * state.velocity().iter().zip(&momentum).map(|(v, p)| v * p).sum::<f64>())
     }
 
+    /// Potential energy in gravity [J]; 0 with every centre of mass at the height of joint 1.
     fn potential_energy(&self, q: &Bound<'_, PyAny>) -> PyResult<f64> {
         Ok(self.at(q)?.potential_energy())
     }
 
+    /// The split into task and null space at a state, with every matrix (eq. 6–15, corrected).
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq : (n,) array_like
+    ///     Joint angles [rad] and velocities [rad/s].
     fn extended_jacobian(
         &self,
         q: &Bound<'_, PyAny>,
         dq: &Bound<'_, PyAny>,
     ) -> PyResult<ExtendedJacobian> {
-        let m: Matrices<2> = self.moving(q, dq)?.matrices();
-        extended_jacobian::ExtendedJacobian::new(&m)
+        let state = self.moving(q, dq)?;
+        let m = self.matrices(q.py(), &state, extended_jacobian::MATRICES)?;
+        interruptible(q.py(), || extended_jacobian::ExtendedJacobian::new(&m))?
             .map(|inner| ExtendedJacobian { inner })
             .ok_or_else(|| {
                 InputError::new_err(
@@ -279,12 +399,14 @@ impl Arm {
             })
     }
 
+    /// The arm as MJCF, for MuJoCo; see `vffnull.export.to_mjcf`.
     #[pyo3(signature = (name="arm"))]
     fn to_mjcf(slf: &Bound<'_, Self>, name: &str) -> PyResult<String> {
         let export = slf.py().import("vffnull.export")?;
         export.call_method1("to_mjcf", (slf, name))?.extract()
     }
 
+    /// The arm as URDF; see `vffnull.export.to_urdf`.
     #[pyo3(signature = (name="arm"))]
     fn to_urdf(slf: &Bound<'_, Self>, name: &str) -> PyResult<String> {
         let export = slf.py().import("vffnull.export")?;
@@ -296,6 +418,7 @@ impl Arm {
         notebook.call_method1("arm", (slf,))?.extract()
     }
 
+    /// The arm as a part of a scenario document.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         table_to_dict(py, &self.document)
     }
@@ -321,24 +444,20 @@ impl Arm {
 
     #[staticmethod]
     fn _from_dict(document: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Self::read(crate::convert::document(document)?)
+        Self::read(document.py(), crate::convert::document(document)?)
     }
 
     fn __repr__(&self) -> String {
-        let reach = self.arm.reach(self.n()).1;
+        let reach = self.arm.reach();
         let links = if self.n() == 1 { "link" } else { "links" };
         format!("<Arm: {} {links}, reach {reach} m>", self.n())
     }
 }
 
-fn task_matrix<'py>(
-    py: Python<'py>,
-    m: &vff_core::robot::dense::TaskMatrix<2>,
-) -> PyResult<Array2<'py>> {
-    matrix(py, &DMatrix::from_fn(2, m.ncols(), |i, k| m[(i, k)]))
-}
-
-/// Task and null space of an arm at one state.
+/// Task and null space of an arm at one state; r = n − 2.
+///
+/// The extended velocity (ẋ, ν) = J_e q̇ is made of the tip's velocity and r coordinates of the motion that
+/// the tip does not see.
 #[pyclass(frozen, module = "vffnull")]
 pub struct ExtendedJacobian {
     inner: extended_jacobian::ExtendedJacobian,
@@ -347,46 +466,55 @@ pub struct ExtendedJacobian {
 #[pymethods]
 #[expect(non_snake_case, reason = "the names of the paper")]
 impl ExtendedJacobian {
+    /// Orthonormal basis of the null space, (n, r): J Z = 0.
     #[getter]
     fn Z<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.z)
     }
 
+    /// Null-space velocity map (ZᵀMZ)⁻¹ZᵀM, (r, n): ν = N_M q̇ (eq. 7, 8).
     #[getter]
     fn N_M<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.n_m)
     }
 
+    /// Extended Jacobian [J; N_M], (n, n) (eq. 9).
     #[getter]
     fn J_e<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.j_e)
     }
 
+    /// Its inverse [J#, Z], (n, n).
     #[getter]
     fn J_e_inv<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.j_e_inv)
     }
 
+    /// Extended inertia J_e⁻ᵀ M J_e⁻¹, (n, n); block diagonal (eq. 13).
     #[getter]
     fn E_e<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.e_e)
     }
 
+    /// Extended Coriolis matrix J_e⁻ᵀ(C − M J_e⁻¹ J̇_e)J_e⁻¹, (n, n) (eq. 13).
     #[getter]
     fn mu<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.mu)
     }
 
+    /// Inertia that the tip shows, (2, 2) [kg].
     #[getter]
     fn Lambda_x<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.lambda_x)
     }
 
+    /// Inertia in the null space, (r, r) [kg·m²].
     #[getter]
     fn Lambda_n<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.lambda_n)
     }
 
+    /// Dynamically consistent null-space projector I − J#J, (n, n).
     #[getter]
     fn N<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.null_projector())

@@ -1,43 +1,77 @@
 //! `Controller`: the torque law in somebody else's loop.
 
 use crate::arm::Arm;
-use crate::convert::{array1, document, matrix, named_document, number, read_vector, wrong_type};
+use crate::convert::{
+    array1, document, instead, load_numpy, matrix, named_document, number, read_vector, wrong_type,
+};
 use crate::errors::{self, InputError};
+use crate::turns::Turns;
+use crate::watch::attended;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
 use std::mem::replace;
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use vff_core::control::energy::{ENERGIES, PORTS};
-use vff_core::control::{self, Gains, Granted, Settings, Tank, TaskKind};
-use vff_core::math::Vector;
-use vff_core::robot::PlanarState;
+use vff_core::control::{self, Avoidance, Gains, ObjectiveScale, Settings, Tank, TaskKind};
+use vff_core::math::{Vector, memory};
+use vff_core::robot::Model;
 use vff_core::scenario;
+use vff_core::simulation::{Plane, System};
 use vff_core::trajectory::Sample;
-use vff_core::world::World;
+use vff_core::world::plane::World;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
-/// The torque law alone. Threads that share one take turns.
+/// The torque law alone, for a loop of your own. Threads that share one take turns.
+///
+/// Parameters
+/// ----------
+/// arm : Arm
+///     The arm's model.
+/// settings : ControlSettings or dict, optional
+///     Gains, field, and variant of the law; the defaults of a scenario if not given.
+/// period : float, optional
+///     Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
+///
+/// strict : bool, optional
+///     Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond all
+///     reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the settings do not suit the arm.
+///
+/// Notes
+/// -----
+/// A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank is as
+/// full as at the start.
+///
+/// Examples
+/// --------
+/// >>> controller = Controller(Arm.uniform(6), {"stiffness": 16.0, "damping": 8.0})
+/// >>> controller.torque([0.1] * 6, [0.0] * 6, x_ref=[4.0, 2.0]).shape
+/// (6,)
 #[pyclass(frozen, module = "vffnull")]
 pub struct Controller {
     law: Law,
+    strict: bool,
 }
 
 enum Law {
-    Position(Shared<2>),
-    Pose(Shared<3>),
+    Position(Shared<Plane, 2>),
+    Pose(Shared<Plane, 3>),
 }
 
 /// A law of task dimension M for `n` joints.
-struct Shared<const M: usize> {
+struct Shared<S: System<2, M>, const M: usize> {
     n: usize,
-    inner: Mutex<Inner<M>>,
+    settings: Settings,
+    inner: Turns<Inner<S, M>>,
 }
 
-struct Inner<const M: usize> {
-    law: control::Controller<PlanarState, 2, M>,
+struct Inner<S: System<2, M>, const M: usize> {
+    law: control::Controller<S::State, 2, M>,
     world: World,
     /// The obstacles of `world`, as they were given: the same again need not be read again.
     obstacles: Vec<Py<PyAny>>,
@@ -57,14 +91,14 @@ struct Call<'a, 'py> {
 }
 
 impl Call<'_, '_> {
-    fn reference<const M: usize>(&self) -> PyResult<Sample<M>> {
+    fn reference<P: From<Vector<M>>, const M: usize>(&self) -> PyResult<Sample<P, M>> {
         let read = |name, value: Option<&Bound<'_, PyAny>>| -> PyResult<Vector<M>> {
             let mut out = Vector::<M>::zeros();
             value.map_or(Ok(()), |value| read_vector(name, value, out.as_mut_slice()))?;
             Ok(out)
         };
         Ok(Sample {
-            x: read("x_ref", Some(self.x))?,
+            x: read("x_ref", Some(self.x))?.into(),
             dx: read("dx_ref", self.dx)?,
             ddx: read("ddx_ref", self.ddx)?,
         })
@@ -80,27 +114,27 @@ fn time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
     }
 }
 
-fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    obstacles
-        .try_iter()
-        .map_err(|_| wrong_type("obstacles: expected a sequence of obstacles", obstacles))?
-        .collect()
+/// The obstacles of a call.
+pub fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let sentence = "obstacles: expected a sequence of obstacles";
+    let fault = |error| instead(obstacles, error, || wrong_type(sentence, obstacles));
+    obstacles.try_iter().map_err(fault)?.collect()
 }
 
-impl<const M: usize> Shared<M> {
-    fn new(state: PlanarState, n: usize, settings: &Settings) -> Self {
+impl<S: System<2, M, Pose: From<Vector<M>>>, const M: usize> Shared<S, M> {
+    fn new(state: S::State, n: usize, settings: &Settings) -> Self {
         let law = control::Controller::new(state, Gains::new(settings));
         let inner = Inner { law, world: World::new(vec![]), obstacles: vec![], last: None };
-        Self { n, inner: Mutex::new(inner) }
+        Self { n, settings: settings.clone(), inner: Turns::new("controller", inner) }
     }
 
-    /// Evaluates the law; `take` reads what it came to.
+    /// Evaluates the law; `take` reads what it came to. With it, whether the torque is finite.
     fn evaluate<T>(
         &self,
         py: Python<'_>,
         call: &Call<'_, '_>,
-        take: impl FnOnce(&control::Controller<PlanarState, 2, M>) -> T,
-    ) -> PyResult<T> {
+        take: impl FnOnce(&control::Controller<S::State, 2, M>) -> T,
+    ) -> PyResult<(T, bool)> {
         let t = time(call.t)?;
         let mut state = vec![0.0; 2 * self.n];
         let (q, dq) = state.split_at_mut(self.n);
@@ -114,7 +148,12 @@ impl<const M: usize> Shared<M> {
             law.observe(q, dq, world);
             law.look_ahead(world, |ahead| reference.carried_on(ahead));
             law.command(&reference);
-            take(law)
+            let finite = law.torque().total.iter().all(|tau| tau.is_finite());
+            let taken = take(law);
+            if !finite {
+                inner.law_anew();
+            }
+            (taken, finite)
         })
     }
 
@@ -127,33 +166,47 @@ impl<const M: usize> Shared<M> {
         py: Python<'_>,
         obstacles: Option<&Bound<'_, PyAny>>,
         t: f64,
-        act: impl FnOnce(&mut Inner<M>) -> T,
+        act: impl FnOnce(&mut Inner<S, M>) -> T,
     ) -> PyResult<T> {
         let given = obstacles.map_or(Ok(vec![]), sequence)?;
-        let mut inner = self.lock(py);
+        let mut inner = self.inner.take(py)?;
         let mut old = vec![];
         if !inner.knows(py, &given) {
             drop(inner);
             let world = read_world(&given)?;
-            inner = self.lock(py);
+            let barriers = (0..world.len()).map(|j| world.obstacle(j).shape.barriers()).sum();
+            scenario::validate_size(&self.settings, self.n, barriers)
+                .map_err(|error| errors::scenario(&error))?;
+            inner = self.inner.take(py)?;
             inner.world = world;
             old = replace(&mut inner.obstacles, given.into_iter().map(Bound::unbind).collect());
         }
-        inner.world.update(t);
-        let done = act(&mut inner);
+        let done = attended(|| {
+            inner.world.update(t);
+            act(&mut inner)
+        });
+        if done.is_err() {
+            old = inner.begin_anew();
+        }
         drop(inner);
         drop(old); // which may run Python code, too
-        Ok(done)
-    }
-
-    /// Waits for its turn without holding the GIL. What a panic may leave behind is overwritten by
-    /// the next evaluation.
-    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Inner<M>> {
-        self.inner.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+        done
     }
 }
 
-impl<const M: usize> Inner<M> {
+impl<S: System<2, M>, const M: usize> Inner<S, M> {
+    /// Forgets everything, after a call that was broken off midway. Returns what has to be dropped later.
+    fn begin_anew(&mut self) -> Vec<Py<PyAny>> {
+        self.law_anew();
+        self.world = World::new(vec![]);
+        std::mem::take(&mut self.obstacles)
+    }
+
+    fn law_anew(&mut self) {
+        self.law = control::Controller::new(self.law.robot().clone(), self.law.gains().clone());
+        self.last = None;
+    }
+
     /// Whether these are the very obstacles of the last call. Only `Obstacle` is known not to
     /// change; a dict is read every time.
     fn knows(&self, py: Python<'_>, given: &[Bound<'_, PyAny>]) -> bool {
@@ -166,6 +219,9 @@ impl<const M: usize> Inner<M> {
 /// The world of these obstacles.
 pub fn read_world(given: &[Bound<'_, PyAny>]) -> PyResult<World> {
     let read = |(j, obstacle): (usize, &Bound<'_, PyAny>)| {
+        if j % 256 == 255 {
+            obstacle.py().check_signals()?;
+        }
         let name = format!("obstacles[{j}]");
         scenario::read_obstacle(&named_document(&name, obstacle)?)
             .map_err(|error| errors::scenario(&error.inside(&name)))
@@ -185,16 +241,19 @@ macro_rules! either {
 #[pymethods]
 impl Controller {
     #[new]
-    #[pyo3(signature = (arm, settings, period=None))]
+    #[pyo3(signature = (arm, settings=None, period=None, strict=false))]
     fn new(
         arm: &Bound<'_, PyAny>,
-        settings: &Bound<'_, PyAny>,
+        settings: Option<&Bound<'_, PyAny>>,
         period: Option<&Bound<'_, PyAny>>,
+        strict: bool,
     ) -> PyResult<Self> {
         let py = arm.py();
+        load_numpy(py)?;
         let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
         let n = arm.arm.dof();
-        let settings = scenario::read_settings(&document(settings)?, &arm.arm)
+        let settings = settings.map(document).transpose()?.unwrap_or_default();
+        let settings = scenario::read_settings(&settings, &arm.arm)
             .map_err(|error| errors::scenario(&error))?;
         if let Some(period) = period {
             let period = number("period", period)?;
@@ -211,9 +270,33 @@ impl Controller {
             TaskKind::Position => Law::Position(Shared::new(state, n, &settings)),
             TaskKind::Pose => Law::Pose(Shared::new(state, n, &settings)),
         };
-        Ok(Self { law })
+        Ok(Self { law, strict })
     }
 
+    /// Joint torque at a state.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq : (n,) array_like
+    ///     Joint angles [rad] and velocities [rad/s].
+    /// x_ref, dx_ref, ddx_ref : (m,) array_like
+    ///     Reference of the end effector [m], its velocity [m/s] and acceleration [m/s²]; the last two are 0
+    ///     if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last. It is taken as
+    ///     it is: the settings' `governor` acts in simulations alone.
+    /// obstacles : sequence of Obstacle or dict, optional
+    ///     What to keep away from; nothing by default.
+    /// t : float, optional
+    ///     Time [s] at which the obstacles' motions are taken.
+    ///
+    /// Returns
+    /// -------
+    /// (n,) ndarray
+    ///     Joint torque [N·m].
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If an array has the wrong shape or is not finite.
     #[pyo3(
         signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=None),
         text_signature = "($self, q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=(), t=0.0)"
@@ -231,12 +314,13 @@ impl Controller {
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array1<'py>> {
         let call = Call { q, dq, x: x_ref, dx: dx_ref, ddx: ddx_ref, obstacles, t };
-        let tau = either!(&self.law, shared => {
+        let done = either!(&self.law, shared => {
             shared.evaluate(py, &call, |law| law.torque().total.clone())
         });
-        Ok(array1(py, &tau?))
+        Ok(array1(py, &self.judged(done?)?))
     }
 
+    /// The same torque with its parts; parameters as in `torque`.
     #[pyo3(
         signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=None),
         text_signature = "($self, q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=(), t=0.0)"
@@ -254,7 +338,11 @@ impl Controller {
         t: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Terms> {
         let call = Call { q, dq, x: x_ref, dx: dx_ref, ddx: ddx_ref, obstacles, t };
-        either!(&self.law, shared => shared.evaluate(py, &call, |law| Terms {
+        let n = either!(&self.law, shared => shared.n);
+        memory::fits(n.saturating_mul(n).saturating_mul(6)).map_err(|error| {
+            InputError::new_err(format!("the projector of {n} joints: {error}"))
+        })?;
+        let done = either!(&self.law, shared => shared.evaluate(py, &call, |law| Terms {
             tau: law.torque().total.clone(),
             tau_task: law.torque().task.clone(),
             tau_null: law.torque().null.clone(),
@@ -265,15 +353,40 @@ impl Controller {
             projector: law.null_projector(),
             energy: law.energy().values(),
             power: law.power(&law.torque().total).values(),
-            granted: *law.granted(),
+            objective_scale: *law.objective_scale(),
             tank: law.tank().map(Tank::level),
             self_clearance: law.forces().self_clearance(),
             manipulability: law.manipulability(),
             singular: law.space().singular,
             null_acceleration: law.null_acceleration(),
-        }))
+        }))?;
+        self.judged(done)
     }
 
+    /// The longest time that the torque may be held at a configuration before the null space oscillates.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : (n,) array_like
+    ///     Joint angles [rad].
+    /// obstacles : sequence of Obstacle or dict, optional
+    ///     What is near.
+    /// t : float, optional
+    ///     Time [s] at which the obstacles' motions are taken.
+    ///
+    /// Returns
+    /// -------
+    /// period : float
+    ///     The largest stable control period [s] (docs/theory.md, T34).
+    /// stiffness : float
+    ///     Stiffness of the field [N/m] at the contact that sets it; 0 if the null damping does.
+    /// clearance : float
+    ///     Clearance of that contact [m]; infinite without one.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If an array has the wrong shape or is not finite.
     #[pyo3(
         signature = (q, obstacles=None, t=None),
         text_signature = "($self, q, obstacles=(), t=0.0)"
@@ -297,6 +410,34 @@ impl Controller {
         })?;
         Ok((found.period, found.stiffness, found.clearance))
     }
+
+    fn __repr__(&self) -> String {
+        let (n, settings) = either!(&self.law, shared => (shared.n, &shared.settings));
+        let task = match settings.task {
+            TaskKind::Position => "position",
+            TaskKind::Pose => "pose",
+        };
+        let avoidance = match settings.avoidance {
+            Avoidance::NullSpace => "null_space",
+            Avoidance::Relaxed => "relaxed",
+            Avoidance::Priority => "priority",
+            Avoidance::Cbf => "cbf",
+        };
+        let joints = if n == 1 { "joint" } else { "joints" };
+        format!("<Controller: {n} {joints}, {task} task, avoidance {avoidance}>")
+    }
+}
+
+impl Controller {
+    /// What an evaluation came to, unless it is not finite and that is to be said.
+    fn judged<T>(&self, (done, finite): (T, bool)) -> PyResult<T> {
+        match finite || !self.strict {
+            true => Ok(done),
+            false => Err(InputError::new_err(
+                "the torque at this state and reference is not finite: they are beyond what numbers can hold",
+            )),
+        }
+    }
 }
 
 /// The parts of the torque at one state.
@@ -308,12 +449,13 @@ pub struct Terms {
     tau_vff: Vec<f64>,
     force: Vec<f64>,
     clearance: Vec<f64>,
+    /// By how much barriers are broken at most [m/s²]; 0 without ``avoidance="cbf"``.
     #[pyo3(get)]
     slack: Option<f64>,
     projector: nalgebra::DMatrix<f64>,
     energy: [f64; ENERGIES.len()],
     power: [f64; PORTS.len()],
-    granted: Granted,
+    objective_scale: ObjectiveScale,
     tank: Option<f64>,
     self_clearance: f64,
     manipulability: f64,
@@ -323,76 +465,107 @@ pub struct Terms {
 
 #[pymethods]
 impl Terms {
+    /// Joint torque, (n,) [N·m].
     #[getter]
     fn tau<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.tau)
     }
 
+    /// What serves the task, and what makes it give way, (n,) [N·m].
     #[getter]
     fn tau_task<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.tau_task)
     }
 
+    /// What acts in the null space, (n,) [N·m].
     #[getter]
     fn tau_null<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.tau_null)
     }
 
+    /// Repulsion Σ JᵢᵀFᵢ before its projection, (n,) [N·m].
     #[getter]
     fn tau_vff<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.tau_vff)
     }
 
+    /// Magnitude of the repulsion on each link, (n,) [N].
     #[getter]
     fn force<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.force)
     }
 
+    /// Signed distance of each link's surface to the nearest obstacle's, (n,) [m].
     #[getter]
     fn clearance<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.clearance)
     }
 
+    /// Energies as named in `ENERGIES`, (3,) [J].
     #[getter]
     fn energy<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.energy)
     }
 
+    /// Powers as named in `PORTS`, (6,) [W].
     #[getter]
     fn power<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.power)
     }
 
+    /// What the limits let through of each of `OBJECTIVES`, (6,), from 0 to 1.
     #[getter]
-    fn granted<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.granted)
+    fn objective_scale<'py>(&self, py: Python<'py>) -> Array1<'py> {
+        array1(py, &self.objective_scale)
     }
 
+    /// Energy in the tank [J]; None without one.
     #[getter]
     fn tank(&self) -> Option<f64> {
         self.tank
     }
 
+    /// Signed distance of the nearest two links that share no joint [m]; infinite if not measured.
     #[getter]
     fn self_clearance(&self) -> f64 {
         self.self_clearance
     }
 
+    /// √det(J Jᵀ) [m²], 0 in a singularity.
     #[getter]
     fn manipulability(&self) -> f64 {
         self.manipulability
     }
 
+    /// Whether the task force is damped because of a singularity.
     #[getter]
     fn singular(&self) -> bool {
         self.singular
     }
 
+    /// ‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task.
     #[getter]
     fn null_acceleration(&self) -> f64 {
         self.null_acceleration
     }
 
+    /// Whether the torque is finite: it is not at states and references beyond what numbers can hold.
+    #[getter]
+    fn finite(&self) -> bool {
+        self.tau.iter().all(|tau| tau.is_finite())
+    }
+
+    fn __repr__(&self) -> String {
+        let clearance = self.clearance.iter().copied().fold(f64::INFINITY, f64::min);
+        let largest = self.tau.iter().fold(0.0, |most: f64, tau| most.max(tau.abs()));
+        let torque = match self.finite() {
+            true => format!("up to {largest:.4} N·m"),
+            false => "torque not finite".into(),
+        };
+        format!("<Terms: {} joints, {torque}, clearance {clearance:.4} m>", self.tau.len())
+    }
+
+    /// Null-space projector, (n, n).
     #[getter]
     #[expect(non_snake_case, reason = "the name of the paper")]
     fn N<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -3,14 +3,54 @@
 use crate::errors::{InputError, InputTypeError};
 use nalgebra::DMatrix;
 use numpy::{
-    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
+    PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUnicodeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
+use std::fmt;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use toml::{Table, Value};
 
 /// Documents deeper than this are taken for endless: a dict inside itself has no bottom.
 const MAX_DEPTH: usize = 32;
+/// Values of a document between two looks for signals.
+const SIGNALS_EVERY: usize = 1 << 13;
+/// The most characters of a user's text that a message quotes.
+const QUOTED: usize = 80;
+
+/// Loads what arrays need. To be called before the first of them is made.
+///
+/// The bindings of NumPy load it where they are first used, and panic if a signal handler raises meanwhile. Here
+/// NumPy is imported first, so that the exception is the user's; the rest, which runs a little Python, is done by
+/// another thread, where no signal handler runs.
+pub fn load_numpy(py: Python<'_>) -> PyResult<()> {
+    static LOADED: PyOnceLock<()> = PyOnceLock::new();
+    if LOADED.get(py).is_some() {
+        return Ok(());
+    }
+    LOADING.fetch_add(1, Ordering::Relaxed);
+    let loaded = py.import("numpy").and_then(|_| {
+        LOADED.get_or_try_init(py, || {
+            let touch = || Python::attach(|py| drop(PyArray1::from_slice(py, &[0.0]).readonly()));
+            py.detach(|| thread::scope(|scope| scope.spawn(touch).join()))
+                .map_err(|_| InputError::new_err("NumPy cannot be loaded"))
+        })
+    });
+    LOADING.fetch_sub(1, Ordering::Relaxed);
+    loaded.map(drop)
+}
+
+/// How many threads are loading it.
+static LOADING: AtomicUsize = AtomicUsize::new(0);
+
+/// To be called before a fork: a child would wait for ever for what a thread that it does not have is loading.
+#[pyfunction]
+pub fn before_fork(py: Python<'_>) -> PyResult<()> {
+    if LOADING.load(Ordering::Relaxed) > 0 { load_numpy(py) } else { Ok(()) }
+}
 
 /// A document from a dict or from an object with `to_dict()`.
 pub fn document(value: &Bound<'_, PyAny>) -> PyResult<Table> {
@@ -35,80 +75,215 @@ pub fn named_document(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Table> {
     }
 }
 
+/// A scenario in any form that `vffnull.simulate` takes: what is no document yet, the name of a bundled
+/// scenario or a path, is read by the Python package.
+pub fn scenario(value: &Bound<'_, PyAny>) -> PyResult<Table> {
+    if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
+        let scenarios = value.py().import("vffnull.scenario")?;
+        return document(&scenarios.call_method1("document_of", (value,))?);
+    }
+    document(value)
+}
+
+/// Whether an exception says that a value does not fit. Any other is the user's: Ctrl-C, or what a signal handler or
+/// a method of the value raises.
+fn is_misfit(value: &Bound<'_, PyAny>, error: &PyErr) -> bool {
+    let py = value.py();
+    error.is_instance_of::<PyTypeError>(py)
+        || error.is_instance_of::<PyValueError>(py)
+        || error.is_instance_of::<PyOverflowError>(py)
+}
+
+/// The sentence in the place of an exception that says that `value` does not fit.
+pub fn instead(value: &Bound<'_, PyAny>, error: PyErr, sentence: impl FnOnce() -> PyErr) -> PyErr {
+    if is_misfit(value, &error) { sentence() } else { error }
+}
+
 /// A number, whatever Python or NumPy type it has.
 pub fn number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
-    value.extract().map_err(|_| wrong_type(&format!("{name}: expected a number"), value))
+    value.extract().map_err(|error| {
+        instead(value, error, || wrong_type(&format!("{name}: expected a number"), value))
+    })
 }
 
 /// A whole number.
 pub fn whole_number(name: &str, value: &Bound<'_, PyAny>) -> PyResult<i64> {
-    value.extract().map_err(|_| match value.is_instance_of::<PyInt>() {
-        true => InputError::new_err(format!("{name}: {value} does not fit into 64 bits")),
-        false => wrong_type(&format!("{name}: expected a whole number"), value),
+    value.extract().map_err(|error| {
+        instead(value, error, || match value.is_instance_of::<PyInt>() {
+            true => too_long(name, value),
+            false => wrong_type(&format!("{name}: expected a whole number"), value),
+        })
     })
+}
+
+/// A whole number from 0 on.
+pub fn count(name: &str, value: &Bound<'_, PyAny>) -> PyResult<u64> {
+    if let Ok(count) = value.extract::<u64>() {
+        return Ok(count);
+    }
+    let given = whole_number(name, value)?;
+    Err(InputError::new_err(format!("{name}: must be 0 or more, got {given}")))
+}
+
+/// The fault of a whole number of too many digits to be used, or to be written.
+fn too_long(name: &str, value: &Bound<'_, PyAny>) -> PyErr {
+    let bits = value.call_method0("bit_length").and_then(|bits| bits.extract::<u64>());
+    match bits {
+        Ok(bits) if bits <= 256 => match value.str().and_then(|text| Ok(text.to_str()?.to_owned()))
+        {
+            Ok(digits) => {
+                InputError::new_err(format!("{name}: {digits} does not fit into 64 bits"))
+            }
+            Err(error) => error,
+        },
+        Ok(bits) => {
+            let sentence = format!("{name}: a number of {bits} bits does not fit into 64 bits");
+            InputError::new_err(sentence)
+        }
+        Err(error) => error,
+    }
+}
+
+/// Text, which not every string of Python is.
+pub fn text(name: &str, value: &Bound<'_, PyString>) -> PyResult<String> {
+    value.to_str().map(ToOwned::to_owned).map_err(|error| {
+        if !error.is_instance_of::<PyUnicodeError>(value.py()) {
+            return error;
+        }
+        let place = if name.is_empty() { String::new() } else { format!("{name}: ") };
+        InputError::new_err(format!("{place}contains half a character (a lone surrogate)"))
+    })
+}
+
+/// The beginning of a text, where it is long.
+pub fn cut(text: &str) -> String {
+    match text.char_indices().nth(QUOTED) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
 }
 
 /// The fault of a value of another type.
 pub fn wrong_type(sentence: &str, value: &Bound<'_, PyAny>) -> PyErr {
     let name = value.get_type().qualname().map_or_else(|_| "?".into(), |name| name.to_string());
-    InputTypeError::new_err(format!("{sentence}, got {name}"))
+    InputTypeError::new_err(format!("{sentence}, got {}", cut(&name)))
 }
 
 /// Any value that a document can hold; `None` in a table is left out.
 pub fn to_toml(value: &Bound<'_, PyAny>, path: &str) -> PyResult<Value> {
-    nested(value, path, 0)
+    Reader { read: 0 }.value(value, &Path::Root(path), 0)
 }
 
-fn nested(value: &Bound<'_, PyAny>, path: &str, depth: usize) -> PyResult<Value> {
-    if depth > MAX_DEPTH {
-        let start: String = path.chars().take(60).collect();
-        let sentence = format!("{start}…: nested deeper than {MAX_DEPTH} levels");
-        return Err(InputError::new_err(sentence));
+/// Where a value of a document stands; written only where something is wrong with it.
+enum Path<'a> {
+    Root(&'a str),
+    Key(&'a Path<'a>, &'a str),
+    Index(&'a Path<'a>, usize),
+}
+
+impl fmt::Display for Path<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Root(name) => f.write_str(name),
+            Self::Key(Self::Root(""), key) => f.write_str(&cut(key)),
+            Self::Key(place, key) => write!(f, "{place}.{}", cut(key)),
+            Self::Index(place, index) => write!(f, "{place}[{index}]"),
+        }
     }
-    if value.is_instance_of::<PyBool>() {
-        return Ok(Value::Boolean(value.extract()?));
+}
+
+/// Reads a document, and looks for signals now and then.
+struct Reader {
+    read: usize,
+}
+
+impl Reader {
+    fn value(
+        &mut self,
+        value: &Bound<'_, PyAny>,
+        path: &Path<'_>,
+        depth: usize,
+    ) -> PyResult<Value> {
+        self.read += 1;
+        if self.read.is_multiple_of(SIGNALS_EVERY) {
+            value.py().check_signals()?;
+        }
+        if let Ok(number) = value.cast_exact::<PyFloat>() {
+            return Ok(Value::Float(number.value()));
+        }
+        if depth > MAX_DEPTH {
+            let start: String = path.to_string().chars().take(60).collect();
+            let sentence = format!("{start}…: nested deeper than {MAX_DEPTH} levels");
+            return Err(InputError::new_err(sentence));
+        }
+        if value.is_instance_of::<PyBool>() {
+            return Ok(Value::Boolean(value.extract()?));
+        }
+        if value.is_instance_of::<PyInt>() {
+            let read = value.extract().map(Value::Integer);
+            return read
+                .map_err(|error| instead(value, error, || too_long(&path.to_string(), value)));
+        }
+        if value.is_instance_of::<PyFloat>() {
+            return Ok(Value::Float(value.extract()?));
+        }
+        if let Ok(string) = value.cast::<PyString>() {
+            return Ok(Value::String(text(&path.to_string(), string)?));
+        }
+        if let Ok(list) = value.cast::<PyList>() {
+            return self.items(list.iter().map(Ok), list.len(), path, depth);
+        }
+        if let Ok(tuple) = value.cast::<PyTuple>() {
+            return self.items(tuple.iter().map(Ok), tuple.len(), path, depth);
+        }
+        if let Ok(mapping) = value.cast::<PyMapping>() {
+            return self.table(mapping, path, depth);
+        }
+        for method in ["tolist", "to_dict"] {
+            // NumPy arrays and scalars; arms, obstacles, settings.
+            if let Some(method) = value.getattr_opt(method)? {
+                return self.value(&method.call0()?, path, depth + 1);
+            }
+        }
+        let place = path.to_string();
+        let place = if place.is_empty() { place } else { format!("{place}: ") };
+        Err(wrong_type(&format!("{place}expected numbers, text, lists or tables"), value))
     }
-    if value.is_instance_of::<PyInt>() {
-        return value.extract().map(Value::Integer).map_err(|_| {
-            InputError::new_err(format!("{path}: {value} does not fit into 64 bits"))
-        });
+
+    fn items<'py>(
+        &mut self,
+        items: impl Iterator<Item = PyResult<Bound<'py, PyAny>>>,
+        count: usize,
+        path: &Path<'_>,
+        depth: usize,
+    ) -> PyResult<Value> {
+        let mut values = Vec::with_capacity(count);
+        for (i, item) in items.enumerate() {
+            values.push(self.value(&item?, &Path::Index(path, i), depth + 1)?);
+        }
+        Ok(Value::Array(values))
     }
-    if value.is_instance_of::<PyFloat>() {
-        return Ok(Value::Float(value.extract()?));
-    }
-    if let Ok(text) = value.cast::<PyString>() {
-        return Ok(Value::String(text.to_string()));
-    }
-    if let Ok(mapping) = value.cast::<PyMapping>() {
+
+    fn table(
+        &mut self,
+        mapping: &Bound<'_, PyMapping>,
+        path: &Path<'_>,
+        depth: usize,
+    ) -> PyResult<Value> {
         let mut table = Table::new();
         for item in mapping.items()? {
             let (key, inner): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
-            let key = match key.cast::<PyString>() {
-                Ok(key) => key.to_string(),
-                Err(_) => return Err(wrong_type(&format!("{path}: keys must be strings"), &key)),
+            let Ok(key) = key.cast::<PyString>() else {
+                return Err(wrong_type(&format!("{path}: keys must be strings"), &key));
             };
+            let key = text(&path.to_string(), key)?;
             if !inner.is_none() {
-                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                table.insert(key, nested(&inner, &path, depth + 1)?);
+                let value = self.value(&inner, &Path::Key(path, &key), depth + 1)?;
+                table.insert(key, value);
             }
         }
-        return Ok(Value::Table(table));
+        Ok(Value::Table(table))
     }
-    if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        let items = value.try_iter()?.enumerate();
-        return items
-            .map(|(i, item)| nested(&item?, &format!("{path}[{i}]"), depth + 1))
-            .collect::<PyResult<_>>()
-            .map(Value::Array);
-    }
-    for method in ["tolist", "to_dict"] {
-        // NumPy arrays and scalars; arms, obstacles, settings.
-        if let Some(method) = value.getattr_opt(method)? {
-            return nested(&method.call0()?, path, depth + 1);
-        }
-    }
-    let place = if path.is_empty() { String::new() } else { format!("{path}: ") };
-    Err(wrong_type(&format!("{place}expected numbers, text, lists or tables"), value))
 }
 
 /// A document as Python values.
@@ -120,7 +295,13 @@ pub fn from_toml<'py>(py: Python<'py>, value: &Value) -> PyResult<Bound<'py, PyA
         Value::String(text) => text.into_pyobject(py)?.into_any(),
         Value::Datetime(date) => date.to_string().into_pyobject(py)?.into_any(),
         Value::Array(values) => {
-            let items = values.iter().map(|value| from_toml(py, value));
+            let item = |(i, value): (usize, &Value)| {
+                if i % SIGNALS_EVERY == SIGNALS_EVERY - 1 {
+                    py.check_signals()?;
+                }
+                from_toml(py, value)
+            };
+            let items = values.iter().enumerate().map(item);
             PyList::new(py, items.collect::<PyResult<Vec<_>>>()?)?.into_any()
         }
         Value::Table(table) => table_to_dict(py, table)?.into_any(),
@@ -138,22 +319,26 @@ pub fn table_to_dict<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py,
 
 /// Copies a vector of known length out of whatever NumPy makes an array of.
 pub fn read_vector(name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
-    let n = out.len();
-    if read_floats(value, out) {
-        return finite(name, out);
+    if !read_floats(value, out) && !read_plain(value, out) {
+        let array = float_array(name, value)?;
+        if array.shape() != [out.len()] {
+            return Err(misshapen(name, array.shape(), &format!("({},)", out.len())));
+        }
+        out.copy_from_slice(array.readonly().as_slice()?);
     }
-    let array = match value.extract::<PyReadonlyArray1<'_, f64>>() {
-        Ok(array) => array,
-        Err(_) => as_float_array(name, value)?
-            .extract()
-            .map_err(|_| wrong_shape(name, value, &format!("({n},)")))?,
-    };
-    let array = array.as_array();
-    if array.len() != n {
-        return Err(wrong_shape(name, value, &format!("({n},)")));
-    }
-    out.iter_mut().zip(array.iter()).for_each(|(out, value)| *out = *value);
     finite(name, out)
+}
+
+/// Copies a plain array of the right length. False for anything else, also for one whose numbers stand at odd places.
+fn read_plain(value: &Bound<'_, PyAny>, out: &mut [f64]) -> bool {
+    let Ok(array) = value.cast_exact::<PyArray1<f64>>() else { return false };
+    let Ok(array) = array.try_readonly() else { return false };
+    let Ok(values) = array.as_slice() else { return false };
+    let fits = values.len() == out.len();
+    if fits {
+        out.copy_from_slice(values);
+    }
+    fits
 }
 
 /// Copies a list or tuple of as many floats as there is room for, which is what most are and faster
@@ -173,14 +358,16 @@ fn read_floats(value: &Bound<'_, PyAny>, out: &mut [f64]) -> bool {
 
 /// A matrix of known shape, row by row, out of whatever NumPy makes an array of.
 pub fn read_matrix(name: &str, value: &Bound<'_, PyAny>, shape: [usize; 2]) -> PyResult<Vec<f64>> {
-    let array = as_float_array(name, value)?;
-    let fault = || wrong_shape(name, value, &format!("({}, {})", shape[0], shape[1]));
-    let array: PyReadonlyArray2<'_, f64> = array.extract().map_err(|_| fault())?;
-    let array = array.as_array();
+    let array = float_array(name, value)?;
     if array.shape() != shape {
-        return Err(fault());
+        return Err(misshapen(name, array.shape(), &format!("({}, {})", shape[0], shape[1])));
     }
-    let values: Vec<f64> = array.iter().copied().collect();
+    values(name, &array)
+}
+
+/// The numbers of an array, row by row.
+pub fn values(name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> PyResult<Vec<f64>> {
+    let values = array.readonly().as_slice()?.to_vec();
     finite(name, &values)?;
     Ok(values)
 }
@@ -203,26 +390,43 @@ pub fn vector(name: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<f6
     Ok(out)
 }
 
-/// `np.asarray(value, dtype=float)`.
-pub fn as_float_array<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    let numpy = value.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (value, "float64"));
-    array.map_err(|_| wrong_type(&format!("{name}: expected numbers"), value))
+/// A copy of whatever NumPy makes an array of numbers of: in rows, and aligned, wherever they stood before.
+///
+/// # Errors
+/// For complex numbers, dates, text and masked arrays, of which a conversion would drop a part without a word.
+pub fn float_array<'py>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    let py = value.py();
+    load_numpy(py)?;
+    let misfit =
+        |error| instead(value, error, || wrong_type(&format!("{name}: expected numbers"), value));
+    let numpy = py.import("numpy")?;
+    let given = numpy.call_method1("asanyarray", (value,)).map_err(misfit)?;
+    if !given.is_exact_instance_of::<PyUntypedArray>() && given.getattr_opt("mask")?.is_some() {
+        let sentence = format!("{name}: expected numbers, got a masked array: fill it first");
+        return Err(InputTypeError::new_err(sentence));
+    }
+    let kind: String = given.getattr("dtype")?.getattr("kind")?.extract()?;
+    if !"fiubO".contains(&kind) {
+        let dtype: String = given.getattr("dtype")?.str()?.extract()?;
+        let sentence = format!("{name}: expected numbers, got an array of {}", cut(&dtype));
+        return Err(InputTypeError::new_err(sentence));
+    }
+    let keywords = PyDict::new(py);
+    keywords.set_item("dtype", "float64")?;
+    keywords.set_item("order", "C")?;
+    let copy = numpy.call_method("array", (given,), Some(&keywords)).map_err(misfit)?;
+    Ok(copy.cast_into::<PyArrayDyn<f64>>()?)
 }
 
 /// The fault of an array of another shape.
-pub fn wrong_shape(name: &str, value: &Bound<'_, PyAny>, expected: &str) -> PyErr {
-    let shape = as_float_array(name, value)
-        .and_then(|array| array.extract::<PyReadonlyArrayDyn<'_, f64>>())
-        .map(|array| {
-            let shape: Vec<_> = array.as_array().shape().iter().map(ToString::to_string).collect();
-            let comma = if shape.len() == 1 { "," } else { "" };
-            format!("({}{comma})", shape.join(", "))
-        });
-    match shape {
-        Ok(shape) => InputError::new_err(format!("{name}: expected shape {expected}, got {shape}")),
-        Err(error) => error,
-    }
+pub fn misshapen(name: &str, shape: &[usize], expected: &str) -> PyErr {
+    let numbers: Vec<_> = shape.iter().map(ToString::to_string).collect();
+    let comma = if shape.len() == 1 { "," } else { "" };
+    let shape = numbers.join(", ");
+    InputError::new_err(format!("{name}: expected shape {expected}, got ({shape}{comma})"))
 }
 
 /// A vector as a new array.

@@ -1,4 +1,5 @@
 //! `vffnull._core`: what Python sees of `vff-core`. Conversions, errors and the GIL; no mathematics.
+#![forbid(unsafe_code)]
 
 mod arm;
 mod controller;
@@ -9,6 +10,7 @@ mod live;
 mod real_time;
 mod run;
 mod simulation;
+mod turns;
 mod vector;
 mod watch;
 
@@ -28,18 +30,26 @@ mod _core {
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
-    use crate::run::{check, format_toml, judge_feasibility, parse_toml, run, run_many, schema};
+    use crate::run::{
+        assess_feasibility, check, format_toml, parse_toml, run, run_many, schema, schema_json,
+    };
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
     #[pymodule_export]
     use crate::vector::Episodes;
 
+    use crate::convert::before_fork;
     use pyo3::prelude::*;
     use pyo3::types::{PyDict, PyTuple};
     use vff_core::control::{energy, limits};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        if let Some(register) = module.py().import("os")?.getattr_opt("register_at_fork")? {
+            let keywords = PyDict::new(module.py());
+            keywords.set_item("before", wrap_pyfunction!(before_fork, module)?)?;
+            register.call((), Some(&keywords))?;
+        }
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
         let metrics = PyDict::new(module.py());
         for metric in vff_core::simulation::METRICS {

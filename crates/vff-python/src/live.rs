@@ -1,29 +1,56 @@
-//! `Live`: a scenario that runs against the wall clock on a thread of its own, in people's hands.
+//! `Live`: a scenario that runs against the wall clock on a thread of its own, under people's hands.
 
-use crate::convert::{array1, array2, document, named_document, read_vector};
+use crate::convert::{self, array2, named_document, read_vector};
 use crate::errors::{self, InputError};
-use crate::run::arrays;
-use numpy::{PyArray1, PyArray2};
+use crate::run::{arrays, prepared};
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
-use vff_core::scenario::live::{self, State};
+use std::{mem, process};
+use vff_core::runtime::live::{self, LoopStats, State};
 use vff_core::scenario::{self, Scenario};
 use vff_core::simulation::RecordTooLarge;
 
-/// A closed loop at 1 kHz that threads may share. The loop itself never needs the GIL.
+/// A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
+///
+/// Parameters
+/// ----------
+/// scenario : Scenario, dict, str or path
+///     What to run; its duration is of no meaning.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be run.
 #[pyclass(frozen, module = "vffnull")]
 pub struct Live {
     live: Arc<Mutex<live::Live>>,
     stop: Arc<AtomicBool>,
     thread: Mutex<Option<JoinHandle<()>>>,
+    /// The process that has the thread: a fork of it has none, and may have the lock for ever.
+    process: u32,
 }
 
 impl Live {
-    fn lock(&self) -> MutexGuard<'_, live::Live> {
-        live::lock(&self.live)
+    /// Does something with the loop. Nothing of Python may run meanwhile: it might wait for the lock.
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut live::Live) -> T + Send,
+    ) -> PyResult<T> {
+        match self.is_here() {
+            true => Ok(py.detach(|| act(&mut live::lock(&self.live)))),
+            false => Err(InputError::new_err(
+                "live: runs in the process that it was made in, of which this one is a fork",
+            )),
+        }
+    }
+
+    fn is_here(&self) -> bool {
+        self.process == process::id()
     }
 
     fn thread(&self) -> MutexGuard<'_, Option<JoinHandle<()>>> {
@@ -31,23 +58,98 @@ impl Live {
     }
 }
 
+/// What a snapshot shows, copied.
+struct Shown {
+    state: State,
+    stats: LoopStats,
+    min_clearance: f64,
+    recording: bool,
+    /// Coordinates of a point.
+    dimension: usize,
+    points: Vec<f64>,
+    forces: Vec<f64>,
+    obstacles: Vec<f64>,
+    t: f64,
+    arrays: [(&'static str, Vec<f64>); 9],
+}
+
+impl Shown {
+    fn new(live: &mut live::Live) -> Self {
+        let [points, forces] = live.pushes();
+        let s = live.snapshot();
+        let mut obstacles = vec![];
+        s.obstacles.append_to(&mut obstacles);
+        Self {
+            state: live.state().clone(),
+            stats: live.stats(),
+            min_clearance: live.min_clearance(),
+            recording: live.is_recording(),
+            dimension: s.dimension,
+            points,
+            forces,
+            obstacles,
+            t: s.t,
+            arrays: [
+                ("q", s.q.to_vec()),
+                ("dq", s.dq.to_vec()),
+                ("x", s.x.to_vec()),
+                ("x_ref", s.x_ref.to_vec()),
+                ("error", s.error.to_vec()),
+                ("clearance", s.clearance.to_vec()),
+                ("tau", s.torque.total.clone()),
+                ("tau_vff", s.tau_vff.to_vec()),
+                ("power", s.power.values().to_vec()),
+            ],
+        }
+    }
+
+    fn to_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+        let (status, message) = match &self.state {
+            State::Running => ("running", ""),
+            State::Paused => ("paused", ""),
+            State::Diverged => ("diverged", "the next state would not be finite"),
+            State::Failed(fault) => ("failed", fault.as_str()),
+        };
+        let dict = PyDict::new(py);
+        dict.set_item("status", status)?;
+        dict.set_item("message", message)?;
+        dict.set_item("rate", self.stats.rate)?;
+        dict.set_item("periods", self.stats.periods)?;
+        dict.set_item("missed", self.stats.missed)?;
+        dict.set_item("worst", self.stats.worst)?;
+        dict.set_item("min_clearance", self.min_clearance)?;
+        dict.set_item("recording", self.recording)?;
+        dict.set_item("t", self.t)?;
+        let tables =
+            [("points", self.points), ("forces", self.forces), ("obstacles", self.obstacles)];
+        for (name, values) in tables {
+            let shape = [values.len() / self.dimension, self.dimension];
+            dict.set_item(name, array2(py, values, shape)?)?;
+        }
+        for (name, values) in self.arrays {
+            dict.set_item(name, PyArray1::from_vec(py, values))?;
+        }
+        Ok(dict)
+    }
+}
+
 #[pymethods]
 impl Live {
     #[new]
     fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let scenario = Scenario::from_document(&document(scenario)?)
-            .map_err(|error| errors::scenario(&error))?;
-        let live = live::Live::new(&scenario).map_err(|error| errors::scenario(&error))?;
+        let prepare = |scenario: Scenario| live::Live::new(&scenario);
+        let live = prepared(scenario.py(), &convert::scenario(scenario)?, prepare)?;
         Ok(Self {
             live: Arc::new(Mutex::new(live)),
             stop: Arc::new(AtomicBool::new(false)),
             thread: Mutex::new(None),
+            process: process::id(),
         })
     }
 
-    /// Begins to run, or goes on after a pause.
-    fn start(&self) -> PyResult<()> {
-        self.lock().pause(false);
+    /// Begin, or go on after a pause.
+    fn start(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |live| live.pause(false))?;
         let mut thread = self.thread();
         if thread.is_none() {
             self.stop.store(false, Ordering::Relaxed);
@@ -58,116 +160,86 @@ impl Live {
         Ok(())
     }
 
-    fn pause(&self) {
-        self.lock().pause(true);
+    /// Stand still until `start`.
+    fn pause(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |live| live.pause(true))
     }
 
-    fn reset(&self) -> PyResult<()> {
-        self.lock().reset().map_err(|error| errors::scenario(&error))
+    /// Go back to t = 0 of the scenario, with the present settings of the controller.
+    fn reset(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, live::Live::reset)?.map_err(|error| errors::scenario(&error))
     }
 
-    /// Ends the thread.
+    /// End the thread.
     fn stop(&self, py: Python<'_>) {
-        self.stop.store(true, Ordering::Relaxed);
-        let thread = self.thread().take();
-        py.detach(|| thread.map(JoinHandle::join));
+        let thread = {
+            // Within the lock, so that a start of another thread comes before or after.
+            let mut thread = self.thread();
+            self.stop.store(true, Ordering::Relaxed);
+            thread.take()
+        };
+        match thread {
+            Some(thread) if self.is_here() => drop(py.detach(|| thread.join())),
+            // There is no such thread in a fork.
+            thread => mem::forget(thread),
+        }
     }
 
-    fn configure(&self, controller: &Bound<'_, PyAny>) -> PyResult<()> {
+    /// Take over other settings of the controller: all of them, as in `[controller]` of a scenario.
+    fn configure(&self, py: Python<'_>, controller: &Bound<'_, PyAny>) -> PyResult<()> {
         let table = named_document("controller", controller)?;
-        let mut live = self.lock();
-        scenario::read_settings(&table, live.arm())
-            .map_err(|error| error.inside("controller"))
-            .and_then(|settings| live.configure(settings))
+        let configured = self.with(py, |live| live.configure_as(&table))?;
+        configured.map_err(|error| errors::scenario(&error))
+    }
+
+    /// Take an obstacle to a place (D,) [m], smoothly and not faster than half the reach per second.
+    fn carry(&self, py: Python<'_>, obstacle: usize, place: &Bound<'_, PyAny>) -> PyResult<()> {
+        let place = point(place, self.with(py, |live| live.dimension())?)?;
+        self.with(py, |live| live.carry(obstacle, &place))?
             .map_err(|error| errors::scenario(&error))
     }
 
-    fn carry(&self, obstacle: usize, place: &Bound<'_, PyAny>) -> PyResult<()> {
-        let place = point(place)?;
-        self.lock().carry(obstacle, place).map_err(|error| errors::scenario(&error))
+    /// Take the reference to a place (D,) [m] or as near to it as the arm can reach, smoothly and not
+    /// faster than a quarter of the reach per second.
+    fn aim(&self, py: Python<'_>, place: &Bound<'_, PyAny>) -> PyResult<()> {
+        let place = point(place, self.with(py, |live| live.dimension())?)?;
+        self.with(py, |live| live.aim(&place))
     }
 
-    fn aim(&self, place: &Bound<'_, PyAny>) -> PyResult<()> {
-        let place = point(place)?;
-        self.lock().aim(place);
-        Ok(())
-    }
-
-    fn add(&self, obstacle: &Bound<'_, PyAny>) -> PyResult<()> {
+    /// Add an obstacle, the last one from now on. Ends a recording.
+    fn add(&self, py: Python<'_>, obstacle: &Bound<'_, PyAny>) -> PyResult<()> {
         let table = named_document("obstacle", obstacle)?;
         let obstacle = scenario::read_obstacle(&table)
             .map_err(|error| errors::scenario(&error.inside("obstacle")))?;
-        self.lock().add(&obstacle);
-        Ok(())
+        self.with(py, |live| live.add(&obstacle))
     }
 
-    fn remove(&self, obstacle: usize) -> PyResult<()> {
-        self.lock().remove(obstacle).map_err(|error| errors::scenario(&error))
+    /// Take an obstacle away; those behind it move up. Ends a recording.
+    fn remove(&self, py: Python<'_>, obstacle: usize) -> PyResult<()> {
+        self.with(py, |live| live.remove(obstacle))?.map_err(|error| errors::scenario(&error))
     }
 
-    fn record(&self, on: bool) -> PyResult<()> {
-        self.lock().record(on).map_err(too_large)
+    /// Begin to record a row every 10 ms, or end it.
+    fn record(&self, py: Python<'_>, on: bool) -> PyResult<()> {
+        self.with(py, |live| live.record(on))?.map_err(too_large)
     }
 
-    /// The rows recorded since the last call, or None, and how many were lost.
+    /// The rows recorded since the last call, as arrays; None if nothing is recorded. And how many were
+    /// lost since the recording began, because nobody took them within ten seconds.
     fn take<'py>(&self, py: Python<'py>) -> PyResult<(Option<Bound<'py, PyDict>>, u64)> {
-        let (record, dropped) = self.lock().take().map_err(too_large)?;
+        let (record, dropped) = self.with(py, live::Live::take)?.map_err(too_large)?;
         Ok((record.map(|record| arrays(py, record)).transpose()?, dropped))
     }
 
+    /// What was changed for the clock or is odd, in sentences.
     #[getter]
-    fn notes(&self) -> Vec<String> {
-        self.lock().notes.clone()
+    fn notes(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.with(py, |live| live.notes.clone())
     }
 
     /// The present instant.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let mut live = self.lock();
-        let (pulse, min_clearance) = (live.pulse(), live.min_clearance());
-        let (status, message) = match live.state() {
-            State::Running => ("running", ""),
-            State::Paused => ("paused", ""),
-            State::Diverged => ("diverged", "the next state would not be finite"),
-            State::Failed(fault) => ("failed", fault.as_str()),
-        };
-        let state = PyDict::new(py);
-        state.set_item("status", status)?;
-        state.set_item("message", message)?;
-        state.set_item("rate", pulse.rate)?;
-        state.set_item("periods", pulse.periods)?;
-        state.set_item("missed", pulse.missed)?;
-        state.set_item("worst", pulse.worst)?;
-        state.set_item("min_clearance", min_clearance)?;
-        state.set_item("recording", live.is_recording())?;
-        let pushes = live.pushes();
-        let column = |k: usize| -> Vec<f64> {
-            pushes.iter().flat_map(|push| [push[k].x, push[k].y]).collect()
-        };
-        let pairs = |values: Vec<f64>| -> PyResult<Bound<'py, PyArray2<f64>>> {
-            let rows = values.len() / 2;
-            array2(py, values, [rows, 2])
-        };
-        state.set_item("points", pairs(column(0))?)?;
-        state.set_item("forces", pairs(column(1))?)?;
-        let s = live.snapshot();
-        state.set_item("obstacles", pairs(s.obstacles().flat_map(|p| [p.x, p.y]).collect())?)?;
-        state.set_item("t", s.t)?;
-        let arrays = [
-            ("q", s.q),
-            ("dq", s.dq),
-            ("x", s.x),
-            ("x_ref", s.x_ref),
-            ("error", s.error),
-            ("clearance", s.clearance),
-            ("tau", &s.torque.total),
-            ("tau_vff", s.tau_vff),
-            ("power", &s.power.values()),
-        ];
-        for (name, values) in arrays {
-            let values: Bound<'_, PyArray1<f64>> = array1(py, values);
-            state.set_item(name, values)?;
-        }
-        Ok(state)
+        self.with(py, Shown::new)?.to_dict(py)
     }
 }
 
@@ -178,8 +250,9 @@ impl Drop for Live {
     }
 }
 
-fn point(place: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
-    let mut point = [0.0; 2];
+/// A place of `dimension` coordinates.
+fn point(place: &Bound<'_, PyAny>, dimension: usize) -> PyResult<Vec<f64>> {
+    let mut point = vec![0.0; dimension];
     read_vector("place", place, &mut point)?;
     Ok(point)
 }

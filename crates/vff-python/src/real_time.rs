@@ -1,19 +1,42 @@
 //! The closed loop against the wall clock, on a thread of its own.
 #![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
-use crate::convert::document;
+use crate::convert::{document, load_numpy};
 use crate::errors::{self, InputError};
-use crate::watch::{SIGNALS, Watch};
+use crate::watch::{SIGNALS, Watch, interruptible};
 use numpy::PyArray1;
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::{panic, thread};
-use vff_core::scenario::real_time::{RealTime, Report};
+use vff_core::interrupt;
+use vff_core::runtime::real_time::{RealTime, Report};
 use vff_core::scenario::{Scenario, ScenarioError};
 
-/// Runs a scenario against the clock, the GIL released. Ctrl-C ends it with what there is.
+/// Run a scenario document against the wall clock on a thread of its own, with the GIL released.
+///
+/// Parameters
+/// ----------
+/// document : Mapping
+///     The scenario.
+/// rate : float
+///     Control periods per second [Hz].
+/// seconds : float
+///     How long [s].
+/// priority : int, optional
+///     Priority of SCHED_FIFO, 1 to 99.
+/// core : int, optional
+///     The core to stay on.
+/// progress : callable, optional
+///     Gets the number of periods done and the number of all about every 100 ms.
+///
+/// Returns
+/// -------
+/// dict
+///     ``status``, ``rate`` [Hz], ``dt`` [s], ``periods``, ``missed``, ``restarts``, ``min_clearance`` [m],
+///     ``notes``; ``latency``, ``step``, ``response``, ``jitter``: times [s] and how often each.
 #[pyfunction]
 #[pyo3(signature = (document, rate, seconds, priority=None, core=None, progress=None))]
 pub fn real_time<'py>(
@@ -25,19 +48,21 @@ pub fn real_time<'py>(
     core: Option<usize>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
+    load_numpy(py)?;
     // The rate and the seconds are no keys of the scenario.
     let fault = |error: ScenarioError| match error.path.as_str() {
         "rate" | "seconds" => InputError::new_err(error.to_string()),
         _ => errors::scenario(&error),
     };
-    let ready = RealTime::new(&scenario, rate).map_err(fault)?;
+    let prepare =
+        || Scenario::from_document(&document).and_then(|scenario| RealTime::new(&scenario, rate));
+    let ready = interruptible(py, prepare)?.map_err(fault)?;
     let count = ready.periods(seconds).map_err(fault)?;
     let core = core.map(core_id).transpose()?;
     let dt = ready.dt();
     let mut notes = ready.notes.clone();
 
-    let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let (stop, done) = (Arc::new(AtomicBool::new(false)), AtomicU64::new(0));
     let mut watch = Watch::new(progress);
     let (report, refused) = py.detach(|| {
         let (over, is_over) = mpsc::channel::<()>();
@@ -45,7 +70,8 @@ pub fn real_time<'py>(
         thread::scope(|scope| {
             let worker = scope.spawn(move || {
                 let refused = privileges(priority, core);
-                let report = ready.run(count, stop, done);
+                let flag = interrupt::Watch::Flag(Arc::clone(stop));
+                let report = interrupt::watched(flag, || ready.run(count, stop, done));
                 drop(over);
                 (report, refused)
             });
@@ -58,7 +84,10 @@ pub fn real_time<'py>(
         })
     });
     let done = done.into_inner();
-    watch.end(py, done, count)?;
+    // Of a period that was broken off there is no report.
+    let total = if report.is_ok() { count } else { done };
+    watch.end(py, done, total)?;
+    let Ok(report) = report else { return Err(PyKeyboardInterrupt::new_err(())) };
     notes.extend(refused);
 
     let Report { status, timing, restarts, min_clearance } = report;

@@ -1,23 +1,56 @@
-//! Whole runs and the judgement of documents.
+//! Whole runs and the validation of documents.
 #![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
-use crate::convert::{array2, document, named_document, table_to_dict, wrong_type};
+use crate::convert::{
+    self, array2, document, instead, load_numpy, named_document, table_to_dict, wrong_type,
+};
 use crate::errors::{self, InputError};
-use crate::watch::{PROGRESS, SIGNALS, Watch};
+use crate::watch::{PROGRESS, SIGNALS, Watch, abandonable, interruptible, stepwise};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Instant;
-use vff_core::control::energy::{ENERGIES, PORTS};
-use vff_core::control::limits::OBJECTIVES;
-use vff_core::scenario::batch::{Batch, BatchError, Rollout};
-use vff_core::scenario::{self, Part, Scenario, feasibility};
-use vff_core::simulation::{Record, Value};
+use vff_core::runtime::batch::{Batch, BatchError, Rollout};
+use vff_core::simulation::{Array, Record, Status, Value};
+use vff_core::{
+    planning::feasibility,
+    runtime,
+    scenario::{self, Part, Scenario, ScenarioError},
+};
 
-/// Runs a scenario, the GIL released. Ctrl-C ends it with what there is.
+/// A scenario of a document, made by `prepare`; both may be interrupted.
+pub fn prepared<T: Send>(
+    py: Python<'_>,
+    document: &toml::Table,
+    prepare: impl FnOnce(Scenario) -> Result<T, ScenarioError> + Send,
+) -> PyResult<T> {
+    load_numpy(py)?;
+    let done = interruptible(py, || Scenario::from_document(document).and_then(prepare))?;
+    done.map_err(|error| errors::scenario(&error))
+}
+
+/// Run a scenario document from start to end, with the GIL released.
+///
+/// Parameters
+/// ----------
+/// document : Mapping
+///     The scenario.
+/// progress : callable, optional
+///     Gets the simulated time and the duration [s] about every 100 ms.
+///
+/// Returns
+/// -------
+/// dict
+///     ``status``, ``message``, ``end_time`` [s], ``wall_time`` [s], ``warnings``, ``metrics``, ``record``.
+///     After Ctrl-C the status is ``"interrupted"`` and the record holds what was computed until then.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be run.
 #[pyfunction]
 #[pyo3(signature = (document, progress=None))]
 pub fn run<'py>(
@@ -25,22 +58,25 @@ pub fn run<'py>(
     #[pyo3(from_py_with = document)] document: toml::Table,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
-    let ready = scenario.prepare().map_err(|error| errors::scenario(&error))?;
+    let (ready, duration) =
+        prepared(py, &document, |scenario| Ok((scenario.prepare()?, scenario.duration)))?;
     let (mut run, start) = (ready.run, Instant::now());
     let mut told = start;
     loop {
-        let over = py.detach(|| run.run_for(SIGNALS));
-        let mut heard = py.check_signals();
+        let (over, mut heard) = stepwise(py, || run.run_for(SIGNALS));
+        // A step that was broken off is not part of the result.
+        let over = over.is_some_and(|over| over);
+        heard = heard.and_then(|()| py.check_signals());
         if let Some(progress) = progress
             && (over || told.elapsed() >= PROGRESS)
         {
             told = Instant::now();
-            let call = || progress.call1((run.snapshot().t, scenario.duration)).map(drop);
+            let call = || progress.call1((run.snapshot().t, duration)).map(drop);
             heard = heard.and_then(|()| call());
         }
         match heard {
-            Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => break,
+            // What there is then is the result; of a run that is over nothing else would tell of it.
+            Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) && !over => break,
             Err(error) => return Err(error),
             Ok(()) if over => break,
             Ok(()) => {}
@@ -50,7 +86,32 @@ pub fn run<'py>(
     to_dict(py, Rollout { outcome: run.outcome(), warnings: ready.warnings, wall_time })
 }
 
-/// Runs many scenarios on several threads, the GIL released. Ctrl-C ends it with what there is.
+/// Run many scenario documents on several threads, with the GIL released.
+///
+/// Parameters
+/// ----------
+/// documents : iterable of Mapping
+///     The scenarios.
+/// name : str
+///     What error messages call the list.
+/// threads : int, optional
+///     How many threads; as many as there are cores by default.
+/// record : bool
+///     Whether to record, or to keep nothing but the metrics.
+/// progress : callable, optional
+///     Gets the number of finished scenarios and the number of all about every 100 ms.
+///
+/// Returns
+/// -------
+/// list of dict
+///     What `run` returns, in the order of the documents.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If a scenario cannot be run; nothing has been computed then.
+/// vffnull.errors.InputError
+///     If all records together are too large, or the threads cannot be started.
 #[pyfunction]
 #[pyo3(signature = (documents, name="scenarios", threads=None, record=true, progress=None))]
 pub fn run_many<'py>(
@@ -61,38 +122,59 @@ pub fn run_many<'py>(
     record: bool,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    load_numpy(py)?;
     let read = |(i, value): (usize, PyResult<Bound<'py, PyAny>>)| {
         named_document(&format!("{name}[{i}]"), &value?)
     };
-    let items =
-        documents.try_iter().map_err(|_| wrong_type("documents: expected a list", documents))?;
+    let items = documents.try_iter().map_err(|error| {
+        instead(documents, error, || wrong_type("documents: expected a list", documents))
+    })?;
     let documents = items.enumerate().map(read).collect::<PyResult<Vec<_>>>()?;
     let total = documents.len();
     let threads = threads.unwrap_or_else(|| available_parallelism().map_or(1, NonZero::get));
-    let batch =
-        py.detach(|| Batch::new(&documents, record, threads)).map_err(|error| match error {
+    let batch = interruptible(py, || Batch::new(&documents, record, threads))?.map_err(
+        |error| match error {
             BatchError::Scenario { index, error } => {
                 errors::scenario(&error.inside(&format!("{name}[{index}]")))
             }
             other => InputError::new_err(format!("{name}: {other}")),
-        })?;
+        },
+    )?;
     let mut watch = Watch::new(progress);
     let look = |finished| watch.look(finished as u64, total as u64);
     let rollouts = py.detach(|| batch.run(SIGNALS, look));
-    watch.end(py, total as u64, total as u64)?;
+    let is_over = |rollout: &&Rollout| rollout.outcome.status != Status::Interrupted;
+    let done = rollouts.iter().filter(is_over).count();
+    watch.end(py, done as u64, total as u64)?;
     rollouts.into_iter().map(|rollout| to_dict(py, rollout)).collect()
 }
 
-/// Whether a scene can be survived, and a motion that does (rows, joints); the GIL released.
+/// Judge by a planner whether a scenario can be survived, with the GIL released.
+///
+/// Parameters
+/// ----------
+/// document : Mapping
+///     The scenario; its task is a position.
+///
+/// Returns
+/// -------
+/// str
+///     ``"with tip"``, ``"without tip"`` or ``"none found"``.
+/// (k, n) ndarray or None
+///     The motion that was found: joint angles every 50 ms [rad].
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be read or its task is a pose.
 #[pyfunction(name = "feasibility")]
-pub fn judge_feasibility<'py>(
+pub fn assess_feasibility<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = document)] document: toml::Table,
 ) -> PyResult<(&'static str, Option<Bound<'py, PyArray2<f64>>>)> {
-    let scenario = Scenario::from_document(&document).map_err(|error| errors::scenario(&error))?;
-    let (verdict, motion) =
-        py.detach(|| feasibility::judge(&scenario)).map_err(|error| errors::scenario(&error))?;
-    let shape = |motion: &feasibility::Motion| [motion.len(), scenario.q0.len()];
+    let assess = |scenario: Scenario| Ok((feasibility::assess(&scenario)?, scenario.q0.len()));
+    let ((verdict, motion), n) = prepared(py, &document, assess)?;
+    let shape = |motion: &feasibility::Motion| [motion.len(), n];
     let motion = motion.map(|motion| array2(py, motion.concat(), shape(&motion))).transpose()?;
     Ok((verdict.name(), motion))
 }
@@ -119,88 +201,72 @@ fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
     Ok(result)
 }
 
-/// The arrays of a record, moved, not copied.
-pub fn arrays(py: Python<'_>, r: Record) -> PyResult<Bound<'_, PyDict>> {
-    let (rows, n, m, k, rays) = (r.rows, r.joints, r.task, r.obstacles_count, r.rays);
+/// The arrays of a record, moved, not copied; what the run does not have is None.
+pub fn arrays(py: Python<'_>, record: Record) -> PyResult<Bound<'_, PyDict>> {
     let dict = PyDict::new(py);
-    dict.set_item("t", PyArray1::from_vec(py, r.t))?;
-    let tables = [
-        ("q", r.q, n),
-        ("dq", r.dq, n),
-        ("tau", r.tau, n),
-        ("tau_task", r.tau_task, n),
-        ("tau_null", r.tau_null, n),
-        ("tau_vff", r.tau_vff, n),
-        ("x", r.x, m),
-        ("dx", r.dx, m),
-        ("x_ref", r.x_ref, m),
-        ("error", r.error, m),
-        ("force", r.force, n),
-        ("clearance", r.clearance, n),
-    ];
-    for (name, values, columns) in tables {
-        dict.set_item(name, array2(py, values, [rows, columns])?)?;
-    }
-    dict.set_item("obstacles", PyArray1::from_vec(py, r.obstacles).reshape([rows, k, 2])?)?;
-    dict.set_item("energy", array2(py, r.energy, [rows, ENERGIES.len()])?)?;
-    dict.set_item("power", array2(py, r.power, [rows, PORTS.len()])?)?;
-    dict.set_item("manipulability", PyArray1::from_vec(py, r.manipulability))?;
-    // What the run does not have is None.
-    let given = |values: &Vec<f64>| !values.is_empty();
-    let optional = [
-        ("q_measured", r.q_measured, n),
-        ("dq_measured", r.dq_measured, n),
-        ("tau_applied", r.tau_applied, n),
-        ("granted", r.granted, OBJECTIVES.len()),
-    ];
-    for (name, values, columns) in optional {
-        let values = Some(values).filter(given);
-        let table = values.map(|values| array2(py, values, [rows, columns])).transpose()?;
-        dict.set_item(name, table)?;
-    }
-    let sensed = Some(r.sensed).filter(given);
-    let sensed = sensed.map(|values| PyArray1::from_vec(py, values).reshape([rows, rays, 2]));
-    dict.set_item("sensed", sensed.transpose()?)?;
-    let series = [
-        ("self_clearance", r.self_clearance),
-        ("tank", r.tank),
-        ("slack", r.slack),
-        ("path_time", r.path_time),
-    ];
-    for (name, values) in series {
-        let values = Some(values).filter(given);
-        dict.set_item(name, values.map(|values| PyArray1::from_vec(py, values)))?;
+    for (name, array) in record.into_arrays() {
+        let array =
+            array.map(|Array { values, shape }| PyArray1::from_vec(py, values).reshape(shape));
+        dict.set_item(name, array.transpose()?)?;
     }
     Ok(dict)
 }
 
-/// Judges a document or a part of one; returns warnings.
+/// Validate a scenario document, or a part of one, and return warnings.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If it cannot be used; the message names the key, what was given, and what is allowed.
 #[pyfunction]
 pub fn check(
+    py: Python<'_>,
     kind: &str,
     #[pyo3(from_py_with = document)] document: toml::Table,
 ) -> PyResult<Vec<String>> {
-    Part::named(kind)
-        .and_then(|part| scenario::check(part, &document))
+    interruptible(py, || Part::named(kind).and_then(|part| runtime::any::check(part, &document)))?
         .map_err(|error| errors::scenario(&error))
 }
 
-/// Reads TOML.
+/// Read TOML.
+///
+/// Parameters
+/// ----------
+/// text : str
+///     The text.
+/// name : str
+///     What the error message calls it.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the text is not TOML; the message shows the line.
 #[pyfunction]
-pub fn parse_toml<'py>(py: Python<'py>, text: &str, name: &str) -> PyResult<Bound<'py, PyDict>> {
-    let table =
-        scenario::parse_toml(text).map_err(|error| errors::scenario(&error.inside(name)))?;
+pub fn parse_toml<'py>(
+    py: Python<'py>,
+    text: &Bound<'py, PyString>,
+    name: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    let text = convert::text(name, text)?;
+    let table = abandonable(py, text.len(), move || scenario::parse_toml(&text))?
+        .map_err(|error| errors::scenario(&error.inside(name)))?;
     table_to_dict(py, &table)
 }
 
-/// Writes TOML.
+/// Write a document as TOML.
 #[pyfunction]
 pub fn format_toml(#[pyo3(from_py_with = document)] document: toml::Table) -> PyResult<String> {
     toml::to_string(&document).map_err(|error| InputError::new_err(error.to_string()))
 }
 
-/// Every key of a scenario.
+/// Every key of a scenario with its unit, default and meaning, as text.
 #[pyfunction]
 pub fn schema() -> &'static str {
     scenario::SCHEMA
+}
+
+/// The same as a JSON Schema.
+#[pyfunction]
+pub fn schema_json() -> String {
+    scenario::json_schema()
 }

@@ -1,83 +1,96 @@
 //! `Simulation`: a scenario one control period at a time.
 
-use crate::convert::{array1, array2, document, vector};
-use crate::errors;
+use crate::convert::{self, array1, array2, vector};
+use crate::errors::{self, InputError};
+use crate::run::prepared;
+use crate::turns::Turns;
+use crate::watch::{interruptible, is_heard, stepwise};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use vff_core::scenario::{AnyRun, Scenario};
+use vff_core::runtime::AnyRun;
+use vff_core::scenario::{Scenario, ScenarioError};
 use vff_core::simulation::{Snapshot, Status};
+use vff_core::world::Positions;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
-/// A scenario under the control of its own law or of somebody else's.
-#[pyclass(module = "vffnull")]
+/// A scenario, one step at a time, with its own controller or somebody else's.
+///
+/// Parameters
+/// ----------
+/// scenario : Scenario, dict, str or path
+///     What to simulate; a bundled scenario's name or a file.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be run.
+///
+/// Examples
+/// --------
+/// >>> simulation = Simulation(Scenario.load("sweep-through"))  # doctest: +SKIP
+/// >>> while not simulation.done:  # doctest: +SKIP
+/// ...     state = simulation.step(my_controller(simulation.state))
+#[pyclass(frozen, module = "vffnull")]
 pub struct Simulation {
+    inner: Turns<Inner>,
+}
+
+struct Inner {
     scenario: Scenario,
     run: AnyRun,
     steps: usize,
+    /// Plant steps that the present control period has left, after it was interrupted.
+    left: usize,
     collided: bool,
     diverged: bool,
+    /// Whether a step was broken off midway.
+    broken: bool,
 }
 
-impl Simulation {
-    fn prepare(scenario: &Scenario) -> PyResult<AnyRun> {
-        Ok(scenario.prepare().map_err(|error| errors::scenario(&error))?.run)
-    }
-
-    fn present(&self) -> State {
-        self.run.snapshot().into()
+impl Inner {
+    fn new(scenario: Scenario) -> Result<Self, ScenarioError> {
+        let run = scenario.prepare_recorded(false)?.run;
+        let (steps, left) = (0, 0);
+        let (collided, diverged, broken) = (false, false, false);
+        let mut this = Self { scenario, run, steps, left, collided, diverged, broken };
+        this.look();
+        Ok(this)
     }
 
     fn look(&mut self) {
         self.collided |= self.run.snapshot().clearance.iter().any(|d| *d < 0.0);
     }
-}
 
-#[pymethods]
-impl Simulation {
-    #[new]
-    fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let scenario = Scenario::from_document(&document(scenario)?)
-            .map_err(|error| errors::scenario(&error))?;
-        let run = Self::prepare(&scenario)?;
-        let mut this = Self { scenario, run, steps: 0, collided: false, diverged: false };
-        this.look();
-        Ok(this)
+    fn present(&self) -> PyResult<State> {
+        match self.broken {
+            false => Ok(self.run.snapshot().into()),
+            true => Err(InputError::new_err(
+                "simulation: was interrupted in the middle of a step; reset() takes it back to its start",
+            )),
+        }
     }
 
-    #[pyo3(signature = (tau=None))]
-    fn step(&mut self, tau: Option<&Bound<'_, PyAny>>) -> PyResult<State> {
-        let n = self.scenario.q0.len();
-        let tau = tau.map(|tau| vector("tau", tau, n)).transpose()?;
-        for _ in 0..self.scenario.simulation.control_every {
-            if self.diverged {
-                break;
-            }
-            self.diverged = !self.run.advance(tau.as_deref());
+    /// Goes to the end of the control period, or until a signal handler raises.
+    fn advance(&mut self, tau: Option<&[f64]>) {
+        if self.left == 0 {
+            self.left = self.scenario.simulation.control_every;
+        }
+        while self.left > 0 && !self.diverged && !is_heard() {
+            self.diverged = !self.run.advance(tau);
             self.steps += usize::from(!self.diverged);
+            self.left -= 1;
             self.look();
         }
-        Ok(self.present())
+        if self.diverged {
+            self.left = 0;
+        }
     }
 
-    fn reset(&mut self) -> PyResult<State> {
-        self.run = Self::prepare(&self.scenario)?;
-        (self.steps, self.collided, self.diverged) = (0, false, false);
-        self.look();
-        Ok(self.present())
-    }
-
-    #[getter]
-    fn state(&self) -> State {
-        self.present()
-    }
-
-    #[getter]
-    fn done(&self) -> bool {
+    fn is_done(&self) -> bool {
         self.diverged || self.steps >= self.scenario.simulation.steps(self.scenario.duration)
     }
 
-    #[getter]
     fn status(&self) -> &'static str {
         match (self.diverged, self.collided) {
             (true, _) => Status::Diverged,
@@ -88,9 +101,80 @@ impl Simulation {
     }
 }
 
-/// A simulation at one instant.
+#[pymethods]
+impl Simulation {
+    #[new]
+    fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let inner = prepared(scenario.py(), &convert::scenario(scenario)?, Inner::new)?;
+        Ok(Self { inner: Turns::new("simulation", inner) })
+    }
+
+    /// Advance by one control period.
+    ///
+    /// Parameters
+    /// ----------
+    /// tau : (n,) array_like, optional
+    ///     Joint torque [N·m] to hold during the period; the scenario's own law by default.
+    ///
+    /// Returns
+    /// -------
+    /// State
+    ///     The state after the period.
+    #[pyo3(signature = (tau=None))]
+    fn step(&self, py: Python<'_>, tau: Option<&Bound<'_, PyAny>>) -> PyResult<State> {
+        let n = self.inner.take(py)?.scenario.q0.len();
+        let tau = tau.map(|tau| vector("tau", tau, n)).transpose()?;
+        let mut inner = self.inner.take(py)?;
+        inner.present()?;
+        let present = &mut *inner;
+        let (done, heard) = stepwise(py, || present.advance(tau.as_deref()));
+        inner.broken = done.is_none();
+        heard?;
+        inner.present()
+    }
+
+    /// Go back to the start.
+    fn reset(&self, py: Python<'_>) -> PyResult<State> {
+        let mut inner = self.inner.take(py)?;
+        let scenario = inner.scenario.clone();
+        *inner = interruptible(py, || Inner::new(scenario))?
+            .map_err(|error| errors::scenario(&error))?;
+        inner.present()
+    }
+
+    /// The present state.
+    #[getter]
+    fn state(&self, py: Python<'_>) -> PyResult<State> {
+        self.inner.take(py)?.present()
+    }
+
+    /// Whether the scenario's duration is over or the run has failed.
+    #[getter]
+    fn done(&self, py: Python<'_>) -> PyResult<bool> {
+        Ok(self.inner.take(py)?.is_done())
+    }
+
+    /// How the run stands: ``"completed"``, ``"collided"`` or ``"diverged"`` up to now.
+    #[getter]
+    fn status(&self, py: Python<'_>) -> PyResult<&'static str> {
+        Ok(self.inner.take(py)?.status())
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let inner = self.inner.take(py)?;
+        let (n, t) = (inner.scenario.q0.len(), inner.run.snapshot().t);
+        let name = convert::cut(&inner.scenario.name);
+        let name = if name.is_empty() { String::new() } else { format!(" {name:?}") };
+        let (duration, status) = (inner.scenario.duration, inner.status());
+        Ok(format!("<Simulation{name}: {n} joints, t = {t} of {duration} s, {status}>"))
+    }
+}
+
+/// A simulation at one instant; m is 2 for a position and 3 for a pose.
 #[pyclass(frozen, module = "vffnull")]
 pub struct State {
+    /// Dimension of the space.
+    dimension: usize,
     t: f64,
     q: Vec<f64>,
     dq: Vec<f64>,
@@ -109,6 +193,7 @@ pub struct State {
 impl From<Snapshot<'_>> for State {
     fn from(s: Snapshot<'_>) -> Self {
         Self {
+            dimension: s.dimension,
             t: s.t,
             q: s.q.to_vec(),
             dq: s.dq.to_vec(),
@@ -117,81 +202,107 @@ impl From<Snapshot<'_>> for State {
             x_ref: s.x_ref.to_vec(),
             clearance: s.clearance.to_vec(),
             tau: s.torque.total.clone(),
-            obstacles: s.obstacles().flat_map(|p| [p.x, p.y]).collect(),
+            obstacles: written(Some(s.obstacles)),
             q_measured: s.q_measured.to_vec(),
             dq_measured: s.dq_measured.to_vec(),
             tau_applied: s.tau_applied.to_vec(),
-            sensed: s.sensed.iter().flat_map(|p| [p.x, p.y]).collect(),
+            sensed: written(s.sensed),
         }
     }
 }
 
+/// The coordinates of these points, one after the other.
+fn written(points: Option<&dyn Positions>) -> Vec<f64> {
+    let mut values = vec![];
+    if let Some(points) = points {
+        points.append_to(&mut values);
+    }
+    values
+}
+
 #[pymethods]
 impl State {
+    /// Time [s].
     #[getter]
     fn t(&self) -> f64 {
         self.t
     }
 
+    /// Joint angles, (n,) [rad].
     #[getter]
     fn q<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.q)
     }
 
+    /// Joint velocities, (n,) [rad/s].
     #[getter]
     fn dq<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.dq)
     }
 
+    /// End effector, (m,) [m].
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.x)
     }
 
+    /// Its velocity, (m,) [m/s].
     #[getter]
     fn dx<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.dx)
     }
 
+    /// Its reference, (m,) [m].
     #[getter]
     fn x_ref<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.x_ref)
     }
 
+    /// Signed distance of each link to the nearest obstacle, (n,) [m].
     #[getter]
     fn clearance<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.clearance)
     }
 
+    /// Joint torque, (n,) [N·m].
     #[getter]
     fn tau<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.tau)
     }
 
+    /// Positions of the obstacles, (k, 2) [m].
     #[getter]
     fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        array2(py, self.obstacles.clone(), [self.obstacles.len() / 2, 2])
+        array2(py, self.obstacles.clone(), [self.obstacles.len() / self.dimension, self.dimension])
     }
 
+    /// Joint angles as measured, for a controller of your own, (n,) [rad]; None without sensors.
     #[getter]
     fn q_measured<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
         given(py, &self.q_measured)
     }
 
+    /// Joint velocities as measured, (n,) [rad/s]; None without sensors.
     #[getter]
     fn dq_measured<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
         given(py, &self.dq_measured)
     }
 
+    /// Torque of the drives, (n,) [N·m]; None without drives.
     #[getter]
     fn tau_applied<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
         given(py, &self.tau_applied)
     }
 
+    /// Points that the range sensors have met, (rays, 2) [m], NaN for none; None without sensors.
     #[getter]
     fn sensed<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let points = Some(&self.sensed).filter(|points| !points.is_empty());
-        points.map(|points| array2(py, points.clone(), [points.len() / 2, 2])).transpose()
+        points
+            .map(|points| {
+                array2(py, points.clone(), [points.len() / self.dimension, self.dimension])
+            })
+            .transpose()
     }
 
     fn __repr__(&self) -> String {

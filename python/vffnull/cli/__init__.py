@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import difflib
-import json
-import math
+import io
+import os
+import shlex
 import sys
+import threading
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -13,7 +15,7 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
-from vffnull._simulate import prepare
+from vffnull._validation import faults
 from vffnull.cli import results
 from vffnull.cli.common import (
     FINE,
@@ -21,7 +23,9 @@ from vffnull.cli.common import (
     WRONG_INPUT,
     assigned,
     complete_scenario,
+    echo_json,
     exit_code,
+    format_option,
     run_with_bar,
     say,
     set_option,
@@ -30,29 +34,50 @@ from vffnull.cli.evaluate import evaluate
 from vffnull.cli.live import live
 from vffnull.cli.realtime import realtime
 from vffnull.errors import ScenarioError, VffNullError
-from vffnull.logs import check_path
+from vffnull.logs import READABLE, check_path
 from vffnull.result import Result, Status
-from vffnull.scenario import read, scenarios
+from vffnull.scenario import prepare, read, scenarios, shown
 
 __all__ = ["main"]
 
 
 def main() -> NoReturn:
     """Run the command line and exit: 0 fine, 2 wrong input, 3 the run failed, 130 interrupted."""
+    _set_up()
     try:
         code = _commands.main(prog_name="vffnull", standalone_mode=False)
+        sys.stdout.flush()
     except click.ClickException as error:
         error.show()
         code = WRONG_INPUT
     except (click.Abort, KeyboardInterrupt):
         code = INTERRUPTED
+    except BrokenPipeError:  # the reader of the output has closed it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FINE
     except OSError as error:
-        say(f"error: {error.filename}: {error.strerror}" if error.filename else f"error: {error}", "red")
+        place = f"{shown(error.filename)}: " if error.filename else ""
+        say(f"error: {place}{error.strerror or error}", "red")
         code = WRONG_INPUT
     except (VffNullError, ImportError) as error:
         say(f"error: {error}", "red")
         code = WRONG_INPUT
+    if code == INTERRUPTED and threading.active_count() > 1:  # nobody needs what they compute
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)
     sys.exit(code or FINE)
+
+
+def _set_up() -> None:
+    """Adapt to the shell: streams that are closed or cannot show every character, a backend for windows."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the shell
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+        elif isinstance(stream, io.TextIOWrapper):  # a character that it cannot show is escaped
+            stream.reconfigure(errors="backslashreplace")
+    os.environ["MPLBACKEND"] = "agg"  # figures go into files
 
 
 class _Helpful(click.Group):
@@ -77,7 +102,7 @@ def _commands() -> None:
     """Torque-level obstacle avoidance for redundant planar arms.
 
     \b
-    vffnull run paper-1 --plot figures/    run a bundled scenario, draw the figures
+    vffnull run sweep-through --plot figs  run a bundled scenario, draw the figures
     vffnull list                           what is bundled
     vffnull show paper-1 > mine.toml       a scenario to start from
     vffnull run mine.toml --json           run it, print the metrics for a script
@@ -102,9 +127,8 @@ for _command in (live, realtime, evaluate, results.animate, results.report, resu
 @_commands.command()
 @click.argument("scenario", shell_complete=complete_scenario)
 @set_option
-@click.option(
-    "--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures as PNG."
-)
+@click.option("--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures.")
+@format_option
 @click.option(
     "--save", "save_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the result; see below."
 )
@@ -115,6 +139,7 @@ def run(
     scenario: str,
     assignments: tuple[str, ...],
     plot_to: Path | None,
+    figure_format: str,
     save_to: Path | None,
     as_json: bool,
     strict: bool,
@@ -123,7 +148,8 @@ def run(
     """Run a scenario: a bundled name or the path of a TOML file.
 
     \b
-    vffnull run paper-1 --plot figures/ --save paper-1.npz
+    vffnull run sweep-through --plot figures/ --save run.npz
+    vffnull run paper-1 --plot figures/ --format pdf
     vffnull run sweep-through --set controller.field.gain=0
     vffnull run sweep-through --set controller.projection=none --json
     vffnull run paper-1 --set "obstacles.0.position=[1.5, 1.8]" --set duration=5
@@ -142,11 +168,12 @@ def run(
     if save_to is not None:
         files.append(result.save(save_to))
     if plot_to is not None:
-        files.extend(Path(path) for path in result.plot(plot_to))
+        files.extend(Path(path) for path in result.plot(plot_to, figure_format))
     if as_json:
-        click.echo(json.dumps(_report(result, files), ensure_ascii=False))
+        echo_json(_report(result, files))
     elif not quiet:
         _print(result, files)
+        click.echo(f"\n{_next(scenario, assignments, save_to)}")
     return exit_code(result.status, strict)
 
 
@@ -162,7 +189,7 @@ def list_(as_json: bool) -> None:
     found = {name: _core.parse_toml(read(name), name).get("description", "") for name in scenarios()}
     if as_json:
         rows = [{"name": name, "description": text} for name, text in found.items()]
-        click.echo(json.dumps(rows, ensure_ascii=False))
+        echo_json(rows)
         return
     wide = max(map(len, found))
     for name, text in found.items():
@@ -181,7 +208,8 @@ def show(scenario: str, as_json: bool) -> None:
     """
     text = read(scenario)
     if as_json:
-        text = json.dumps(_core.parse_toml(text, scenario), ensure_ascii=False) + "\n"
+        echo_json(_core.parse_toml(text, shown(scenario)))
+        return
     click.echo(text, nl=False)
 
 
@@ -189,30 +217,33 @@ def show(scenario: str, as_json: bool) -> None:
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON array.")
 def validate(files: tuple[str, ...], as_json: bool) -> int:
-    """Check scenario files without running them.
+    """Check scenario files without running them; every fault is listed.
 
     \b
     vffnull validate mine.toml
     vffnull validate scenes/*.toml --json
     """
-    judged = []
-    for file in files:
-        try:
-            warnings = _core.check("scenario", _core.parse_toml(read(file), file))
-            judged.append({"file": file, "error": None, "warnings": warnings})
-        except ScenarioError as error:
-            judged.append({"file": file, "error": _with_name(file, error), "warnings": []})
+    found = [_validated(file) for file in files]
     if as_json:
-        click.echo(json.dumps(judged, ensure_ascii=False))
+        echo_json(found)
     else:
-        _print_judgement(judged)
-    return WRONG_INPUT if any(each["error"] for each in judged) else FINE
+        _print_faults(found)
+    return WRONG_INPUT if any(each["errors"] for each in found) else FINE
 
 
 @_commands.command()
-def schema() -> None:
-    """Print every key: unit, default, meaning."""
-    click.echo(_core.schema().rstrip())
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON Schema, for editors.")
+def schema(as_json: bool) -> None:
+    """Print every key: unit, default, meaning.
+
+    \b
+    vffnull schema
+    vffnull schema --json > vffnull.schema.json
+
+    A scenario beside that file whose first line is `#:schema ./vffnull.schema.json` is completed and checked
+    by editors that know Taplo, such as VS Code with Even Better TOML.
+    """
+    click.echo(_core.schema_json() if as_json else _core.schema().rstrip())
 
 
 def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:
@@ -222,13 +253,20 @@ def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:
         "message": result.message,
         "end_time": result.end_time,
         "version": result.version,
-        "metrics": {name: _finite(value) for name, value in result.metrics.items()},
+        "metrics": dict(result.metrics),
         "files": [str(path) for path in files],
     }
 
 
-def _finite(value: float | int | None) -> float | int | None:
-    return value if value is not None and math.isfinite(value) else None
+def _next(scenario: str, assignments: tuple[str, ...], saved: Path | None) -> str:
+    """What may be done next, as commands to copy."""
+    changes = "".join(f" --set {shlex.quote(each)}" for each in assignments)
+    name = shlex.quote(shown(scenario))
+    page = shlex.quote(f"{Path(shown(scenario)).stem}.html")
+    again = f"{name} {page}{changes}"
+    if saved is not None and saved.suffix in READABLE:
+        again = f"{shlex.quote(shown(saved))} {page}"
+    return f"next: vffnull live {name}{changes}\n      vffnull report {again}"
 
 
 def _print(result: Result, files: list[Path]) -> None:
@@ -245,15 +283,23 @@ def _print(result: Result, files: list[Path]) -> None:
         click.echo(f"wrote {path}")
 
 
-def _print_judgement(judged: list[dict[str, Any]]) -> None:
-    for each in judged:
-        if each["error"]:
-            say(each["error"], "red")
-            continue
+def _validated(file: str) -> dict[str, Any]:
+    """What is wrong with a file, and what is odd about it."""
+    name = shown(file)
+    try:
+        document = _core.parse_toml(read(file), name)
+        errors = [f"{name}: {fault}" for fault in faults(document)]
+        warnings = [] if errors else _core.check("scenario", document)
+    except ScenarioError as error:
+        errors, warnings = [str(error) if name in str(error) else f"{name}: {error}"], []
+    return {"file": name, "error": errors[0] if errors else None, "errors": errors, "warnings": warnings}
+
+
+def _print_faults(found: list[dict[str, Any]]) -> None:
+    for each in found:
+        for fault in each["errors"]:
+            say(fault, "red")
         for message in each["warnings"]:
             say(f"{each['file']}: warning: {message}", "yellow")
-        click.echo(f"{each['file']}: fine")
-
-
-def _with_name(file: str, error: ScenarioError) -> str:
-    return str(error) if file in str(error) else f"{file}: {error}"
+        if not each["errors"]:
+            click.echo(f"{each['file']}: fine")

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from vffnull import _core
-from vffnull._simulate import prepare, progress_bar
+from vffnull import _core, _progress
+from vffnull._figures import FIGURE_FORMATS
 from vffnull._simulate import run as run_scenario
-from vffnull.errors import ScenarioError
+from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE
 from vffnull.result import Result, Status
-from vffnull.scenario import Scenario, scenarios
+from vffnull.scenario import Scenario, document_of, prepare, scenarios, shown
 
 FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
 
@@ -28,6 +30,34 @@ def complete_scenario(_context: click.Context, _param: click.Parameter, begun: s
     return [*names, CompletionItem(begun, type="file")]
 
 
+def complete_key(context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Keys of scenarios, those of the scenario at hand first."""
+    from vffnull._keys import known, written
+
+    if "=" in begun:
+        return []
+    there: list[str] = []
+    given = [*context.params.values(), *context.args]
+    for word in (each for each in given if isinstance(each, str)):
+        with suppress(VffNullError, OSError):
+            there = list(written(document_of(word)))
+            break
+    names = dict.fromkeys([*there, *known()])
+    return [CompletionItem(f"{name}=") for name in names if name.startswith(begun)]
+
+
+def format_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option ``--format`` of figures."""
+    return click.option(
+        "--format",
+        "figure_format",
+        type=click.Choice(FIGURE_FORMATS),
+        default=FIGURE_FORMATS[0],
+        show_default=True,
+        help="Kind of file of --plot.",
+    )(command)
+
+
 def set_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """The option ``--set``."""
     return click.option(
@@ -36,6 +66,7 @@ def set_option(command: Callable[..., Any]) -> Callable[..., Any]:
         multiple=True,
         metavar="KEY=VALUE",
         help="Change a key, by its dotted name; repeatable.",
+        shell_complete=complete_key,
     )(command)
 
 
@@ -46,6 +77,8 @@ def assigned(assignments: tuple[str, ...]) -> dict[str, Any]:
 
 def _assignment(text: str) -> tuple[str, Any]:
     """Split KEY=VALUE; the value is TOML, and a bare word is a string."""
+    if text != shown(text):
+        raise click.UsageError(f"--set {shown(text)}: not text in the encoding of this terminal")
     key, equals, value = (part.strip() for part in text.partition("="))
     if not (key and equals and value):
         raise click.UsageError(f"--set {text}: expected KEY=VALUE, as in --set controller.field.gain=2.0")
@@ -64,10 +97,10 @@ def _assignment(text: str) -> tuple[str, Any]:
 
 def run_with_bar(ready: Scenario, quiet: bool) -> Result:
     """Run, with a progress bar on a terminal once it takes longer than a second; warnings go to stderr."""
-    if quiet or not sys.stderr.isatty():
+    if quiet or not interactive():
         result = run_scenario(ready)
     else:
-        with progress_bar(ready.duration, delay=1.0) as report:
+        with _progress.bar(ready.duration, delay=1.0) as report:
             result = run_scenario(ready, report)
     for message in result.warnings:
         say(f"warning: {message}", "yellow")
@@ -89,6 +122,17 @@ def exit_code(status: Status, strict: bool = False) -> int:
         return INTERRUPTED
     failed = status in (Status.DIVERGED, Status.FAILED) or (strict and status is Status.COLLIDED)
     return FAILED if failed else FINE
+
+
+def interactive() -> bool:
+    """Whether somebody sees what goes to stderr."""
+    return sys.stderr.isatty()
+
+
+def echo_json(value: object) -> None:
+    """Print JSON; characters are escaped where the output cannot hold all of them."""
+    encoding = (sys.stdout.encoding or "ascii").lower().replace("_", "-")
+    click.echo(json.dumps(value, ensure_ascii=encoding not in ("utf-8", "utf8")))
 
 
 def say(text: str, colour: str) -> None:

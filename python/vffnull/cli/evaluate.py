@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
-from vffnull.cli.common import FINE
+from vffnull.cli.common import FINE, echo_json, format_option, interactive
 
 if TYPE_CHECKING:
     from vffnull.evaluation import Evaluation, Rate
 
 __all__ = ["evaluate"]
+
+
+def _complete_controller(
+    _context: click.Context, _param: click.Parameter, begun: str
+) -> list[CompletionItem]:
+    from vffnull.evaluation.controllers import CONTROLLERS
+
+    return [CompletionItem(name) for name in CONTROLLERS if name.startswith(begun)]
+
+
+def _complete_category(_: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
+    from vffnull.evaluation.scenes import CATEGORIES, FAMILIES
+
+    names = [*map(str, CATEGORIES), *FAMILIES]
+    return [CompletionItem(name) for name in names if name.startswith(begun)]
 
 
 @click.command()
@@ -24,6 +38,7 @@ __all__ = ["evaluate"]
     multiple=True,
     metavar="NAME",
     help="A controller, as in the table; repeatable. All by default.",
+    shell_complete=_complete_controller,
 )
 @click.option(
     "--category",
@@ -31,6 +46,7 @@ __all__ = ["evaluate"]
     multiple=True,
     metavar="C",
     help="1, 2 or a family; repeatable. Both categories by default.",
+    shell_complete=_complete_category,
 )
 @click.option(
     "-n",
@@ -57,9 +73,8 @@ __all__ = ["evaluate"]
     metavar="FILE",
     help="Write the rows, .csv or .parquet.",
 )
-@click.option(
-    "--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures as PNG."
-)
+@click.option("--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures.")
+@format_option
 @click.option("--times", is_flag=True, help="Time the steps of every controller, too.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: counts and rates.")
 def evaluate(
@@ -71,6 +86,7 @@ def evaluate(
     threads: int | None,
     save_to: Path | None,
     plot_to: Path | None,
+    figure_format: str,
     times: bool,
     as_json: bool,
 ) -> int:
@@ -81,7 +97,7 @@ def evaluate(
     vffnull evaluate --category crowd -n 6 --count 200 --save crowd.csv --plot figures/
     vffnull evaluate --controller cbf --controller "null-space field" --category 1
 
-    Seeds below 1000000 are for tuning, the others for judging. Needs the extra vffnull[evaluate].
+    Seeds below 1000000 are for tuning, the others for evaluation. Needs the extra vffnull[evaluate].
 
     Exit codes: 0 fine, 2 wrong input, 130 interrupted.
     """
@@ -97,17 +113,17 @@ def evaluate(
         count,
         seed,
         threads,
-        progress=sys.stderr.isatty(),
+        progress=interactive(),
     )
     if as_json:
-        click.echo(json.dumps(_rates(outcome), ensure_ascii=False))
+        echo_json(_rates(outcome))
     else:
         click.echo(outcome.table())
     if times:
         table = evaluation.loop_times(controllers or None, n=joints or (4, 6, 9), seed=seed)
         click.echo("\n" + table, err=as_json)
     files = [outcome.save(save_to)] if save_to is not None else []
-    files += outcome.plot(plot_to) if plot_to is not None else []
+    files += outcome.plot(plot_to, figure_format) if plot_to is not None else []
     for file in files:
         click.echo(f"wrote {file}", err=True)
     return FINE

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import socket
 from pathlib import Path
 
 import click
 
-from vffnull._simulate import prepare
 from vffnull.cli.common import INTERRUPTED, assigned, complete_scenario, set_option
+from vffnull.errors import InputError
+from vffnull.scenario import prepare
 from vffnull.viewer import live as open_page
 
 __all__ = ["live"]
+
+_LAST_PORT = 65_535
+_TRIES = 100
 
 
 @click.command()
@@ -24,8 +29,22 @@ __all__ = ["live"]
     metavar="DIR",
     help="Folder for recordings; default: here.",
 )
+@click.option(
+    "--allow-origin",
+    "origins",
+    multiple=True,
+    metavar="ORIGIN",
+    help="Another origin that may use the page, such as http://localhost:9000; may be repeated.",
+)
 @set_option
-def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignments: tuple[str, ...]) -> int:
+def live(
+    scenario: str,
+    port: int,
+    no_browser: bool,
+    record_to: Path,
+    origins: tuple[str, ...],
+    assignments: tuple[str, ...],
+) -> int:
     """Run a scenario in real time on a page: drag obstacles and target, turn the knobs.
 
     \b
@@ -36,7 +55,10 @@ def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignment
     The page is on this machine alone (127.0.0.1). Ctrl-C ends it. Needs pip install "vffnull[viewer]".
     """
     ready = prepare(scenario, assigned(assignments))
-    page = open_page(ready, port=port, open_browser=not no_browser, block=False, record_to=record_to)
+    port = _free(port)
+    page = open_page(
+        ready, port=port, open_browser=not no_browser, block=False, record_to=record_to, allow_origins=origins
+    )
     click.echo(f"{ready.name or 'scenario'} is running at {page.url}; Ctrl-C ends it")
     try:
         page.wait()
@@ -45,3 +67,16 @@ def live(scenario: str, port: int, no_browser: bool, record_to: Path, assignment
     finally:
         page.stop()
     return 0
+
+
+def _free(port: int) -> int:
+    """The first port from this one on that nobody listens at."""
+    if not 1024 <= port <= _LAST_PORT:
+        raise InputError(f"--port: must be from 1024 to {_LAST_PORT}, got {port}")
+    last = min(port + _TRIES, _LAST_PORT)
+    for candidate in range(port, last + 1):
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", candidate)):
+                return candidate
+    taken = f"{port} is taken" if port == last else f"{port} to {last} are taken"
+    raise InputError(f"--port: {taken}; choose another")

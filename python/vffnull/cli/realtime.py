@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 
 import click
 
 from vffnull import _core
-from vffnull._simulate import prepare
-from vffnull.cli.common import FAILED, FINE, INTERRUPTED, assigned, complete_scenario, say, set_option
+from vffnull._figures import FIGURE_ENDINGS
+from vffnull._realtime import RealTimeReport, measure
+from vffnull.cli.common import (
+    FAILED,
+    FINE,
+    INTERRUPTED,
+    assigned,
+    complete_scenario,
+    echo_json,
+    interactive,
+    say,
+    set_option,
+)
 from vffnull.errors import InputError
-from vffnull.real_time import FIGURE_ENDINGS, RealTimeReport, measure
 from vffnull.result import Status
+from vffnull.scenario import prepare
 
 __all__ = ["realtime"]
 
@@ -29,7 +38,11 @@ __all__ = ["realtime"]
 @set_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
 @click.option(
-    "--plot", "plot_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the histograms as PNG."
+    "--plot",
+    "plot_to",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the histograms, by the ending: .png, .pdf, .svg.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 3 also if a deadline was missed.")
 def realtime(
@@ -58,7 +71,7 @@ def realtime(
     ready = prepare(scenario, assigned(assignments))
     if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:  # find out before the run, not after it
         raise InputError(f"--plot {plot_to}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
-    bar = sys.stderr.isatty() and not as_json
+    bar = interactive() and not as_json
     report = measure(ready, rate, seconds, priority, core, progress=bar)
     for note in report.notes:
         say(f"warning: {note}", "yellow")
@@ -66,7 +79,7 @@ def realtime(
         plot_to.parent.mkdir(parents=True, exist_ok=True)
         report.plot(plot_to)
     if as_json:
-        click.echo(json.dumps(report.to_dict() | {"version": _core.__version__}, ensure_ascii=False))
+        echo_json(report.to_dict() | {"version": _core.__version__})
     else:
         _print_timing(report, plot_to)
     if report.status is Status.INTERRUPTED:

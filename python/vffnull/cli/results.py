@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from vffnull.cli.common import complete_scenario, exit_code, run_or_load, set_option
+from vffnull.cli.common import complete_scenario, echo_json, exit_code, interactive, run_or_load, set_option
 from vffnull.result import Result, Status
 
 __all__ = ["animate", "compare", "report"]
@@ -50,7 +48,7 @@ def animate(
 
     check(file, fps, speed)  # before the run, not after it
     result = run_or_load(source, assignments, quiet)
-    bar = sys.stderr.isatty() and not quiet
+    bar = interactive() and not quiet
     path = result.animate(file, fps=fps, speed=speed, progress=bar)
     return _end([result], path, as_json, quiet)
 
@@ -100,7 +98,7 @@ def _end(results: list[Result], path: Path, as_json: bool, quiet: bool) -> int:
     statuses = [result.status for result in results]
     if as_json:
         about = [{"scenario": run.scenario.name, "status": run.status.value} for run in results]
-        click.echo(json.dumps({"runs": about, "files": [str(path)]}, ensure_ascii=False))
+        echo_json({"runs": about, "files": [str(path)]})
     elif not quiet:
         click.echo(f"wrote {path} ({path.stat().st_size / 1e6:.2g} MB)")
     worst = (Status.INTERRUPTED, Status.DIVERGED, *statuses)

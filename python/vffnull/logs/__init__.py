@@ -8,12 +8,16 @@ from __future__ import annotations
 import importlib
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
+from vffnull._extras import extra
+from vffnull._files import replacing
 from vffnull.errors import InputError
 
 if TYPE_CHECKING:
-    from vffnull.result import Result
+    from vffnull._outcome import Outcome
+
+    Kind = TypeVar("Kind", bound=Outcome)
 
 __all__ = ["READABLE", "check_path", "extra", "load", "save"]
 
@@ -28,27 +32,33 @@ _WRITERS = {
 READABLE = {".npz": "npz", ".parquet": "parquet", ".arrow": "arrow", ".csv": "csv"}
 
 
-def save(result: Result, path: str | os.PathLike[str]) -> Path:
+def save(result: Outcome, path: str | os.PathLike[str]) -> Path:
     """Write a result to a file of the kind that the path's ending names."""
     target = check_path(path)
     writer = _module(_WRITERS[target.suffix])
-    draft = target.with_name(f".{target.stem}.part{target.suffix}")
-    try:  # a crash never leaves half a file under the name
+    with replacing(target) as draft:
         writer.write(result, draft)
-        draft.replace(target)
-    finally:
-        draft.unlink(missing_ok=True)
     return target
 
 
-def load(path: str | os.PathLike[str], kind: type[Result]) -> Result:
+def load(path: str | os.PathLike[str], kind: type[Kind]) -> Kind:
     """Read a result from a file that `save` has written."""
-    from vffnull.logs.header import restore
+    from vffnull.logs.header import foreign, restore
 
     source = Path(path)
     if source.suffix not in READABLE:
         raise InputError(f"{source}: a result is read from {_listed(READABLE)}, not {_ending(source)}")
-    header, arrays = _module(READABLE[source.suffix]).read(source)
+    reader = _module(READABLE[source.suffix])
+    try:
+        source.open("rb").close()  # what the operating system says of the path is passed on
+    except ValueError:  # a null character
+        raise InputError(f"{str(source)!r}: not the path of a file") from None
+    try:
+        header, arrays = reader.read(source)
+    except (InputError, ImportError):
+        raise
+    except Exception:  # the readers of other libraries have errors of every kind for files that are broken
+        raise foreign(source) from None
     return restore(kind, header, arrays, source)
 
 
@@ -58,15 +68,6 @@ def check_path(path: str | os.PathLike[str]) -> Path:
     if target.suffix not in _WRITERS:
         raise InputError(f"{target}: a result is saved as {_listed(_WRITERS)}, not {_ending(target)}")
     return target
-
-
-def extra(module: str, name: str) -> Any:
-    """Import a package of one of the extras; without it, an ImportError that names the extra."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        raise ImportError(f'{package} is missing: pip install "vffnull[{name}]"') from error
 
 
 def _module(name: str) -> Any:

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from vffnull import _record
-from vffnull.logs import extra, header
+from vffnull._extras import extra
+from vffnull.logs import header
 
 if TYPE_CHECKING:
     import pyarrow
 
-    from vffnull.result import Result
+    from vffnull._outcome import Outcome
 
 
-def write(result: Result, path: Path) -> None:
+def write(result: Outcome, path: Path) -> None:
     """Write a result as an Arrow IPC file (Feather V2), to be mapped into memory."""
     ipc = extra("pyarrow.ipc", "io")
     content = table(result)
@@ -27,16 +28,13 @@ def write(result: Result, path: Path) -> None:
 
 def read(path: Path) -> tuple[header.Header, header.Arrays]:
     """The header and the arrays of a file."""
-    arrow, ipc = extra("pyarrow", "io"), extra("pyarrow.ipc", "io")
-    try:
-        with path.open("rb") as opened:
-            content = ipc.open_file(opened).read_all()
-    except arrow.ArrowInvalid:
-        raise header.foreign(path) from None
+    ipc = extra("pyarrow.ipc", "io")
+    with path.open("rb") as opened:
+        content = ipc.open_file(opened).read_all()
     return parts(content, path)
 
 
-def table(result: Result) -> pyarrow.Table:
+def table(result: Outcome) -> pyarrow.Table:
     """The record as a table; the schema's metadata carries the header under ``vffnull``."""
     arrow = extra("pyarrow", "io")
     fields, values = [arrow.field("t", arrow.from_numpy_dtype(result.t.dtype), metadata=TIME)], [result.t]
@@ -50,11 +48,13 @@ def table(result: Result) -> pyarrow.Table:
 def parts(content: pyarrow.Table, source: Path) -> tuple[header.Header, header.Arrays]:
     """The header and the arrays out of a table."""
     found = header.unpack((content.schema.metadata or {}).get(b"vffnull", b""), source)
+    if len(set(content.column_names)) < content.num_columns:
+        raise header.foreign(source)
     columns = {name: content[name].to_numpy() for name in content.column_names}
     return found, header.split(found, columns, source)
 
 
-def lines(result: Result) -> Iterator[tuple[_record.Column, NDArray[Any]]]:
+def lines(result: Outcome) -> Iterator[tuple[_record.Column, NDArray[Any]]]:
     """Every column of the record beside time, with its values."""
     for name, values in _record.recorded(result).items():
         flat = _record.flat(values).T

@@ -5,6 +5,7 @@ Two lines that start with # come first: the header, and the units of the columns
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,12 +15,12 @@ from vffnull.errors import InputError
 from vffnull.logs import arrow, header
 
 if TYPE_CHECKING:
-    from vffnull.result import Result
+    from vffnull._outcome import Outcome
 
 _MARK = "# vffnull "
 
 
-def write(result: Result, path: Path) -> None:
+def write(result: Outcome, path: Path) -> None:
     """Write a result as text."""
     found = list(arrow.lines(result))
     rows = np.column_stack([result.t, *(line for _, line in found)])
@@ -32,20 +33,19 @@ def write(result: Result, path: Path) -> None:
 
 def read(path: Path) -> tuple[header.Header, header.Arrays]:
     """The header and the arrays of a file."""
-    try:
-        with path.open(encoding="utf-8", newline="\n") as file:
-            first = file.readline()
-            if not first.startswith(_MARK):
-                raise header.foreign(path)
-            found = header.unpack(first.removeprefix(_MARK), path)
-            file.readline()
-            names = file.readline().rstrip("\n").split(",")
-            rows = np.loadtxt(file, delimiter=",", ndmin=2)
-        columns = dict(zip(names, rows.T, strict=True))
-        if len(rows) != found["instants"]:
-            raise InputError(f"{path}: cut off after {len(rows)} of {found['instants']} rows")
-    except InputError:
-        raise
-    except (KeyError, ValueError):  # also of text that is not UTF-8
-        raise header.foreign(path) from None
+    with path.open(encoding="utf-8", newline="\n") as file:
+        first = file.readline()
+        if not first.startswith(_MARK):
+            raise header.foreign(path)
+        found = header.unpack(first.removeprefix(_MARK), path)
+        file.readline()
+        names = file.readline().rstrip("\n").split(",")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # NumPy's, of a file without rows
+            rows = np.loadtxt(file, delimiter=",", comments=None, ndmin=2)
+    if len(rows) != found.instants:
+        raise InputError(f"{path}: cut off after {len(rows)} of {found.instants} rows")
+    if len(names) != rows.shape[1] and len(rows):
+        raise InputError(f"{path}: {len(names)} names over {rows.shape[1]} columns")
+    columns = dict(zip(names, rows.T if len(rows) else np.empty((len(names), 0)), strict=True))
     return found, header.split(found, columns, path)

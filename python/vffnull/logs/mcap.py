@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vffnull._extras import extra
 from vffnull._record import QUANTITIES, recorded
-from vffnull.logs import extra, header
+from vffnull.logs import header
 
 if TYPE_CHECKING:
-    from vffnull.result import Result
+    from vffnull._outcome import Outcome
 
 TOPIC = "/vffnull"
 
 
-def write(result: Result, path: Path) -> None:
+def write(result: Outcome, path: Path) -> None:
     """Write a result; simulated time counts from 0 as the log's time."""
     library = extra("mcap.writer", "mcap")
     arrays = {"t": result.t, **recorded(result)}

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vffnull.logs import arrow, extra, header
+from vffnull._extras import extra
+from vffnull.logs import arrow, header
 
 if TYPE_CHECKING:
-    from vffnull.result import Result
+    from vffnull._outcome import Outcome
 
 
-def write(result: Result, path: Path) -> None:
+def write(result: Outcome, path: Path) -> None:
     """Write a result; the bytes of smooth doubles are split before compression, which saves a third."""
     parquet = extra("pyarrow.parquet", "io")
     content = arrow.table(result)
@@ -22,12 +23,7 @@ def write(result: Result, path: Path) -> None:
 
 def read(path: Path) -> tuple[header.Header, header.Arrays]:
     """The header and the arrays of a file."""
-    pyarrow, parquet = extra("pyarrow", "io"), extra("pyarrow.parquet", "io")
-    try:
-        with path.open("rb") as opened:
-            content = parquet.read_table(opened)
-    except (pyarrow.ArrowInvalid, OSError) as error:
-        if isinstance(error, FileNotFoundError):
-            raise
-        raise header.foreign(path) from None
+    parquet = extra("pyarrow.parquet", "io")
+    with path.open("rb") as opened:
+        content = parquet.read_table(opened)
     return arrow.parts(content, path)

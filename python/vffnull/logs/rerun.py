@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vffnull import _record
-from vffnull.logs import extra, header
+from vffnull._extras import extra
+from vffnull.logs import header
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -23,6 +23,8 @@ def write(result: Result, path: Path) -> None:
     """Write a result."""
     rr = extra("rerun", "rerun")
     from vffnull.plotting import geometry
+    from vffnull.plotting.geometry import in_space
+    from vffnull.plotting.primitives import Scene
 
     with rr.RecordingStream("vffnull") as log:
         log.save(str(path))
@@ -37,16 +39,13 @@ def write(result: Result, path: Path) -> None:
                 labels = [f"{each.name} [{each.unit}]" for each in _record.columns(name, values.shape[1:])]
                 log.log(f"record/{name}", rr.SeriesLines(names=labels), static=True)
                 log.send_columns(f"record/{name}", time, rr.Scalars.columns(scalars=rows.astype(float)))
-        arm = _flat(geometry.joints(result))
+        scene = Scene.of_result(result)
+        arm = in_space(scene.joints)
         log.send_columns("scene/arm", time, rr.LineStrips3D.columns(strips=list(arm)))
-        for i, outline in enumerate(geometry.obstacle_outlines(result)):
-            closed = _flat(np.vstack([outline, outline[:1]]))
-            log.log(f"scene/obstacle_{i + 1}", rr.LineStrips3D([closed]), static=True)
-            place = rr.Transform3D.columns(translation=_flat(result.obstacles[:, i]))
-            log.send_columns(f"scene/obstacle_{i + 1}", time, place)
+        for i, core in enumerate(scene.cores):
+            outline = geometry.outline(*core)
+            closed = in_space(np.vstack([outline, outline[:1]]))
+            log.log(f"scene/obstacle_{i}", rr.LineStrips3D([closed]), static=True)
+            place = rr.Transform3D.columns(translation=in_space(scene.obstacles[:, i]))
+            log.send_columns(f"scene/obstacle_{i}", time, place)
         log.flush()
-
-
-def _flat(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points of the plane in space."""
-    return np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)

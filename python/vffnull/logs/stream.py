@@ -12,15 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vffnull import _core, _record
-from vffnull.errors import InputError
-from vffnull.logs import arrow, extra
+from vffnull._arguments import number
+from vffnull._extras import extra
+from vffnull.errors import InputError, InputTypeError
+from vffnull.logs import arrow
+from vffnull.scenario import ScenarioLike, prepare
 
 if TYPE_CHECKING:
     import pyarrow
-
-    from vffnull.scenario import Scenario
+    from numpy.typing import NDArray
 
 __all__ = ["StreamRecorder"]
+
+_DAY = 86_400.0  # s
 
 
 class StreamRecorder:
@@ -28,21 +32,21 @@ class StreamRecorder:
 
     What was written half a second ago is with the operating system: a process that is killed loses no more
     than that, and the file can be read while it grows. (A power failure may take what the system has not yet
-    put on the disk.)
+    put on the disk.) Several threads may write to one recorder; its rows are in the order of their calls.
 
     Parameters
     ----------
     path : str or path
         A path that ends in ``.arrows``; a file that is there is replaced.
-    scenario : Scenario, optional
-        Goes into the file, if given.
+    scenario : str, path, Mapping or Scenario, optional
+        Goes into the file, if given; what `vffnull.simulate` accepts.
     interval : float, optional
-        Longest time [s] that a row waits in memory.
+        Longest time [s] that a row waits in memory, up to a day.
 
     Raises
     ------
     vffnull.errors.InputError
-        If the path ends otherwise, or if the interval is not positive.
+        If the path ends otherwise, or if the interval is not positive or too long.
     ImportError
         Without the extra ``vffnull[io]``.
 
@@ -60,71 +64,73 @@ class StreamRecorder:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], scenario: Scenario | None = None, interval: float = 0.5
+        self, path: str | os.PathLike[str], scenario: ScenarioLike | None = None, interval: float = 0.5
     ) -> None:
         self.path = Path(path)
         if self.path.suffix != ".arrows":
             given = self.path.suffix or "without an ending"
             raise InputError(f"{self.path}: a stream is recorded as .arrows, not {given}")
-        if not interval > 0.0:
-            raise InputError(f"interval: must be positive, got {interval}")
+        interval = number("interval", interval)
+        if not 0.0 < interval <= _DAY:
+            raise InputError(f"interval: must be positive and at most {_DAY:g} s, got {interval}")
         self._arrow, self._ipc = extra("pyarrow", "io"), extra("pyarrow.ipc", "io")
         about = {
             "version": _core.__version__,
-            "scenario": scenario.to_dict() if scenario is not None else None,
+            "scenario": prepare(scenario).to_dict() if scenario is not None else None,
         }
-        self._arrow.array(
-            np.zeros(1)
-        )  # the first one makes Arrow import more, for half a second: now, not later
+        # The first array makes Arrow import more, for half a second: now, not later.
+        self._arrow.array(np.zeros(1))
         self._metadata = {"vffnull": json.dumps(about)}
         self._file = self.path.open("wb", buffering=0)
         self._stream: Any = None
-        self._names: list[str] = []
-        self._rows: list[list[Any]] = []
+        self._shapes: dict[str, tuple[int, ...]] = {}
+        self._rows: list[list[NDArray[np.float64]]] = []
         self._failure: BaseException | None = None
-        self._lock = threading.Lock()  # around the rows
+        self._lock = threading.RLock()  # around the rows
+        self._stream_lock = threading.Lock()  # around the file; taken before the other
         self._over = threading.Event()
-        self._clerk = threading.Thread(target=self._keep_flushing, args=(interval,), daemon=True)
-        self._clerk.start()
+        self._flusher = threading.Thread(target=self._keep_flushing, args=(interval,), daemon=True)
+        self._flusher.start()
 
     def write(self, state: object) -> None:
-        """Record an instant.
+        """Record an instant; the values are copied.
 
         Parameters
         ----------
         state : State or any object
             Has the time as attribute ``t`` [s], and quantities under the names and with the units that
-            `vffnull.Result` uses; the same ones at every instant. Other attributes are ignored.
+            `vffnull.Result` uses; the same ones, of the same shapes, at every instant. Other attributes are
+            ignored.
 
         Raises
         ------
         OSError
             If the file could not be written since the last call: a full disk, for instance.
         vffnull.errors.InputError
-            If the recorder has been closed.
+            If the recorder has been closed, or if the row is not of the first one's kind; such a row is left
+            out, and recording can go on.
+        vffnull.errors.InputTypeError
+            If a quantity is not made of numbers.
         """
         if self._failure is not None:
             raise self._failure
-        if self._over.is_set():
-            raise InputError(f"{self.path}: the recorder has been closed")
-        if not self._names:
-            self._names = list(_record.recorded(state))
-            self._row(state)
-            self._flush()  # the file is readable from the first instant on
-            return
-        self._row(state)
-
-    def _row(self, state: Any) -> None:
-        row = [state.t, *(getattr(state, name) for name in self._names)]
         with self._lock:
-            self._rows.append(row)
+            if self._over.is_set():
+                raise InputError(f"{self.path}: the recorder has been closed")
+            first = not self._shapes
+            shapes = self._shapes or _shapes(state)
+            self._rows.append([_values(state, name, shape) for name, shape in shapes.items()])
+            self._shapes = shapes
+        if first:
+            self._flush()  # the file is readable from the first instant on
 
     def close(self) -> None:
         """Write what is left and end the stream."""
-        if self._over.is_set():
-            return
-        self._over.set()
-        self._clerk.join()
+        with self._lock:
+            if self._over.is_set():
+                return
+            self._over.set()
+        self._flusher.join()
         try:
             self._flush()
             if self._stream is not None:
@@ -166,17 +172,18 @@ class StreamRecorder:
         """
         library, ipc = extra("pyarrow", "io"), extra("pyarrow.ipc", "io")
         with Path(path).open("rb") as file:
-            try:
+            try:  # Arrow has errors of every kind for bytes that are no stream
                 stream = ipc.open_stream(file)
-            except (library.ArrowInvalid, OSError):
+            except Exception:
                 raise InputError(
                     f"{path}: not a stream that vffnull has recorded, or one without a row"
                 ) from None
             batches = []
             try:
                 for batch in stream:
+                    batch.validate(full=True)
                     batches.append(batch)
-            except (library.ArrowInvalid, OSError):
+            except Exception:
                 pass  # the last batch was being written when the process ended
         return library.Table.from_batches(batches, schema=stream.schema)
 
@@ -189,28 +196,63 @@ class StreamRecorder:
                 return
 
     def _flush(self) -> None:
-        with self._lock:
-            rows, self._rows = self._rows, []
-        if not rows:
-            return
-        names = ["t", *self._names]
-        arrays = {
-            name: np.asarray(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)
-        }
-        if self._stream is None:
-            self._stream = self._ipc.new_stream(self._file, self._schema(arrays))
-        lines = [line for values in arrays.values() for line in _record.flat(values).T]
-        columns = [self._arrow.array(np.ascontiguousarray(line)) for line in lines]
-        self._stream.write_batch(self._arrow.record_batch(columns, schema=self._stream_schema))
+        with self._stream_lock:
+            with self._lock:
+                rows, self._rows = self._rows, []
+            if not rows:
+                return
+            columns = zip(*rows, strict=True)
+            arrays = {name: np.stack(values) for name, values in zip(self._shapes, columns, strict=True)}
+            if self._stream is None:
+                self._stream = self._ipc.new_stream(self._file, self._schema())
+            lines = [line for values in arrays.values() for line in _record.flat(values).T]
+            batch = [self._arrow.array(np.ascontiguousarray(line)) for line in lines]
+            self._stream.write_batch(self._arrow.record_batch(batch, schema=self._stream_schema))
 
-    def _schema(self, arrays: dict[str, Any]) -> Any:
-        kind = self._arrow.from_numpy_dtype
-        fields = [self._arrow.field("t", kind(arrays["t"].dtype), metadata=arrow.TIME)]
-        for name in self._names:
-            values = arrays[name]
-            fields.extend(
-                self._arrow.field(column.name, kind(values.dtype), metadata=arrow.about(column))
-                for column in _record.columns(name, values.shape[1:])
-            )
+    def _schema(self) -> Any:
+        number = self._arrow.float64()
+        fields = [self._arrow.field("t", number, metadata=arrow.TIME)]
+        for name, shape in self._shapes.items():
+            if name != "t":
+                fields.extend(
+                    self._arrow.field(column.name, number, metadata=arrow.about(column))
+                    for column in _record.columns(name, shape)
+                )
         self._stream_schema = self._arrow.schema(fields, metadata=self._metadata)
         return self._stream_schema
+
+
+def _shapes(state: object) -> dict[str, tuple[int, ...]]:
+    """The shape of time and of every quantity in a first row."""
+    try:
+        found = _record.recorded(state)
+    except ValueError:  # lists of different lengths
+        raise InputTypeError("the row has a quantity that is no array of numbers") from None
+    for name, values in found.items():
+        over = _record.QUANTITIES[name].over
+        named = [len(_record.NAMES[each]) if each in _record.NAMES else None for each in over]
+        fits = values.ndim == len(over) and all(
+            most is None or size <= most for size, most in zip(values.shape, named, strict=True)
+        )
+        if not fits:
+            raise InputError(
+                f"{name}: expected one axis each for {over or 'nothing'}, got shape {values.shape}"
+            )
+    return {"t": (), **{name: values.shape for name, values in found.items()}}
+
+
+def _values(state: object, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """A quantity of a row, as a copy of its own."""
+    try:
+        given = getattr(state, name)
+        values = np.array(np.nan if given is None else given, dtype=np.float64)
+    except AttributeError:
+        raise InputError(f"{name}: the row does not have it") from None
+    except (TypeError, ValueError):
+        raise InputTypeError(f"{name}: expected numbers, not a {type(given).__name__}") from None
+    if given is None or values.shape != shape:
+        found = "None" if given is None else f"shape {values.shape}"
+        raise InputError(f"{name}: expected shape {shape} as in the first row, got {found}")
+    if name == "t" and not np.isfinite(values):
+        raise InputError(f"t: must be finite, got {values}")
+    return values

@@ -1,60 +1,45 @@
-"""Figures of a run, fit to be printed. `vffnull.Result.plot` is the way in."""
+"""Figures of a run, fit to be printed. `vffnull.Result.plot` is the way in.
+
+Matplotlib is loaded when something is drawn with it: `primitives` and `geometry` do without.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
-
-from vffnull.plotting import geometry, joints, links, overview, sensed, strobe, style, tracking
-
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from vffnull.result import Result
 
-__all__ = ["FIGURES", "draw", "save"]
-
-FIGURES: dict[str, Callable[[Result], Figure]] = {
-    "overview": overview.overview,
-    "strobe": strobe.strobe,
-    "tracking": tracking.tracking,
-    "tracking_error": tracking.tracking_error,
-    "joint_angles": joints.joint_angles,
-    "repulsive_torques": joints.repulsive_torques,
-    "forces": links.forces,
-    "clearance": links.clearance,
-    "sensed": sensed.sensed,
-}
-"""Every figure by name, in the order in which they are drawn."""
-
-_ABOUT_OBSTACLES = {"overview", "repulsive_torques", "forces", "clearance"}
+__all__ = ["draw", "save"]
 
 
 def draw(result: Result) -> dict[str, Figure]:
     """Draw every figure that says something about a run, by name."""
-    return dict(_figures(result))
+    from vffnull.plotting import figures
+
+    return figures.draw(result)
 
 
-def save(result: Result, directory: Path) -> list[Path]:
-    """Draw every figure and write each to a PNG file of its name; returns the files."""
-    directory.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, figure in _figures(result):
-        path = directory / f"{name}.png"
-        with style.look():
-            figure.savefig(path)
-        paths.append(path)
-    return paths
+def save(result: Result, directory: Path, ending: str = ".png") -> list[Path]:
+    """Draw every figure and write each to a file of its name; returns the files.
 
+    Parameters
+    ----------
+    result : Result
+        What to draw.
+    directory : Path
+        Where to; made if it does not exist.
+    ending : {".png", ".pdf", ".svg"}
+        The kind of file.
 
-def _figures(result: Result) -> Iterator[tuple[str, Figure]]:
-    result = geometry.drawable(result)
-    for name, make in FIGURES.items():
-        if name in _ABOUT_OBSTACLES and not result.obstacles.shape[1]:
-            continue
-        if name == "sensed" and result.sensed is None:
-            continue
-        with style.look():
-            figure = make(result)
-        yield name, figure
+    Raises
+    ------
+    vffnull.errors.InputError
+        For another ending.
+    """
+    from vffnull.plotting import figures
+
+    return figures.save(result, directory, ending)

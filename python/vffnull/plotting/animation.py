@@ -8,18 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image
 
+from vffnull._extras import extra
+from vffnull._files import replacing
 from vffnull.errors import InputError
-from vffnull.logs import extra
-from vffnull.plotting import geometry, strobe, style
+from vffnull.plotting import canvas, geometry, strobe, style
+from vffnull.plotting.primitives import COLOURS, Arrow, Body, Curve, Marks, Role, Scene, drawable
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -27,10 +30,8 @@ if TYPE_CHECKING:
 ENDINGS = (".gif", ".mp4")
 
 _WIDTH, _DPI = 5.4, 120  # [in], dots per inch: 648 dots across
-_ARM = "#0072B2"
-_OBSTACLE = "#D55E00"
-_FORCE = "#B2182B"
 _LONGEST = 0.11  # of the picture's width, the arrow of the greatest force
+_LEAST = 0.004  # of the picture's width, the shortest arrow that is drawn
 
 Progress = Callable[[float, float], None]
 Rows = NDArray[np.intp]
@@ -41,13 +42,18 @@ def animate(
 ) -> Path:
     """Write a film of a run; see `vffnull.Result.animate`. `progress` gets frames done and frames in all."""
     check(path, fps, speed)
-    result = geometry.drawable(result)
+    result = drawable(result)
     rows = frames(result, fps, speed)
-    write = _write_gif if path.suffix == ".gif" else _write_mp4
+    report = progress or (lambda _done, _all: None)
     encoder = None if path.suffix == ".gif" else extra("imageio_ffmpeg", "video")
     path.parent.mkdir(parents=True, exist_ok=True)
-    with style.look():
-        write(_Picture(result, rows, speed), path, fps, progress or (lambda _done, _all: None), encoder)
+    with style.look(), replacing(path) as draft:
+        picture = _Picture(result, rows, speed)
+        if encoder is None:
+            with draft.open("wb") as file:
+                _write_gif(picture, file, fps, report)
+        else:
+            _write_mp4(picture, draft, fps, report, encoder)
     return path
 
 
@@ -68,7 +74,7 @@ def frames(result: Result, fps: float, speed: float) -> Rows:
     return np.minimum(np.searchsorted(result.t, times), len(result.t) - 1)
 
 
-def _write_gif(picture: _Picture, path: Path, fps: float, progress: Progress, _encoder: Any) -> None:
+def _write_gif(picture: _Picture, file: IO[bytes], fps: float, progress: Progress) -> None:
     """All frames share one palette, so that the file stays small and colours do not flicker."""
     count = len(picture)
     typical = np.unique([*range(0, count, max(1, count // 6)), picture.strongest])
@@ -80,134 +86,130 @@ def _write_gif(picture: _Picture, path: Path, fps: float, progress: Progress, _e
             yield Image.fromarray(picture.at(i)).quantize(palette=palette, dither=Image.Dither.NONE)
             progress(i + 1, count)
 
-    film = indexed()
+    images = indexed()
     pauses = [round(1000 / fps)] * (count - 1) + [1000]
-    next(film).save(path, save_all=True, append_images=film, duration=pauses, loop=0)
+    next(images).save(file, format="GIF", save_all=True, append_images=images, duration=pauses, loop=0)
 
 
 def _write_mp4(picture: _Picture, path: Path, fps: float, progress: Progress, encoder: Any) -> None:
     """H.264 in the pixel format that every player knows, which wants even sizes."""
     high, wide = (size // 2 * 2 for size in picture.at(0).shape[:2])
-    film = encoder.write_frames(str(path), (wide, high), fps=fps, quality=8, macro_block_size=2)
-    film.send(None)
+    stream = encoder.write_frames(str(path), (wide, high), fps=fps, quality=8, macro_block_size=2)
+    stream.send(None)
     try:
         for i in range(len(picture)):
-            film.send(np.ascontiguousarray(picture.at(i)[:high, :wide]))
+            stream.send(np.ascontiguousarray(picture.at(i)[:high, :wide]))
             progress(i + 1, len(picture))
     finally:
-        film.close()
+        stream.close()
 
 
 class _Picture:
     """The frames of a film, each an array of dots (height, width, 3)."""
 
+    _POLYGONS: tuple[Role, ...] = ("influence", "obstacle", "link")
+
     def __init__(self, result: Result, rows: Rows, speed: float) -> None:
-        self._result, self._rows = result, rows
-        self._points, self._forces = geometry.pushes(result, rows)
-        sizes = np.linalg.norm(self._forces, axis=2).max(axis=1)
+        self._whole = Scene.of_result(result)
+        self._rows, self._scene = rows, self._whole.pick(rows)
+        sizes = np.linalg.norm(geometry.seen(self._scene.pushes[1]), axis=2).max(axis=1)
         self.strongest = int(sizes.argmax())
         self._speed = "" if speed == 1.0 else f"  ({speed:g}×)"
-        height = strobe.natural_height(result, _WIDTH)
+        height = strobe.natural_height(self._whole, _WIDTH, field=True)
         self._figure = style.figure(height, _WIDTH)
         self._figure.set_dpi(_DPI)
-        canvas: Any = self._figure.canvas  # Agg's blitting has no types
-        self._canvas = canvas
+        agg: Any = self._figure.canvas  # Agg's blitting has no types
+        self._agg = agg
         ax = self._axes = self._figure.subplots()
-        strobe.stage(ax, result, height, _WIDTH)
+        strobe.stage(ax, self._whole, height, _WIDTH, field=True)
+        canvas.paint(ax, self._whole.at(0, ["reference"]), zorder=1)
         left, right = ax.get_xlim()
-        self._scale = _LONGEST * (right - left) / (float(sizes.max()) or 1.0)  # m/N
         self._wide = right - left
-
-        self._joints, self._radii = geometry.joints(result), geometry.link_radii(result)
-        self._outlines = geometry.obstacle_outlines(result)
-        follow = self._follow = result.x_ref[:, :2]
-        if np.ptp(follow, axis=0).max() > 0.0:
-            ax.plot(*follow.T, color=style.MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1)
-        field = result.scenario.to_dict().get("controller", {}).get("field", {})
-        reach = float(field["influence"]) if field.get("gain") else None
-        self._reach = [] if reach is None else geometry.obstacle_outlines(result, margin=reach)
-        self._halos = PolyCollection(
-            [],
-            facecolors="none",
-            edgecolors=[to_rgba(_OBSTACLE, 0.45)],
-            linewidths=0.7,
-            linestyles=[(0, (1, 2.5))],
-            zorder=1.5,
-        )
-        self._solids = PolyCollection(
-            [], facecolors=[to_rgba(_OBSTACLE, 0.15)], edgecolors=[_OBSTACLE], linewidths=1.0, zorder=2
-        )
-        self._bodies = PolyCollection(
-            [], facecolors=[to_rgba(_ARM, 0.25)], edgecolors=[_ARM], linewidths=0.9, zorder=3
-        )
-        self._arrows = LineCollection([], colors=[_FORCE], linewidths=1.6, zorder=5, capstyle="round")
-        self._heads = PolyCollection([], facecolors=[_FORCE], edgecolors=[_FORCE], linewidths=0.4, zorder=5)
-        for collection in (self._halos, self._solids, self._bodies, self._arrows, self._heads):
+        self._scale = _LONGEST * self._wide / (float(sizes.max()) or 1.0)  # m/N
+        self._polygons = {
+            "influence": self._patches("influence", to_rgba(COLOURS["influence"], 0.45), 0.0, 1.5),
+            "obstacle": self._patches("obstacle", COLOURS["obstacle"], 0.15, 2.0),
+            "link": self._patches("link", COLOURS["link"], 0.25, 3.0),
+        }
+        thin = bool((self._whole.radii == 0.0).any())
+        arrow = COLOURS["force"]
+        self._arrows = LineCollection([], colors=[arrow], linewidths=1.6, zorder=5, capstyle="round")
+        self._heads = PolyCollection([], facecolors=[arrow], edgecolors=[arrow], linewidths=0.4, zorder=5)
+        for collection in (*self._polygons.values(), self._arrows, self._heads):
             ax.add_collection(collection, autolim=False)
-        thick = self._radii.max() > 0.0
-        (self._links,) = ax.plot(
-            [],
-            [],
-            color=_ARM,
-            linewidth=1.0 if thick else 2.6,
-            marker="o",
-            markersize=4.5,
-            markerfacecolor="white",
-            zorder=4,
-        )
-        (self._trail,) = ax.plot([], [], color="#009E73", linewidth=1.4, zorder=4.5)
-        (self._target,) = ax.plot(
-            [], [], color=style.INK, marker="x", linestyle="none", markersize=6, zorder=6
-        )
+        self._lines = {
+            "joint": self._line(4.0, "link", linewidth=2.6 if thin else 1.0, marker="o", markersize=4.5,
+                                markerfacecolor="white"),
+            "trail": self._line(4.5, "trail", linewidth=1.4),
+            "sensed": self._line(5.5, "sensed", linestyle="none", marker=".", markersize=3),
+            "target": self._line(6.0, "target", linestyle="none", marker="x", markersize=6),
+        }  # fmt: skip
         self._clock = ax.text(1.0, 1.015, "", transform=ax.transAxes, ha="right", va="bottom")
         ax.text(0.0, 1.015, result.scenario.name, transform=ax.transAxes, ha="left", va="bottom")
         self._moving: list[Artist] = [
-            self._halos,
-            self._solids,
-            self._bodies,
-            self._links,
-            self._trail,
+            *self._polygons.values(),
+            *self._lines.values(),
             self._arrows,
             self._heads,
-            self._target,
             self._clock,
         ]
         for artist in self._moving:
             artist.set_animated(True)
-        canvas.draw()
-        self._background = canvas.copy_from_bbox(self._figure.bbox)
+        agg.draw()
+        self._background = agg.copy_from_bbox(self._figure.bbox)
 
     def __len__(self) -> int:
         return len(self._rows)
 
     def at(self, frame: int) -> NDArray[np.uint8]:
         """One frame."""
-        result, row = self._result, self._rows[frame]
-        place = self._joints[row]
-        self._canvas.restore_region(self._background)
-        places = result.obstacles[row]
-        self._halos.set_verts([points + at for points, at in zip(self._reach, places, strict=False)])
-        self._solids.set_verts([points + at for points, at in zip(self._outlines, places, strict=True)])
-        thick = np.flatnonzero(self._radii > 0.0)
-        self._bodies.set_verts([geometry.capsule(place[i], place[i + 1], self._radii[i]) for i in thick])
-        self._links.set_data(*place.T)
-        self._trail.set_data(*result.x[: row + 1, :2].T)
-        self._target.set_data(*self._follow[row : row + 1].T)
-        self._draw_forces(frame)
-        self._clock.set_text(f"t = {result.t[row]:.2f} s{self._speed}")
+        self._agg.restore_region(self._background)
+        bodies: dict[Role, list[Any]] = {role: [] for role in self._POLYGONS}
+        arrows: list[Arrow] = []
+        for each in self._scene.at(frame, [*self._POLYGONS, "joint", "force", "sensed", "target"]):
+            match each:
+                case Body(role=role, radius=radius, corners=corners) if radius > 0.0 or len(corners) > 2:
+                    bodies[role].append(each.outline())
+                case Marks(role=role, points=points):
+                    self._lines[role].set_data(*geometry.seen(points).T)
+                case Arrow():
+                    arrows.append(each)
+        for role, outlines in bodies.items():
+            self._polygons[role].set_verts(outlines)
+        (trail,) = self._whole.at(int(self._rows[frame]), ["trail"])
+        assert isinstance(trail, Curve)
+        self._lines["trail"].set_data(*geometry.seen(trail.points).T)
+        self._draw(arrows)
+        self._clock.set_text(f"t = {self._scene.t[frame]:.2f} s{self._speed}")
         for artist in self._moving:
             self._axes.draw_artist(artist)
-        dots: NDArray[np.uint8] = np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+        dots: NDArray[np.uint8] = np.asarray(self._agg.buffer_rgba())[..., :3].copy()
         return dots
 
-    def _draw_forces(self, frame: int) -> None:
-        shafts = self._forces[frame] * self._scale
+    def _draw(self, arrows: list[Arrow]) -> None:
+        tails = geometry.seen(np.array([each.tail for each in arrows]))
+        shafts = geometry.seen(np.array([each.vector for each in arrows])) * self._scale
         lengths = np.linalg.norm(shafts, axis=1)
-        seen = lengths > 0.004 * self._wide
-        tails, shafts, lengths = self._points[frame][seen], shafts[seen], lengths[seen][:, None]
+        visible = lengths > _LEAST * self._wide
+        tails, shafts, lengths = tails[visible], shafts[visible], lengths[visible][:, None]
         tips = tails + shafts
         self._arrows.set_segments(list(np.stack([tails, tips], axis=1)))
         along = shafts / lengths * np.minimum(0.5 * lengths, 0.02 * self._wide)
         across = 0.5 * along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
         heads = np.stack([tips + 0.4 * along, tips - along + across, tips - along - across], axis=1)
         self._heads.set_verts(list(heads))
+
+    @staticmethod
+    def _patches(role: Role, edge: Any, fill: float, order: float) -> PolyCollection:
+        return PolyCollection(
+            [],
+            facecolors=[to_rgba(COLOURS[role], fill)] if fill else "none",
+            edgecolors=[edge],
+            linewidths=canvas.LOOKS[role].width if role != "link" else 0.9,
+            linestyles=[canvas.LOOKS[role].dash],
+            zorder=order,
+        )
+
+    def _line(self, order: float, role: Role, **how: Any) -> Line2D:
+        (line,) = self._axes.plot([], [], color=COLOURS[role], zorder=order, **how)
+        return line

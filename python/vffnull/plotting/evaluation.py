@@ -9,26 +9,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vffnull._files import replacing
 from vffnull.plotting import style
 
 if TYPE_CHECKING:
-    from vffnull.evaluation import Evaluation
+    from vffnull.evaluation.table import Table
 
 __all__ = ["save"]
 
 
-def save(evaluation: Evaluation, directory: Path) -> list[Path]:
+def save(evaluation: Table, directory: Path, ending: str = ".png") -> list[Path]:
     """Draw the figures into a directory, which is made if need be."""
     directory.mkdir(parents=True, exist_ok=True)
     files = []
     with style.look():
         for name, draw in (("rates", rates), ("clearance", clearance), ("error", error)):
-            files.append(directory / f"{name}.png")
-            draw(evaluation).savefig(files[-1])
+            files.append(directory / f"{name}{ending}")
+            with replacing(files[-1]) as draft:
+                draw(evaluation).savefig(draft)
     return files
 
 
-def rates(evaluation: Evaluation) -> Figure:
+def rates(evaluation: Table) -> Figure:
     """Collisions in scenes with an escape, and success in scenes with an escape that holds the tip."""
     names = evaluation.controllers
     fig = style.figure(0.9 + 0.2 * len(names) * 2, style.PAGE)
@@ -62,7 +64,7 @@ def rates(evaluation: Evaluation) -> Figure:
     return fig
 
 
-def clearance(evaluation: Evaluation) -> Figure:
+def clearance(evaluation: Table) -> Figure:
     """How large a share of the runs came nearer than this."""
     fig, axes = _row(evaluation)
     for ax, family in zip(axes, evaluation.families, strict=True):
@@ -77,7 +79,7 @@ def clearance(evaluation: Evaluation) -> Figure:
     return fig
 
 
-def error(evaluation: Evaluation) -> Figure:
+def error(evaluation: Table) -> Figure:
     """How large a share of the runs had a smaller error during the encounter, and after it."""
     fig, axes = _row(evaluation, 2)
     for what, line in zip(("rms_error_during", "rms_error_after"), axes, strict=True):
@@ -96,14 +98,14 @@ def error(evaluation: Evaluation) -> Figure:
     return fig
 
 
-def _row(evaluation: Evaluation, lines: int = 1) -> tuple[Figure, Any]:
+def _row(evaluation: Table, lines: int = 1) -> tuple[Figure, Any]:
     fig = style.figure(0.8 + 1.5 * lines, style.PAGE)
     axes = fig.subplots(lines, len(evaluation.families), sharex=True, sharey=True, squeeze=False)
     axes[0, 0].set_ylim(0.0, 1.0)
     return fig, axes if lines > 1 else axes[0]
 
 
-def _steps(ax: Axes, rows: Evaluation, column: str, factor: float) -> None:
+def _steps(ax: Axes, rows: Table, column: str, factor: float) -> None:
     """The empirical distribution of a column for every controller."""
     for name, colour in zip(rows.controllers, style.joint_colours(len(rows.controllers)), strict=True):
         values = rows.where(controller=name).columns[column]

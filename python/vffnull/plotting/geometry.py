@@ -1,66 +1,26 @@
-"""Where the drawn things are: joints, outlines of links and obstacles, and the instants of a strobe."""
+"""Shapes and distances that drawing needs, in any number of dimensions; outlines are of the plane.
+
+A body is all that lies within a radius of the convex hull of some corners: a disc or ball has one corner, a
+capsule two. Seen from afar such a body is again one of the kind: its corners are seen where they are, and the
+radius stays. `outline` draws it so.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vffnull._record import recorded
-from vffnull.errors import InputError
-
-if TYPE_CHECKING:
-    from vffnull.result import Result
-
 Array = NDArray[np.float64]
 
-
-def drawable(result: Result) -> Result:
-    """The result up to where its numbers end: a diverged run may leave NaN in its last rows.
-
-    Raises
-    ------
-    vffnull.errors.InputError
-        If nothing is left to draw.
-    """
-    sound = np.all(np.isfinite(result.q) & np.isfinite(result.dq), axis=1)
-    if sound.size and sound.all():
-        return result
-    rows = int(np.argmin(sound)) if sound.size else 0
-    if not rows:
-        raise InputError("result: there is no recorded instant to draw")
-    cut = {name: values[:rows] for name, values in recorded(result).items()}
-    return dataclasses.replace(result, t=result.t[:rows], **cut)  # type: ignore[arg-type]
-
-
-def joints(result: Result) -> Array:
-    """Positions of the joints, the tip last, (T, n+1, 2) [m]."""
-    return np.asarray(result.scenario.arm.forward_kinematics(result.q))
-
-
-def link_radii(result: Result) -> Array:
-    """Radius of every link, (n,) [m]."""
-    return np.asarray(result.scenario.arm.radius)
-
-
-def cores(result: Result) -> list[tuple[Array, float]]:
-    """Every obstacle as the corners of its convex core, (·, 2) [m] relative to its position, and the radius
-    [m] of what surrounds the core.
-    """
-    document = result.scenario.to_dict()
-    return [core(each["shape"], each.get("angle", 0.0)) for each in document.get("obstacles", [])]
-
-
-def obstacle_outlines(result: Result, margin: float = 0.0) -> list[Array]:
-    """Outlines (·, 2) [m] of all points nearer than `margin` to an obstacle, relative to their positions."""
-    return [rounded(corners, radius + margin) for corners, radius in cores(result)]
+STEP = 0.09
+"""Between two points of a round outline [rad], at most."""
 
 
 def core(shape: Mapping[str, Any], angle: float = 0.0) -> tuple[Array, float]:
-    """Corners of a shape's core in an obstacle's frame turned by `angle`, and the radius around it."""
+    """Corners (·, 2) of a shape's core in an obstacle's frame turned by `angle`, and the radius around it."""
     match shape["kind"]:
         case "circle":
             corners = np.zeros((1, 2))
@@ -75,124 +35,146 @@ def core(shape: Mapping[str, Any], angle: float = 0.0) -> tuple[Array, float]:
     return corners @ np.array([[c, s], [-s, c]]), float(shape.get("radius", 0.0))
 
 
+def view_of(dimension: int) -> Array:
+    """How a scene of so many dimensions is seen in a picture: the picture's axes as rows (2, dimension).
+
+    The plane is seen as it is; space from the front right and a little from above, without perspective.
+    """
+    if dimension == 2:
+        return np.eye(2)
+    azimuth, elevation = np.radians(-60.0), np.radians(25.0)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    ahead = -np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    )
+    return np.stack([right, np.cross(right, ahead)])
+
+
+def seen(points: Array, view: Array | None = None) -> Array:
+    """Where points (…, D) are in a picture (…, 2); by default in `view_of` their dimension."""
+    if view is None and points.shape[-1] == 2:
+        return points
+    axes = view_of(points.shape[-1]) if view is None else view
+    return np.asarray(points @ axes.T)
+
+
+def in_space(points: Array) -> Array:
+    """Points (…, D) in space (…, 3): those of the plane at z = 0."""
+    missing = 3 - points.shape[-1]
+    return np.concatenate([points, np.zeros((*points.shape[:-1], missing))], axis=-1)
+
+
+def outline(corners: Array, radius: float, view: Array | None = None) -> Array:
+    """The outline (·, 2) in a picture of all points within `radius` of the convex hull of corners (·, D)."""
+    flat = seen(corners, view)
+    if len(flat) > 2 and corners.shape[1] > 2:
+        flat = hull(flat)
+    return rounded(flat, radius)
+
+
+def hull(points: Array) -> Array:
+    """Corners of the convex hull of points of the plane, anticlockwise."""
+    order = points[np.lexsort(points.T[::-1])]
+
+    def chain(along: Array) -> list[Array]:
+        found: list[Array] = []
+        for p in along:
+            while len(found) > 1 and _turn(found[-2], found[-1], p) <= 0.0:
+                found.pop()
+            found.append(p)
+        return found[:-1]
+
+    corners = [*chain(order), *chain(order[::-1])]
+    return np.array(corners) if corners else points[:1]
+
+
+def _area(corners: Array) -> float:
+    """Twice the area of a polygon, positive where it is anticlockwise."""
+    x, y = corners.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _turn(a: Array, b: Array, c: Array) -> float:
+    """Twice the area of a triangle, positive where it is anticlockwise."""
+    (ux, uy), (vx, vy) = b - a, c - a
+    return float(ux * vy - uy * vx)
+
+
 def rounded(corners: Array, radius: float) -> Array:
-    """The outline of all points nearer than `radius` to a convex polygon (or a segment, or a point)."""
+    """The outline of all points within `radius` of a convex polygon (or a segment, or a point)."""
     if radius == 0.0:
         return corners
     edges = np.roll(corners, -1, axis=0) - corners
-    from_first = corners - corners[0]
-    if from_first[:, 0] @ edges[:, 1] < from_first[:, 1] @ edges[:, 0] and len(corners) > 2:  # clockwise
+    if len(corners) > 2 and _area(corners) < 0.0:
         return rounded(corners[::-1], radius)
     if not edges.any():
-        ring: Array = corners[0] + radius * _circle(0.0, 2 * np.pi)
+        ring: Array = corners[0] + radius * arc(0.0, 2 * np.pi)
         return ring
     normals = np.arctan2(-edges[:, 0], edges[:, 1])
     turns = (normals - np.roll(normals, 1)) % (2 * np.pi)
     arcs = zip(corners, normals - turns, turns, strict=True)
-    return np.vstack([corner + radius * _circle(start, turn) for corner, start, turn in arcs])
+    return np.vstack([corner + radius * arc(start, turn) for corner, start, turn in arcs])
 
 
-def _circle(start: float, turn: float) -> Array:
-    """Points on the unit circle, every 5° or so."""
-    angles = start + np.linspace(0.0, turn, 2 + int(turn / 0.09))
+def arc(start: float, turn: float) -> Array:
+    """Points on the unit circle (·, 2)."""
+    angles = start + np.linspace(0.0, turn, 2 + int(turn / STEP))
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def capsule(a: ArrayLike, b: ArrayLike, radius: float) -> Array:
-    """The outline of all points nearer than `radius` to a segment."""
+    """The outline of all points within `radius` of a segment of the plane."""
     return rounded(np.array([a, b], dtype=float), radius)
 
 
-def instants(result: Result, count: int) -> NDArray[np.intp]:
-    """Indices of instants that show the run best: as much motion between one and the next everywhere.
-
-    Half of the measure is time, so that a long rest is not skipped altogether.
+def edges_of(corners: Array) -> list[tuple[Array, Array]]:
+    """Ends of the edges of a core (…, k, D): of a point the point itself, of a segment that one, else all
+    around.
     """
-    places = np.concatenate([joints(result), result.obstacles], axis=1)
-    path = np.linalg.norm(np.diff(places, axis=0), axis=2).sum(axis=1)
-    measure = np.concatenate([[0.0], np.cumsum(path)])
-    measure /= measure[-1] or 1.0
-    measure += (result.t - result.t[0]) / ((result.t[-1] - result.t[0]) or 1.0)
-    chosen = np.searchsorted(measure, np.linspace(0.0, measure[-1], count))
-    return np.unique(np.minimum(chosen, len(result.t) - 1))
-
-
-def frame(result: Result, margin: float = 0.12) -> tuple[float, float, float, float]:
-    """Limits (left, right, bottom, top) [m] around the arm at all times and what it meets.
-
-    Obstacles count where they come near the arm; one that passes far away does not shrink the picture.
-    """
-    arm = joints(result)
-    low, high = arm.min(axis=(0, 1)), arm.max(axis=(0, 1))
-    wide = np.vstack([result.x_ref[:, :2], low[None], high[None]])
-    low, high = wide.min(axis=0), wide.max(axis=0)
-    reach = 0.35 * float((high - low).max())
-    for index, points in enumerate(obstacle_outlines(result)):
-        place = result.obstacles[:, index]
-        near = np.all((place > low - reach) & (place < high + reach), axis=1)
-        if near.any():
-            low = np.minimum(low, np.maximum((place[near] + points.min(axis=0)).min(axis=0), low - reach))
-            high = np.maximum(high, np.minimum((place[near] + points.max(axis=0)).max(axis=0), high + reach))
-    pad = margin * float((high - low).max()) / 2 + float(link_radii(result).max())
-    return float(low[0] - pad), float(high[0] + pad), float(low[1] - pad), float(high[1] + pad)
-
-
-def pushes(result: Result, rows: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Where the repulsion acts on every link, and in which direction with which strength.
-
-    The record holds the force's magnitude; it is drawn at the point of the link nearest to an obstacle, away
-    from that obstacle. With several obstacles near one link this is the direction away from the nearest.
-
-    Returns
-    -------
-    points : (len(rows), n, 2) ndarray
-        Nearest points on the links' axes [m].
-    forces : (len(rows), n, 2) ndarray
-        Forces [N]; zero where nothing acts.
-    """
-    arm = joints(result)[rows]
-    a, b = arm[:, :-1], arm[:, 1:]
-    points, directions = a.copy(), np.zeros_like(a)
-    nearest = np.full(a.shape[:2], np.inf)
-    for index, (corners, radius) in enumerate(cores(result)):
-        ends = corners + result.obstacles[rows, index][:, None]
-        for c, d in zip(*_edges(ends), strict=True):
-            on_link, on_obstacle = _nearest(a, b, c[:, None], d[:, None])
-            away = on_link - on_obstacle
-            distance = np.linalg.norm(away, axis=-1)
-            closer = distance - radius < nearest
-            nearest = np.where(closer, distance - radius, nearest)
-            points = np.where(closer[..., None], on_link, points)
-            unit = away / np.maximum(distance, 1e-300)[..., None]
-            directions = np.where(closer[..., None], unit, directions)
-    return points, directions * result.force[rows][..., None]
-
-
-def _edges(corners: Array) -> tuple[list[Array], list[Array]]:
-    """Ends of the edges of a core: of a point the point itself, of a segment that one, else all around."""
-    count = corners.shape[1]
+    count = corners.shape[-2]
     last = count if count > 2 else 1
-    starts = [corners[:, i] for i in range(last)]
-    return starts, [corners[:, (i + 1) % count] for i in range(last)]
+    return [(corners[..., i, :], corners[..., (i + 1) % count, :]) for i in range(last)]
 
 
-def _nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """The points of segments ab and cd that are nearest to each other, elementwise.
+def nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
+    """The points of segments ab and cd (…, D) that are nearest to each other, elementwise.
 
-    Two segments that do not cross are nearest at an end of one of them; those that cross are given the
-    crossing's nearest end, which is good enough for a picture.
+    Segments of a plane that do not cross are nearest at an end of one of them; those that cross are given
+    the crossing's nearest end, so that there is a direction between the two points. In space they may be
+    nearest in the middle of both.
     """
-    candidates = [(p, _project(p, c, d)) for p in (a, b)] + [(_project(p, a, b), p) for p in (c, d)]
-    first = np.stack([np.broadcast_to(on_ab, a.shape) for on_ab, _ in candidates])
-    second = np.stack([np.broadcast_to(on_cd, a.shape) for _, on_cd in candidates])
+    candidates = [(p, _onto(p, c, d)) for p in (a, b)] + [(_onto(p, a, b), p) for p in (c, d)]
+    if a.shape[-1] > 2:
+        candidates.append(_between(a, b, c, d))
+    shape = np.broadcast_shapes(a.shape, c.shape)
+    first = np.stack([np.broadcast_to(on_ab, shape) for on_ab, _ in candidates])
+    second = np.stack([np.broadcast_to(on_cd, shape) for _, on_cd in candidates])
     best = np.argmin(np.linalg.norm(first - second, axis=-1), axis=0)[None, ..., None]
     return np.take_along_axis(first, best, 0)[0], np.take_along_axis(second, best, 0)[0]
 
 
-def _project(p: Array, a: Array, b: Array) -> Array:
+def distance(place: Array, corners: Array, radius: float) -> float:
+    """How far a place (2,) is from a body of the plane; negative inside."""
+    away = min(float(np.linalg.norm(place - _onto(place, a, b))) for a, b in edges_of(corners))
+    sides = [_turn(a, b, place) for a, b in edges_of(corners)] if len(corners) > 2 else [-1.0, 1.0]
+    within = all(side >= 0.0 for side in sides) or all(side <= 0.0 for side in sides)
+    return (-away if within else away) - radius
+
+
+def _onto(p: Array, a: Array, b: Array) -> Array:
     """The point of segment ab nearest to p."""
     along = b - a
     square = np.maximum((along**2).sum(-1), 1e-300)
     share = np.clip(((p - a) * along).sum(-1) / square, 0.0, 1.0)
     place: Array = a + share[..., None] * along
     return place
+
+
+def _between(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
+    """The nearest points of the lines through ab and cd, each brought back into its segment."""
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
+    uw, vw = (u * w).sum(-1), (v * w).sum(-1)
+    share = np.clip((uv * vw - vv * uw) / np.maximum(uu * vv - uv**2, 1e-300), 0.0, 1.0)
+    on_ab = a + share[..., None] * u
+    return on_ab, _onto(on_ab, c, d)

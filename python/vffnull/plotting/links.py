@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vffnull.plotting import style
+from vffnull.plotting.primitives import influence_of
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -37,10 +38,10 @@ def distances(ax: Axes, result: Result) -> None:
     style.joint_lines(ax, result.t, result.clearance)
     low = min(0.0, float(np.nanmin(result.clearance)))
     high = float(np.nanmax(result.clearance))
-    field = result.scenario.to_dict().get("controller", {}).get("field", {})
-    if field.get("gain") and "influence" in field:
-        high = min(high, 3.0 * field["influence"])
-        style.level(ax, field["influence"], "$d_s$")
+    reach = influence_of(result.scenario.to_dict())
+    if reach:
+        high = min(high, 3.0 * reach)
+        style.level(ax, reach, "$d_s$")
     style.level(ax, 0.0, "contact", colour=style.ALARM)
     span = high - low
     ax.set_ylim(low - 0.06 * span, high + 0.06 * span)

@@ -8,24 +8,34 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vffnull.plotting import joints, links, strobe, style, tracking
+from vffnull.plotting.primitives import Scene
 
 if TYPE_CHECKING:
     from vffnull.result import Result
 
 
 def overview(result: Result) -> Figure:
-    """The strobe picture on the left; error, clearance and repulsion over time on the right."""
-    height = float(np.clip(strobe.natural_height(result, style.PAGE / 2), 3.4, 4.2))
+    """The strobe picture on the left; error, clearance and repulsion over time on the right.
+
+    Without obstacles there is neither clearance nor repulsion, and the joint angles stand there.
+    """
+    height = float(np.clip(strobe.natural_height(Scene.of_result(result), style.PAGE / 2), 3.4, 4.2))
     fig = style.figure(height, style.PAGE)
     picture, plots = fig.subfigures(1, 2, squeeze=False, wspace=0.03)[0]
     strobe.passing(picture.subplots(), result, height=height)
 
-    axes = style.stacked(plots, 3)
+    if result.obstacles.shape[1]:
+        axes = style.stacked(plots, 3)
+        links.distances(axes[1], result)
+        joints.repulsion(axes[2], result)
+        labels, what = ["clearance\n[m]", "repulsion\n[N·m]"], "joint and link"
+    else:
+        axes = style.stacked(plots, 2)
+        style.joint_lines(axes[1], result.t, result.q)
+        labels, what = ["joint angle\n[rad]"], "joint"
     tracking.error_magnitude(axes[0], result)
-    links.distances(axes[1], result)
-    joints.repulsion(axes[2], result)
-    for ax, label in zip(axes, ("$|e|$\n[m]", "clearance\n[m]", "repulsion\n[N·m]"), strict=True):
+    for ax, label in zip(axes, ("$|e|$\n[m]", *labels), strict=True):
         ax.set_ylabel(label)
-    style.joint_key(plots, axes, result.q.shape[1], "joint and link")
+    style.joint_key(plots, axes[1:], result.q.shape[1], what)
     plots.align_ylabels(axes)
     return fig

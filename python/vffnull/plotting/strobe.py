@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from vffnull.plotting import geometry, style
+from vffnull.plotting import canvas, style
+from vffnull.plotting.primitives import Marks, Scene, travels
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -26,104 +24,70 @@ _LABELS = (0.5, 0.75)  # width and height [in] that ticks, labels and the time s
 
 def strobe(result: Result) -> Figure:
     """The arm and the obstacles at several instants, from early (light) to late (dark)."""
-    height = natural_height(result, style.COLUMN)
+    height = natural_height(Scene.of_result(result), style.COLUMN)
     fig = style.figure(height)
     passing(fig.subplots(), result, height=height)
     return fig
 
 
-def natural_height(result: Result, width: float) -> float:
+def natural_height(scene: Scene, width: float, *, field: bool = False) -> float:
     """Height [in] at which a strobe picture of a given width has no empty margins, within reason."""
-    left, right, bottom, top = geometry.frame(result)
-    return _LABELS[1] + (width - _LABELS[0]) * float(np.clip((top - bottom) / (right - left), 0.4, 1.3))
+    low, high = scene.frame(field=field)
+    wide, tall = high - low
+    return _LABELS[1] + (width - _LABELS[0]) * float(np.clip(tall / wide, 0.4, 1.3))
 
 
 def passing(ax: Axes, result: Result, height: float, width: float = style.COLUMN) -> None:
     """Draw the strobe picture and its time scale into a space of `width` by `height` [in]."""
-    when = geometry.instants(result, _COUNT)
+    scene = Scene.of_result(result)
+    when = scene.instants(_COUNT)
     colours = shades(len(when))
-    joints, radii = geometry.joints(result)[when], geometry.link_radii(result)
-    outlines = geometry.obstacle_outlines(result)
-
-    for index, points in enumerate(outlines):
-        path = result.obstacles[:, index]
-        if np.ptp(path, axis=0).max() > 0.0:
-            ax.plot(*path.T, color=style.MUTED, linewidth=0.6, linestyle=(0, (1, 2)), zorder=1)
-            for row, colour in zip(when, colours, strict=True):
-                solid(ax, points + path[row], colour, zorder=1.5 + row / len(result.t))
-        else:
-            solid(ax, points + path[0], style.MUTED, zorder=1.5)
-    for order, (place, colour) in enumerate(zip(joints, colours, strict=True)):
-        draw_arm(ax, place, radii, colour, zorder=3 + order / len(when))
-    ax.plot(*result.x[:, :2].T, color=style.ALARM, linewidth=0.9, zorder=5, label="tip")
-    follow = result.x_ref[:, :2]
-    moves = np.ptp(follow, axis=0).max() > 0.0
-    ax.plot(
-        *(follow if moves else follow[-1:]).T,
-        color=style.INK,
-        linewidth=0.9,
-        linestyle=(0, (4, 2)) if moves else "none",
-        marker="x",
-        markevery=[-1],
-        markersize=5,
-        zorder=6,
-        label="reference",
-    )
-    stage(ax, result, height, width)
+    draw(ax, scene, list(when), colours)
+    moves = scene.moves
+    canvas.paint(ax, scene.at(-1, ["reference"]), colour=style.INK, zorder=6)
+    canvas.paint(ax, scene.at(len(scene.t) - 1, ["trail"]), colour=style.ALARM, zorder=5, label="tip")
+    ax.plot([], [], color=style.INK, linewidth=0.9, linestyle=(0, (4, 2)) if moves else "none", marker="x",
+            markersize=5, label="reference")  # fmt: skip
+    canvas.paint(ax, [Marks("target", scene.reference[-1:])], colour=style.INK, zorder=6)
+    stage(ax, scene, height, width)
     ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.2 / (height - _LABELS[1])), ncols=2, borderaxespad=0)
     time_scale(ax, result.t[when], colours)
 
 
-def stage(ax: Axes, result: Result, height: float, width: float = style.COLUMN) -> None:
+def draw(ax: Axes, scene: Scene, rows: list[Any], colours: list[Any]) -> None:
+    """The arm and the obstacles at some instants, each in its colour; what never moves is drawn once."""
+    for index, body in enumerate(scene.at(0, ["obstacle"])):
+        places = scene.obstacles[:, index]
+        if travels(places):
+            canvas.path(ax, places)
+            for row, colour in zip(rows, colours, strict=True):
+                there = scene.at(row, ["obstacle"])[index]
+                canvas.paint(ax, [there], colour=colour, zorder=1.5 + row / len(scene.t))
+        else:
+            canvas.paint(ax, [body], colour=style.MUTED, zorder=1.5)
+    for order, (row, colour) in enumerate(zip(rows, colours, strict=True)):
+        canvas.paint(ax, scene.at(row, ["link", "joint"]), colour=colour, zorder=3 + order / len(rows))
+
+
+def stage(ax: Axes, scene: Scene, height: float, width: float = style.COLUMN, *, field: bool = False) -> None:
     """The arm's base and the axes, with limits that fill a space of `width` by `height` [in]."""
-    ax.plot(0.0, 0.0, marker="s", markersize=6, color=style.INK, zorder=2.5)
-    left, right, bottom, top = geometry.frame(result)
-    scale = max((right - left) / (width - _LABELS[0]), (top - bottom) / (height - _LABELS[1]))  # m per inch
-    across = (scale * (width - _LABELS[0]) - (right - left)) / 2
-    along = (scale * (height - _LABELS[1]) - (top - bottom)) / 2
-    left, right, bottom, top = left - across, right + across, bottom - along, top + along
+    canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
+    low, high = scene.frame(field=field)
+    room = np.array([width - _LABELS[0], height - _LABELS[1]])
+    scale = float(((high - low) / room).max())  # m per inch
+    spare = (scale * room - (high - low)) / 2
+    (left, bottom), (right, top) = low - spare, high + spare
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)
     ax.set_aspect("equal")
-    ax.set_xlabel("$x$ [m]", loc="right")
-    ax.set_ylabel("$y$ [m]")
+    if scene.dimension == 2:
+        ax.set_xlabel("$x$ [m]", loc="right")
+        ax.set_ylabel("$y$ [m]")
 
 
 def shades(count: int) -> list[Any]:
     """Colours from early to late, light to dark, also in grey."""
     return list(matplotlib.colormaps["viridis_r"](np.linspace(0.12, 1.0, count)))
-
-
-def draw_arm(ax: Axes, joints: Array, radii: Array, colour: Any, zorder: float) -> None:
-    """Links as lines, or as capsules if they are thick, and joints as dots."""
-    if radii.max() > 0.0:
-        bodies = [geometry.capsule(a, b, r) for a, b, r in zip(joints[:-1], joints[1:], radii, strict=True)]
-        ax.add_collection(
-            PolyCollection(
-                bodies, facecolors=[to_rgba(colour, 0.3)], edgecolors=[colour], linewidths=0.8, zorder=zorder
-            )
-        )
-    else:
-        ax.add_collection(
-            LineCollection([joints], colors=[colour], linewidths=1.8, joinstyle="round", zorder=zorder)
-        )
-    ax.plot(
-        *joints.T,
-        linestyle="none",
-        marker="o",
-        markersize=3.0,
-        markerfacecolor="white",
-        markeredgecolor=colour,
-        markeredgewidth=0.9,
-        zorder=zorder,
-    )
-
-
-def solid(ax: Axes, points: Array, colour: Any, zorder: float) -> Polygon:
-    """An obstacle: its outline over a light tint."""
-    patch = Polygon(points, facecolor=to_rgba(colour, 0.12), edgecolor=colour, linewidth=1.0, zorder=zorder)
-    ax.add_patch(patch)
-    return patch
 
 
 def time_scale(ax: Axes, times: Array, colours: list[Any]) -> None:

@@ -18,6 +18,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from vffnull._figures import FIGURE_ENDINGS
+
+ENDINGS = FIGURE_ENDINGS
+"""What a figure is written as."""
+
 COLUMN = 3.5
 """Width of a printed column [in]."""
 PAGE = 7.2
@@ -26,6 +31,9 @@ PAGE = 7.2
 INK = "#222222"
 MUTED = "#777777"
 ALARM = "#B2182B"
+
+ROUNDING = 1e-12
+"""Where rounding begins: a distance [m] below it says nothing of arm and law."""
 
 # Okabe and Ito's palette, its yellow darkened so that a thin line of it shows on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#222222", "#A89B00")
@@ -121,32 +129,48 @@ def joint_colours(n: int) -> list[Any]:
 
 def joint_lines(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], **how: Any) -> None:
     """One line for each joint or link, in its colour."""
-    for column, colour in zip(values.T, joint_colours(values.shape[1]), strict=True):
-        ax.plot(t, column, color=colour, **how)
+    for index, colour in enumerate(joint_colours(values.shape[1])):
+        ax.plot(t, values[:, index], color=colour, label=f"_{index}", **how)
 
 
 def joint_key(fig: FigureBase, axes: Sequence[Axes], n: int, what: str) -> None:
-    """Say which colour is which joint or link, outside the data."""
+    """Say which colour is which joint or link, counted from 0 at the base, outside the data.
+
+    Lines that lie outside of all panels are left out: nobody would find them.
+    """
     colours = joint_colours(n)
     if n > len(_DISTINCT):
-        edges = np.arange(n + 1) + 0.5
+        edges = np.arange(n + 1) - 0.5
         key = matplotlib.cm.ScalarMappable(BoundaryNorm(edges, n), ListedColormap(colours))
         bar = fig.colorbar(key, ax=list(axes), label=what, pad=0.02, aspect=30)
         bar.ax.yaxis.set_major_locator(MaxNLocator(nbins=10, integer=True))
         bar.ax.minorticks_off()
         return
-    labels = [f"{what} 1", *map(str, range(2, n + 1))]
-    handles = [Line2D([], [], color=colour) for colour in colours]
+    found = sorted(_visible(axes)) or list(range(n))
+    labels = [f"{what} {found[0]}", *map(str, found[1:])]
+    handles = [Line2D([], [], color=colours[index]) for index in found]
     # Eight entries have to fit above half a page.
     fig.legend(
         handles,
         labels,
         loc="outside upper center",
-        ncols=n,
+        ncols=len(found),
         handlelength=1.2,
         handletextpad=0.4,
         columnspacing=1.0,
     )
+
+
+def _visible(axes: Sequence[Axes]) -> set[int]:
+    """The joints or links with a line that passes through a panel."""
+    found = set()
+    for ax in axes:
+        low, high = ax.get_ylim()
+        for line in ax.get_lines():
+            values = np.asarray(line.get_ydata(), dtype=float)
+            if str(line.get_label())[1:].isdigit() and np.any((values >= low) & (values <= high)):
+                found.add(int(str(line.get_label())[1:]))
+    return found
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
+from vffnull._files import replacing
 from vffnull.errors import InputError
 from vffnull.plotting import style
-from vffnull.real_time import FIGURE_ENDINGS
 
 if TYPE_CHECKING:
-    from vffnull.real_time import Histogram, RealTimeReport
+    from vffnull._timing import Histogram, Timing
 
 __all__ = ["draw", "save"]
 
@@ -26,22 +26,22 @@ SHORTEST = 1e-8
 """Shorter times [s] are no longer than reading the clock; they count as this."""
 
 
-def draw(report: RealTimeReport) -> Figure:
+def draw(report: Timing) -> Figure:
     """Wake-up, step and response, each over the same logarithmic time."""
     with style.look():
         return _figure(report)
 
 
-def save(report: RealTimeReport, path: Path) -> Path:
+def save(report: Timing, path: Path) -> Path:
     """Draw it into a file."""
-    if path.suffix not in FIGURE_ENDINGS:
-        raise InputError(f"{path}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
-    with style.look():
-        _figure(report).savefig(path)
+    if path.suffix not in style.ENDINGS:
+        raise InputError(f"{path}: a figure is written as {', '.join(style.ENDINGS)}")
+    with style.look(), replacing(path) as draft:
+        _figure(report).savefig(draft)
     return path
 
 
-def _figure(report: RealTimeReport) -> Figure:
+def _figure(report: Timing) -> Figure:
     parts = {
         "wake-up, late by": report.latency,
         "step, takes": report.step,

@@ -8,10 +8,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from vffnull._extras import extra
+from vffnull._files import replacing
 from vffnull.errors import InputError, InputTypeError
-from vffnull.logs import extra
-from vffnull.result import Result
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
 
 __all__ = ["check_path", "compare", "write"]
 
@@ -42,6 +46,8 @@ def compare(results: Mapping[str, Result] | Iterable[Result], path: str | os.Pat
         If the path ends otherwise, or if there are no runs or too many.
     vffnull.errors.InputTypeError
         If something is not a result.
+    OSError
+        If it cannot be written; a page that was there is left as it was.
     ImportError
         Without the extra ``vffnull[report]``.
 
@@ -62,15 +68,22 @@ def write(runs: list[Result], path: str | os.PathLike[str], names: list[str] | N
     """Write the page of one or several runs."""
     target = check_path(path)
     for run in runs:
-        if not isinstance(run, Result):
+        if not _is_run(run):
             raise InputTypeError(f"results: expected results, not a {type(run).__name__}")
     if not 1 <= len(runs) <= _MOST:
         raise InputError(f"results: expected 1 to {_MOST} runs, got {len(runs)}")
     extra("bokeh", "report")
     from vffnull.report.page import render
 
-    target.write_text(render(runs, names or _names(runs)), encoding="utf-8")
+    text = render(runs, names or _names(runs))
+    with replacing(target) as draft:
+        draft.write_bytes(text.encode("utf-8", "replace"))
     return target
+
+
+def _is_run(value: object) -> bool:
+    """Whether something has what a page is made of."""
+    return all(hasattr(value, name) for name in ("scenario", "status", "metrics", "t", "q", "clearance"))
 
 
 def check_path(path: str | os.PathLike[str]) -> Path:
@@ -85,7 +98,7 @@ def check_path(path: str | os.PathLike[str]) -> Path:
 
 def _names(runs: list[Result]) -> list[str]:
     """The scenarios' names, numbered where several runs share one."""
-    plain = [run.scenario.name or "run" if isinstance(run, Result) else "" for run in runs]
+    plain = [run.scenario.name or "run" if _is_run(run) else "" for run in runs]
     return [
         f"{name} ({plain[: i + 1].count(name)})" if plain.count(name) > 1 else name
         for i, name in enumerate(plain)

@@ -1,4 +1,4 @@
-"""Everything that the page's script moves, as plain JSON with packed arrays."""
+"""What the page's script moves, as plain JSON with packed arrays, places as the picture has them."""
 
 from __future__ import annotations
 
@@ -10,31 +10,34 @@ from numpy.typing import NDArray
 
 from vffnull import _record
 from vffnull.plotting import geometry
-from vffnull.report import figures
-from vffnull.result import Result
+from vffnull.report.figures import Run
 
 
-def pack(result: Result, colours: list[str]) -> dict[str, Any]:
+def pack(run: Run, colours: list[str]) -> dict[str, Any]:
     """A run at the chosen instants, its links in these colours."""
-    rows = figures.chosen(result)
-    points, forces = geometry.pushes(result, rows)
-    longest = figures.longest_arrow(result)
+    result, rows, scene = run.result, run.rows, run.scene.pick(run.rows)
+    points, forces = scene.pushes
+    longest = run.longest_arrow
     return {
-        "t": _packed(result.t[rows]),
-        "joints": _packed(geometry.joints(result)[rows]),
+        "t": _packed(run.t),
+        "joints": _place(scene.joints),
         "colours": colours,
-        "radii": geometry.link_radii(result).tolist(),
-        "tip": _packed(result.x[rows, :2]),
-        "target": _packed(result.x_ref[rows, :2]),
-        "obstacles": _packed(result.obstacles[rows]),
-        "outlines": [_packed(points) for points in geometry.obstacle_outlines(result)],
-        "halos": [_packed(points) for points in figures.halos(result)],
-        "points": _packed(points),
-        "forces": _packed(forces),
+        "radii": scene.radii.tolist(),
+        "tip": _place(scene.tip),
+        "target": _place(scene.reference),
+        "obstacles": _place(scene.obstacles),
+        "outlines": [_packed(geometry.outline(*core)) for core in scene.cores],
+        "halos": [
+            _packed(geometry.outline(corners, radius + scene.influence))
+            for corners, radius in scene.cores
+            if scene.influence > 0.0
+        ],
+        "points": _place(points),
+        "forces": _place(forces),
         "longest": longest,
         "scale": longest / (float(np.nanmax(result.force, initial=0.0)) or 1.0),
         "now": {
-            "error": _packed(figures.error_magnitude(result)[rows]),
+            "error": _packed(run.error),
             "clearance": _packed(result.clearance[rows].min(axis=1)),
             "repulsion": _packed(result.force[rows].max(axis=1)),
             "torque": _packed(np.abs(result.tau[rows]).max(axis=1)),
@@ -54,6 +57,11 @@ def _quantity(name: str, values: NDArray[Any]) -> dict[str, Any]:
         "values": _packed(flat),
         "columns": [column.name for column in _record.columns(name, values.shape[1:])],
     }
+
+
+def _place(points: NDArray[Any]) -> str:
+    """Places (…, D) where the picture has them."""
+    return _packed(geometry.seen(points))
 
 
 def _packed(values: NDArray[Any]) -> str:

@@ -6,7 +6,7 @@ import json
 import platform
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.embed import components
@@ -14,9 +14,13 @@ from bokeh.resources import Resources
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vffnull import _core
-from vffnull.plotting import geometry
+from vffnull.plotting.primitives import drawable
+from vffnull.plotting.style import prefixed
 from vffnull.report import figures, motion
-from vffnull.result import Result, readable
+from vffnull.report.figures import Run
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
 
 _HERE = Path(__file__).parent
 
@@ -26,14 +30,14 @@ _MAIN = ("min_clearance", "max_error_transient", "max_error_tail", "max_repulsio
 
 def render(results: list[Result], names: list[str]) -> str:
     """The whole page."""
-    runs = [geometry.drawable(result) for result in results]
+    runs = [Run.of(drawable(result)) for result in results]
     colours = figures.run_colours(len(runs))
     arms = [figures.arm(run, i, len(runs)) for i, run in enumerate(runs)]
     key = figures.link_key(runs[0])
     links = (
         [[colour for _, colour in key]]
         if len(runs) == 1
-        else [[colour] * run.q.shape[1] for run, colour in zip(runs, colours, strict=True)]
+        else [[colour] * len(run.scene.radii) for run, colour in zip(runs, colours, strict=True)]
     )
     plots = figures.plots(runs, names)
     script, slots = components([*arms, *plots])
@@ -60,7 +64,7 @@ def render(results: list[Result], names: list[str]) -> str:
         python=platform.python_version(),
         numpy=np.__version__,
         wall=[f"{run.wall_time * 1e3:.3g} ms" for run in results],
-        instants=dict.fromkeys(f"{len(figures.chosen(run))} of {len(run.t)}" for run in runs),
+        instants=dict.fromkeys(f"{len(run.rows)} of {len(run.result.t)}" for run in runs),
         bokeh=Resources(mode="inline", components=["bokeh"]).render(),
         script=script,
         style=(_HERE / "page.css").read_text(encoding="utf-8"),
@@ -88,8 +92,6 @@ def _same_scenario(results: list[Result]) -> bool:
 
 def _cards(result: Result) -> Iterator[tuple[str, str, str]]:
     """The main metrics with a prefixed unit: value, unit, meaning."""
-    from vffnull.plotting.style import prefixed
-
     for name in _MAIN:
         value = result.metrics.get(name)
         if value is not None and np.isfinite(value):
@@ -105,7 +107,12 @@ def _metrics(results: list[Result]) -> Iterator[tuple[str, list[str], str, str]]
     """Rows of the table: name, the value in every run, unit, meaning."""
     for name in results[0].metrics:
         unit, meaning = _core.METRICS.get(name, ("", ""))
-        yield name, [readable(run.metrics.get(name)) for run in results], unit, meaning
+        yield name, [_readable(run.metrics.get(name)) for run in results], unit, meaning
+
+
+def _readable(value: float | int | None) -> str:
+    """A metric with as many digits as one reads; a dash if it does not apply."""
+    return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
 
 
 def _differences(results: list[Result]) -> Iterator[tuple[str, list[str]]]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import webbrowser
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vffnull._extras import extra
 from vffnull.errors import InputError, InputTypeError
-from vffnull.logs import extra
 
 if TYPE_CHECKING:
     from vffnull.scenario import ScenarioLike
@@ -24,6 +25,7 @@ def live(
     open_browser: bool = True,
     block: bool = True,
     record_to: str | os.PathLike[str] = ".",
+    allow_origins: Iterable[str] = (),
 ) -> LivePage:
     """Run a scenario in real time on a page of this machine.
 
@@ -43,6 +45,10 @@ def live(
         Stay until Ctrl-C. Otherwise return at once; the page lives until its `LivePage.stop`.
     record_to : path, optional
         The folder for recordings.
+    allow_origins : iterable of str, optional
+        Origins from which the page may be used besides its own address on this machine, such as
+        ``"https://hub.example.org"`` behind a proxy or ``"http://localhost:9000"`` through a tunnel.
+        Requests of all others are refused.
 
     Returns
     -------
@@ -52,7 +58,7 @@ def live(
     Raises
     ------
     vffnull.errors.InputError
-        If the port or the folder cannot be used.
+        If the port, the folder or an origin cannot be used.
     vffnull.errors.ScenarioError
         If the scenario cannot be run.
     ImportError
@@ -74,9 +80,10 @@ def live(
         raise InputError(f"record_to: there is no folder {folder}")
     extra("viser", "viewer")
     from vffnull._simulate import prepare
+    from vffnull.viewer.guard import origins
     from vffnull.viewer.page import LivePage
 
-    page = LivePage(prepare(scenario), port, folder)
+    page = LivePage(prepare(scenario), port, folder, origins(allow_origins))
     if block:
         print(f"{page.url}; Ctrl-C ends it")
     try:

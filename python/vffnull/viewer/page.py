@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ import viser
 from numpy.typing import NDArray
 
 from vffnull import _core
+from vffnull.errors import VffNullError
 from vffnull.scenario import Scenario
+from vffnull.viewer.guard import guarding
 from vffnull.viewer.panel import Panel
 from vffnull.viewer.plots import Plots
 from vffnull.viewer.recording import Recording
@@ -34,6 +37,27 @@ def quiet() -> redirect_stdout[io.StringIO]:
     return redirect_stdout(io.StringIO())
 
 
+class Counts:
+    """Periods and missed deadlines while the loop runs: a loop that stands still misses none."""
+
+    def __init__(self) -> None:
+        self._last: tuple[int, int] | None = None
+        self._sum = (0, 0)
+
+    def told(self, state: _core.LiveState) -> _core.LiveState:
+        """A state with the counts since the first one, pauses left out."""
+        now = (state["periods"], state["missed"])
+        if self._last is not None and state["status"] == "running":
+            self._sum = (self._sum[0] + now[0] - self._last[0], self._sum[1] + now[1] - self._last[1])
+        self._last = now
+        return {**state, "periods": self._sum[0], "missed": self._sum[1]}
+
+
+def unprojected(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a controller whose field pushes the tip, too."""
+    return {**copy.deepcopy(dict(settings)), "projection": "none"}
+
+
 class LivePage:
     """A page on 127.0.0.1 with a scenario that runs in real time; made by `vffnull.live`.
 
@@ -45,6 +69,8 @@ class LivePage:
         The port, or the first free one after it.
     folder : Path
         Where recordings go.
+    allowed : collection of str, optional
+        Origins other than the page's own that may use it.
 
     Attributes
     ----------
@@ -52,16 +78,27 @@ class LivePage:
         Where the page is.
     """
 
-    def __init__(self, scenario: Scenario, port: int, folder: Path) -> None:
+    def __init__(
+        self, scenario: Scenario, port: int, folder: Path, allowed: Collection[str] = frozenset()
+    ) -> None:
         self._live = _core.Live(scenario.to_dict())  # first: nothing is left behind if it fails
+        self._ghost: _core.Live | None = None
+        self._with_ghost = True
+        self._flat = True
+        self._dragged = False
+        self._counts = Counts()
         self._folder = folder
         self._recording: Recording | None = None
         self._lock = threading.RLock()  # around everything that belongs to one scenario
         self._over = threading.Event()
         self._frames: tuple[float, int] = (time.monotonic(), 0)
+        self.drawn = 0
+        """Pictures so far."""
+        self.shown: Mapping[str, Any] = {}
+        """The state in the last of them."""
         self.frame_rate = 0.0
         """Pictures sent per second [Hz]."""
-        with quiet():
+        with quiet(), guarding(allowed):
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="vffnull", verbose=False)
         self.url = f"http://127.0.0.1:{self._server.get_port()}"
         gui = self._server.gui
@@ -91,6 +128,8 @@ class LivePage:
         """Run another scenario."""
         live = _core.Live(scenario.to_dict())
         with self._lock:
+            if self._over.is_set():
+                return
             self.stop_recording()
             old, self._live = self._live, live
             old.stop()
@@ -100,19 +139,73 @@ class LivePage:
 
     def _open(self, scenario: Scenario) -> None:
         self._scenario = scenario
-        self._scene = Scene(self._server, scenario, self._carry, self._aim)
-        self._plots.clear()
+        self._draw_scene()
+        self._settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
+        self._counts = Counts()
+        self._haunt()
         self._panel.show(scenario)
         position, look_at = view(self._box(), ASPECT)
         camera = self._server.initial_camera
         camera.fov, camera.far = FIELD_OF_VIEW, 20 * position[2]
         camera.up, camera.position, camera.look_at = (0.0, 1.0, 0.0), position, look_at
-        self._live.start()
+        self._run(True)
+
+    def _draw_scene(self) -> None:
+        """Draw the scenario from its start."""
+        self._scene = Scene(
+            self._server, self._scenario, self._carry, self._aim, self._flat, hint=not self._dragged
+        )
+        self._plots.clear()
+
+    def _run(self, on: bool) -> None:
+        for live in self._loops():
+            live.start() if on else live.pause()
+
+    def _loops(self) -> list[_core.Live]:
+        """The loop, and that of the ghost."""
+        return [self._live] if self._ghost is None else [self._live, self._ghost]
+
+    def _haunt(self) -> None:
+        """Let the arm without projection run beside, where it is wanted and is another one."""
+        if self._ghost is not None:
+            self._ghost.stop()
+            self._ghost = None
+        if self._with_ghost and self._settings.get("projection", "dynamic") != "none":
+            document = self._scenario.to_dict()
+            document["controller"] = unprojected(self._settings)
+            try:
+                self._ghost = _core.Live(document)
+            except VffNullError:  # what it would be compared with cannot be run
+                self._ghost = None
+        self._scene.show_ghost(self._ghost is not None)
+
+    def show_ghost(self, on: bool) -> None:
+        """Run the arm without projection beside; both begin anew, so that they meet the same."""
+        with self._lock:
+            if on != self._with_ghost and not self._over.is_set():
+                self._with_ghost = on
+                self._haunt()
+                self.reset()
 
     def configure(self, controller: Mapping[str, Any]) -> None:
-        """Take over settings of the controller, and draw the halos as wide as its field reaches."""
+        """Take over settings of the controller, and draw the halos as wide as its field reaches.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If they cannot be used; those of before stay.
+        """
         with self._lock:
             self._live.configure(dict(controller))
+            self._settings = copy.deepcopy(dict(controller))
+            if self._ghost is not None:
+                try:
+                    self._ghost.configure(unprojected(self._settings))
+                except VffNullError:
+                    self._ghost.stop()
+                    self._ghost = None
+            projected = self._settings.get("projection", "dynamic") != "none"
+            self._scene.show_ghost(self._ghost is not None and projected)
             field = controller.get("field", {})
             influence = float(field.get("influence", 0.0)) if field.get("gain", 0.0) > 0.0 else 0.0
             if influence != self._scene.influence:
@@ -121,21 +214,28 @@ class LivePage:
     def pause(self, paused: bool) -> None:
         """Stand still, or go on."""
         with self._lock:
-            if paused:
-                self._live.pause()
-            else:
-                self._live.start()
+            if not self._over.is_set():
+                self._run(not paused)
 
     def reset(self) -> None:
-        """Go back to the start, with the present settings."""
+        """Go back to the start with the present settings; after a loop that has stopped by itself with those
+        of the scenario, which did not make it stop.
+        """
         with self._lock:
+            if self._over.is_set():
+                return
             self.stop_recording()
+            if self._live.snapshot()["status"] in ("diverged", "failed"):
+                self._live.configure(self._scenario.to_dict().get("controller", {}))
+                self._live.reset()
+                self._open(self._scenario)
+                return
             self._live.reset()
             influence = self._scene.influence
-            self._scene = Scene(self._server, self._scenario, self._carry, self._aim)
+            self._draw_scene()
+            self._haunt()
             self._scene.show_influence(influence)
-            self._plots.clear()
-            self._live.start()
+            self._run(True)
 
     def add_obstacle(self) -> None:
         """Put a disc where there is room, above the arm."""
@@ -145,7 +245,8 @@ class LivePage:
             count = len(self._live.snapshot()["obstacles"])
             place = [reach * (0.15 + 0.14 * (count % 6)), reach * (0.62 - 0.07 * (count // 6 % 4))]
             disc = {"shape": {"kind": "circle", "radius": 0.03 * reach}, "position": place}
-            self._live.add(disc)
+            for live in self._loops():
+                live.add(disc)
             self._scene.add(disc)
             self._scene.show_influence(self._scene.influence)
 
@@ -155,7 +256,8 @@ class LivePage:
             count = len(self._live.snapshot()["obstacles"])
             if count:
                 self.stop_recording()
-                self._live.remove(count - 1)
+                for live in self._loops():
+                    live.remove(count - 1)
                 self._scene.remove(count - 1)
 
     def start_recording(self) -> Path:
@@ -177,13 +279,27 @@ class LivePage:
             return recording.path, recording.rows
 
     def look_from_above(self, client: viser.ClientHandle) -> None:
-        """Put the camera back where the plane is seen from above."""
+        """Put a camera where the plane is seen from above."""
         position, look_at = view(self._box(), client.camera.aspect)
         with client.atomic():
             client.camera.up_direction = (0.0, 1.0, 0.0)
             client.camera.fov = FIELD_OF_VIEW
             client.camera.position = position
             client.camera.look_at = look_at
+
+    @property
+    def flat(self) -> bool:
+        """Whether the plane is seen from above, and stays so whatever is dragged."""
+        return self._flat
+
+    def flatten(self, flat: bool) -> None:
+        """See the plane from above, or let whoever drags the floor tilt the view."""
+        with self._lock:
+            self._flat = flat
+            self._scene.flatten(flat)
+            if flat:
+                for client in self._server.get_clients().values():
+                    self.look_from_above(client)
 
     # -------------------------------------------------------------------------------------- for the owner
 
@@ -197,23 +313,30 @@ class LivePage:
             pass
 
     def stop(self) -> None:
-        """End loop, recording and page."""
-        if self._over.is_set():
-            return
-        self._over.set()
+        """End loop, recording and page; nothing starts it again."""
+        with self._lock:  # nobody is in the middle of a start
+            if self._over.is_set():
+                return
+            self._over.set()
         self._painter.join()
-        self.stop_recording()
-        self._live.stop()
+        with self._lock:
+            self.stop_recording()
+            for live in self._loops():
+                live.stop()
         with quiet():
             self._server.stop()
 
     # --------------------------------------------------------------------------------------------- inside
 
     def _carry(self, obstacle: int, place: NDArray[np.float64]) -> None:
-        self._live.carry(obstacle, place)
+        self._dragged = True
+        for live in self._loops():
+            live.carry(obstacle, place)
 
     def _aim(self, place: NDArray[np.float64]) -> None:
-        self._live.aim(place)
+        self._dragged = True
+        for live in self._loops():
+            live.aim(place)
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
         """Show the whole picture, now and whenever the room for it changes."""
@@ -242,13 +365,19 @@ class LivePage:
         """Draw until the page is stopped."""
         read_at = 0.0
         due = time.monotonic()
+        drawn: tuple[int, float] | None = None
         while not self._over.is_set():
             due = max(due + FRAME, time.monotonic() - FRAME)
             with self._lock:
-                state = self._live.snapshot()
-                with self._server.atomic():
-                    self._scene.draw(state)
+                state = self._counts.told(self._live.snapshot())
+                other = self._ghost.snapshot() if self._ghost is not None else None
+                moment = (id(self._scene), state["t"])
+                if moment != drawn or self._scene.waits:  # a browser rests while nothing moves
+                    with self._server.atomic():
+                        self._scene.draw(state, other)
+                    drawn = moment
                 self._plots.add(state)
+                self.shown = state
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
@@ -270,6 +399,7 @@ class LivePage:
                 client.add_notification("The recording has ended", str(fault), color="red")
 
     def _count(self, now: float) -> None:
+        self.drawn += 1
         since, frames = self._frames
         self._frames = (since, frames + 1)
         if now - since > 1.0:

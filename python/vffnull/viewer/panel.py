@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Mapping
 from html import escape
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import viser
@@ -13,9 +14,7 @@ import viser
 from vffnull.errors import VffNullError
 from vffnull.scenario import Scenario, scenarios
 from vffnull.viewer.plots import measures
-
-if TYPE_CHECKING:
-    from vffnull.viewer.page import LivePage
+from vffnull.viewer.stories import STORIES
 
 LEAD = """
 The field pushes the links away from the obstacle; the null-space projection keeps that push off the tip.
@@ -29,7 +28,46 @@ WAYS = {
 }
 """How the page calls what `controller.avoidance` may be."""
 ALARM, CALM = "#c81428", "#0a7d55"
-HINT = "Drag the dark obstacles and the green target. Drag the floor to tilt the view."
+HINT = "Drag the dark obstacles and the green target; the wheel zooms, the right button moves the view."
+TILT = "Drag the dark obstacles and the green target; dragging the floor tilts the view."
+
+
+class Page(Protocol):
+    """What the controls may ask of the page."""
+
+    @property
+    def flat(self) -> bool:
+        """Whether the view stays as it is whatever is dragged."""
+
+    def open(self, scenario: Scenario) -> None:
+        """Run another scenario."""
+
+    def configure(self, controller: Mapping[str, Any]) -> None:
+        """Take over settings of the controller."""
+
+    def pause(self, paused: bool) -> None:
+        """Stand still, or go on."""
+
+    def reset(self) -> None:
+        """Go back to the start."""
+
+    def show_ghost(self, on: bool) -> None:
+        """Run the arm without projection beside."""
+
+    def add_obstacle(self) -> None:
+        """Put a disc where there is room."""
+
+    def remove_obstacle(self) -> None:
+        """Take away the last obstacle."""
+
+    def start_recording(self) -> Path:
+        """Begin to record."""
+
+    def stop_recording(self) -> tuple[Path, int] | None:
+        """End a recording; its file and the number of its rows."""
+
+    def flatten(self, flat: bool) -> None:
+        """See the plane from above, or let the view be tilted."""
 
 
 class Panel:
@@ -39,11 +77,11 @@ class Panel:
     ----------
     server : viser.ViserServer
         The page.
-    page : LivePage
+    page : Page
         What the controls act on.
     """
 
-    def __init__(self, server: viser.ViserServer, page: LivePage) -> None:
+    def __init__(self, server: viser.ViserServer, page: Page) -> None:
         self._server, self._page = server, page
         self._settings: dict[str, Any] = {}
         gui = server.gui
@@ -51,15 +89,18 @@ class Panel:
         self._projection = gui.add_button("Null-space projection: on")
         self._projected = True
         self._field = gui.add_checkbox("Repulsive field", True)
+        self._ghost = gui.add_checkbox("Pale arm: without projection", True)
         self._numbers = gui.add_html("")
+        self._stories = gui.add_button_group("Stories", tuple(STORIES))
+        self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):
             self._preset = gui.add_dropdown("Preset", tuple(scenarios()))
             self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
             self._reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, color="gray")
-            self._above = gui.add_button("2-D view", icon=viser.Icon.VIEWPORT_WIDE, color="gray")
+            self._view = gui.add_button("Tilt the view", icon=viser.Icon.CUBE, color="gray")
             self._obstacles = gui.add_button_group("Obstacle", ("add", "remove"))
             self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="gray")
-            gui.add_markdown(HINT)
+            self._how = gui.add_markdown(HINT)
         with gui.add_folder("Controller"):
             self._avoidance = gui.add_dropdown(
                 "Gives way", tuple(WAYS), hint="What happens when an obstacle wants the tip's own place"
@@ -70,30 +111,39 @@ class Panel:
             self._stiffness = gui.add_slider("Stiffness [1/s²]", 0.0, 400.0, 1.0, 16.0)
             self._damping = gui.add_slider("Damping [1/s]", 0.0, 60.0, 0.5, 8.0)
             self._null_damping = gui.add_slider("Null damping", 0.0, 30.0, 0.5, 2.0, hint="[1/s]")
+        with gui.add_folder("Details", expand_by_default=False):
+            self._details = gui.add_html("")
         self._connect()
 
     def show(self, scenario: Scenario) -> None:
         """Set every control to what a scenario says."""
-        self._settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
-        field = self._settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
-        self._show_projection(self._settings.get("projection", "dynamic") != "none")
-        way = self._settings.get("avoidance", "null_space")
+        settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
+        settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
+        self._show_settings(settings)
+        if scenario.name in self._preset.options:
+            put(self._preset, scenario.name)
+        self._look.visible = False
+        self._show_paused(False)
+        self._apply(settings)
+
+    def _show_settings(self, settings: dict[str, Any]) -> None:
+        """Set the controls to these settings of the controller."""
+        field = settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
+        self._show_projection(settings.get("projection", "dynamic") != "none")
+        way = settings.get("avoidance", "null_space")
         put(self._avoidance, next(label for label, name in WAYS.items() if name == way))
         put(self._field, field["gain"] > 0.0)
         put(self._kind, field["kind"])
         slide(self._gain, field["gain"] or 1.0)
         slide(self._influence, field["influence"])
-        slide(self._stiffness, first(self._settings.get("stiffness", 16.0)))
-        slide(self._damping, first(self._settings.get("damping", 8.0)))
-        slide(self._null_damping, first(self._settings.get("null_damping", 2.0)))
-        if scenario.name in self._preset.options:
-            put(self._preset, scenario.name)
-        self._show_paused(False)
-        self._apply()
+        slide(self._stiffness, first(settings.get("stiffness", 16.0)))
+        slide(self._damping, first(settings.get("damping", 8.0)))
+        slide(self._null_damping, first(settings.get("null_damping", 2.0)))
 
     def read(self, state: Mapping[str, Any]) -> None:
         """Show the numbers of a state."""
         self._numbers.content = numbers(state)
+        self._details.content = details(state)
 
     def show_recording(self, on: bool) -> None:
         """Let the button say what it does next."""
@@ -118,9 +168,18 @@ class Panel:
 
         @self._projection.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
-            self._show_projection(not self._projected)
-            self._settings["projection"] = "dynamic" if self._projected else "none"
-            self._told(event.client, self._apply)
+            wanted = {**self._settings, "projection": "none" if self._projected else "dynamic"}
+            self._told(event.client, self._apply, wanted)
+            self._show_projection(self._settings.get("projection", "dynamic") != "none")
+
+        @self._ghost.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._told(event.client, page.show_ghost, self._ghost.value)
+
+        @self._stories.on_click
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            self._told(event.client, self._tell, self._stories.value)
 
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -138,10 +197,12 @@ class Panel:
             self._show_paused(False)
             self._told(event.client, page.reset)
 
-        @self._above.on_click
+        @self._view.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None:
-                page.look_from_above(event.client)
+            page.flatten(not page.flat)
+            self._view.label = "Tilt the view" if page.flat else "2-D view"
+            self._view.icon = viser.Icon.CUBE if page.flat else viser.Icon.VIEWPORT_WIDE
+            self._how.content = HINT if page.flat else TILT
 
         @self._obstacles.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -153,8 +214,12 @@ class Panel:
             self._told(event.client, self._toggle_recording, event.client)
 
     def _changed(self, control: Any) -> None:
-        """Write what a control says into the settings, those that others set left as they are."""
-        settings, field = self._settings, self._settings["field"]
+        """Write what a control says into the settings, those that others set left as they are.
+
+        What cannot be used leaves no trace: the controls go back to what runs.
+        """
+        settings = copy.deepcopy(self._settings)
+        field = settings["field"]
         if control is self._avoidance:
             settings["avoidance"] = WAYS[control.value]
         elif control is self._kind:
@@ -174,10 +239,22 @@ class Panel:
                 settings[key] = slider.value
         if control in (self._gain, self._field):
             field["gain"] = self._gain.value if self._field.value else 0.0
-        self._apply()
+        try:
+            self._apply(settings)
+        except VffNullError:
+            self._show_settings(self._settings)
+            raise
 
-    def _apply(self) -> None:
-        self._page.configure(self._settings)
+    def _apply(self, settings: dict[str, Any]) -> None:
+        self._page.configure(settings)
+        self._settings = settings
+
+    def _tell(self, name: str) -> None:
+        """Begin a story."""
+        story = STORIES[name]
+        self._page.open(story.open())
+        self._look.content = f"**{name}.** {story.look}"
+        self._look.visible = True
 
     def _toggle_recording(self, client: viser.ClientHandle | None) -> None:
         ended = self._page.stop_recording()
@@ -244,8 +321,17 @@ def numbers(state: Mapping[str, Any]) -> str:
     if state["status"] in ("diverged", "failed"):
         trouble = (
             f'<div style="color:white;background:{ALARM};padding:6px 8px;border-radius:4px;margin:4px 0">'
-            f"The loop has stopped: {escape(state['message'])}. Press <b>Reset</b>.</div>"
+            f"The loop has stopped: {escape(state['message'])}. <b>Reset</b> brings back "
+            "the scenario and its own settings.</div>"
         )
+    return (
+        f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
+        f'<table style="width:100%;border-collapse:collapse">{cells}</table></div>'
+    )
+
+
+def details(state: Mapping[str, Any]) -> str:
+    """How the loop is, as HTML."""
     loop = (
         f'<span id="vff-status">{state["status"]}</span> · t = {state["t"]:.1f} s<br>'
         f'loop <span id="vff-rate">{state["rate"]:.1f}</span> Hz · '
@@ -253,7 +339,6 @@ def numbers(state: Mapping[str, Any]) -> str:
         f"{state['missed']} of {state['periods']} deadlines missed"
     )
     return (
-        f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
-        f'<table style="width:100%;border-collapse:collapse">{cells}</table>'
-        f'<div style="color:#777;font-size:0.88em;margin-top:4px">{loop}</div></div>'
+        '<div style="padding:0 0.75em;font-size:0.8em;color:#555;font-variant-numeric:tabular-nums">'
+        f"{loop}</div>"
     )

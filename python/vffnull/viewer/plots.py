@@ -16,6 +16,9 @@ WINDOW = 12.0
 INTERVAL = 0.15
 """Between two points [s]."""
 
+EXACT: Any = {"min": {"pad": 0, "mode": 0}, "max": {"pad": 0, "mode": 0}}
+"""An axis that ends where what is drawn ends."""
+
 CURVES = (
     ("Smallest clearance [m]", "#0072B2", 0.1),
     ("Tracking error [mm]", "#D55E00", 1.0),
@@ -31,7 +34,6 @@ class Plots:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=int(WINDOW / INTERVAL))
         self._due = 0.0
         self._handles = [self._add(server, *curve) for curve in CURVES]
-        self._ranges = [(0.0, least) for _, _, least in CURVES]
 
     def clear(self) -> None:
         """Begin anew."""
@@ -44,31 +46,23 @@ class Plots:
             return
         self._due = state["t"] + INTERVAL
         self._rows.append((state["t"], *measures(state)))
+        if len(self._rows) < 2:  # no axis yet
+            return
         columns = tuple(np.array(column) for column in zip(*self._rows, strict=True))
-        for index, values in enumerate(columns[1:]):
-            self._fit(index, values)
-            self._handles[index].data = (columns[0], values)
-
-    def _fit(self, index: int, values: NDArray[np.float64]) -> None:
-        """Let the axis end at a round number that is not too far away."""
-        known = values[np.isfinite(values)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-        least = CURVES[index][2]
-        wanted = (-rounded_up(-low) if low < 0.0 else 0.0, max(least, rounded_up(high)))
-        if wanted != self._ranges[index]:
-            self._ranges[index] = wanted
-            self._handles[index].scales = scales(*wanted)
+        for handle, values, (_, _, least) in zip(self._handles, columns[1:], CURVES, strict=True):
+            handle.data = (columns[0], values, span(values, least))
 
     @staticmethod
     def _add(server: viser.ViserServer, title: str, colour: str, least: float) -> viser.GuiUplotHandle:
         return server.gui.add_uplot(
-            (np.array([0.0, 1.0]), np.array([np.nan, np.nan])),
+            (np.array([0.0, 1.0]), np.array([np.nan, np.nan]), np.array([0.0, least])),
             (
                 uplot.Series(label="t [s]"),
                 uplot.Series(label=title, stroke=colour, width=2, points={"show": False}),
+                uplot.Series(label="", stroke="transparent", width=0, points={"show": False}),
             ),
             title=title,
-            scales=scales(0.0, least),
+            scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True, range=EXACT)},
             axes=(uplot.Axis(size=30, grid={"show": False}), uplot.Axis(size=50)),
             legend=uplot.Legend(show=False),
             height=205,
@@ -76,9 +70,18 @@ class Plots:
         )
 
 
-def scales(low: float, high: float) -> dict[str, uplot.Scale]:
-    """Seconds, which uPlot would take for dates, against a fixed range."""
-    return {"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=False, range=(low, high))}
+def span(values: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """An invisible curve that goes from where the axis shall begin to where it shall end: round numbers that
+    are not too far away.
+
+    The axis follows what is drawn. Were it given as a setting, every change would make the browser build
+    the plot anew, and a slow one would show an empty plot meanwhile.
+    """
+    known = values[np.isfinite(values)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    ends = np.full(len(values), np.nan)
+    ends[0], ends[-1] = -rounded_up(-low) if low < 0.0 else 0.0, max(least, rounded_up(high))
+    return ends
 
 
 def rounded_up(value: float) -> float:

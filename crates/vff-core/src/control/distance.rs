@@ -74,9 +74,10 @@ impl DistanceRate {
 mod tests {
     use super::*;
     use crate::math::{Vector, perp};
-    use crate::robot::PlanarState;
+    use crate::robot::{Model, PlanarState};
     use crate::testing::{Case, case};
-    use crate::world::{Motion, Obstacle, Shape, World};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape, World};
     use proptest::prelude::*;
     use std::cell::RefCell;
     use std::f64::consts::{PI, TAU};

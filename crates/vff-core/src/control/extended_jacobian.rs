@@ -12,8 +12,12 @@
 //! code with it: each is the other's oracle. It is also what a user inspects.
 
 use super::{Gains, Law, OperationalSpace, Projection};
+use crate::interrupt;
 use crate::robot::{Matrices, Robot};
-use nalgebra::{DMatrix, DVector, SVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVector};
+
+/// How many (n, n) matrices there are at once while it is built, those of the robot among them.
+pub const MATRICES: usize = 24;
 
 /// The extended Jacobian of a robot at one state, with n joints and r = n − M.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,14 +57,15 @@ impl ExtendedJacobian {
         let j_dot = DMatrix::from_fn(M, n, |i, k| robot.jacobian_dot[(i, k)]);
 
         // Λ, J# and the null inertia.
-        let mass_factor = mass.clone().cholesky()?;
-        let y = mass_factor.solve(&j.transpose());
+        let mass_factor = factor(mass)?;
+        let y = solve(&mass_factor, j.transpose());
         let lambda_x = (&j * &y).try_inverse()?;
         let pinv = &y * &lambda_x;
         let z_t = z.transpose();
-        let lambda_n = &z_t * mass * &z;
-        let null_factor = lambda_n.clone().cholesky()?;
-        let n_m = null_factor.solve(&(&z_t * mass));
+        let z_t_mass = mul(&z_t, mass);
+        let lambda_n = mul(&z_t_mass, &z);
+        let null_factor = factor(&lambda_n)?;
+        let n_m = solve(&null_factor, z_t_mass.clone());
 
         let j_e = stack(&j, &n_m);
         let mut j_e_inv = DMatrix::zeros(n, n);
@@ -72,20 +77,21 @@ impl ExtendedJacobian {
 
         // Ż = −J⁺J̇Z keeps JZ = 0; Ṁ = C + Cᵀ; from both, Ṅ_M.
         let j_pinv = j.transpose() * (&j * j.transpose()).try_inverse()?;
-        let z_dot_t = (-(j_pinv * &j_dot * &z)).transpose();
+        let z_dot_t = (-mul(&j_pinv, &mul(&j_dot, &z))).transpose();
         let mass_dot = coriolis + coriolis.transpose();
-        let moved = &z_dot_t * mass + &z_t * mass_dot;
-        let lambda_n_dot = &moved * &z + &z_t * mass * z_dot_t.transpose();
-        let n_m_dot = null_factor.solve(&(moved - lambda_n_dot * &n_m));
+        let moved = mul(&z_dot_t, mass) + mul(&z_t, &mass_dot);
+        let lambda_n_dot = mul(&moved, &z) + mul(&z_t_mass, &z_dot_t.transpose());
+        let n_m_dot = solve(&null_factor, moved - mul(&lambda_n_dot, &n_m));
 
         let j_e_dot = stack(&j_dot, &n_m_dot);
-        let mu = j_e_inv.transpose() * (coriolis - mass * &j_e_inv * j_e_dot) * &j_e_inv;
+        let inner = coriolis - mul(&mul(mass, &j_e_inv), &j_e_dot);
+        let mu = mul(&mul(&j_e_inv.transpose(), &inner), &j_e_inv);
         Some(Self { z, n_m, j_e, j_e_inv, e_e, mu, lambda_x, lambda_n })
     }
 
     /// The dynamically consistent null projector N = Z N_M, (n, n).
     pub fn null_projector(&self) -> DMatrix<f64> {
-        &self.z * &self.n_m
+        mul(&self.z, &self.n_m)
     }
 }
 
@@ -106,6 +112,62 @@ fn null_space_basis<const M: usize>(robot: &Matrices<M>) -> Option<DMatrix<f64>>
     let mut q_t = DMatrix::identity(n, n);
     qr.q_tr_mul(&mut q_t);
     Some(q_t.rows(M, n - M).transpose())
+}
+
+/// Columns that are worked on between two looks at the clock: those of a small matrix are worked on at once.
+fn columns(rows: usize) -> usize {
+    const WORK: usize = 1 << 22;
+    (WORK / (rows * rows).max(1)).max(4)
+}
+
+/// a·b, interruptible.
+fn mul(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
+    let width = columns(a.nrows().max(a.ncols()));
+    if b.ncols() <= width {
+        return a * b;
+    }
+    let mut out = DMatrix::zeros(a.nrows(), b.ncols());
+    for start in (0..b.ncols()).step_by(width) {
+        let width = width.min(b.ncols() - start);
+        interrupt::spend(a.len() * width);
+        a.mul_to(&b.columns(start, width), &mut out.columns_mut(start, width));
+    }
+    out
+}
+
+/// The Cholesky factor of a symmetric matrix, interruptible; none if it is not positive definite.
+fn factor(matrix: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    let n = matrix.nrows();
+    if n <= columns(n) {
+        return matrix.clone().cholesky();
+    }
+    let mut l = matrix.clone();
+    for k in 0..n {
+        interrupt::spend((n - k) * k + n);
+        let (done, mut rest) = l.columns_range_pair_mut(0..k, k..n);
+        let mut column = rest.rows_mut(k, n - k);
+        let mut column = column.column_mut(0);
+        let below = done.rows(k, n - k);
+        column.gemv(-1.0, &below, &done.row(k).transpose(), 1.0);
+        let pivot = column[0];
+        if pivot.is_nan() || pivot <= 0.0 {
+            return None;
+        }
+        column /= pivot.sqrt();
+    }
+    Some(Cholesky::pack_dirty(l))
+}
+
+/// The solution for every column of `b`, interruptible.
+fn solve(factor: &Cholesky<f64, Dyn>, mut b: DMatrix<f64>) -> DMatrix<f64> {
+    let (n, count) = b.shape();
+    let width = columns(n);
+    for start in (0..count).step_by(width) {
+        let width = width.min(count - start);
+        interrupt::spend(n * n * width);
+        factor.solve_mut(&mut b.columns_mut(start, width));
+    }
+    b
 }
 
 /// `upper` on top of `lower`.
@@ -185,4 +247,25 @@ fn coupling_torque<const M: usize>(
     let j_dot_t = robot.jacobian_dot.transpose();
     let momentum = SVector::<f64, M>::from_column_slice((&extended.lambda_x * dx).as_slice());
     j_dot_t * momentum - robot.coriolis.transpose() * (pinv * dx)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In pieces as at once, also where the pieces are many.
+    #[test]
+    fn large_matrices_are_worked_on_in_pieces() {
+        let n = 300;
+        assert!(n > columns(n) && columns(6) > 6);
+        let wave = |i: usize, k: usize| ((7 * i + 3 * k * k) as f64).sin();
+        let a = DMatrix::from_fn(n, n, wave);
+        let matrix = &a * a.transpose() + DMatrix::identity(n, n);
+        assert!((mul(&a, &matrix) - &a * &matrix).norm() < 1e-9 * matrix.norm() * a.norm());
+        let whole = matrix.clone().cholesky().unwrap();
+        let pieces = factor(&matrix).unwrap();
+        assert!((pieces.l() - whole.l()).norm() < 1e-10 * whole.l().norm());
+        assert!((solve(&pieces, a.clone()) - whole.solve(&a)).norm() < 1e-8 * a.norm());
+        assert!(factor(&-matrix).is_none());
+    }
 }

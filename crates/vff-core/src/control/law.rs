@@ -7,7 +7,8 @@
 //! The end effector then obeys ẍ = ẍ_c + J M⁻¹ τ_ext exactly (T14), and the null space is a passive
 //! impedance, Λ_n ν̇ + (μ_nn + D_n) ν = Zᵀ(τ_sec + τ_ext) (T15).
 
-use super::{Gains, OperationalSpace, Projection, dot};
+use super::{Gains, OperationalSpace, Projection};
+use crate::math::dot;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 

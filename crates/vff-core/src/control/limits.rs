@@ -15,10 +15,10 @@ pub const OBJECTIVES: [&str; 6] =
     ["posture", "task", "damping", "avoidance", "compensation", "speed"];
 
 /// The share in [0, 1] that each of [`OBJECTIVES`] was granted.
-pub type Granted = [f64; OBJECTIVES.len()];
+pub type ObjectiveScale = [f64; OBJECTIVES.len()];
 
 /// Everything, as long as no limit is in the way.
-pub const ALL: Granted = [1.0; OBJECTIVES.len()];
+pub const ALL: ObjectiveScale = [1.0; OBJECTIVES.len()];
 
 /// Place of the reference's speed among [`OBJECTIVES`].
 pub const SPEED: usize = 5;
@@ -51,14 +51,16 @@ impl Parts {
     }
 
     /// Scales the objectives of `torque` to the least sacrifice that keeps |τ_i| ≤ `limit`_i (T35).
-    pub fn fit(&mut self, limit: &[f64], torque: &mut Torque) -> Granted {
+    pub fn fit(&mut self, limit: &[f64], torque: &mut Torque) -> ObjectiveScale {
         let Self { posture, task, damping, avoidance, rest } = self;
         let n = rest.len();
         for i in 0..n {
             rest[i] = torque.total[i] - posture[i] - task[i] - damping[i] - avoidance[i];
         }
-        let mut granted = ALL;
-        for (share, part) in granted.iter_mut().zip([&*posture, task, damping, avoidance, rest]) {
+        let mut objective_scale = ALL;
+        for (share, part) in
+            objective_scale.iter_mut().zip([&*posture, task, damping, avoidance, rest])
+        {
             // Without this objective; then as much of it as fits.
             torque.total.iter_mut().zip(part).for_each(|(total, part)| *total -= part);
             let fits = largest_share(&torque.total, part, limit);
@@ -67,7 +69,7 @@ impl Parts {
                 break;
             }
         }
-        let [of_posture, of_task, of_damping, of_avoidance, of_rest, _] = granted;
+        let [of_posture, of_task, of_damping, of_avoidance, of_rest, _] = objective_scale;
         for i in 0..n {
             let in_null = posture[i] + damping[i] + avoidance[i];
             torque.task[i] = of_rest * (torque.task[i] - task[i]) + of_task * task[i];
@@ -77,7 +79,7 @@ impl Parts {
                 + of_avoidance * avoidance[i];
             torque.total[i] = torque.task[i] + torque.null[i];
         }
-        granted
+        objective_scale
     }
 }
 
@@ -167,18 +169,18 @@ mod tests {
                 null: sum(&[posture, damping, avoidance, null]),
             };
             let full = torque.clone();
-            let granted = split.fit(&limit, &mut torque);
+            let objective_scale = split.fit(&limit, &mut torque);
             for (tau, limit) in torque.total.iter().zip(&limit) {
                 prop_assert!(tau.abs() <= limit * (1.0 + 1e-12) + 1e-12);
             }
             for k in 1..5 {
-                prop_assert!(granted[k] >= 1.0 || granted[k - 1] == 0.0);
+                prop_assert!(objective_scale[k] >= 1.0 || objective_scale[k - 1] == 0.0);
             }
             if within(&full.total, &limit) {
-                prop_assert_eq!(granted, ALL);
+                prop_assert_eq!(objective_scale, ALL);
             } else {
                 let used = (0..4).map(|i| torque.total[i].abs() / limit[i]).fold(0.0, f64::max);
-                prop_assert!(used > 1.0 - 1e-9 || granted.contains(&0.0));
+                prop_assert!(used > 1.0 - 1e-9 || objective_scale.contains(&0.0));
             }
         }
     }

@@ -1,5 +1,6 @@
 //! The task's inertia and the null projector, without forming either as an n×n matrix.
 
+use super::TaskMetric;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
@@ -19,12 +20,13 @@ pub struct OperationalSpace<const M: usize> {
     /// Whether the damping was active.
     pub singular: bool,
     threshold: f64,
+    pub(super) metric: TaskMetric<M>,
 }
 
 impl<const M: usize> OperationalSpace<M> {
-    /// For `n` joints; damping starts when an eigenvalue of Λ⁻¹ falls below `threshold` [1/kg]
-    /// (orientation counted at a characteristic length of 1 m).
-    pub fn new(n: usize, threshold: f64) -> Self {
+    /// For `n` joints; damping starts when an eigenvalue of Λ⁻¹ falls below `threshold` [1/kg],
+    /// with angles measured by `metric`.
+    pub fn new(n: usize, threshold: f64, metric: TaskMetric<M>) -> Self {
         Self {
             y: vec![SVector::zeros(); n],
             lambda: SMatrix::zeros(),
@@ -32,6 +34,7 @@ impl<const M: usize> OperationalSpace<M> {
             dx: SVector::zeros(),
             singular: false,
             threshold,
+            metric,
         }
     }
 
@@ -56,7 +59,7 @@ impl<const M: usize> OperationalSpace<M> {
         // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
         // than the inverse.
         let regular = lambda_inv.try_inverse().filter(|l| {
-            let trace = l.trace();
+            let trace = self.metric.trace(l);
             trace > 0.0 && trace * self.threshold < 1.0
         });
         self.singular = regular.is_none();
@@ -73,6 +76,7 @@ impl<const M: usize> OperationalSpace<M> {
         &self,
         lambda_inv: SMatrix<f64, M, M>,
     ) -> (SMatrix<f64, M, M>, SMatrix<f64, M, M>) {
+        let lambda_inv = self.metric.scaled(&lambda_inv);
         let (values, vectors) = symmetric_eigen(lambda_inv);
         let rank_floor = 1e-13 * lambda_inv.trace();
         let exact = values.map(|s| if s > rank_floor { 1.0 / s } else { 0.0 });
@@ -83,7 +87,8 @@ impl<const M: usize> OperationalSpace<M> {
             s / (s * s + lambda * lambda).max(f64::MIN_POSITIVE)
         });
         let compose = |d: &SVector<f64, M>| {
-            vectors * SMatrix::from_fn(|i, j| if i == j { d[i] } else { 0.0 }) * vectors.transpose()
+            let d = SMatrix::from_fn(|i, j| if i == j { d[i] } else { 0.0 });
+            self.metric.scaled(&(vectors * d * vectors.transpose()))
         };
         (compose(&exact), compose(&damped))
     }

@@ -1,19 +1,21 @@
-//! A small dense convex quadratic programme by the dual active-set method.
+//! A small dense convex quadratic program (QP) by the dual active-set method.
 //!
 //! ```text
 //! min ½ xᵀHx + gᵀx + Σ ½ δ_i²/s_i     so that     a_i·x + δ_i ≥ b_i
 //! ```
 //!
-//! A row of softness s_i = 0 is hard (δ_i = 0); a soft row may be violated by δ_i at a price, so that a
-//! programme whose hard rows do not contradict each other always has a solution.
+//! A row of softness s_i = 0 is hard (δ_i = 0); a soft row may be violated by δ_i at a cost, so that a QP
+//! whose hard rows do not contradict each other always has a solution.
 //!
 //! The method of D. Goldfarb and A. Idnani (*A numerically stable dual method for solving strictly
 //! convex quadratic programs*, 1983) starts from the minimum without rows and adds violated rows one
-//! by one, letting go of those that then pull the wrong way. Most instants of a controller need no
-//! row or one, and what does not contradict needs no feasible point to start from. It keeps
+//! by one, dropping those whose multipliers would become negative. Most instants of a controller need one
+//! row or none, and the method needs no feasible point to start from. It keeps
 //! `JᵀHJ = I` and `JᵀN = [R; 0]` for the normals N of the active rows, R upper triangular.
 
-/// What has to be minimised, and under which rows. m rows, n unknowns.
+use crate::interrupt;
+
+/// What is to be minimised, and under which rows (constraints). m rows, n unknowns.
 #[derive(Debug, Clone, Copy)]
 pub struct Problem<'a> {
     /// H, (n, n) row by row, symmetric and positive definite; its lower triangle is read.
@@ -28,7 +30,7 @@ pub struct Problem<'a> {
     pub softness: &'a [f64],
 }
 
-/// How a programme ended.
+/// How the solution of a QP ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// At its minimum.
@@ -37,8 +39,8 @@ pub enum Outcome {
     Infeasible,
     /// H is not positive definite.
     NotConvex,
-    /// No end within the allowed number of iterations or of broken soft rows; the unknowns are those of
-    /// the programme without the rows that were not reached.
+    /// Not finished within the allowed number of iterations or of violated soft rows; the unknowns are those of
+    /// the QP without the rows that were not reached.
     Unfinished,
 }
 
@@ -47,7 +49,7 @@ pub enum Outcome {
 #[derive(Debug, Clone)]
 pub struct QuadraticProgram {
     n: usize,
-    /// Number of unknowns with those δ that the programme has touched so far.
+    /// Number of unknowns with those δ that have become unknowns so far.
     size: usize,
     /// Length of a column of `j` and `r`.
     stride: usize,
@@ -82,7 +84,7 @@ const DEPENDENT: f64 = 1e-11;
 const CONTRADICTS: f64 = 1e-10;
 
 impl QuadraticProgram {
-    /// For `n` unknowns and at most `rows` rows, `soft` of which may be broken on the way.
+    /// For `n` unknowns and at most `rows` rows, `soft` of which may be violated on the way.
     pub fn new(n: usize, rows: usize, soft: usize) -> Self {
         let stride = n + soft;
         Self {
@@ -116,7 +118,7 @@ impl QuadraticProgram {
         }
     }
 
-    /// The unknowns of the last programme.
+    /// The unknowns of the last QP.
     pub fn x(&self) -> &[f64] {
         &self.x[..self.n]
     }
@@ -126,12 +128,12 @@ impl QuadraticProgram {
         self.active.iter().copied().zip(self.multipliers.iter().copied())
     }
 
-    /// How often a row was added or let go.
+    /// How often a row was added or dropped.
     pub fn iterations(&self) -> usize {
         self.iterations
     }
 
-    /// Solves a programme.
+    /// Solves a QP.
     ///
     /// # Panics
     /// If it has more rows than there is room for, or a slice has the wrong length.
@@ -161,6 +163,7 @@ impl QuadraticProgram {
             let mut multiplier = 0.0;
             loop {
                 self.iterations += 1;
+                interrupt::spend(3 * self.size * self.size);
                 if self.iterations > limit {
                     return Outcome::Unfinished;
                 }
@@ -185,7 +188,7 @@ impl QuadraticProgram {
                     self.advance(step);
                 }
                 match leaving {
-                    Some(position) if dual < primal => self.let_go(position),
+                    Some(position) if dual < primal => self.drop_row(position),
                     _ => {
                         self.add(row, multiplier);
                         break;
@@ -203,6 +206,7 @@ impl QuadraticProgram {
         // L row by row in R, which is empty as yet.
         let l = &mut self.r;
         for i in 0..n {
+            interrupt::spend(i * i / 2);
             for k in 0..=i {
                 let (done, rest) = l.split_at_mut(i * stride);
                 let row_k = if k < i { &done[k * stride..k * stride + k] } else { &[] };
@@ -222,6 +226,7 @@ impl QuadraticProgram {
         }
         // Column k of L⁻ᵀ is row k of L⁻¹: forward substitution, one row after the other.
         for k in 0..n {
+            interrupt::spend(k * n);
             let (done, rest) = self.j.split_at_mut(k * stride);
             let row = &mut rest[..n];
             row.fill(0.0);
@@ -262,6 +267,7 @@ impl QuadraticProgram {
 
     /// The row that lies farthest away from x on its wrong side.
     fn most_violated(&self, problem: &Problem<'_>) -> Option<usize> {
+        interrupt::spend(self.n * problem.bounds.len());
         let x = &self.x[..self.n];
         let size = dot(x, x).sqrt();
         let (mut worst, mut found) = (0.0, None);
@@ -372,8 +378,8 @@ impl QuadraticProgram {
         self.passed[row] = true;
     }
 
-    /// Lets go of an active row: rotations make what remains of R triangular again.
-    fn let_go(&mut self, position: usize) {
+    /// Drops an active row: rotations make what remains of R triangular again.
+    fn drop_row(&mut self, position: usize) {
         let (size, stride) = (self.size, self.stride);
         self.passed[self.active.remove(position)] = false;
         self.multipliers.remove(position);

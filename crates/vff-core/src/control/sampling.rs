@@ -1,10 +1,12 @@
 //! How long a torque may be held: the sampled bounds of the null space (T31, T34).
 
-use super::{Gains, OperationalSpace, dot};
+use super::{Gains, OperationalSpace};
+use crate::interrupt;
 use crate::math::Vector;
+use crate::math::dot;
 use crate::robot::Robot;
-use crate::world::Surroundings;
-use nalgebra::DMatrix;
+use crate::world::CollisionQuery;
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// The largest control period at which the null space is stable, and what sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,13 +25,23 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
     robot: &R,
     space: &OperationalSpace<M>,
     gains: &Gains<M>,
-    surroundings: &mut impl Surroundings<D>,
+    surroundings: &mut impl CollisionQuery<D>,
 ) -> StablePeriod {
     let n = robot.dof();
     let mut springs: Vec<Spring> = vec![];
+    // Beyond so many numbers every contact counts alone: [largest mode, its stiffness, its clearance].
+    let mut alone = [0.0, 0.0, f64::INFINITY];
     let mut add = |column: Vec<f64>, stiffness: f64, clearance: f64| {
         if stiffness > 0.0 {
+            interrupt::spend(64 * n);
             let compliance = null_compliance(robot, space, &column);
+            let mode = stiffness * dot(&column, &compliance);
+            if springs.len() * n >= MOST_NUMBERS {
+                if mode > alone[0] {
+                    alone = [mode, stiffness, clearance];
+                }
+                return;
+            }
             springs.push(Spring { column, compliance, stiffness, clearance });
         }
     };
@@ -55,6 +67,23 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
     if springs.is_empty() {
         return by_damping(n, gains);
     }
+    let [mode, stiffness, clearance] = alone;
+    let (together, spring) = stiffest_mode(&springs, n);
+    if mode > together {
+        return bound(n, gains, mode, stiffness, clearance);
+    }
+    let Spring { stiffness, clearance, .. } = springs[spring];
+    bound(n, gains, together, stiffness, clearance)
+}
+
+/// Numbers that the springs may be made of: a matrix of as many is soon decomposed.
+const MOST_NUMBERS: usize = 1 << 20;
+
+/// The largest mode of the springs together [1/s²], and the spring that has the largest part in it.
+fn stiffest_mode(springs: &[Spring], n: usize) -> (f64, usize) {
+    if springs.len() > n {
+        return stiffest_mode_in_joints(springs, n);
+    }
     // The stiffest mode of K_n relative to Λ_n: the largest eigenvalue of √K (J_c N M⁻¹ J_cᵀ) √K.
     let coupled = DMatrix::from_fn(springs.len(), springs.len(), |a, b| {
         let root = (springs[a].stiffness * springs[b].stiffness).sqrt();
@@ -62,10 +91,49 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
             * (dot(&springs[a].column, &springs[b].compliance)
                 + dot(&springs[b].column, &springs[a].compliance))
     });
-    let eigen = coupled.symmetric_eigen();
+    let Some(eigen) = eigen(coupled) else { return (f64::INFINITY, 0) };
     let mode = eigen.eigenvalues.imax();
-    let Spring { stiffness, clearance, .. } = springs[eigen.eigenvectors.column(mode).iamax()];
-    bound(n, gains, eigen.eigenvalues[mode], stiffness, clearance)
+    (eigen.eigenvalues[mode], eigen.eigenvectors.column(mode).iamax())
+}
+
+/// The eigenvalues of a symmetric matrix; none if it is not finite, of which the iteration would find no end.
+fn eigen(matrix: DMatrix<f64>) -> Option<SymmetricEigen<f64, Dyn>> {
+    let finite = matrix.iter().all(|value| value.is_finite());
+    let limit = 1000 + 100 * matrix.nrows();
+    finite.then(|| SymmetricEigen::try_new(matrix, f64::EPSILON, limit)).flatten()
+}
+
+/// The same where there are more springs than joints. With A = √K J_c and P = N M⁻¹ the mode is the largest eigenvalue
+/// of A P Aᵀ and so that of R P R, R = √(AᵀA), which has a row per joint.
+fn stiffest_mode_in_joints(springs: &[Spring], n: usize) -> (f64, usize) {
+    let mut stiffness = DMatrix::<f64>::zeros(n, n);
+    let mut yielding = DMatrix::<f64>::zeros(n, n); // P AᵀA
+    for Spring { column, compliance, stiffness: k, .. } in springs {
+        interrupt::spend(2 * n * n);
+        let column = DVector::from_column_slice(column);
+        stiffness.ger(*k, &column, &column, 1.0);
+        yielding.ger(*k, &DVector::from_column_slice(compliance), &column, 1.0);
+    }
+    let Some(eigen) = eigen(stiffness) else { return (f64::INFINITY, 0) };
+    let largest = eigen.eigenvalues.max();
+    let roots = eigen.eigenvalues.map(|k| k.max(0.0).sqrt());
+    // R P R = R (P AᵀA) R⁺: where R vanishes, so does P AᵀA.
+    let inverse = roots.map(|root| if root * root > 1e-13 * largest { 1.0 / root } else { 0.0 });
+    let in_modes = eigen.eigenvectors.tr_mul(&yielding) * &eigen.eigenvectors;
+    let product = DMatrix::from_diagonal(&roots) * in_modes * DMatrix::from_diagonal(&inverse);
+    let Some(whole) = self::eigen((&product + product.transpose()) * 0.5) else {
+        return (f64::INFINITY, 0);
+    };
+    let mode = whole.eigenvalues.imax();
+    // A P R u is the mode among the springs; P R u = P AᵀA R⁺ u.
+    let back =
+        eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * whole.eigenvectors.column(mode);
+    let motion = yielding * back;
+    let part =
+        |spring: &Spring| (spring.stiffness.sqrt() * dot(&spring.column, motion.as_slice())).abs();
+    let parts = springs.iter().map(part).enumerate();
+    let most = parts.fold((0, 0.0), |most, next| if next.1 > most.1 { next } else { most });
+    (whole.eigenvalues[mode], most.0)
 }
 
 /// The bound for an obstacle that arrives with `speed` [m/s] at the end of a link, wherever and from
@@ -79,6 +147,7 @@ pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
 ) -> StablePeriod {
     let n = robot.dof();
     let at_link = |i: usize| {
+        interrupt::spend(128 * n);
         let end = robot.link(i).end();
         let columns: Vec<Vec<f64>> = (0..D)
             .map(|k| {
@@ -93,7 +162,8 @@ pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
         let mobility = DMatrix::from_fn(D, D, |a, b| {
             0.5 * (dot(&columns[a], &yielding[b]) + dot(&columns[b], &yielding[a]))
         });
-        let mobility = mobility.symmetric_eigenvalues().max().max(f64::MIN_POSITIVE);
+        let mobility = eigen(mobility).map_or(f64::INFINITY, |eigen| eigen.eigenvalues.max());
+        let mobility = mobility.max(f64::MIN_POSITIVE);
         let clearance = gains.field.closest_approach(0.5 * speed * speed / mobility);
         let stiffness = gains.field.at(clearance).stiffness;
         bound(n, gains, stiffness * mobility, stiffness, clearance)
@@ -142,4 +212,33 @@ struct Spring {
     compliance: Vec<f64>,
     stiffness: f64,
     clearance: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Noise;
+
+    /// Springs in joint space have the mode that they have among themselves, and the same one has the largest part.
+    #[test]
+    fn more_springs_than_joints() {
+        let mut noise = Noise::new(3, 0);
+        for (n, count) in [(3, 4), (4, 9), (6, 40)] {
+            let root = DMatrix::from_fn(n, n - 2, |_, _| noise.draw());
+            let mobility = &root * root.transpose(); // of rank n − 2, as that of a null space is
+            let springs: Vec<Spring> = (0..count)
+                .map(|_| {
+                    let column = DVector::from_fn(n, |_, _| noise.draw());
+                    let compliance = (&mobility * &column).as_slice().to_vec();
+                    let stiffness = 1.0 + 50.0 * noise.share();
+                    let column = column.as_slice().to_vec();
+                    Spring { column, compliance, stiffness, clearance: 0.0 }
+                })
+                .collect();
+            let (expected, spring) = stiffest_mode(&springs, usize::MAX);
+            let (found, same) = stiffest_mode_in_joints(&springs, n);
+            assert!((found - expected).abs() < 1e-9 * expected, "{found} {expected}");
+            assert_eq!(same, spring);
+        }
+    }
 }

@@ -1,9 +1,10 @@
 //! What a user can set on a controller, and the same resolved for one robot.
 
 use super::avoidance::Yielding;
+use super::metric::TaskMetric;
 use super::tank::TankSettings;
 use crate::field::Field;
-use crate::math::Broadcast;
+use crate::math::ScalarOrVec;
 use crate::robot::Robot;
 use crate::trajectory::GovernorSettings;
 use nalgebra::SVector;
@@ -40,7 +41,7 @@ pub enum Avoidance {
     /// The end effector's task always wins.
     #[default]
     NullSpace,
-    /// Near an obstacle the task lets go and the field pushes the end effector.
+    /// Near an obstacle the task is released and the field pushes the end effector.
     Relaxed,
     /// Along the shortest way out of an obstacle the distance comes first.
     Priority,
@@ -73,11 +74,11 @@ pub enum TaskKind {
 }
 
 impl TaskKind {
-    /// The number of task coordinates.
-    pub fn dimension(self) -> usize {
+    /// The number m of task coordinates in `space` dimensions: those of a position, and of a rotation.
+    pub fn dimension(self, space: usize) -> usize {
         match self {
-            Self::Position => 2,
-            Self::Pose => 3,
+            Self::Position => space,
+            Self::Pose => space * (space + 1) / 2,
         }
     }
 }
@@ -89,15 +90,15 @@ pub struct Settings {
     /// What the end effector has to do.
     pub task: TaskKind,
     /// K [1/s²] per axis or for all, ≥ 0.
-    pub stiffness: Broadcast,
+    pub stiffness: ScalarOrVec,
     /// D [1/s] per axis or for all, ≥ 0.
-    pub damping: Broadcast,
+    pub damping: ScalarOrVec,
     /// d [1/s] per joint or for all, ≥ 0: D_q = √d M √d.
-    pub null_damping: Broadcast,
+    pub null_damping: ScalarOrVec,
     /// Preferred configuration q_d [rad] of the posture spring.
     pub posture: Option<Vec<f64>>,
     /// K_v [N·m/rad] of the posture spring per joint or for all, ≥ 0.
-    pub posture_stiffness: Broadcast,
+    pub posture_stiffness: ScalarOrVec,
     /// The virtual force field.
     pub field: Field,
     /// What is done about links that come near each other.
@@ -113,12 +114,14 @@ pub struct Settings {
     pub formulation: Formulation,
     /// Which projector.
     pub projection: Projection,
-    /// Which answer where the null space is not enough.
+    /// What happens where the null space is not enough.
     pub avoidance: Avoidance,
     /// How the end effector yields, where it does.
     pub yielding: Yielding,
     /// How the reference waits for the end effector; it does not by default.
     pub governor: Option<GovernorSettings>,
+    /// L [m], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
+    pub characteristic_length: f64,
     /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
     /// 1/(mass of the arm), > 0.
     pub singularity: f64,
@@ -128,11 +131,11 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             task: TaskKind::Position,
-            stiffness: Broadcast::Uniform(16.0),
-            damping: Broadcast::Uniform(8.0),
-            null_damping: Broadcast::Uniform(2.0),
+            stiffness: ScalarOrVec::Uniform(16.0),
+            damping: ScalarOrVec::Uniform(8.0),
+            null_damping: ScalarOrVec::Uniform(2.0),
             posture: None,
-            posture_stiffness: Broadcast::Uniform(0.0),
+            posture_stiffness: ScalarOrVec::Uniform(0.0),
             field: Field::OFF,
             self_collision: SelfCollision::Ignore,
             joint_limit_field: None,
@@ -143,6 +146,7 @@ impl Default for Settings {
             avoidance: Avoidance::NullSpace,
             yielding: Yielding::default(),
             governor: None,
+            characteristic_length: 1.0,
             singularity: 3e-2,
         }
     }
@@ -159,10 +163,10 @@ pub enum NullDamping {
 }
 
 impl NullDamping {
-    fn new(d: &Broadcast) -> Self {
+    fn new(d: &ScalarOrVec) -> Self {
         match d {
-            Broadcast::Uniform(d) => Self::Uniform(*d),
-            Broadcast::Each(each) => Self::Each(each.iter().map(|d| d.sqrt()).collect()),
+            ScalarOrVec::Uniform(d) => Self::Uniform(*d),
+            ScalarOrVec::Each(each) => Self::Each(each.iter().map(|d| d.sqrt()).collect()),
         }
     }
 
@@ -221,12 +225,14 @@ pub struct Gains<const M: usize> {
     pub formulation: Formulation,
     /// Which projector.
     pub projection: Projection,
-    /// Which answer where the null space is not enough.
+    /// What happens where the null space is not enough.
     pub avoidance: Avoidance,
     /// How the end effector yields.
     pub yielding: Yielding,
     /// How the reference waits.
     pub governor: Option<GovernorSettings>,
+    /// See [`Settings::characteristic_length`].
+    pub characteristic_length: f64,
     /// See [`Settings::singularity`].
     pub singularity: f64,
     /// Where the random numbers of look-ahead come from.
@@ -234,7 +240,7 @@ pub struct Gains<const M: usize> {
 }
 
 impl<const M: usize> Gains<M> {
-    /// Resolves settings whose lengths [`crate::scenario`] has checked.
+    /// Resolves settings whose lengths `scenario` has validated.
     pub fn new(settings: &Settings) -> Self {
         let posture = settings.posture.as_deref().unwrap_or_default();
         Self {
@@ -256,6 +262,7 @@ impl<const M: usize> Gains<M> {
             avoidance: settings.avoidance,
             yielding: settings.yielding.clone(),
             governor: settings.governor,
+            characteristic_length: settings.characteristic_length,
             singularity: settings.singularity,
             seed: 0,
         }
@@ -265,6 +272,11 @@ impl<const M: usize> Gains<M> {
     #[must_use]
     pub fn with_seed(self, seed: u64) -> Self {
         Self { seed, ..self }
+    }
+
+    /// How lengths and angles of the task are put together in a space of dimension `D`.
+    pub fn metric<const D: usize>(&self) -> TaskMetric<M> {
+        TaskMetric::new::<D>(self.characteristic_length)
     }
 
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.

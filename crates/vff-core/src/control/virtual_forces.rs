@@ -1,11 +1,13 @@
 //! The push of the field: forces on the links, their torque, and the power they exchange.
 
 use super::settings::SelfCollision;
-use super::{Gains, OperationalSpace, dot};
+use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
+use crate::interrupt;
+use crate::math::dot;
 use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
-use crate::world::{Contact, Surroundings};
+use crate::world::{CollisionQuery, Contact};
 use std::ops::Range;
 
 /// What the virtual force field does to every link at one instant.
@@ -97,7 +99,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot: &R,
         space: &OperationalSpace<M>,
         gains: &Gains<M>,
-        surroundings: &mut impl Surroundings<D>,
+        surroundings: &mut impl CollisionQuery<D>,
     ) {
         let field = &gains.field;
         let before = std::mem::take(&mut self.pushed);
@@ -206,6 +208,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         links.extend(robot.links());
         let middle = |link: &Capsule<D>| link.start + link.direction * (0.5 * link.length);
         for (j, b) in links.iter().enumerate().skip(2) {
+            interrupt::spend(8 * j);
             for (i, a) in links[..j - 1].iter().enumerate() {
                 let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
                 if (middle(a) - middle(b)).norm() - size > self.self_clearance.max(reach) {
@@ -283,16 +286,16 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Settings;
+    use crate::control::{Settings, TaskMetric};
     use crate::field::FieldKind;
-    use crate::robot::{PlanarArm, planar::Link};
+    use crate::robot::{Model, PlanarArm, planar::Link};
     use crate::world::Feature;
     use std::sync::Arc;
 
     /// One contact, whatever the links do.
     struct Only(Contact<2>);
 
-    impl Surroundings<2> for Only {
+    impl CollisionQuery<2> for Only {
         fn obstacle_count(&self) -> usize {
             1
         }
@@ -319,7 +322,7 @@ mod tests {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(&[0.4, -0.3, 0.8, 0.2], &[0.0; 4]);
-        let mut space = OperationalSpace::<2>::new(4, 1e-4);
+        let mut space = OperationalSpace::<2>::new(4, 1e-4, TaskMetric::new::<2>(1.0));
         space.refresh(&state);
         let field = Field {
             kind: FieldKind::Khatib,

@@ -24,6 +24,15 @@ pub enum FieldKind {
 }
 
 /// A virtual force field.
+///
+/// ```
+/// use vff_core::field::{Field, FieldKind};
+///
+/// let field = Field { kind: FieldKind::Bounded, gain: 10.0, influence: 0.5, ..Field::OFF };
+/// assert_eq!(field.at(0.5).force, 0.0);
+/// assert_eq!(field.at(0.0).force, 10.0);
+/// assert!((field.at(0.25).force - 2.5).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
@@ -131,8 +140,8 @@ impl Field {
     }
 
     /// The force that turns a link past an obstacle at the distance `d`, whose surface it has the
-    /// velocity `u` against (T82). It stands on `u` and thus does no work on the motion of the one
-    /// against the other; 0 while the distance grows.
+    /// velocity `u` against (T82). It is orthogonal to `u` and thus does no work on the relative motion; 0
+    /// while the distance grows.
     pub fn slide<const D: usize>(&self, d: f64, normal: &Vector<D>, u: &Vector<D>) -> Vector<D> {
         let closing = -normal.dot(u);
         if closing <= 0.0 {
@@ -242,7 +251,7 @@ mod tests {
         }
     }
 
-    /// Of the sliding force (T82): it stands on the velocity, vanishes at d_s, head on and while the
+    /// Of the sliding force (T82): it is orthogonal to the velocity, vanishes at d_s, head on and while the
     /// distance grows, pushes the way the link passes, and never repels less for it.
     #[test]
     fn sliding_turns_the_velocity_and_does_no_work() {

@@ -1,18 +1,23 @@
 //! The few types that every layer shares.
 
-mod broadcast;
+pub mod memory;
 mod nearest;
 mod noise;
-mod pursuit;
+mod point;
+mod pose;
 pub mod rotation;
+mod scalar_or_vec;
 mod sincos;
+mod third_order_filter;
 
-pub use broadcast::Broadcast;
 pub use nearest::{Nearest, nearest};
 pub use noise::Noise;
-pub use pursuit::Pursuit;
+pub use point::Point;
+pub use pose::{PlanarPose, Pose};
+pub use scalar_or_vec::ScalarOrVec;
 pub use rotation::UnitQuaternion;
 pub use sincos::{sin_cos, unit_vectors};
+pub use third_order_filter::ThirdOrderFilter;
 
 use nalgebra::SVector;
 
@@ -21,6 +26,20 @@ use nalgebra::SVector;
 pub fn smoothstep(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);
     s * s * (3.0 - 2.0 * s)
+}
+
+/// `a · b`, as four sums side by side: one alone would wait for itself.
+#[inline]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, b) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.0.iter().zip(b.0) {
+        for k in 0..4 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = a.1.iter().zip(b.1).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
 /// A point, displacement, velocity or force in the `D`-dimensional space of the robot.

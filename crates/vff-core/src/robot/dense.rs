@@ -4,7 +4,8 @@
 //! ch. 4): nothing here shares code with the recursions of [`super::planar`], so each checks the
 //! other. Cost O(n³), allocates.
 
-use super::PlanarArm;
+use super::{Model, PlanarArm};
+use crate::interrupt;
 use crate::math::{Vector, perp};
 use nalgebra::{DMatrix, DVector, Dyn, OMatrix};
 
@@ -57,6 +58,7 @@ pub fn planar<const M: usize>(arm: &PlanarArm, q: &[f64], dq: &[f64]) -> Matrice
         let column = |k: usize| perp(centres[i] - joints[k]);
         let column_dot = |k: usize| perp(centre_rates[i] - rates[k]);
         for k in 0..=i {
+            interrupt::spend(8 * i);
             for j in 0..=i {
                 mass[(k, j)] += link.mass * column(k).dot(&column(j)) + link.inertia;
                 coriolis[(k, j)] += link.mass * column(k).dot(&column_dot(j));

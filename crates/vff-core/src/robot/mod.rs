@@ -2,7 +2,8 @@
 //!
 //! The control law never sees a matrix of the robot. It sees the operators of [`Robot`], each of
 //! which costs O(n) and allocates nothing, so that another kind of arm can move in behind the same
-//! trait. [`planar`] implements them for `n` revolute links in the plane; [`dense`] holds the same
+//! trait. A [`Model`] is what is immutable of an arm, a [`Manipulator`] what a robot is for one kind of
+//! task. [`planar`] implements them for `n` revolute links in the plane; [`dense`] holds the same
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
@@ -10,14 +11,43 @@ mod limits;
 pub mod planar;
 pub mod spatial;
 
-use crate::math::{Capsule, Vector};
+use crate::math::{Capsule, Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
+use std::sync::Arc;
 
 pub use dense::Matrices;
 pub use limits::Limits;
 pub use planar::{PlanarArm, PlanarState};
 pub use spatial::{SpatialArm, SpatialState};
+
+/// What is immutable of an arm in `D`-dimensional space. Its states refer to it.
+pub trait Model<const D: usize>: Debug + Clone {
+    /// The arm at one instant.
+    type State: Robot<D> + Clone + Debug;
+
+    /// The number of joints n.
+    fn dof(&self) -> usize;
+    /// What the joints can do.
+    fn limits(&self) -> &Limits;
+    /// Advances a configuration along the joint velocity `v` for the time `dt`.
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
+    /// A distance from the base that the end effector cannot exceed [m].
+    fn reach(&self) -> f64;
+    /// Torques that carry the arm where it is heaviest and accelerate it there [N·m], (n).
+    fn typical_torque(self: &Arc<Self>) -> Vec<f64>;
+    /// A state of this arm at q = 0, at rest.
+    fn state(self: &Arc<Self>) -> Self::State;
+}
+
+/// A robot whose end effector has a task of dimension `M`.
+pub trait Manipulator<const D: usize, const M: usize>: Robot<D> {
+    /// What the task means by a pose.
+    type Pose: Pose<M>;
+
+    /// The pose of the end effector.
+    fn pose(&self) -> Self::Pose;
+}
 
 /// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).
 ///
@@ -32,9 +62,9 @@ pub trait Robot<const D: usize> {
     fn dof(&self) -> usize;
     /// Moves to the state (q [rad], q̇ [rad/s]) and refreshes everything the operators need.
     fn update(&mut self, q: &[f64], dq: &[f64]);
-    /// Moves to q [rad] as far as [`pose`](Self::pose), [`link`](Self::link) and the columns of J
+    /// Moves to q [rad] as far as [`pose`](Manipulator::pose), [`link`](Self::link) and the columns of J
     /// need it; nothing else means anything until the next [`update`](Self::update).
-    fn place(&mut self, q: &[f64]);
+    fn update_positions(&mut self, q: &[f64]);
     /// The configuration q [rad].
     fn configuration(&self) -> &[f64];
     /// The joint velocity q̇ [rad/s].
@@ -101,8 +131,6 @@ pub trait Robot<const D: usize> {
     /// The potential energy of gravity [J]; its gradient is g.
     fn potential_energy(&self) -> f64;
 
-    /// The pose of the end effector: position [m], then orientation [rad].
-    fn pose<const M: usize>(&self) -> SVector<f64, M>;
     /// ẋ = J q̇, the velocity of the end effector.
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M>;
     /// J̇ q̇, the acceleration of the end effector while q̈ = 0.

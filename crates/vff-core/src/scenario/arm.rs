@@ -1,7 +1,7 @@
-//! The `[arm]` table: what is given, judged, and turned into a [`PlanarArm`].
+//! The `[arm]` table: what is given, validated, and turned into a [`PlanarArm`].
 
 use super::error::{Problem, ScenarioError};
-use crate::math::{Broadcast, Vector};
+use crate::math::{ScalarOrVec, Vector};
 use crate::robot::planar::Link;
 use crate::robot::{Limits, PlanarArm};
 use serde::Deserialize;
@@ -13,19 +13,19 @@ use std::fmt;
 #[serde(deny_unknown_fields)]
 pub struct ArmSpec {
     /// Link lengths [m], > 0; their number is the number of joints.
-    pub lengths: Broadcast,
+    pub lengths: ScalarOrVec,
     /// Link masses [kg], > 0.
-    pub masses: Broadcast,
+    pub masses: ScalarOrVec,
     /// Centres of mass [m]: distance along the link from its joint, or `[along, across]`.
     /// Default: the middle.
     #[serde(default)]
     pub com: Option<Nested>,
     /// Moments of inertia about the centres of mass [kg·m²], ≥ 0. Default: uniform rods, m l²/12.
     #[serde(default)]
-    pub inertias: Option<Broadcast>,
+    pub inertias: Option<ScalarOrVec>,
     /// Half the thickness of the links [m], ≥ 0.
     #[serde(default = "zero")]
-    pub radius: Broadcast,
+    pub radius: ScalarOrVec,
     /// Gravity [m/s²]: g acting along −y, or the vector `[x, y]`.
     #[serde(default)]
     pub gravity: Option<Nested>,
@@ -34,14 +34,14 @@ pub struct ArmSpec {
     pub joint_limits: Option<Nested>,
     /// Largest joint speeds [rad/s], > 0.
     #[serde(default)]
-    pub velocity_limits: Option<Broadcast>,
+    pub velocity_limits: Option<ScalarOrVec>,
     /// Largest torques [N·m], > 0.
     #[serde(default)]
-    pub torque_limits: Option<Broadcast>,
+    pub torque_limits: Option<ScalarOrVec>,
 }
 
-fn zero() -> Broadcast {
-    Broadcast::Uniform(0.0)
+fn zero() -> ScalarOrVec {
+    ScalarOrVec::Uniform(0.0)
 }
 
 /// A number or a list of such, to any depth.
@@ -141,7 +141,7 @@ impl ArmSpec {
     }
 
     /// One limit per joint, none if not given.
-    fn largest(&self, path: &str, given: Option<&Broadcast>) -> Result<Vec<f64>, ScenarioError> {
+    fn largest(&self, path: &str, given: Option<&ScalarOrVec>) -> Result<Vec<f64>, ScenarioError> {
         let Some(limit) = given else { return Ok(vec![]) };
         each(path, limit, self.dof(), positive)?;
         Ok((0..self.dof()).map(|i| limit.get(i)).collect())
@@ -208,17 +208,17 @@ fn wrong(path: impl Into<String>, expected: &str) -> ScenarioError {
 }
 
 /// A requirement on a number, in words and as a test.
-pub(super) type Requirement = (&'static str, fn(f64) -> bool);
+pub(crate) type Requirement = (&'static str, fn(f64) -> bool);
 
 /// Lengths, masses and the like.
 #[expect(non_upper_case_globals, reason = "reads as a word where it is used")]
-pub(super) const positive: Requirement = ("greater than 0", |x| x > 0.0);
+pub(crate) const positive: Requirement = ("greater than 0", |x| x > 0.0);
 /// Gains, radii and the like.
 #[expect(non_upper_case_globals, reason = "reads as a word where it is used")]
-pub(super) const not_negative: Requirement = ("0 or more", |x| x >= 0.0);
+pub(crate) const not_negative: Requirement = ("0 or more", |x| x >= 0.0);
 
 /// Judges a number.
-pub(super) fn number(
+pub(crate) fn number(
     path: &str,
     value: f64,
     (words, test): Requirement,
@@ -227,7 +227,7 @@ pub(super) fn number(
 }
 
 /// Judges the length of a list.
-pub(super) fn length(path: &str, given: usize, expected: usize) -> Result<(), ScenarioError> {
+pub(crate) fn length(path: &str, given: usize, expected: usize) -> Result<(), ScenarioError> {
     if given == expected {
         return Ok(());
     }
@@ -235,15 +235,15 @@ pub(super) fn length(path: &str, given: usize, expected: usize) -> Result<(), Sc
 }
 
 /// Judges one number for all, or `n` of them.
-pub(super) fn each(
+pub(crate) fn each(
     path: &str,
-    given: &Broadcast,
+    given: &ScalarOrVec,
     n: usize,
     requirement: Requirement,
 ) -> Result<(), ScenarioError> {
     match given {
-        Broadcast::Uniform(value) => number(path, *value, requirement),
-        Broadcast::Each(values) => {
+        ScalarOrVec::Uniform(value) => number(path, *value, requirement),
+        ScalarOrVec::Each(values) => {
             length(path, values.len(), n)?;
             values
                 .iter()

@@ -4,6 +4,7 @@
 //! tables with a `kind`, so that a document reads `shape = { kind = "circle", radius = 0.3 }`.
 
 use super::error::{Problem, ScenarioError};
+use crate::interrupt;
 use serde::de::value::StrDeserializer;
 use serde::de::{
     self, DeserializeSeed, Deserializer, Error, Expected, IntoDeserializer, Unexpected,
@@ -199,6 +200,7 @@ impl<'de> de::SeqAccess<'de> for &mut Items<'de> {
         seed: T,
     ) -> Result<Option<T::Value>, ScenarioError> {
         let Some((index, value)) = self.values.next() else { return Ok(None) };
+        interrupt::spend(64);
         seed.deserialize(Node(value)).map(Some).map_err(|error| error.inside(&format!("[{index}]")))
     }
 

@@ -1,15 +1,25 @@
 //! What can be wrong with a scenario, and how it is said.
 
+use std::borrow::Cow;
 use std::fmt;
 
 /// One fault of a scenario: where, and what.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{}{problem}", prefix(.path))]
+#[error("{}{problem}", prefix(&cut(.path)))]
 pub struct ScenarioError {
     /// Dotted path of the value, e.g. `obstacles[1].shape.radius`; empty for the whole document.
     pub path: String,
     /// What is wrong there.
     pub problem: Problem,
+}
+
+/// The beginning of what a user has written, where it is long.
+fn cut(text: &str) -> Cow<'_, str> {
+    const QUOTED: usize = 120;
+    match text.char_indices().nth(QUOTED) {
+        Some((end, _)) => format!("{}…", &text[..end]).into(),
+        None => text.into(),
+    }
 }
 
 fn prefix(path: &str) -> String {
@@ -23,7 +33,7 @@ pub enum Problem {
     #[error("not valid TOML\n{0}")]
     Syntax(String),
     /// A key that does not exist.
-    #[error("unknown key `{key}`{}", hint(key, allowed))]
+    #[error("unknown key `{}`{}", cut(.key), hint(key, allowed))]
     UnknownKey {
         /// The key.
         key: String,
@@ -34,7 +44,7 @@ pub enum Problem {
     #[error("missing key `{0}`")]
     MissingKey(String),
     /// A name that is not among the choices.
-    #[error("unknown value `{given}`{}", hint(given, allowed))]
+    #[error("unknown value `{}`{}", cut(.given), hint(given, allowed))]
     UnknownChoice {
         /// The name.
         given: String,
@@ -42,7 +52,7 @@ pub enum Problem {
         allowed: Vec<String>,
     },
     /// A value of another type.
-    #[error("expected {expected}, got {given}")]
+    #[error("expected {expected}, got {}", cut(.given))]
     WrongType {
         /// What would be right.
         expected: String,
@@ -58,7 +68,7 @@ pub enum Problem {
         given: usize,
     },
     /// A number or list out of its range.
-    #[error("must be {requirement}, got {given}")]
+    #[error("must be {requirement}, got {}", cut(.given))]
     OutOfRange {
         /// What would be right.
         requirement: String,
@@ -100,6 +110,7 @@ fn hint(given: &str, allowed: &[String]) -> String {
             Ok(())
         }
     }
+    let given = &*cut(given); // to compare a book with a name takes its time
     let similarity = |name: &String| strsim::jaro_winkler(&given.to_lowercase(), name);
     let nearest = allowed.iter().max_by(|a, b| similarity(a).total_cmp(&similarity(b)));
     match nearest.filter(|name| similarity(name) > 0.75) {

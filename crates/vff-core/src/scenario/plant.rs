@@ -2,8 +2,8 @@
 
 use super::arm::{ArmSpec, Nested, each, not_negative, number};
 use super::error::ScenarioError;
-use crate::math::Broadcast;
-use crate::robot::PlanarArm;
+use crate::math::ScalarOrVec;
+use crate::robot::{Model, PlanarArm};
 use crate::simulation::Physics;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -13,19 +13,19 @@ use std::sync::Arc;
 #[serde(default, deny_unknown_fields)]
 pub struct PlantSpec {
     /// Link masses [kg], > 0.
-    pub masses: Option<Broadcast>,
+    pub masses: Option<ScalarOrVec>,
     /// Centres of mass [m].
     pub com: Option<Nested>,
     /// Moments of inertia about the centres of mass [kg·m²], ≥ 0.
-    pub inertias: Option<Broadcast>,
+    pub inertias: Option<ScalarOrVec>,
     /// Gravity [m/s²].
     pub gravity: Option<Nested>,
     /// Point mass at the tip [kg], ≥ 0.
     pub payload: f64,
     /// Viscous friction of the joints [N·m·s/rad], each, ≥ 0.
-    pub viscous_friction: Broadcast,
+    pub viscous_friction: ScalarOrVec,
     /// Dry friction of the joints [N·m], each, ≥ 0.
-    pub coulomb_friction: Broadcast,
+    pub coulomb_friction: ScalarOrVec,
     /// Whether the joints stop at `arm.joint_limits`.
     pub joint_stops: bool,
 }
@@ -38,8 +38,8 @@ impl Default for PlantSpec {
             inertias: None,
             gravity: None,
             payload: 0.0,
-            viscous_friction: Broadcast::Uniform(0.0),
-            coulomb_friction: Broadcast::Uniform(0.0),
+            viscous_friction: ScalarOrVec::Uniform(0.0),
+            coulomb_friction: ScalarOrVec::Uniform(0.0),
             joint_stops: true,
         }
     }
@@ -50,7 +50,11 @@ impl PlantSpec {
     ///
     /// # Errors
     /// With the name of the first parameter that is wrong.
-    pub fn build(&self, spec: &ArmSpec, model: &Arc<PlanarArm>) -> Result<Physics, ScenarioError> {
+    pub fn build(
+        &self,
+        spec: &ArmSpec,
+        model: &Arc<PlanarArm>,
+    ) -> Result<Physics<PlanarArm>, ScenarioError> {
         let n = model.dof();
         number("payload", self.payload, not_negative)?;
         each("viscous_friction", &self.viscous_friction, n, not_negative)?;
@@ -85,7 +89,7 @@ impl PlantSpec {
 }
 
 /// One coefficient per joint; none if all are zero.
-fn friction(given: &Broadcast, n: usize) -> Vec<f64> {
+fn friction(given: &ScalarOrVec, n: usize) -> Vec<f64> {
     let some = given.values().iter().any(|value| *value > 0.0);
     if some { (0..n).map(|i| given.get(i)).collect() } else { vec![] }
 }

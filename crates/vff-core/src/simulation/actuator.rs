@@ -1,6 +1,6 @@
 //! The drives: how the torque that acts follows the one that is commanded.
 
-use crate::math::Broadcast;
+use crate::math::ScalarOrVec;
 use serde::Deserialize;
 
 /// The `[actuator]` table of a scenario.
@@ -8,12 +8,12 @@ use serde::Deserialize;
 #[serde(default, deny_unknown_fields)]
 pub struct ActuatorSettings {
     /// Time constant of the first-order lag [s], each, ≥ 0; 0 is a drive without lag.
-    pub time_constant: Broadcast,
+    pub time_constant: ScalarOrVec,
 }
 
 impl Default for ActuatorSettings {
     fn default() -> Self {
-        Self { time_constant: Broadcast::Uniform(0.0) }
+        Self { time_constant: ScalarOrVec::Uniform(0.0) }
     }
 }
 
@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn step_response() {
         for (lag, dt) in [(0.01, 1e-3), (1e-3, 1e-2), (1e-5, 1e-2), (10.0, 1e-3)] {
-            let settings = ActuatorSettings { time_constant: Broadcast::Uniform(lag) };
+            let settings = ActuatorSettings { time_constant: ScalarOrVec::Uniform(lag) };
             let mut drive = Actuator::new(&settings, 1, dt);
             let mut impulse = 0.0;
             for k in 1..=100 {

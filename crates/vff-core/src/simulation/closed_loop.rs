@@ -3,42 +3,43 @@
 use super::actuator::Actuator;
 use super::integrator::Stepper;
 use super::measurement::Measurement;
-use super::perception::Perception;
+use super::perception::Perceive;
 use super::plant::{Physics, Plant};
-use super::{Control, Integrator, Options, Snapshot};
-use crate::control::{Controller, Gains, Granted, SelfCollision, Tank, Torque, limits, task};
-use crate::math::{Pursuit, Vector};
-use crate::robot::{Limits, PlanarArm, PlanarState, Robot};
+use super::{Control, Integrator, Options, Snapshot, System};
+use crate::control::{Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits};
+use crate::interrupt;
+use crate::math::{Pose, Vector};
+use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Trajectory};
-use crate::world::{Surroundings, World};
+use crate::world::{CollisionQuery, Contact, Positions, World};
 use std::iter;
 use std::sync::Arc;
 
 /// Where the world is not as the controller believes.
 #[derive(Debug, Clone)]
-pub struct Reality {
+pub struct Reality<A, P> {
     /// The physical arm.
-    pub plant: Physics,
+    pub plant: Physics<A>,
     /// What the controller gets to know of the state; None if everything.
     pub measurement: Option<Measurement>,
     /// What the controller gets to know of the obstacles; None if everything.
-    pub perception: Option<Perception>,
+    pub perception: Option<P>,
     /// What becomes of its torque; None if all of it acts at once.
     pub actuator: Option<Actuator>,
 }
 
 /// An arm under control among obstacles. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub struct ClosedLoop<const M: usize> {
+pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     options: Options,
-    arm: Arc<PlanarArm>,
+    arm: Arc<S::Arm>,
     /// Evaluates the law at the present state (and, in continuous mode, in every stage).
-    brain: Brain<M>,
+    stack: ControlStack<S, D, M>,
     /// Evaluates it at the predicted state, in predictor mode.
-    foresight: Option<Brain<M>>,
-    plant: Plant,
+    foresight: Option<ControlStack<S, D, M>>,
+    plant: Plant<S::Arm, D>,
     measurement: Option<Measurement>,
-    perception: Option<Perception>,
+    perception: Option<S::Perception>,
     actuator: Option<Actuator>,
     /// What makes the reference wait.
     governor: Option<Governor>,
@@ -53,10 +54,10 @@ pub struct ClosedLoop<const M: usize> {
     /// (q, q̇) before the last step.
     before: [Vec<f64>; 2],
     held: Torque,
-    granted: Granted,
+    objective_scale: ObjectiveScale,
     null_acceleration: f64,
     /// Pose of the end effector, kept for the snapshot to borrow.
-    x: Vector<M>,
+    x: S::Pose,
     bias: Vec<f64>,
     predicted: [Vec<f64>; 3],
 }
@@ -74,9 +75,14 @@ impl<const M: usize> Truth<M> {
         Self { dx: Vector::zeros(), error: Vector::zeros(), clearance: vec![f64::INFINITY; n] }
     }
 
-    fn refresh(&mut self, plant: &PlanarState, reference: Vector<M>, world: &mut World) {
+    fn refresh<R: Manipulator<D, M>, const D: usize>(
+        &mut self,
+        plant: &R,
+        reference: &R::Pose,
+        world: &mut impl CollisionQuery<D>,
+    ) {
         self.dx = plant.task_velocity();
-        self.error = task::error(plant.pose(), reference);
+        self.error = plant.pose().error(reference);
         let links = plant.links();
         let nearest = |link: usize, d: f64| self.clearance[link] = d;
         world.for_each_contact(links, f64::NEG_INFINITY, nearest, |_| {});
@@ -94,20 +100,20 @@ fn is_finite(values: &[f64]) -> bool {
 
 /// The controller with what it perceives and what it is told.
 #[derive(Debug, Clone)]
-struct Brain<const M: usize> {
-    controller: Controller<PlanarState, 2, M>,
-    world: World,
-    trajectory: Trajectory<M>,
+struct ControlStack<S: System<D, M>, const D: usize, const M: usize> {
+    controller: Controller<S::State, D, M>,
+    world: World<S::Solid, D>,
+    trajectory: Trajectory<S::Pose, M>,
 }
 
-impl<const M: usize> Brain<M> {
+impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
     /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it,
     /// for the reference that `governor` makes wait.
     fn torque_at(
         &mut self,
         t: f64,
         [q, dq]: [&[f64]; 2],
-        perception: Option<&mut Perception>,
+        perception: Option<&mut S::Perception>,
         governor: Option<&Governor>,
     ) -> &Torque {
         let Self { controller, world, trajectory } = self;
@@ -130,18 +136,18 @@ impl<const M: usize> Brain<M> {
     }
 }
 
-impl<const M: usize> ClosedLoop<M> {
+impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// A joint speed that no arm survives [rad/s]: beyond it a run has diverged.
     pub const MAX_SPEED: f64 = 1e4;
 
     /// A closed loop at (q, q̇) at t = 0.
     pub fn new(
-        arm: &Arc<PlanarArm>,
+        arm: &Arc<S::Arm>,
         gains: Gains<M>,
-        world: World,
-        trajectory: Trajectory<M>,
+        world: World<S::Solid, D>,
+        trajectory: Trajectory<S::Pose, M>,
         options: Options,
-        reality: Reality,
+        reality: Reality<S::Arm, S::Perception>,
         [q, dq]: [Vec<f64>; 2],
     ) -> Self {
         let n = arm.dof();
@@ -153,11 +159,13 @@ impl<const M: usize> ClosedLoop<M> {
         });
         let imperfect = imperfect || perception.is_some();
         let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
-        let brain = Brain { controller: Controller::new(arm.state(), gains), world, trajectory };
+        let stack =
+            ControlStack { controller: Controller::new(arm.state(), gains), world, trajectory };
+        let x = stack.controller.pose();
         let mut this = Self {
             arm: Arc::clone(arm),
-            foresight: (options.control == Control::Predictor).then(|| brain.clone()),
-            brain,
+            foresight: (options.control == Control::Predictor).then(|| stack.clone()),
+            stack,
             plant: Plant::new(plant),
             measurement,
             perception,
@@ -171,9 +179,9 @@ impl<const M: usize> ClosedLoop<M> {
             dq,
             before: [zeros(), zeros()],
             held: Torque::zeros(n),
-            granted: limits::ALL,
+            objective_scale: limits::ALL,
             null_acceleration: 0.0,
-            x: Vector::zeros(),
+            x,
             bias: zeros(),
             predicted: [zeros(), zeros(), zeros()],
             options,
@@ -186,7 +194,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// Goes back to t = 0.
     pub fn restart(&mut self) {
         self.step = 0;
-        self.brain.controller.reset();
+        self.stack.controller.reset();
         if let Some(foresight) = &mut self.foresight {
             foresight.controller.reset();
         }
@@ -205,18 +213,18 @@ impl<const M: usize> ClosedLoop<M> {
     }
 
     fn start_perception(&mut self) {
-        let Self { perception, plant, brain, q, dq, .. } = self;
+        let Self { perception, plant, stack, q, dq, .. } = self;
         if let Some(perception) = perception {
-            brain.world.update(0.0);
+            stack.world.update(0.0);
             plant.update(q, dq);
-            perception.start(|i| plant.state().link(i), &brain.world);
+            perception.start(plant.state(), &stack.world);
         }
     }
 
     /// Takes over other gains, from now on. Allocates; what the controller remembers begins anew.
     pub fn set_gains(&mut self, gains: &Gains<M>) {
-        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
-            brain.controller = Controller::new(self.arm.state(), gains.clone());
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.controller = Controller::new(self.arm.state(), gains.clone());
         }
         let t = self.time();
         match (&mut self.governor, gains.governor) {
@@ -227,35 +235,37 @@ impl<const M: usize> ClosedLoop<M> {
     }
 
     /// Changes the world, of which predictor mode has two.
-    pub fn change_world(&mut self, change: impl Fn(&mut World)) {
+    pub fn change_world(&mut self, change: impl Fn(&mut World<S::Solid, D>)) {
         let t = self.time();
-        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
-            brain.world.update(t);
-            change(&mut brain.world);
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.world.update(t);
+            change(&mut stack.world);
         }
         self.control();
     }
 
     /// Lets go of the reference and sends the end effector to `goal` [m] from now on, smoothly, with the
     /// pole `rate` [1/s]; its orientation stays where it is.
-    pub fn aim(&mut self, goal: Vector<2>, rate: f64) {
+    pub fn aim(&mut self, goal: Vector<D>, rate: f64) {
         let t = self.path_time().unwrap_or(self.time());
-        let now = self.brain.trajectory.at(t);
-        let mut pose = now.x;
-        pose.fixed_rows_mut::<2>(0).copy_from(&goal);
-        let pursuit = Pursuit::new(t, [now.x, now.dx, now.ddx], pose, rate);
-        for brain in iter::once(&mut self.brain).chain(&mut self.foresight) {
-            brain.trajectory = Trajectory::pursuing(pursuit);
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.trajectory.aim(t, goal.as_slice(), rate);
         }
         self.control();
     }
 
+    /// Calls `visit` with every pair of a link and an obstacle as they are now.
+    pub fn for_each_contact(&mut self, visit: impl FnMut(&Contact<D>)) {
+        let ControlStack { controller, world, .. } = &mut self.stack;
+        world.for_each_contact(controller.robot().links(), f64::INFINITY, |_, _| {}, visit);
+    }
+
     /// The repulsion of every link, as the point on its axis [m] at which it acts and the force [N]: the sum
     /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
-    pub fn pushes(&mut self) -> Vec<[Vector<2>; 2]> {
-        let Brain { controller, world, .. } = &mut self.brain;
+    pub fn pushes(&mut self) -> Vec<[Vector<D>; 2]> {
+        let ControlStack { controller, world, .. } = &mut self.stack;
         let (robot, field) = (controller.robot(), controller.gains().field);
-        let mut means = vec![(Vector::<2>::zeros(), 0.0); robot.dof()];
+        let mut means = vec![(Vector::<D>::zeros(), 0.0); robot.dof()];
         let links = robot.links();
         world.for_each_contact(
             links,
@@ -281,14 +291,29 @@ impl<const M: usize> ClosedLoop<M> {
             .collect()
     }
 
+    /// The controller's model of the arm.
+    pub fn arm(&self) -> &Arc<S::Arm> {
+        &self.arm
+    }
+
+    /// The position nearest to `goal` [m] that the end effector can take with the orientation of the reference.
+    pub fn attainable(&self, goal: &Vector<D>) -> Vector<D> {
+        S::attainable(&self.arm, &self.stack.controller.reference().x, goal)
+    }
+
     /// The steps taken so far.
     pub fn step_count(&self) -> usize {
         self.step
     }
 
     /// The controller.
-    pub fn controller(&self) -> &Controller<PlanarState, 2, M> {
-        &self.brain.controller
+    pub fn controller(&self) -> &Controller<S::State, D, M> {
+        &self.stack.controller
+    }
+
+    /// The obstacles.
+    pub fn world(&self) -> &World<S::Solid, D> {
+        &self.stack.world
     }
 
     /// Whether the controller knows all obstacles.
@@ -303,14 +328,14 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// The true distance from each link to the nearest obstacle [m], as in the snapshot.
     pub fn clearance(&self) -> &[f64] {
-        let perceived = || self.brain.controller.forces().clearance();
+        let perceived = || self.stack.controller.forces().clearance();
         self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
     }
 
     /// Turns a joint torque into the commanded one with its share that the null space lets through
     /// (T4) on top [N·m].
     pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
-        self.brain.controller.project(tau);
+        self.stack.controller.project(tau);
         tau.iter_mut().zip(&self.held.total).for_each(|(tau, held)| *tau += held);
     }
 
@@ -338,7 +363,7 @@ impl<const M: usize> ClosedLoop<M> {
     /// Whether torque or speed limits hold for the controller.
     fn is_limited(&self) -> bool {
         let Limits { velocity, torque, .. } = self.arm.limits();
-        self.brain.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
+        self.stack.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
     }
 
     /// Whether the controller stands at the state of the plant, with a model that is the plant.
@@ -348,7 +373,7 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// The state and everything that the law made of it, at the present instant.
     pub fn snapshot(&self) -> Snapshot<'_> {
-        let controller = &self.brain.controller;
+        let controller = &self.stack.controller;
         let (forces, space, gains) = (controller.forces(), controller.space(), controller.gains());
         let [q_measured, dq_measured] =
             self.measurement.as_ref().map_or([&[][..]; 2], Measurement::seen);
@@ -359,12 +384,13 @@ impl<const M: usize> ClosedLoop<M> {
         let tau_applied = self.actuator.as_ref().map_or(&[][..], Actuator::torque);
         let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
         Snapshot {
+            dimension: D,
             t: self.time(),
             q: &self.q,
             dq: &self.dq,
             q_measured,
             dq_measured,
-            sensed: self.perception.as_ref().map_or(&[], Perception::seen),
+            sensed: self.perception.as_ref().map(|perception| perception as &dyn Positions),
             torque: &self.held,
             tau_applied,
             tau_vff: forces.torque(),
@@ -375,11 +401,11 @@ impl<const M: usize> ClosedLoop<M> {
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
-            world: &self.brain.world,
+            obstacles: &self.stack.world,
             null_acceleration: self.null_acceleration,
             energy: controller.energy(),
             power: controller.power(acting),
-            granted: self.is_limited().then_some(&self.granted),
+            objective_scale: self.is_limited().then_some(&self.objective_scale),
             tank: controller.tank().map(Tank::level),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
@@ -395,11 +421,11 @@ impl<const M: usize> ClosedLoop<M> {
     /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
     /// [defined](Self::is_defined) there.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
+        interrupt::spend(256 * self.q.len());
         let t = self.time();
-        self.before[0].copy_from_slice(&self.q);
-        self.before[1].copy_from_slice(&self.dq);
+        self.remember();
         let ideal = self.is_ideal();
-        let Self { brain, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
+        let Self { stack, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
         let held = external.unwrap_or(&held.total);
         let held = match actuator {
@@ -409,9 +435,9 @@ impl<const M: usize> ClosedLoop<M> {
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
         stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
             if continuous && !stage.first {
-                brain.torque_at(t + stage.offset, [q, dq], None, None);
+                stack.torque_at(t + stage.offset, [q, dq], None, None);
             }
-            let controller = &brain.controller;
+            let controller = &stack.controller;
             let tau = if continuous { &controller.torque().total } else { held };
             if ideal && (continuous || stage.first) {
                 plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
@@ -423,8 +449,41 @@ impl<const M: usize> ClosedLoop<M> {
             Integrator::Rk4 => 0.5,
             Integrator::SemiImplicitEuler => 1.0,
         };
-        let tau = if continuous { &brain.controller.torque().total } else { held };
+        let tau = if continuous { &stack.controller.torque().total } else { held };
         plant.settle(tau, &self.before, q, dq, [options.dt, weight]);
+        self.arrive()
+    }
+
+    /// The torque that the drives hold over the next plant step [N·m], for a plant elsewhere; to be asked for once per
+    /// step.
+    pub fn drive(&mut self) -> &[f64] {
+        match &mut self.actuator {
+            Some(actuator) => actuator.advance(&self.held.total),
+            None => &self.held.total,
+        }
+    }
+
+    /// The law at an instant of the next plant step, for a plant elsewhere that asks for it continuously [N·m].
+    pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
+        &self.stack.torque_at(t, [q, dq], None, None).total
+    }
+
+    /// Takes over the state to which a plant elsewhere has come within one plant step. Returns false, and stays
+    /// where it is, as [`advance`](Self::advance) does.
+    pub fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
+        self.remember();
+        self.q.copy_from_slice(q);
+        self.dq.copy_from_slice(dq);
+        self.arrive()
+    }
+
+    fn remember(&mut self) {
+        self.before[0].copy_from_slice(&self.q);
+        self.before[1].copy_from_slice(&self.dq);
+    }
+
+    /// One plant step has passed and has led to (q, q̇); goes back if nothing can go on from there.
+    fn arrive(&mut self) -> bool {
         if self.is_sane() {
             self.step += 1;
             self.elapse();
@@ -432,11 +491,11 @@ impl<const M: usize> ClosedLoop<M> {
                 measurement.advance(&self.q, &self.dq);
             }
             let t = self.time();
-            let Self { perception, plant, brain, q, dq, .. } = self;
+            let Self { perception, plant, stack, q, dq, .. } = self;
             if let Some(perception) = perception {
-                brain.world.update(t);
+                stack.world.update(t);
                 plant.update(q, dq);
-                perception.advance(|i| plant.state().link(i), &brain.world);
+                perception.advance(plant.state(), &stack.world);
             }
             self.control();
             if self.is_defined() {
@@ -465,7 +524,7 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Lets one plant step pass for what has a memory in the controller.
     fn elapse(&mut self) {
-        self.brain.controller.elapse(self.options.dt);
+        self.stack.controller.elapse(self.options.dt);
         if let Some(foresight) = &mut self.foresight {
             foresight.controller.elapse(self.options.dt);
         }
@@ -473,8 +532,8 @@ impl<const M: usize> ClosedLoop<M> {
 
     /// Whether everything that the law made of the present state is finite.
     pub fn is_defined(&self) -> bool {
-        let forces = self.brain.controller.forces();
-        let total = self.brain.controller.torque().total.as_slice();
+        let forces = self.stack.controller.forces();
+        let total = self.stack.controller.torque().total.as_slice();
         is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude())
     }
 
@@ -488,25 +547,26 @@ impl<const M: usize> ClosedLoop<M> {
             governor.begin(t);
         }
         let torque =
-            self.brain.torque_at(t, seen, self.perception.as_mut(), self.governor.as_ref());
+            self.stack.torque_at(t, seen, self.perception.as_mut(), self.governor.as_ref());
         if period_begins {
             self.held.copy_from(torque);
-            self.granted = *self.brain.controller.granted();
+            self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
-                governor.hear(self.brain.controller.error().fixed_rows::<2>(0).norm());
+                governor.hear(self.stack.controller.error().fixed_rows::<D>(0).norm());
             }
         }
         self.x = match &mut self.truth {
             Some(truth) => {
                 self.plant.update(&self.q, &self.dq);
                 let state = self.plant.state();
-                truth.refresh(state, self.brain.controller.reference().x, &mut self.brain.world);
+                let reference = self.stack.controller.reference().x;
+                truth.refresh(state, &reference, &mut self.stack.world);
                 state.pose()
             }
-            None => self.brain.controller.pose(),
+            None => self.stack.controller.pose(),
         };
         if period_begins {
-            self.null_acceleration = self.brain.controller.null_acceleration();
+            self.null_acceleration = self.stack.controller.null_acceleration();
             self.predict(t);
             if let Some(actuator) = &mut self.actuator {
                 actuator.command(&self.held.total);
@@ -519,7 +579,7 @@ impl<const M: usize> ClosedLoop<M> {
         let Some(foresight) = &mut self.foresight else { return };
         let [q, dq, ddq] = &mut self.predicted;
         let half = 0.5 * self.options.control_period();
-        let controller = &self.brain.controller;
+        let controller = &self.stack.controller;
         let robot = controller.robot();
         robot.accelerate(&self.held.total, controller.bias(), &mut self.bias, ddq);
         for (v, (dq, ddq)) in dq.iter_mut().zip(robot.velocity().iter().zip(ddq.iter())) {
@@ -532,7 +592,7 @@ impl<const M: usize> ClosedLoop<M> {
         }
         let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
         self.held.copy_from(foresight.torque_at(t + half, [q, dq], perception, governor));
-        self.granted = *foresight.controller.granted();
+        self.objective_scale = *foresight.controller.objective_scale();
         self.null_acceleration = foresight.controller.null_acceleration();
     }
 }

@@ -11,6 +11,7 @@
 //! kinetic energy never rises (T46). The active set is found by block pivoting: all joints on the
 //! wrong side change it at once, and one at a time where that does not converge.
 
+use crate::interrupt;
 use crate::robot::Robot;
 
 /// What is assumed of a joint.
@@ -127,6 +128,7 @@ impl Impulses {
         }
         // (M⁻¹)_SS p_S = −v_S
         for (column, &joint) in self.still.iter().enumerate() {
+            interrupt::spend(16 * self.unit.len() + column * column);
             self.unit.fill(0.0);
             self.unit[joint] = 1.0;
             robot.mass_solve(&self.unit, &mut self.change);

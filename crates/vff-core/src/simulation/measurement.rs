@@ -1,6 +1,6 @@
 //! The sensors: what the controller gets to know of the state.
 
-use crate::math::{Broadcast, Noise};
+use crate::math::{Noise, ScalarOrVec};
 use serde::Deserialize;
 
 /// The `[measurement]` table of a scenario; each one number or one per joint, 0 for none.
@@ -8,20 +8,20 @@ use serde::Deserialize;
 #[serde(default, deny_unknown_fields)]
 pub struct MeasurementSettings {
     /// Standard deviation of the noise of q [rad], ≥ 0.
-    pub position_noise: Broadcast,
+    pub position_noise: ScalarOrVec,
     /// Standard deviation of the noise of q̇ [rad/s], ≥ 0.
-    pub velocity_noise: Broadcast,
+    pub velocity_noise: ScalarOrVec,
     /// Step of the readings of q [rad], ≥ 0.
-    pub position_resolution: Broadcast,
+    pub position_resolution: ScalarOrVec,
     /// Step of the readings of q̇ [rad/s], ≥ 0.
-    pub velocity_resolution: Broadcast,
+    pub velocity_resolution: ScalarOrVec,
     /// Age of the readings [s], ≥ 0; rounded up to whole plant steps.
-    pub delay: Broadcast,
+    pub delay: ScalarOrVec,
 }
 
 impl Default for MeasurementSettings {
     fn default() -> Self {
-        let none = || Broadcast::Uniform(0.0);
+        let none = || ScalarOrVec::Uniform(0.0);
         Self {
             position_noise: none(),
             velocity_noise: none(),
@@ -66,8 +66,8 @@ struct Sensors {
 impl Sensors {
     fn new(
         noise: Noise,
-        deviation: &Broadcast,
-        resolution: &Broadcast,
+        deviation: &ScalarOrVec,
+        resolution: &ScalarOrVec,
         [n, rows]: [usize; 2],
     ) -> Self {
         Self {
@@ -116,7 +116,7 @@ impl Measurement {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "judged before"
+            reason = "validated before"
         )]
         let delay: Vec<_> = (0..n)
             .map(|i| MeasurementSettings::steps(settings.delay.get(i), dt) as usize)
@@ -188,8 +188,8 @@ mod tests {
 
     fn sensors(delay: f64, noise: f64) -> Measurement {
         let settings = MeasurementSettings {
-            position_noise: Broadcast::Uniform(noise),
-            delay: Broadcast::Each(vec![0.0, delay]),
+            position_noise: ScalarOrVec::Uniform(noise),
+            delay: ScalarOrVec::Each(vec![0.0, delay]),
             ..MeasurementSettings::default()
         };
         let mut sensors = Measurement::new(&settings, 5, 2, 1e-3);

@@ -1,4 +1,4 @@
-//! What a run is judged by, accumulated at every plant step whatever is recorded.
+//! What a run is validated by, accumulated at every plant step whatever is recorded.
 
 use super::Snapshot;
 use crate::robot::Limits;
@@ -38,10 +38,10 @@ pub const METRICS: &[Metric] = &[
     metric("intrusion_time", "s", "total time with a link inside an obstacle"),
     metric("intrusion_depth", "m", "deepest penetration of a link into an obstacle"),
     metric("tail_start", "s", "end of the transient: 80 % of the run"),
-    metric("rms_error_transient", "m", "RMS distance to the reference before tail_start"),
-    metric("max_error_transient", "m", "largest distance to the reference before tail_start"),
-    metric("rms_error_tail", "m", "RMS distance to the reference from tail_start on"),
-    metric("max_error_tail", "m", "largest distance to the reference from tail_start on"),
+    metric("rms_error_transient", "m", "RMS distance to the reference in the first 80 % of the run"),
+    metric("max_error_transient", "m", "largest distance to the reference in the first 80 % of the run"),
+    metric("rms_error_tail", "m", "RMS distance to the reference in the last 20 % of the run"),
+    metric("max_error_tail", "m", "largest distance to the reference in the last 20 % of the run"),
     metric("max_orientation_error_tail", "rad", "the same for the orientation of a pose task"),
     metric("settling_time", "s", "from then on within 2 % of the first error, or 1 mm if larger"),
     metric("max_repulsion", "N", "largest repulsive force on a link"),
@@ -64,6 +64,10 @@ pub const METRICS: &[Metric] = &[
     metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
 ];
+
+fn norm(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
 
 /// The larger of two numbers: one instruction, where `f64::max` also asks which one is NaN.
 #[inline]
@@ -234,16 +238,15 @@ impl Metrics {
     }
 
     fn tracking(&mut self, s: &Snapshot<'_>) {
-        let error = (s.error[0] * s.error[0] + s.error[1] * s.error[1]).sqrt();
+        let (position, orientation) = s.error.split_at(s.dimension);
+        let error = norm(position);
         let tail = usize::from(s.t >= self.tail_start);
         self.tail_samples += tail;
         self.sum_error[tail] += error * error;
         self.max_error[tail] = self.max_error[tail].max(error);
-        if let Some(angle) = s.error.get(2)
-            && tail == 1
-        {
+        if !orientation.is_empty() && tail == 1 {
             let worst = self.max_orientation_error.get_or_insert(0.0);
-            *worst = worst.max(angle.abs());
+            *worst = worst.max(norm(orientation));
         }
         if self.samples == 0 {
             self.settling_bound = (0.02 * error).max(1e-3);
@@ -301,8 +304,8 @@ impl Metrics {
             self.slack_steps += usize::from(slack > 0.1);
         }
         self.yields = s.yields;
-        if let Some(granted) = s.granted {
-            let limited = granted.iter().any(|share| *share < 1.0);
+        if let Some(objective_scale) = s.objective_scale {
+            let limited = objective_scale.iter().any(|share| *share < 1.0);
             *self.limited_steps.get_or_insert(0) += usize::from(limited);
         }
         let (storage, supply) = (s.energy.null_storage, s.power.into_null_space());
@@ -318,13 +321,15 @@ impl Metrics {
 
     /// The values, in the order of [`METRICS`].
     pub fn values(&self) -> Vec<(&'static Metric, Value)> {
+        // What has left the range of numbers is none: a run may end while its sums overflow.
+        let number =
+            |value: f64| if value.is_finite() { Value::Number(value) } else { Value::None };
         #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
         let rms = |sum: f64, count: usize| match count {
             0 => Value::None,
-            count => Value::Number((sum / count as f64).sqrt()),
+            count => number((sum / count as f64).sqrt()),
         };
-        let number = Value::Number;
-        let optional = |value: Option<f64>| value.map_or(Value::None, Value::Number);
+        let optional = |value: Option<f64>| value.map_or(Value::None, number);
         let given = |applies: bool, value| if applies { number(value) } else { Value::None };
         let [transient, tail] = [self.samples - self.tail_samples, self.tail_samples];
         let seen = self.min_clearance < f64::INFINITY;

@@ -7,20 +7,25 @@ mod integrator;
 mod measurement;
 mod metrics;
 mod options;
+#[cfg(feature = "realtime")]
 pub mod pace;
 mod perception;
+mod plane;
 mod plant;
 mod recorder;
 mod run;
 mod snapshot;
+mod system;
 
 pub use actuator::{Actuator, ActuatorSettings};
 pub use closed_loop::{ClosedLoop, Reality};
 pub use measurement::{Measurement, MeasurementSettings};
 pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
-pub use perception::{Kind as PerceptionKind, Perception, PerceptionSettings};
+pub use perception::{Kind as PerceptionKind, Perceive, Perception, PerceptionSettings};
+pub use plane::{PlanarSystem, Plane};
 pub use plant::Physics;
-pub use recorder::{MAX_BYTES, Record, RecordTooLarge};
+pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes};
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
+pub use system::System;

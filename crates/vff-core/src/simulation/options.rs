@@ -57,7 +57,7 @@ impl Default for Options {
 
 impl Options {
     /// The number of plant steps in `duration` [s].
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "judged before")]
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated before")]
     pub fn steps(&self, duration: f64) -> usize {
         (duration / self.dt).round() as usize
     }

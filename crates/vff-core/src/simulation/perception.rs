@@ -2,7 +2,9 @@
 
 use super::measurement::rounded;
 use crate::math::{Capsule, Noise, Vector, cross, perp};
-use crate::world::{Contact, Feature, Surroundings, World};
+use crate::robot::Robot;
+use crate::world::plane::{Outline, World};
+use crate::world::{self, CollisionQuery, Contact, Feature, Positions, Solid};
 use serde::Deserialize;
 
 /// The `[perception]` table of a scenario.
@@ -94,6 +96,17 @@ struct Mount {
     direction: [f64; 2],
 }
 
+/// What a controller sees of the world by sensors on the robot's links: the obstacles that it believes in. Its
+/// [`Positions`] are the readings, NaN where nothing was met.
+pub trait Perceive<S: Solid<D>, const D: usize>: CollisionQuery<D> + Positions {
+    /// Begins with robot and world as they are, and as they have been all the time before.
+    fn start(&mut self, robot: &impl Robot<D>, world: &world::World<S, D>);
+    /// Senses one plant step later.
+    fn advance(&mut self, robot: &impl Robot<D>, world: &world::World<S, D>);
+    /// Takes the last step back.
+    fn undo(&mut self);
+}
+
 /// Range sensors with everything that they have seen and the controller does not know yet.
 #[derive(Debug, Clone)]
 pub struct Perception {
@@ -125,7 +138,7 @@ impl Perception {
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
-        reason = "judged before"
+        reason = "validated before"
     )]
     pub fn new(settings: &PerceptionSettings, seed: u64, n: usize, dt: f64) -> Self {
         let (every, late) =
@@ -166,32 +179,6 @@ impl Perception {
         &self.seen
     }
 
-    /// Begins with links and world as they are, and as they have been all the time before.
-    pub fn start(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World) {
-        self.step = 0;
-        self.scan(link, world, 0);
-        let count = self.mounts.len();
-        for row in 1..self.rows {
-            self.scans.copy_within(..count, row * count);
-        }
-        self.look();
-    }
-
-    /// Senses one plant step later.
-    pub fn advance(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World) {
-        self.step += 1;
-        if self.step.is_multiple_of(self.every) {
-            self.scan(link, world, self.step / self.every % self.rows);
-        }
-        self.look();
-    }
-
-    /// Takes the last step back.
-    pub fn undo(&mut self) {
-        self.step -= 1;
-        self.look();
-    }
-
     /// Reads every sensor (T80).
     fn scan(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World, row: usize) {
         let Self { settings, mounts, noise, losses, scans, .. } = self;
@@ -217,7 +204,7 @@ impl Perception {
     }
 
     /// Fetches the scan that has arrived last.
-    fn look(&mut self) {
+    fn fetch(&mut self) {
         let row = self.step.saturating_sub(self.late) / self.every % self.rows;
         let count = self.mounts.len();
         self.seen.copy_from_slice(&self.scans[row * count..][..count]);
@@ -226,7 +213,42 @@ impl Perception {
     }
 }
 
-impl Surroundings<2> for Perception {
+impl Perceive<Outline, 2> for Perception {
+    fn start(&mut self, robot: &impl Robot<2>, world: &World) {
+        self.step = 0;
+        self.scan(|i| robot.link(i), world, 0);
+        let count = self.mounts.len();
+        for row in 1..self.rows {
+            self.scans.copy_within(..count, row * count);
+        }
+        self.fetch();
+    }
+
+    fn advance(&mut self, robot: &impl Robot<2>, world: &World) {
+        self.step += 1;
+        if self.step.is_multiple_of(self.every) {
+            self.scan(|i| robot.link(i), world, self.step / self.every % self.rows);
+        }
+        self.fetch();
+    }
+
+    fn undo(&mut self) {
+        self.step -= 1;
+        self.fetch();
+    }
+}
+
+impl Positions for Perception {
+    fn count(&self) -> usize {
+        self.seen.len()
+    }
+
+    fn append_to(&self, out: &mut Vec<f64>) {
+        self.seen.iter().for_each(|point| out.extend_from_slice(point.as_slice()));
+    }
+}
+
+impl CollisionQuery<2> for Perception {
     /// One on either side of a link.
     fn obstacle_count(&self) -> usize {
         2
@@ -304,7 +326,10 @@ fn touch(link: usize, capsule: &Capsule<2>, side: usize, witness: Vector<2>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::{Motion, Obstacle, Shape};
+    use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape};
+    use std::sync::Arc;
 
     fn settings() -> PerceptionSettings {
         PerceptionSettings {
@@ -325,23 +350,25 @@ mod tests {
         }])
     }
 
-    fn link(_: usize) -> Capsule<2> {
-        Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1)
+    /// One link along the x axis.
+    fn robot() -> PlanarState {
+        let link = Link { radius: 0.1, ..Link::rod(1.0, 1.0) };
+        Arc::new(PlanarArm::new(vec![link], Vector::<2>::zeros())).state()
     }
 
     fn started(settings: &PerceptionSettings, world: &World) -> Perception {
         let mut perception = Perception::new(settings, 7, 1, 1e-3);
-        perception.start(link, world);
+        perception.start(&robot(), world);
         perception
     }
 
     /// Readings of the upper side over many scans of the wall at 2 m, from the surface at 0.1 m.
     fn readings(settings: &PerceptionSettings) -> Vec<f64> {
         let world = wall(0.0);
-        let mut perception = started(settings, &world);
+        let (mut perception, robot) = (started(settings, &world), robot());
         let mut found = vec![];
         for _ in 0..5000 {
-            perception.advance(link, &world);
+            perception.advance(&robot, &world);
             found.extend(perception.seen().iter().step_by(2).map(|point| point.y - 0.1));
         }
         found
@@ -400,14 +427,14 @@ mod tests {
     fn rate_latency_and_undo() {
         let late = PerceptionSettings { rate: Some(250.0), latency: 6e-3, ..settings() };
         let mut world = wall(1.0);
-        let mut perception = started(&late, &world);
+        let (mut perception, robot) = (started(&late, &world), robot());
         for step in 1..40_usize {
             let before = perception.seen()[0].y;
             world.update(1e-3 * step as f64);
-            perception.advance(link, &world);
+            perception.advance(&robot, &world);
             perception.undo();
             assert_eq!(perception.seen()[0].y.to_bits(), before.to_bits());
-            perception.advance(link, &world);
+            perception.advance(&robot, &world);
             let scanned = 4 * (step.saturating_sub(6) / 4);
             let expected = 2.0 + 1e-3 * scanned as f64;
             assert!((perception.seen()[0].y - expected).abs() < 1e-12, "{step}");
@@ -427,7 +454,12 @@ mod tests {
         let odd = PerceptionSettings { sensors: 5, ..settings() };
         let mut perception = started(&odd, &world);
         let (mut found, mut clearance) = (vec![], f64::NAN);
-        perception.for_each_contact([link(0)], 0.75, |_, d| clearance = d, |c| found.push(*c));
+        perception.for_each_contact(
+            [robot().link(0)],
+            0.75,
+            |_, d| clearance = d,
+            |c| found.push(*c),
+        );
         assert!((clearance - 0.4).abs() < 1e-12);
         let expected = [(0.7, -1.0), (0.4, 1.0)];
         assert_eq!(found.len(), 2);
@@ -437,7 +469,7 @@ mod tests {
             assert_eq!(contact.velocity, Vector::<2>::zeros());
         }
         found.clear();
-        perception.for_each_contact([link(0)], 0.5, |_, _| {}, |c| found.push(*c));
+        perception.for_each_contact([robot().link(0)], 0.5, |_, _| {}, |c| found.push(*c));
         assert_eq!(found.len(), 1);
     }
 }

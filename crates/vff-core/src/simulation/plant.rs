@@ -1,15 +1,15 @@
 //! The physical arm: what the torque meets, whatever the controller believes.
 
 use super::impulses::Impulses;
-use crate::control::dot;
-use crate::robot::{PlanarArm, PlanarState, Robot};
+use crate::math::dot;
+use crate::robot::{Model, Robot};
 use std::sync::Arc;
 
 /// The parameters of the physical arm. A list is empty where there is none of it.
 #[derive(Debug, Clone)]
-pub struct Physics {
+pub struct Physics<A> {
     /// Its links; the controller's own model if there is no difference.
-    pub arm: Arc<PlanarArm>,
+    pub arm: Arc<A>,
     /// Viscous friction of the joints [N·m·s/rad].
     pub viscous: Vec<f64>,
     /// Dry friction of the joints [N·m].
@@ -18,18 +18,18 @@ pub struct Physics {
     pub stops: Vec<[f64; 2]>,
 }
 
-impl Physics {
+impl<A> Physics<A> {
     /// The arm alone.
-    pub fn of(arm: &Arc<PlanarArm>) -> Self {
+    pub fn of(arm: &Arc<A>) -> Self {
         Self { arm: Arc::clone(arm), viscous: vec![], coulomb: vec![], stops: vec![] }
     }
 }
 
 /// The physical arm with its workspace. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub struct Plant {
-    physics: Physics,
-    state: PlanarState,
+pub struct Plant<A: Model<D>, const D: usize> {
+    physics: Physics<A>,
+    state: A::State,
     impulses: Impulses,
     /// The torque that viscous friction leaves.
     torque: Vec<f64>,
@@ -38,14 +38,22 @@ pub struct Plant {
     change: Vec<f64>,
 }
 
-impl Plant {
+impl<A> Physics<A> {
+    /// Whether anything acts that is not continuous: stops and dry friction.
+    pub fn has_impulses(&self) -> bool {
+        !(self.coulomb.is_empty() && self.stops.is_empty())
+    }
+}
+
+impl<A: Model<D>, const D: usize> Plant<A, D> {
     /// A plant at q = 0, at rest.
-    pub fn new(physics: Physics) -> Self {
+    pub fn new(physics: Physics<A>) -> Self {
         let n = physics.arm.dof();
         let zeros = || vec![0.0; n];
         Self {
             state: physics.arm.state(),
-            impulses: Impulses::new(n),
+            // Its matrix is large for a long arm, and of no use to one without stops and dry friction.
+            impulses: Impulses::new(if physics.has_impulses() { n } else { 0 }),
             torque: zeros(),
             scratch: zeros(),
             change: zeros(),
@@ -54,12 +62,12 @@ impl Plant {
     }
 
     /// The links.
-    pub fn arm(&self) -> &Arc<PlanarArm> {
+    pub fn arm(&self) -> &Arc<A> {
         &self.physics.arm
     }
 
     /// The links at the state of the last [`update`](Self::update).
-    pub fn state(&self) -> &PlanarState {
+    pub fn state(&self) -> &A::State {
         &self.state
     }
 
@@ -77,13 +85,7 @@ impl Plant {
 
     /// The same where a controller whose model is the plant stands at this very state: what it has
     /// factorised serves the plant too.
-    pub fn accelerate_as(
-        &mut self,
-        model: &PlanarState,
-        tau: &[f64],
-        bias: &[f64],
-        ddq: &mut [f64],
-    ) {
+    pub fn accelerate_as(&mut self, model: &A::State, tau: &[f64], bias: &[f64], ddq: &mut [f64]) {
         let Self { physics, torque, scratch, .. } = self;
         let tau = resisted(&physics.viscous, tau, model.velocity(), torque);
         model.accelerate(tau, bias, scratch, ddq);

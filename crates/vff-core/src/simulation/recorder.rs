@@ -2,6 +2,45 @@
 
 use super::Snapshot;
 use crate::control::{energy, limits};
+use crate::world::Positions;
+use std::mem;
+
+/// How large the arrays of a record are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Sizes {
+    /// Dimension D of the space.
+    pub dimension: usize,
+    /// Number of joints n.
+    pub joints: usize,
+    /// Task dimension m.
+    pub task: usize,
+    /// Numbers p of a pose.
+    pub pose: usize,
+    /// Number of obstacles k.
+    pub obstacles: usize,
+    /// Number of rays r of the range sensors.
+    pub rays: usize,
+}
+
+impl Sizes {
+    /// Those of a run like `s`.
+    pub fn of(s: &Snapshot<'_>) -> Self {
+        Self {
+            dimension: s.dimension,
+            joints: s.q.len(),
+            task: s.error.len(),
+            pose: s.x.len(),
+            obstacles: s.obstacles.count(),
+            rays: s.sensed.map_or(0, Positions::count),
+        }
+    }
+
+    /// The most that one row takes [bytes].
+    pub fn row_bytes(self) -> usize {
+        let mut empty = Record { sizes: self, ..Record::default() };
+        8 * empty.columns(None).iter().map(|column| column.width()).sum::<usize>()
+    }
+}
 
 /// Every recorded quantity, one row per recorded instant (units as in [`Snapshot`]). One that the run
 /// does not have stays empty.
@@ -9,14 +48,8 @@ use crate::control::{energy, limits};
 pub struct Record {
     /// Number of rows T.
     pub rows: usize,
-    /// Number of joints n.
-    pub joints: usize,
-    /// Task dimension m.
-    pub task: usize,
-    /// Number of obstacles k.
-    pub obstacles_count: usize,
-    /// Number of rays r of the range sensors.
-    pub rays: usize,
+    /// How long a row of each array is.
+    pub sizes: Sizes,
     /// (T).
     pub t: Vec<f64>,
     /// (T, n).
@@ -31,11 +64,11 @@ pub struct Record {
     pub tau_null: Vec<f64>,
     /// (T, n).
     pub tau_vff: Vec<f64>,
-    /// (T, m).
+    /// (T, p).
     pub x: Vec<f64>,
     /// (T, m).
     pub dx: Vec<f64>,
-    /// (T, m).
+    /// (T, p).
     pub x_ref: Vec<f64>,
     /// (T, m).
     pub error: Vec<f64>,
@@ -43,7 +76,7 @@ pub struct Record {
     pub force: Vec<f64>,
     /// (T, n).
     pub clearance: Vec<f64>,
-    /// (T, k, 2).
+    /// (T, k, D).
     pub obstacles: Vec<f64>,
     /// (T, n), or empty without `[measurement]`.
     pub q_measured: Vec<f64>,
@@ -51,7 +84,7 @@ pub struct Record {
     pub dq_measured: Vec<f64>,
     /// (T, n), or empty without `[actuator]`.
     pub tau_applied: Vec<f64>,
-    /// (T, r, 2), or empty without range sensors.
+    /// (T, r, D), or empty without range sensors.
     pub sensed: Vec<f64>,
     /// (T, [`energy::ENERGIES`]).
     pub energy: Vec<f64>,
@@ -60,7 +93,7 @@ pub struct Record {
     /// (T).
     pub manipulability: Vec<f64>,
     /// (T, [`limits::OBJECTIVES`]), or empty.
-    pub granted: Vec<f64>,
+    pub objective_scale: Vec<f64>,
     /// (T), or empty.
     pub self_clearance: Vec<f64>,
     /// (T), or empty.
@@ -71,9 +104,7 @@ pub struct Record {
     pub path_time: Vec<f64>,
 }
 
-/// The largest record that is accepted, and the largest sum of the records of a batch [bytes]: systems
-/// that promise more memory than they have would otherwise end the process in the middle of a run.
-pub const MAX_BYTES: usize = 8_000_000_000;
+pub use crate::math::memory::MAX_BYTES;
 
 /// The record of a run would be too large.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -85,20 +116,46 @@ pub struct RecordTooLarge {
     pub gigabytes: f64,
 }
 
+/// One array of a record.
+struct Column<'a> {
+    name: &'static str,
+    values: &'a mut Vec<f64>,
+    /// Its shape without the rows: (), (a) or (a, b).
+    shape: Vec<usize>,
+    /// Whether runs may lack it.
+    optional: bool,
+}
+
+impl Column<'_> {
+    /// Numbers per row.
+    fn width(&self) -> usize {
+        self.shape.iter().product()
+    }
+}
+
+/// An array of a record, row-major, with its shape.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Array {
+    /// The numbers.
+    pub values: Vec<f64>,
+    /// The number of rows T, then that of the entries along each further axis.
+    pub shape: Vec<usize>,
+}
+
 impl Record {
     /// Room for `rows` rows like `s`.
     ///
     /// # Errors
     /// If they take too much memory.
     pub fn with_capacity(rows: usize, s: &Snapshot<'_>) -> Result<Self, RecordTooLarge> {
-        let (joints, task, obstacles_count) = (s.q.len(), s.x.len(), s.world.len());
-        let rays = s.sensed.len();
-        let mut record = Self { joints, task, obstacles_count, rays, ..Self::default() };
-        let row_bytes = 8 * record.arrays(Some(s)).iter().map(|(_, width)| width).sum::<usize>();
+        let mut record = Self { sizes: Sizes::of(s), ..Self::default() };
+        let row_bytes = 8 * record.columns(Some(s)).iter().map(Column::width).sum::<usize>();
         let fits = rows.checked_mul(row_bytes).is_some_and(|bytes| bytes <= MAX_BYTES);
-        let reserve =
-            |(array, width): (&mut Vec<f64>, usize)| array.try_reserve_exact(rows * width);
-        if fits && record.arrays(Some(s)).into_iter().try_for_each(reserve).is_ok() {
+        let reserve = |column: &mut Column<'_>| {
+            let width = column.width();
+            column.values.try_reserve_exact(rows * width)
+        };
+        if fits && record.columns(Some(s)).iter_mut().try_for_each(reserve).is_ok() {
             return Ok(record);
         }
         #[expect(clippy::cast_precision_loss, reason = "a message")]
@@ -106,47 +163,87 @@ impl Record {
         Err(RecordTooLarge { rows, gigabytes })
     }
 
-    /// The most that one row takes [bytes].
-    pub fn row_bytes(n: usize, m: usize, obstacles: usize, rays: usize) -> usize {
-        let (joints, task, obstacles_count) = (n, m, obstacles);
-        let mut empty = Self { joints, task, obstacles_count, rays, ..Self::default() };
-        8 * empty.arrays(None).iter().map(|(_, width)| width).sum::<usize>()
+    /// All arrays by their names; `None` for what the run does not have.
+    pub fn into_arrays(mut self) -> Vec<(&'static str, Option<Array>)> {
+        let rows = self.rows;
+        let array = |column: Column<'_>| {
+            let values = mem::take(column.values);
+            let absent = column.optional && values.is_empty();
+            let shape = std::iter::once(rows).chain(column.shape).collect();
+            (column.name, (!absent).then_some(Array { values, shape }))
+        };
+        self.columns(None).into_iter().map(array).collect()
     }
 
-    /// Every array with the length of its rows: of a run like `s`, or of one that has everything.
-    fn arrays(&mut self, s: Option<&Snapshot<'_>>) -> [(&mut Vec<f64>, usize); 26] {
-        let (n, m) = (self.joints, self.task);
-        let optional = |given: fn(&Snapshot<'_>) -> bool, width: usize| {
-            if s.is_none_or(given) { width } else { 0 }
+    /// The one list of arrays: as long as those of a run like `s`, or of one that has everything.
+    fn columns(&mut self, s: Option<&Snapshot<'_>>) -> Vec<Column<'_>> {
+        let Sizes { dimension: d, joints: n, task: m, pose, obstacles, rays } = self.sizes;
+        let column = |name, values, shape: &[usize]| Column {
+            name,
+            values,
+            shape: shape.to_vec(),
+            optional: false,
         };
-        [
-            (&mut self.t, 1),
-            (&mut self.q, n),
-            (&mut self.dq, n),
-            (&mut self.tau, n),
-            (&mut self.tau_task, n),
-            (&mut self.tau_null, n),
-            (&mut self.tau_vff, n),
-            (&mut self.x, m),
-            (&mut self.dx, m),
-            (&mut self.x_ref, m),
-            (&mut self.error, m),
-            (&mut self.force, n),
-            (&mut self.clearance, n),
-            (&mut self.obstacles, 2 * self.obstacles_count),
-            (&mut self.q_measured, optional(|s| !s.q_measured.is_empty(), n)),
-            (&mut self.dq_measured, optional(|s| !s.dq_measured.is_empty(), n)),
-            (&mut self.tau_applied, optional(|s| !s.tau_applied.is_empty(), n)),
-            (&mut self.sensed, 2 * self.rays),
-            (&mut self.energy, energy::ENERGIES.len()),
-            (&mut self.power, energy::PORTS.len()),
-            (&mut self.manipulability, 1),
-            (&mut self.granted, optional(|s| s.granted.is_some(), limits::OBJECTIVES.len())),
-            (&mut self.self_clearance, optional(|s| s.self_clearance.is_some(), 1)),
-            (&mut self.tank, optional(|s| s.tank.is_some(), 1)),
-            (&mut self.slack, optional(|s| s.slack.is_some(), 1)),
-            (&mut self.path_time, optional(|s| s.path_time.is_some(), 1)),
+        let optional = |name, values, shape: &[usize], given: fn(&Snapshot<'_>) -> bool| {
+            let shape = if s.is_none_or(given) { shape.to_vec() } else { vec![0] };
+            Column { name, values, shape, optional: true }
+        };
+        let objectives = limits::OBJECTIVES.len();
+        vec![
+            column("t", &mut self.t, &[]),
+            column("q", &mut self.q, &[n]),
+            column("dq", &mut self.dq, &[n]),
+            column("tau", &mut self.tau, &[n]),
+            column("tau_task", &mut self.tau_task, &[n]),
+            column("tau_null", &mut self.tau_null, &[n]),
+            column("tau_vff", &mut self.tau_vff, &[n]),
+            column("x", &mut self.x, &[pose]),
+            column("dx", &mut self.dx, &[m]),
+            column("x_ref", &mut self.x_ref, &[pose]),
+            column("error", &mut self.error, &[m]),
+            column("force", &mut self.force, &[n]),
+            column("clearance", &mut self.clearance, &[n]),
+            column("obstacles", &mut self.obstacles, &[obstacles, d]),
+            column("energy", &mut self.energy, &[energy::ENERGIES.len()]),
+            column("power", &mut self.power, &[energy::PORTS.len()]),
+            column("manipulability", &mut self.manipulability, &[]),
+            optional("q_measured", &mut self.q_measured, &[n], |s| !s.q_measured.is_empty()),
+            optional("dq_measured", &mut self.dq_measured, &[n], |s| !s.dq_measured.is_empty()),
+            optional("tau_applied", &mut self.tau_applied, &[n], |s| !s.tau_applied.is_empty()),
+            optional("objective_scale", &mut self.objective_scale, &[objectives], |s| {
+                s.objective_scale.is_some()
+            }),
+            optional("sensed", &mut self.sensed, &[rays, d], |s| s.sensed.is_some()),
+            optional("self_clearance", &mut self.self_clearance, &[], |s| {
+                s.self_clearance.is_some()
+            }),
+            optional("tank", &mut self.tank, &[], |s| s.tank.is_some()),
+            optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
+            optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
         ]
+    }
+
+    /// Takes rows away from the end until the last is finite. Infinite clearances and readings of nothing are.
+    pub fn end_with_finite_row(&mut self) {
+        while self.rows > 0 && !self.ends_finite() {
+            let rows = self.rows;
+            for column in self.columns(None) {
+                column.values.truncate(column.values.len() / rows * (rows - 1));
+            }
+            self.rows -= 1;
+        }
+    }
+
+    fn ends_finite(&mut self) -> bool {
+        let rows = self.rows;
+        self.columns(None).into_iter().all(|column| {
+            let last = column.values.len() - column.values.len() / rows;
+            column.values[last..].iter().all(|value| match column.name {
+                "clearance" | "self_clearance" => value.is_finite() || *value == f64::INFINITY,
+                "sensed" => true,
+                _ => value.is_finite(),
+            })
+        })
     }
 
     /// Appends one row.
@@ -165,11 +262,9 @@ impl Record {
         self.error.extend_from_slice(s.error);
         self.force.extend_from_slice(s.force);
         self.clearance.extend_from_slice(s.clearance);
-        for position in s.obstacles() {
-            self.obstacles.extend_from_slice(position.as_slice());
-        }
-        for point in s.sensed {
-            self.sensed.extend_from_slice(point.as_slice());
+        s.obstacles.append_to(&mut self.obstacles);
+        if let Some(sensed) = s.sensed {
+            sensed.append_to(&mut self.sensed);
         }
         self.energy.extend_from_slice(&s.energy.values());
         self.power.extend_from_slice(&s.power.values());
@@ -181,8 +276,8 @@ impl Record {
         if !s.tau_applied.is_empty() {
             self.tau_applied.extend_from_slice(s.tau_applied);
         }
-        if let Some(granted) = s.granted {
-            self.granted.extend_from_slice(granted);
+        if let Some(objective_scale) = s.objective_scale {
+            self.objective_scale.extend_from_slice(objective_scale);
         }
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);

@@ -1,9 +1,9 @@
 //! A scenario from its first step to its outcome.
 
-use super::Options;
 use super::closed_loop::ClosedLoop;
 use super::metrics::{Metric, Metrics, Value};
 use super::recorder::{Record, RecordTooLarge};
+use super::{Options, System};
 use std::time::{Duration, Instant};
 
 /// How a run ended. Everything until then is recorded.
@@ -43,7 +43,7 @@ pub struct Outcome {
     pub message: String,
     /// When it ended [s].
     pub end_time: f64,
-    /// What it is judged by.
+    /// What it is validated by.
     pub metrics: Vec<(&'static Metric, Value)>,
     /// What happened.
     pub record: Record,
@@ -51,8 +51,8 @@ pub struct Outcome {
 
 /// A closed loop with its record and metrics.
 #[derive(Debug, Clone)]
-pub struct Run<const M: usize> {
-    closed_loop: ClosedLoop<M>,
+pub struct Run<S: System<D, M>, const D: usize, const M: usize> {
+    closed_loop: ClosedLoop<S, D, M>,
     record: Record,
     metrics: Metrics,
     steps: usize,
@@ -61,13 +61,13 @@ pub struct Run<const M: usize> {
     diverged: bool,
 }
 
-impl<const M: usize> Run<M> {
+impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
     /// Prepares a run over `duration` [s], recorded or not.
     ///
     /// # Errors
     /// If the record does not fit into memory.
     pub fn new(
-        closed_loop: ClosedLoop<M>,
+        closed_loop: ClosedLoop<S, D, M>,
         options: &Options,
         duration: f64,
         recorded: bool,
@@ -85,12 +85,12 @@ impl<const M: usize> Run<M> {
     }
 
     /// The closed loop at its present instant.
-    pub fn closed_loop(&self) -> &ClosedLoop<M> {
+    pub fn closed_loop(&self) -> &ClosedLoop<S, D, M> {
         &self.closed_loop
     }
 
     /// The closed loop, to be advanced by hand.
-    pub fn closed_loop_mut(&mut self) -> &mut ClosedLoop<M> {
+    pub fn closed_loop_mut(&mut self) -> &mut ClosedLoop<S, D, M> {
         &mut self.closed_loop
     }
 
@@ -106,12 +106,25 @@ impl<const M: usize> Run<M> {
         true
     }
 
+    /// Takes over the state to which a plant elsewhere has come within one plant step. Returns false when there is
+    /// none left to take.
+    pub fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
+        if self.is_over() {
+            return false;
+        }
+        self.diverged = !self.closed_loop.arrive_at(q, dq);
+        if !self.diverged {
+            self.take_in();
+        }
+        true
+    }
+
     /// Steps until the run is over (returns true) or about `budget` of wall time is used up.
     pub fn run_for(&mut self, budget: Duration) -> bool {
-        const STEPS_PER_LOOK: usize = 16;
+        const STEPS_PER_CHECK: usize = 16;
         let start = Instant::now();
         loop {
-            for _ in 0..STEPS_PER_LOOK {
+            for _ in 0..STEPS_PER_CHECK {
                 if !self.step() {
                     return true;
                 }
@@ -122,7 +135,8 @@ impl<const M: usize> Run<M> {
         }
     }
 
-    fn is_over(&self) -> bool {
+    /// Whether no step is left to take.
+    pub fn is_over(&self) -> bool {
         self.diverged || self.closed_loop.step_count() >= self.steps
     }
 
@@ -136,7 +150,10 @@ impl<const M: usize> Run<M> {
     }
 
     /// The outcome; `Interrupted` if the run is not over.
-    pub fn outcome(self) -> Outcome {
+    pub fn outcome(mut self) -> Outcome {
+        if self.diverged {
+            self.record.end_with_finite_row();
+        }
         let end_time = self.closed_loop.time();
         let (clearance, link) = self.metrics.min_clearance();
         let (status, message) = if self.diverged {

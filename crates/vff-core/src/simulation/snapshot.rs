@@ -1,12 +1,13 @@
 //! Everything worth knowing of the closed loop at one instant, borrowed from it.
 
-use crate::control::{Energy, Granted, Power, Torque};
-use crate::math::Vector;
-use crate::world::World;
+use crate::control::{Energy, ObjectiveScale, Power, Torque};
+use crate::world::Positions;
 
 /// State, torques and what the field does, at one instant. n joints, task dimension m.
-#[derive(Debug, Clone, Copy)]
+#[derive(Clone, Copy)]
 pub struct Snapshot<'a> {
+    /// Dimension of the space, 2 or 3: how many of the error's entries are of position.
+    pub dimension: usize,
     /// Time [s].
     pub t: f64,
     /// Configuration q [rad], (n).
@@ -17,31 +18,31 @@ pub struct Snapshot<'a> {
     pub q_measured: &'a [f64],
     /// See `q_measured`.
     pub dq_measured: &'a [f64],
-    /// What the controller knows of the obstacles, NaN for a ray that met nothing [m]; empty without
+    /// What the controller knows of the obstacles, NaN for a ray that met nothing [m]; `None` without
     /// sensors of `[perception]`.
-    pub sensed: &'a [Vector<2>],
+    pub sensed: Option<&'a dyn Positions>,
     /// Torque that is commanded from now on [N·m], (n) each.
     pub torque: &'a Torque,
     /// Torque of the drives at this instant [N·m]; empty without `[actuator]`.
     pub tau_applied: &'a [f64],
     /// Σ JᵀF of the virtual forces, unprojected [N·m], (n).
     pub tau_vff: &'a [f64],
-    /// Pose of the end effector [m, rad], (m).
+    /// Pose of the end effector as it is written [m, rad].
     pub x: &'a [f64],
     /// Its rate [m/s, rad/s], (m).
     pub dx: &'a [f64],
-    /// Reference [m, rad], (m), after the governor if there is one.
+    /// Reference, written likewise, after the governor if there is one.
     pub x_ref: &'a [f64],
     /// Path time σ [s]; `None` without a governor.
     pub path_time: Option<f64>,
-    /// x − x_ref, (m).
+    /// x ⊖ x_ref [m, rad], (m), position before orientation.
     pub error: &'a [f64],
     /// Magnitude of the repulsion on each link [N], (n).
     pub force: &'a [f64],
     /// Signed surface distance from each link to the nearest obstacle [m], (n).
     pub clearance: &'a [f64],
     /// The obstacles.
-    pub world: &'a World,
+    pub obstacles: &'a dyn Positions,
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
     /// evaluated.
     pub null_acceleration: f64,
@@ -50,7 +51,7 @@ pub struct Snapshot<'a> {
     /// Powers [W] of the torque that acts, and into the null space.
     pub power: Power,
     /// What the limits let through of each objective of the torque that acts; `None` without limits.
-    pub granted: Option<&'a Granted>,
+    pub objective_scale: Option<&'a ObjectiveScale>,
     /// Energy in the tank [J]; `None` without one.
     pub tank: Option<f64>,
     /// Smallest surface distance of two links that share no joint [m]; `None` where not measured.
@@ -63,11 +64,4 @@ pub struct Snapshot<'a> {
     pub yields: bool,
     /// Whether the task force was damped because of a singularity.
     pub singular: bool,
-}
-
-impl Snapshot<'_> {
-    /// Positions of the obstacles [m].
-    pub fn obstacles(&self) -> impl Iterator<Item = Vector<2>> {
-        (0..self.world.len()).map(|j| self.world.position(j))
-    }
 }

@@ -3,7 +3,7 @@
 //! The reference becomes x_r(t) = x(σ(t)) with a path time σ whose rate depends on the error. Its derivatives are
 //! exact, so the controller keeps compensating for them, and the error obeys (T9) as before.
 
-use super::{Sample, Trajectory};
+use super::{Guided, Sample, Trajectory};
 use crate::math::smoothstep;
 use serde::Deserialize;
 
@@ -95,7 +95,11 @@ impl Governor {
     }
 
     /// The reference at `t` [s], were the error to stay (T74).
-    pub fn sample<const M: usize>(&self, trajectory: &Trajectory<M>, t: f64) -> Sample<M> {
+    pub fn sample<P: Guided<M>, const M: usize>(
+        &self,
+        trajectory: &Trajectory<P, M>,
+        t: f64,
+    ) -> Sample<P, M> {
         let (delay, change) = self.at(t);
         let path = trajectory.at(t - delay.lag);
         let speed = 1.0 - delay.rate;
@@ -140,7 +144,7 @@ mod tests {
 
     const PERIOD: f64 = 2e-3;
 
-    fn circle() -> Trajectory<2> {
+    fn circle() -> Trajectory<Vector<2>, 2> {
         let circle = Reference::Circle {
             center: [1.0, 2.0],
             radius: 0.7,
@@ -148,7 +152,7 @@ mod tests {
             phase: 0.2,
             orientation: None,
         };
-        Trajectory::new(&circle, Vector::zeros()).unwrap()
+        Trajectory::new(&circle, &Vector::zeros()).unwrap()
     }
 
     fn time(k: usize) -> f64 {

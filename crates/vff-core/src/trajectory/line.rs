@@ -1,6 +1,6 @@
 //! A straight line from rest to rest.
 
-use super::{Sample, TrajectoryError};
+use super::{Coordinates, TrajectoryError};
 use crate::math::Vector;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -25,14 +25,14 @@ impl<const M: usize> Line<M> {
     }
 
     #[inline]
-    pub(super) fn at(&self, t: f64) -> Sample<M> {
+    pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         // Clamped time is all that a hold needs: both derivatives vanish at s = 0 and s = 1.
         let s = (t / self.duration).clamp(0.0, 1.0);
         let rest = 1.0 - s;
         let fraction = s * s * s * (10.0 + s * (-15.0 + s * 6.0));
         let slope = 30.0 * s * s * rest * rest / self.duration;
         let curvature = 60.0 * s * rest * (rest - s) / (self.duration * self.duration);
-        Sample {
+        Coordinates {
             x: self.start + self.displacement * fraction,
             dx: self.displacement * slope,
             ddx: self.displacement * curvature,
@@ -42,7 +42,7 @@ impl<const M: usize> Line<M> {
 
 #[cfg(test)]
 mod tests {
-    use crate::math::Vector;
+    use crate::math::{PlanarPose, Vector};
     use crate::trajectory::testing::{assert_close, check_continuity, check_derivatives};
     use crate::trajectory::{Reference, Sample, Trajectory, TrajectoryError};
     use proptest::prelude::*;
@@ -51,9 +51,9 @@ mod tests {
         start: Option<Vec<f64>>,
         end: Vec<f64>,
         duration: f64,
-    ) -> Result<Trajectory<3>, TrajectoryError> {
+    ) -> Result<Trajectory<PlanarPose, 3>, TrajectoryError> {
         let reference = Reference::Line { start, end, duration };
-        Trajectory::new(&reference, Vector::<3>::new(7.0, 8.0, 9.0))
+        Trajectory::new(&reference, &PlanarPose(Vector::<3>::new(7.0, 8.0, 9.0)))
     }
 
     proptest! {
@@ -70,12 +70,12 @@ mod tests {
             check_continuity(&trajectory, duration);
             let start = Vector::<3>::from_column_slice(&start);
             let end = Vector::<3>::from_column_slice(&end);
-            prop_assert_eq!(trajectory.at(-1.0), Sample::at_rest(start));
-            prop_assert_eq!(trajectory.at(0.0), Sample::at_rest(start));
-            assert_close(trajectory.at(0.5 * duration).x, 0.5 * (start + end), 1e-14);
+            prop_assert_eq!(trajectory.at(-1.0), Sample::at_rest(PlanarPose(start)));
+            prop_assert_eq!(trajectory.at(0.0), Sample::at_rest(PlanarPose(start)));
+            assert_close(trajectory.at(0.5 * duration).x.0, 0.5 * (start + end), 1e-14);
             for t in [duration, 2.0 * duration] {
                 let sample = trajectory.at(t);
-                assert_close(sample.x, end, 1e-15 * 4.0);
+                assert_close(sample.x.0, end, 1e-15 * 4.0);
                 prop_assert_eq!(sample, Sample::at_rest(sample.x));
             }
         }
@@ -84,7 +84,7 @@ mod tests {
     #[test]
     fn starts_at_the_end_effector_by_default() {
         let trajectory = line(None, vec![0.0; 3], 1.0).unwrap();
-        assert_eq!(trajectory.at(0.0).x, Vector::<3>::new(7.0, 8.0, 9.0));
+        assert_eq!(trajectory.at(0.0).x.0, Vector::<3>::new(7.0, 8.0, 9.0));
     }
 
     #[test]

@@ -1,8 +1,10 @@
-//! What the end effector shall do: references x_r(t) with exact ẋ_r and ẍ_r.
+//! What the end effector has to do: references x_r(t) with exact ẋ_r and ẍ_r.
 //!
-//! A scenario describes a [`Reference`]; [`Trajectory::new`] checks it against the task
-//! dimension and prepares it; [`Trajectory::at`] evaluates it without allocating.
+//! A scenario describes a [`Reference`]; [`Trajectory::new`] checks it against the task and prepares it;
+//! [`Trajectory::at`] evaluates it without allocating. What a reference means for a kind of pose is said by
+//! [`Guided`]: [`planar`] has the poses of the plane.
 
+mod coordinates;
 mod error;
 mod governor;
 mod line;
@@ -17,130 +19,79 @@ pub use error::TrajectoryError;
 pub use governor::{Governor, GovernorSettings};
 pub use reference::Reference;
 
-use crate::math::{Pursuit, Vector};
-use line::Line;
-use piecewise::Piecewise;
-use planar::{Circle, Lissajous};
-use polynomial::Polynomial;
+use crate::math::{Pose, Vector};
+use coordinates::Coordinates;
+use std::fmt::Debug;
 
-/// The reference at one instant, per task axis: x, y [m] and, for M = 3, the orientation φ
-/// [rad], which is not wrapped.
+/// The reference at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample<const M: usize> {
-    /// Position x_r [m, rad].
-    pub x: Vector<M>,
+pub struct Sample<P, const M: usize> {
+    /// Pose x_r.
+    pub x: P,
     /// Velocity ẋ_r [m/s, rad/s].
     pub dx: Vector<M>,
     /// Acceleration ẍ_r [m/s², rad/s²].
     pub ddx: Vector<M>,
 }
 
-impl<const M: usize> Sample<M> {
+impl<P: Pose<M>, const M: usize> Sample<P, M> {
     /// At rest at `x`.
-    fn at_rest(x: Vector<M>) -> Self {
+    pub fn at_rest(x: P) -> Self {
         Self { x, dx: Vector::zeros(), ddx: Vector::zeros() }
     }
 
     /// The reference `ahead` [s] later, were its velocity to stay.
     #[must_use]
     pub fn carried_on(&self, ahead: f64) -> Self {
-        Self { x: self.x + self.dx * ahead, dx: self.dx, ddx: Vector::zeros() }
+        Self { x: self.x.moved(&(self.dx * ahead)), dx: self.dx, ddx: Vector::zeros() }
     }
 }
 
-/// A reference for a task of dimension `M`, ready to be evaluated.
-///
-/// `M` is 2 (position) or 3 (position and orientation); any other value does not compile.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Trajectory<const M: usize> {
-    curve: Curve<M>,
+/// A kind of pose that references lead.
+pub trait Guided<const M: usize>: Pose<M> {
+    /// A reference, ready to be evaluated.
+    type Curve: Clone + Debug + PartialEq;
+
+    /// Prepares `reference` for an end effector that is at `start` at t = 0.
+    ///
+    /// # Errors
+    /// See [`Trajectory::new`].
+    fn curve(reference: &Reference, start: &Self) -> Result<Self::Curve, TrajectoryError>;
+    /// The reference at time `t` [s]. Does not allocate.
+    fn at(curve: &Self::Curve, t: f64) -> Sample<Self, M>;
+    /// The curve that leaves `curve` at time `t` [s] for the position `goal` [m], smoothly, with the pole `rate`
+    /// [1/s]; the orientation comes to rest where it is.
+    fn aim(curve: &Self::Curve, t: f64, goal: &[f64], rate: f64) -> Self::Curve;
 }
 
+/// A reference for poses `P` of a task of dimension `M`, ready to be evaluated.
 #[derive(Debug, Clone, PartialEq)]
-enum Curve<const M: usize> {
-    Setpoint(Vector<M>),
-    Polynomial(Polynomial<M>),
-    Line(Line<M>),
-    Circle(Circle<M>),
-    Lissajous(Lissajous<M>),
-    Waypoints(Piecewise<M, 6>),
-    Table(Piecewise<M, 4>),
-    Pursuit(Pursuit<M>),
+pub struct Trajectory<P: Guided<M>, const M: usize> {
+    curve: P::Curve,
 }
 
-impl<const M: usize> Trajectory<M> {
+impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
     /// Prepares `reference`.
     ///
     /// # Arguments
     /// * `start`: pose of the end effector at t = 0, where a line without `start` begins.
     ///
     /// # Errors
-    /// When a list does not fit the task dimension or another list, when `orientation` is
-    /// missing (M = 3) or of no use (M = 2), when times or a duration are unusable. That
-    /// numbers are finite is not checked here.
-    pub fn new(reference: &Reference, start: Vector<M>) -> Result<Self, TrajectoryError> {
-        const {
-            assert!(M == 2 || M == 3, "a task has 2 or 3 dimensions");
-        }
-        let curve = match reference {
-            Reference::Setpoint { point } => Curve::Setpoint(vector("point", point)?),
-            Reference::Polynomial { coefficients } => {
-                Curve::Polynomial(Polynomial::new(coefficients)?)
-            }
-            Reference::Line { start: given, end, duration } => {
-                let start = match given {
-                    Some(given) => vector("start", given)?,
-                    None => start,
-                };
-                Curve::Line(Line::new(start, vector("end", end)?, *duration)?)
-            }
-            Reference::Circle { center, radius, angular_velocity, phase, orientation } => {
-                Curve::Circle(Circle {
-                    center: planar::pose(*center, *orientation)?,
-                    radius: *radius,
-                    angular_velocity: *angular_velocity,
-                    phase: *phase,
-                })
-            }
-            Reference::Lissajous { center, amplitude, angular_frequency, phase, orientation } => {
-                Curve::Lissajous(Lissajous {
-                    center: planar::pose(*center, *orientation)?,
-                    amplitude: *amplitude,
-                    angular_frequency: *angular_frequency,
-                    phase: *phase,
-                })
-            }
-            Reference::Waypoints { times, points } => {
-                Curve::Waypoints(waypoints::through(times, &piecewise::knots(times, points)?))
-            }
-            Reference::Table { times, points } => {
-                Curve::Table(table::through(times, &piecewise::knots(times, points)?))
-            }
-        };
-        Ok(Self { curve })
+    /// When a list does not fit the task or another list, when an orientation is missing or of no use, when
+    /// times or a duration are unusable. That numbers are finite is not checked here.
+    pub fn new(reference: &Reference, start: &P) -> Result<Self, TrajectoryError> {
+        Ok(Self { curve: P::curve(reference, start)? })
     }
 
-    /// A reference that pursues a goal.
-    pub fn pursuing(pursuit: Pursuit<M>) -> Self {
-        Self { curve: Curve::Pursuit(pursuit) }
+    /// Leaves the reference at time `t` [s] for the position `goal` [m], see [`Guided::aim`].
+    pub fn aim(&mut self, t: f64, goal: &[f64], rate: f64) {
+        self.curve = P::aim(&self.curve, t, goal, rate);
     }
 
     /// The reference at time `t` [s]. Does not allocate.
     #[inline]
-    pub fn at(&self, t: f64) -> Sample<M> {
-        match &self.curve {
-            Curve::Setpoint(point) => Sample::at_rest(*point),
-            Curve::Polynomial(polynomial) => polynomial.at(t),
-            Curve::Line(line) => line.at(t),
-            Curve::Circle(circle) => circle.at(t),
-            Curve::Lissajous(lissajous) => lissajous.at(t),
-            Curve::Waypoints(quintics) => quintics.at(t),
-            Curve::Table(cubics) => cubics.at(t),
-            Curve::Pursuit(pursuit) => {
-                let [x, dx, ddx] = pursuit.at(t);
-                Sample { x, dx, ddx }
-            }
-        }
+    pub fn at(&self, t: f64) -> Sample<P, M> {
+        P::at(&self.curve, t)
     }
 }
 
@@ -163,21 +114,28 @@ mod testing {
 
     /// Checks ẋ and ẍ at `t` against finite differences of x and ẋ; `t ± 1e-4` must lie in
     /// one smooth piece.
-    pub(super) fn check_derivatives<const M: usize>(trajectory: &Trajectory<M>, t: f64) {
+    pub(super) fn check_derivatives<P: Guided<M>, const M: usize>(
+        trajectory: &Trajectory<P, M>,
+        t: f64,
+    ) {
         let h = 1e-4;
         let (before, now, after) = (trajectory.at(t - h), trajectory.at(t), trajectory.at(t + h));
-        let dx = (after.x - before.x) / (2.0 * h);
+        let dx = after.x.error(&before.x) / (2.0 * h);
         let ddx = (after.dx - before.dx) / (2.0 * h);
-        let scale = 1.0 + now.x.norm() + now.dx.norm() + now.ddx.norm();
+        let size = now.x.as_slice().iter().map(|x| x.abs()).sum::<f64>();
+        let scale = 1.0 + size + now.dx.norm() + now.ddx.norm();
         assert!((now.dx - dx).norm() < 1e-5 * scale, "at {t}: {now:?}, {dx}");
         assert!((now.ddx - ddx).norm() < 1e-5 * scale, "at {t}: {now:?}, {ddx}");
     }
 
     /// Checks that x, ẋ and ẍ do not jump at `t`.
-    pub(super) fn check_continuity<const M: usize>(trajectory: &Trajectory<M>, t: f64) {
+    pub(super) fn check_continuity<P: Guided<M>, const M: usize>(
+        trajectory: &Trajectory<P, M>,
+        t: f64,
+    ) {
         let h = 1e-9;
         let (before, after) = (trajectory.at(t - h), trajectory.at(t + h));
-        assert!((after.x - before.x).norm() < 1e-5, "x jumps at {t}");
+        assert!(after.x.error(&before.x).norm() < 1e-5, "x jumps at {t}");
         assert!((after.dx - before.dx).norm() < 1e-5, "dx jumps at {t}");
         assert!((after.ddx - before.ddx).norm() < 1e-5, "ddx jumps at {t}");
     }
@@ -190,12 +148,14 @@ mod testing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::PlanarPose;
 
     #[test]
     fn setpoint_rests() {
         let reference = Reference::Setpoint { point: vec![2.8, 1.6, 0.1] };
-        let trajectory = Trajectory::<3>::new(&reference, Vector::zeros()).unwrap();
-        let expected = Sample::at_rest(Vector::<3>::new(2.8, 1.6, 0.1));
+        let start = PlanarPose(Vector::zeros());
+        let trajectory = Trajectory::new(&reference, &start).unwrap();
+        let expected = Sample::at_rest(PlanarPose(Vector::<3>::new(2.8, 1.6, 0.1)));
         assert_eq!(trajectory.at(-1.0), expected);
         assert_eq!(trajectory.at(7.0), expected);
     }
@@ -203,9 +163,27 @@ mod tests {
     #[test]
     fn errors_name_the_field_and_both_sizes() {
         let reference = Reference::Setpoint { point: vec![2.8, 1.6, 0.1] };
-        let error = Trajectory::<2>::new(&reference, Vector::zeros()).unwrap_err();
+        let error = Trajectory::new(&reference, &Vector::<2>::zeros()).unwrap_err();
         assert_eq!(error.field(), "point");
         let text = error.to_string();
         assert!(text.contains("expected 2") && text.contains("given 3"), "{text}");
+    }
+
+    /// A reference that is left keeps its state, arrives, and keeps its orientation.
+    #[test]
+    fn aiming_does_not_jump() {
+        let reference = Reference::Line {
+            start: Some(vec![0.0, 1.0, 0.3]),
+            end: vec![2.0, 0.0, 0.5],
+            duration: 2.0,
+        };
+        let mut trajectory = Trajectory::new(&reference, &PlanarPose(Vector::zeros())).unwrap();
+        let before = trajectory.at(1.0);
+        trajectory.aim(1.0, &[4.0, 3.0], 10.0);
+        let after = trajectory.at(1.0);
+        assert!(after.x.error(&before.x).norm() + (after.dx - before.dx).norm() < 1e-13);
+        assert!((after.ddx - before.ddx).norm() < 1e-11);
+        let end = PlanarPose(Vector::<3>::new(4.0, 3.0, before.x.0[2]));
+        assert!(trajectory.at(9.0).x.error(&end).norm() < 1e-12);
     }
 }

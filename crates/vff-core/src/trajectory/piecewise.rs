@@ -1,7 +1,7 @@
 //! Piecewise polynomials between knots, held outside: what waypoints and tables become.
 
 use super::polynomial::horner;
-use super::{Sample, TrajectoryError, vector};
+use super::{Coordinates, TrajectoryError, vector};
 use crate::math::Vector;
 
 /// A polynomial with `K` coefficients between any two neighbouring knots.
@@ -35,13 +35,13 @@ impl<const M: usize, const K: usize> Piecewise<M, K> {
 
     /// The first and the last knot themselves belong to the pieces, not to the holds.
     #[inline]
-    pub(super) fn at(&self, t: f64) -> Sample<M> {
+    pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         let end = self.pieces.len();
         if t < self.times[0] {
-            return Sample::at_rest(self.first);
+            return Coordinates::at_rest(self.first);
         }
         if t > self.times[end] {
-            return Sample::at_rest(self.last);
+            return Coordinates::at_rest(self.last);
         }
         let inner = &self.times[1..end];
         let i = inner.partition_point(|&time| time <= t);
@@ -84,7 +84,7 @@ mod tests {
         let waypoints = Reference::Waypoints { times: times.clone(), points: points.clone() };
         let table = Reference::Table { times, points };
         let [a, b] = [waypoints, table].map(|reference| {
-            Trajectory::<2>::new(&reference, Vector::zeros()).unwrap_err().field()
+            Trajectory::new(&reference, &Vector::<2>::zeros()).unwrap_err().field()
         });
         assert_eq!(a, b);
         a

@@ -1,18 +1,50 @@
-//! Circles and Lissajous figures: paths in the plane with a constant orientation.
+//! References in the plane; circles and Lissajous figures with a constant orientation.
 
-use super::{Sample, TrajectoryError};
-use crate::math::{Vector, sin_cos};
+use super::coordinates::{Coordinates, Curve};
+use super::{Guided, Reference, Sample, TrajectoryError};
+use crate::math::{PlanarPose, Vector, sin_cos};
 
-/// A position [m] with the orientation [rad] that the task demands.
-pub(super) fn pose<const M: usize>(
-    position: [f64; 2],
-    orientation: Option<f64>,
-) -> Result<Vector<M>, TrajectoryError> {
-    match (M, orientation) {
-        (3, None) => Err(TrajectoryError::MissingOrientation),
-        (3, Some(angle)) => Ok(extend(position, angle)),
-        (_, Some(given)) => Err(TrajectoryError::UnexpectedOrientation { given }),
-        (_, None) => Ok(extend(position, 0.0)),
+/// A position in the plane.
+impl Guided<2> for Vector<2> {
+    type Curve = Curve<2>;
+
+    fn curve(reference: &Reference, start: &Self) -> Result<Curve<2>, TrajectoryError> {
+        Curve::new(reference, *start, |position, orientation| match orientation {
+            None => Ok(position.into()),
+            Some(given) => Err(TrajectoryError::UnexpectedOrientation { given }),
+        })
+    }
+
+    #[inline]
+    fn at(curve: &Curve<2>, t: f64) -> Sample<Self, 2> {
+        let Coordinates { x, dx, ddx } = curve.at(t);
+        Sample { x, dx, ddx }
+    }
+
+    fn aim(curve: &Curve<2>, t: f64, goal: &[f64], rate: f64) -> Curve<2> {
+        curve.aim(t, goal, rate)
+    }
+}
+
+/// A position and an orientation in the plane.
+impl Guided<3> for PlanarPose {
+    type Curve = Curve<3>;
+
+    fn curve(reference: &Reference, start: &Self) -> Result<Curve<3>, TrajectoryError> {
+        Curve::new(reference, start.0, |position, orientation| match orientation {
+            None => Err(TrajectoryError::MissingOrientation),
+            Some(angle) => Ok(extend(position, angle)),
+        })
+    }
+
+    #[inline]
+    fn at(curve: &Curve<3>, t: f64) -> Sample<Self, 3> {
+        let Coordinates { x, dx, ddx } = curve.at(t);
+        Sample { x: Self(x), dx, ddx }
+    }
+
+    fn aim(curve: &Curve<3>, t: f64, goal: &[f64], rate: f64) -> Curve<3> {
+        curve.aim(t, goal, rate)
     }
 }
 
@@ -32,12 +64,16 @@ pub(super) struct Circle<const M: usize> {
 
 impl<const M: usize> Circle<M> {
     #[inline]
-    pub(super) fn at(&self, t: f64) -> Sample<M> {
+    pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         let omega = self.angular_velocity;
         let (sin, cos) = sin_cos(omega * t + self.phase);
         let outward = extend([self.radius * cos, self.radius * sin], 0.0);
         let tangent: Vector<M> = extend([-self.radius * sin, self.radius * cos], 0.0);
-        Sample { x: self.center + outward, dx: tangent * omega, ddx: outward * (-omega * omega) }
+        Coordinates {
+            x: self.center + outward,
+            dx: tangent * omega,
+            ddx: outward * (-omega * omega),
+        }
     }
 }
 
@@ -51,14 +87,14 @@ pub(super) struct Lissajous<const M: usize> {
 
 impl<const M: usize> Lissajous<M> {
     #[inline]
-    pub(super) fn at(&self, t: f64) -> Sample<M> {
+    pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         let [[x, dx, ddx], [y, dy, ddy]] = [0, 1].map(|axis| {
             let omega = self.angular_frequency[axis];
             let (sin, cos) = sin_cos(omega * t + self.phase[axis]);
             let (sin, cos) = (self.amplitude[axis] * sin, self.amplitude[axis] * cos);
             [sin, omega * cos, -omega * omega * sin]
         });
-        Sample {
+        Coordinates {
             x: self.center + extend([x, y], 0.0),
             dx: extend([dx, dy], 0.0),
             ddx: extend([ddx, ddy], 0.0),
@@ -68,7 +104,7 @@ impl<const M: usize> Lissajous<M> {
 
 #[cfg(test)]
 mod tests {
-    use crate::math::Vector;
+    use crate::math::{PlanarPose, Vector};
     use crate::trajectory::testing::{assert_close, check_derivatives};
     use crate::trajectory::{Reference, Trajectory, TrajectoryError};
     use proptest::prelude::*;
@@ -78,8 +114,12 @@ mod tests {
         [-limit..limit, -limit..limit]
     }
 
-    fn compile<const M: usize>(reference: &Reference) -> Result<Trajectory<M>, TrajectoryError> {
-        Trajectory::new(reference, Vector::zeros())
+    fn position(reference: &Reference) -> Result<Trajectory<Vector<2>, 2>, TrajectoryError> {
+        Trajectory::new(reference, &Vector::zeros())
+    }
+
+    fn pose(reference: &Reference) -> Result<Trajectory<PlanarPose, 3>, TrajectoryError> {
+        Trajectory::new(reference, &PlanarPose(Vector::zeros()))
     }
 
     fn circle(orientation: Option<f64>) -> Reference {
@@ -107,17 +147,17 @@ mod tests {
             let lissajous = |orientation| Reference::Lissajous {
                 center, amplitude, angular_frequency, phase, orientation,
             };
-            check_derivatives(&compile::<2>(&circle(None)).unwrap(), t);
-            check_derivatives(&compile::<3>(&circle(Some(angle))).unwrap(), t);
-            check_derivatives(&compile::<2>(&lissajous(None)).unwrap(), t);
-            check_derivatives(&compile::<3>(&lissajous(Some(angle))).unwrap(), t);
+            check_derivatives(&position(&circle(None)).unwrap(), t);
+            check_derivatives(&pose(&circle(Some(angle))).unwrap(), t);
+            check_derivatives(&position(&lissajous(None)).unwrap(), t);
+            check_derivatives(&pose(&lissajous(Some(angle))).unwrap(), t);
         }
     }
 
     #[test]
     fn circle_starts_at_its_phase_and_keeps_the_orientation() {
-        let sample = compile::<3>(&circle(Some(0.7))).unwrap().at(0.0);
-        assert_close(sample.x, Vector::<3>::new(2.0, 1.5, 0.7), 1e-15);
+        let sample = pose(&circle(Some(0.7))).unwrap().at(0.0);
+        assert_close(sample.x.0, Vector::<3>::new(2.0, 1.5, 0.7), 1e-15);
         assert_close(sample.dx, Vector::<3>::new(-1.0, 0.0, 0.0), 1e-15);
         assert_close(sample.ddx, Vector::<3>::new(0.0, -2.0, 0.0), 1e-15);
     }
@@ -131,7 +171,7 @@ mod tests {
             phase: [0.0, FRAC_PI_2],
             orientation: None,
         };
-        let sample = compile::<2>(&reference).unwrap().at(0.0);
+        let sample = position(&reference).unwrap().at(0.0);
         assert_close(sample.x, Vector::<2>::new(2.0, 1.25), 1e-15);
         assert_close(sample.dx, Vector::<2>::new(0.5, 0.0), 1e-15);
         assert_close(sample.ddx, Vector::<2>::new(0.0, -1.0), 1e-15);
@@ -139,8 +179,8 @@ mod tests {
 
     #[test]
     fn orientation_is_given_exactly_when_the_task_controls_it() {
-        assert_eq!(compile::<3>(&circle(None)), Err(TrajectoryError::MissingOrientation));
-        let error = compile::<2>(&circle(Some(0.7))).unwrap_err();
+        assert_eq!(pose(&circle(None)), Err(TrajectoryError::MissingOrientation));
+        let error = position(&circle(Some(0.7))).unwrap_err();
         assert_eq!(error, TrajectoryError::UnexpectedOrientation { given: 0.7 });
         assert_eq!(error.field(), "orientation");
     }

@@ -1,6 +1,6 @@
 //! Polynomials in time.
 
-use super::{Sample, TrajectoryError};
+use super::{Coordinates, TrajectoryError};
 use crate::math::Vector;
 
 /// A polynomial for each axis; all axes are evaluated together.
@@ -30,14 +30,14 @@ impl<const M: usize> Polynomial<M> {
     }
 
     #[inline]
-    pub(super) fn at(&self, t: f64) -> Sample<M> {
+    pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         horner(&self.coefficients, t)
     }
 }
 
 /// Value and derivatives at `t` of the polynomial with these factors of 1, t, t², …
 #[inline]
-pub(super) fn horner<const M: usize>(coefficients: &[Vector<M>], t: f64) -> Sample<M> {
+pub(super) fn horner<const M: usize>(coefficients: &[Vector<M>], t: f64) -> Coordinates<M> {
     // Horner's scheme, differentiated twice; the last sum is half the second derivative.
     let mut x = Vector::zeros();
     let mut dx = Vector::zeros();
@@ -47,7 +47,7 @@ pub(super) fn horner<const M: usize>(coefficients: &[Vector<M>], t: f64) -> Samp
         dx = dx * t + x;
         x = x * t + coefficient;
     }
-    Sample { x, dx, ddx: half_ddx * 2.0 }
+    Coordinates { x, dx, ddx: half_ddx * 2.0 }
 }
 
 #[cfg(test)]
@@ -57,8 +57,10 @@ mod tests {
     use crate::trajectory::{Reference, Sample, Trajectory, TrajectoryError};
     use proptest::prelude::*;
 
-    fn polynomial(coefficients: Vec<Vec<f64>>) -> Result<Trajectory<2>, TrajectoryError> {
-        Trajectory::new(&Reference::Polynomial { coefficients }, Vector::zeros())
+    fn polynomial(
+        coefficients: Vec<Vec<f64>>,
+    ) -> Result<Trajectory<Vector<2>, 2>, TrajectoryError> {
+        Trajectory::new(&Reference::Polynomial { coefficients }, &Vector::zeros())
     }
 
     proptest! {

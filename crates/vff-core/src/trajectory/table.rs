@@ -52,9 +52,9 @@ mod tests {
     use crate::trajectory::{Reference, Sample, Trajectory};
     use proptest::prelude::*;
 
-    fn table(times: &[f64], points: &[Vec<f64>]) -> Trajectory<2> {
+    fn table(times: &[f64], points: &[Vec<f64>]) -> Trajectory<Vector<2>, 2> {
         let reference = Reference::Table { times: times.to_vec(), points: points.to_vec() };
-        Trajectory::new(&reference, Vector::zeros()).unwrap()
+        Trajectory::new(&reference, &Vector::zeros()).unwrap()
     }
 
     proptest! {

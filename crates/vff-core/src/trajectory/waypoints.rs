@@ -54,9 +54,9 @@ mod tests {
     use crate::trajectory::{Reference, Sample, Trajectory};
     use proptest::prelude::*;
 
-    fn waypoints(times: &[f64], points: &[Vec<f64>]) -> Trajectory<2> {
+    fn waypoints(times: &[f64], points: &[Vec<f64>]) -> Trajectory<Vector<2>, 2> {
         let reference = Reference::Waypoints { times: times.to_vec(), points: points.to_vec() };
-        Trajectory::new(&reference, Vector::zeros()).unwrap()
+        Trajectory::new(&reference, &Vector::zeros()).unwrap()
     }
 
     proptest! {
@@ -92,7 +92,7 @@ mod tests {
         let (start, end) = (vec![1.0, 0.0], vec![0.0, 2.0]);
         let trajectory = waypoints(&[0.0, 4.0], &[start.clone(), end.clone()]);
         let reference = Reference::Line { start: Some(start), end, duration: 4.0 };
-        let line = Trajectory::<2>::new(&reference, Vector::zeros()).unwrap();
+        let line = Trajectory::new(&reference, &Vector::<2>::zeros()).unwrap();
         for t in [0.0, 0.3, 1.0, 3.9, 4.0] {
             let (a, b) = (trajectory.at(t), line.at(t));
             assert_close(a.x, b.x, 1e-14);

@@ -1,71 +1,43 @@
 //! The obstacles: what they look like, how they move, how near the arm is to them.
 //!
-//! A scenario describes [`Obstacle`]s. A [`World`] holds them ready for queries: one
+//! A scenario describes obstacles. A [`World`] holds them ready for queries: one
 //! [`World::update`] per instant, then any number of contacts. Nothing allocates after
 //! [`World::new`]. Among many obstacles the cost of both grows with what is near, not with what
 //! exists; the results do not depend on it.
+//!
+//! Motion, the queries and the crowd are the same in every space. What is not is a [`Solid`]: those of
+//! the [`plane`] live in a directory of their own.
 
 mod contact;
+mod crowd;
+#[cfg(test)]
+mod in_space;
 mod motion;
-mod obstacle;
-mod proximity;
-mod shape;
+pub mod plane;
+mod query;
+mod solid;
 
 pub use contact::{Contact, Feature};
+pub use crowd::HORIZON;
 pub use motion::{Motion, MotionState};
-pub use obstacle::Obstacle;
-pub use shape::{Shape, counter_clockwise, is_convex};
+pub use query::CollisionQuery;
+pub use solid::{Description, Hierarchy, Solid};
 
-use crate::math::{Capsule, Pursuit, Vector};
-use proximity::{Core, Crowd};
+use crate::math::{ThirdOrderFilter, Vector};
+use crowd::Crowd;
 
-/// What a controller asks of the world around the arm: the nearest points of every link to
-/// everything that it knows of.
-pub trait Surroundings<const D: usize> {
-    /// The most contacts that one link can have.
-    fn obstacle_count(&self) -> usize;
-
-    /// Calls `visit` with the contacts nearer than `reach` [m], and `distance` with the index of
-    /// every link and its signed distance to whatever is nearest, however far [m].
-    fn for_each_contact(
-        &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
-        reach: f64,
-        distance: impl FnMut(usize, f64),
-        visit: impl FnMut(&Contact<D>),
-    );
-
-    /// The most barriers that one link can have.
-    fn barrier_count(&self) -> usize {
-        self.obstacle_count()
-    }
-
-    /// Calls `visit` with all distances nearer than `reach` [m] that must be kept so that every contact is:
-    /// the contacts themselves, or, where nearest features change at once, each feature that may be next.
-    fn for_each_barrier(
-        &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
-        reach: f64,
-        visit: impl FnMut(&Contact<D>),
-    ) {
-        self.for_each_contact(links, reach, |_, _| {}, visit);
-    }
-
-    /// The contact of a link with `obstacle`, were that carried on for `after` [s], or back for −`after`, at
-    /// its present velocity.
-    fn contact_after(
-        &self,
-        link: usize,
-        capsule: &Capsule<D>,
-        obstacle: usize,
-        after: f64,
-    ) -> Contact<D>;
+/// Points of whatever space, as they are written: one coordinate after the other.
+pub trait Positions {
+    /// How many points there are.
+    fn count(&self) -> usize;
+    /// Appends the coordinates of all of them [m].
+    fn append_to(&self, out: &mut Vec<f64>);
 }
 
-/// The obstacles at one instant.
+/// The obstacles at one instant. `S` is what they are made of: see [`plane::World`].
 #[derive(Debug, Clone)]
-pub struct World {
-    bodies: Vec<Body>,
+pub struct World<S: Solid<D>, const D: usize> {
+    obstacles: Vec<Placed<S, D>>,
     /// Indices of the obstacles that are not static.
     moving: Vec<usize>,
     /// The most barriers that one link can have.
@@ -73,38 +45,38 @@ pub struct World {
     /// The present instant [s].
     time: f64,
     /// Which obstacles may be near, where they are too many to ask each.
-    crowd: Option<Crowd>,
+    crowd: Option<Crowd<S, D>>,
 }
 
-/// An obstacle with what is computed once (`core`) and when it is needed (`state`).
+/// An obstacle with what is computed once (`solid`) and when it is needed (`state`).
 #[derive(Debug, Clone)]
-struct Body {
-    obstacle: Obstacle,
-    core: Core,
-    state: MotionState,
+struct Placed<S: Solid<D>, const D: usize> {
+    description: S::Obstacle,
+    solid: S,
+    state: MotionState<D>,
     /// The instant that the state belongs to [s]; any, if the obstacle is static.
     time: f64,
 }
 
-impl Body {
-    fn new(obstacle: Obstacle) -> Self {
+impl<S: Solid<D>, const D: usize> Placed<S, D> {
+    fn new(description: S::Obstacle) -> Self {
         Self {
-            core: Core::new(&obstacle.shape, obstacle.angle),
-            state: obstacle.motion.at(0.0, Vector::from(obstacle.position)),
+            solid: S::new(&description),
+            state: description.motion().at(0.0, description.position()),
             time: 0.0,
-            obstacle,
+            description,
         }
     }
 
     /// Whether the state is that at time `t` [s]. Compared as bits: only the very same instant is.
     #[inline]
     fn is_at(&self, t: f64) -> bool {
-        self.time.to_bits() == t.to_bits() || self.obstacle.motion.is_static()
+        self.time.to_bits() == t.to_bits() || self.description.motion().is_static()
     }
 
     /// The state at time `t` [s].
     #[inline]
-    fn state_at(&self, t: f64) -> MotionState {
+    fn state_at(&self, t: f64) -> MotionState<D> {
         if self.is_at(t) { self.state } else { self.moved_to(t) }
     }
 
@@ -117,38 +89,44 @@ impl Body {
     }
 
     #[inline(never)]
-    fn moved_to(&self, t: f64) -> MotionState {
-        self.obstacle.motion.at(t, Vector::from(self.obstacle.position))
+    fn moved_to(&self, t: f64) -> MotionState<D> {
+        self.description.motion().at(t, self.description.position())
+    }
+
+    /// The distance between the surfaces of obstacle and link [m], bit for bit that of their contact.
+    #[inline(always)]
+    fn distance(&self, link: &S::Probe) -> f64 {
+        self.solid.distance(link, &self.state.position)
     }
 }
 
-fn barriers_of(bodies: &[Body]) -> usize {
-    bodies.iter().map(|body| body.core.barriers()).sum()
+fn barriers_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> usize {
+    obstacles.iter().map(|obstacle| obstacle.solid.barriers()).sum()
 }
 
-impl World {
+impl<S: Solid<D>, const D: usize> World<S, D> {
     /// The given obstacles at t = 0.
     ///
-    /// Their values must have been judged before (see [`Shape`] and [`Motion`] for what is
-    /// expected): unusable ones do not panic, but distances to them mean nothing.
-    pub fn new(obstacles: Vec<Obstacle>) -> Self {
-        let bodies: Vec<Body> = obstacles.into_iter().map(Body::new).collect();
-        let moving =
-            (0..bodies.len()).filter(|&j| !bodies[j].obstacle.motion.is_static()).collect();
-        let crowd = (bodies.len() >= Crowd::LEAST).then(|| Crowd::new(&bodies));
-        let barriers = barriers_of(&bodies);
-        Self { bodies, moving, barriers, time: 0.0, crowd }
+    /// Their values must have been validated before: unusable ones do not panic, but distances to
+    /// them mean nothing.
+    pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
+        let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(Placed::new).collect();
+        let moves = |&j: &usize| !obstacles[j].description.motion().is_static();
+        let moving = (0..obstacles.len()).filter(moves).collect();
+        let crowd = (obstacles.len() >= crowd::LEAST).then(|| Crowd::new(&obstacles));
+        let barriers = barriers_of(&obstacles);
+        Self { obstacles, moving, barriers, time: 0.0, crowd }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
     /// that take one panic beyond, as a slice does.
     pub fn len(&self) -> usize {
-        self.bodies.len()
+        self.obstacles.len()
     }
 
     /// Whether there is no obstacle at all.
     pub fn is_empty(&self) -> bool {
-        self.bodies.is_empty()
+        self.obstacles.is_empty()
     }
 
     /// Moves all obstacles to time `t` [s]. Free of cost when they are there already.
@@ -159,8 +137,8 @@ impl World {
             return;
         }
         match &mut self.crowd {
-            Some(crowd) => crowd.update(&self.bodies, self.time, t),
-            None => self.moving.iter().for_each(|&j| self.bodies[j].move_to(t)),
+            Some(crowd) => crowd.update(&self.obstacles, self.time, t),
+            None => self.moving.iter().for_each(|&j| self.obstacles[j].move_to(t)),
         }
         self.time = t;
     }
@@ -171,14 +149,14 @@ impl World {
     }
 
     /// Description of obstacle `j`, as given.
-    pub fn obstacle(&self, j: usize) -> &Obstacle {
-        &self.bodies[j].obstacle
+    pub fn obstacle(&self, j: usize) -> &S::Obstacle {
+        &self.obstacles[j].description
     }
 
     /// Position of obstacle `j` [m].
     #[inline]
-    pub fn position(&self, j: usize) -> Vector<2> {
-        self.bodies[j].state_at(self.time).position
+    pub fn position(&self, j: usize) -> Vector<D> {
+        self.obstacles[j].state_at(self.time).position
     }
 
     /// Lets go of the motion of obstacle `j` and carries it to `goal` [m] from now on, smoothly, with
@@ -186,57 +164,70 @@ impl World {
     ///
     /// Drags change a motion at any time, which the hierarchy of a crowd is not made for: from
     /// then on every obstacle is asked.
-    pub fn carry(&mut self, j: usize, goal: Vector<2>, rate: f64) {
-        let body = &mut self.bodies[j];
-        let MotionState { position, velocity, acceleration } = body.state_at(self.time);
+    pub fn carry(&mut self, j: usize, goal: Vector<D>, rate: f64) {
+        let obstacle = &mut self.obstacles[j];
+        let MotionState { position, velocity, acceleration } = obstacle.state_at(self.time);
         let now = [position, velocity, acceleration];
-        body.obstacle.motion = Motion::Carried(Pursuit::new(self.time, now, goal, rate));
+        let filter = ThirdOrderFilter::new(self.time, now, goal, rate);
+        obstacle.description.set_motion(Motion::Carried(filter));
         self.rearrange();
     }
 
     /// Adds an obstacle, the last one from now on. Allocates.
-    pub fn add(&mut self, obstacle: Obstacle) {
-        self.bodies.push(Body::new(obstacle));
+    pub fn add(&mut self, obstacle: S::Obstacle) {
+        self.obstacles.push(Placed::new(obstacle));
         self.rearrange();
     }
 
     /// Takes obstacle `j` away; those behind it move up.
     pub fn remove(&mut self, j: usize) {
-        self.bodies.remove(j);
+        self.obstacles.remove(j);
         self.rearrange();
     }
 
-    /// Does what has to be done when bodies are not what they were. Allocates only when there are
+    /// Does what has to be done when the obstacles are not what they were. Allocates only when there are
     /// more that move than ever before.
     fn rearrange(&mut self) {
         self.crowd = None;
-        self.barriers = barriers_of(&self.bodies);
-        let moves = |&j: &usize| !self.bodies[j].obstacle.motion.is_static();
+        self.barriers = barriers_of(&self.obstacles);
+        let moves = |&j: &usize| !self.obstacles[j].description.motion().is_static();
         self.moving.clear();
-        self.moving.extend((0..self.bodies.len()).filter(moves));
-        for body in &mut self.bodies {
-            body.move_to(self.time);
+        self.moving.extend((0..self.obstacles.len()).filter(moves));
+        for obstacle in &mut self.obstacles {
+            obstacle.move_to(self.time);
         }
     }
 
     /// Velocity of obstacle `j` [m/s].
     #[inline]
-    pub fn velocity(&self, j: usize) -> Vector<2> {
-        self.bodies[j].state_at(self.time).velocity
+    pub fn velocity(&self, j: usize) -> Vector<D> {
+        self.obstacles[j].state_at(self.time).velocity
     }
 
     /// Acceleration of obstacle `j` [m/s²].
     #[inline]
-    pub fn acceleration(&self, j: usize) -> Vector<2> {
-        self.bodies[j].state_at(self.time).acceleration
+    pub fn acceleration(&self, j: usize) -> Vector<D> {
+        self.obstacles[j].state_at(self.time).acceleration
+    }
+}
+
+impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn append_to(&self, out: &mut Vec<f64>) {
+        (0..self.len()).for_each(|j| out.extend_from_slice(self.position(j).as_slice()));
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::plane::{Obstacle, Shape, World};
+    use super::{CollisionQuery, Motion};
+    use crate::math::{Capsule, Vector};
 
-    fn disc(position: [f64; 2], motion: Motion) -> Obstacle {
+    fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
         Obstacle { shape: Shape::Circle { radius: 0.5 }, position, angle: 0.0, motion }
     }
 

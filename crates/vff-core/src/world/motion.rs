@@ -1,26 +1,28 @@
 //! How an obstacle moves, with its exact velocity and acceleration.
 
-use crate::math::{Pursuit, Vector, sin_cos};
+use crate::math::{Point, ThirdOrderFilter, Vector, sin_cos};
 use serde::Deserialize;
 
 /// The prescribed motion of an obstacle: a translation; its angle stays.
 ///
-/// The values are taken as they are; `scenario` judges them (finite, `times` strictly
+/// The values are taken as they are; `scenario` validates them (finite, `times` strictly
 /// increasing and as many as `points`).
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Motion {
+pub enum Motion<const D: usize> {
     /// Stays at its initial position.
     Static {},
     /// Constant velocity from the initial position at t = 0.
     Linear {
         /// Velocity [m/s].
-        velocity: [f64; 2],
+        #[serde(deserialize_with = "Point::read")]
+        velocity: [f64; D],
     },
     /// Initial position + `amplitude` · sin(`angular_frequency` · t + `phase`).
     Sinusoid {
         /// Amplitude along each axis [m].
-        amplitude: [f64; 2],
+        #[serde(deserialize_with = "Point::read")]
+        amplitude: [f64; D],
         /// Angular frequency [rad/s].
         angular_frequency: f64,
         /// Phase at t = 0 [rad].
@@ -34,38 +36,39 @@ pub enum Motion {
         /// Instants [s], strictly increasing.
         times: Vec<f64>,
         /// Position at each instant [m].
-        points: Vec<[f64; 2]>,
+        #[serde(deserialize_with = "Point::read_list")]
+        points: Vec<[f64; D]>,
     },
     /// Carried to a place by hand while the loop runs; no scenario says so.
     #[serde(skip)]
-    Carried(Pursuit<2>),
+    Carried(ThirdOrderFilter<D>),
 }
 
 /// Where an obstacle is and how it moves at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MotionState {
+pub struct MotionState<const D: usize> {
     /// Position [m].
-    pub position: Vector<2>,
+    pub position: Vector<D>,
     /// Velocity [m/s]; from the right where it jumps.
-    pub velocity: Vector<2>,
+    pub velocity: Vector<D>,
     /// Acceleration [m/s²]; zero where the velocity jumps.
-    pub acceleration: Vector<2>,
+    pub acceleration: Vector<D>,
 }
 
-impl MotionState {
+impl<const D: usize> MotionState<D> {
     /// At rest at `position` [m].
-    fn at_rest(position: Vector<2>) -> Self {
+    fn at_rest(position: Vector<D>) -> Self {
         Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros() }
     }
 }
 
-impl Default for Motion {
+impl<const D: usize> Default for Motion<D> {
     fn default() -> Self {
         Self::Static {}
     }
 }
 
-impl Motion {
+impl<const D: usize> Motion<D> {
     /// Whether the obstacle stays where it is for ever.
     pub fn is_static(&self) -> bool {
         matches!(self, Self::Static {})
@@ -81,17 +84,17 @@ impl Motion {
             }
             Self::Waypoints { times, points } => {
                 let leg = |i: usize| {
-                    let [from, to] = [points[i - 1], points[i]].map(Vector::<2>::from);
+                    let [from, to] = [points[i - 1], points[i]].map(Vector::<D>::from);
                     (to - from).norm() / (times[i] - times[i - 1])
                 };
                 (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
             }
-            Self::Carried(pursuit) => pursuit.top_speed(),
+            Self::Carried(filter) => filter.top_speed(),
         }
     }
 
     /// The state at time `t` [s] of an obstacle whose initial position is `position0` [m].
-    pub fn at(&self, t: f64, position0: Vector<2>) -> MotionState {
+    pub fn at(&self, t: f64, position0: Vector<D>) -> MotionState<D> {
         match self {
             Self::Static {} => MotionState::at_rest(position0),
             Self::Linear { velocity } => {
@@ -112,8 +115,8 @@ impl Motion {
                 }
             }
             Self::Waypoints { times, points } => along(times, points, t, position0),
-            Self::Carried(pursuit) => {
-                let [position, velocity, acceleration] = pursuit.at(t);
+            Self::Carried(filter) => {
+                let [position, velocity, acceleration] = filter.at(t);
                 MotionState { position, velocity, acceleration }
             }
         }
@@ -121,7 +124,7 @@ impl Motion {
 
     /// Opposite corners of a box that holds the obstacle from `t0` to `t1` [s], `t0` ≤ `t1`: every
     /// position that [`at`](Self::at) returns, rounding included [m].
-    pub fn extent(&self, t0: f64, t1: f64, position0: Vector<2>) -> [Vector<2>; 2] {
+    pub fn extent(&self, t0: f64, t1: f64, position0: Vector<D>) -> [Vector<D>; 2] {
         let ends = [self.at(t0, position0).position, self.at(t1, position0).position];
         match self {
             // Monotone in t along each axis, rounding included: the ends hold the rest.
@@ -150,9 +153,9 @@ impl Motion {
                     })
                     .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
             }
-            Self::Carried(pursuit) => {
-                let goal = pursuit.goal();
-                let span = pursuit.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
+            Self::Carried(filter) => {
+                let goal = filter.goal();
+                let span = filter.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
                 [goal.add_scalar(-span), goal.add_scalar(span)]
             }
         }
@@ -160,12 +163,17 @@ impl Motion {
 }
 
 /// Opposite corners of the box around two points, the lower ones first.
-fn hull([a, b]: [Vector<2>; 2]) -> [Vector<2>; 2] {
+fn hull<const D: usize>([a, b]: [Vector<D>; 2]) -> [Vector<D>; 2] {
     [a.inf(&b), a.sup(&b)]
 }
 
 /// The state at time `t` on the polyline through `points`; at rest at `fallback` without points.
-fn along(times: &[f64], points: &[[f64; 2]], t: f64, fallback: Vector<2>) -> MotionState {
+fn along<const D: usize>(
+    times: &[f64],
+    points: &[[f64; D]],
+    t: f64,
+    fallback: Vector<D>,
+) -> MotionState<D> {
     let n = times.len().min(points.len());
     let (times, points) = (&times[..n], &points[..n]);
     let passed = times.partition_point(|&time| time <= t);
@@ -179,7 +187,7 @@ fn along(times: &[f64], points: &[[f64; 2]], t: f64, fallback: Vector<2>) -> Mot
 }
 
 /// The state at time `t` on the way to point `next` > 0.
-fn leg(times: &[f64], points: &[[f64; 2]], next: usize, t: f64) -> MotionState {
+fn leg<const D: usize>(times: &[f64], points: &[[f64; D]], next: usize, t: f64) -> MotionState<D> {
     let (start, duration) = (times[next - 1], times[next] - times[next - 1]);
     let previous = Vector::from(points[next - 1]);
     let velocity = (Vector::from(points[next]) - previous) / duration;
@@ -195,7 +203,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn check_derivatives(motion: &Motion, t: f64, position0: Vector<2>) {
+    fn check_derivatives(motion: &Motion<2>, t: f64, position0: Vector<2>) {
         let h = 1e-4;
         let (before, now, after) =
             (motion.at(t - h, position0), motion.at(t, position0), motion.at(t + h, position0));
@@ -258,7 +266,7 @@ mod tests {
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
                 Motion::Waypoints { times: vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points },
                 Motion::Waypoints { times: vec![], points: vec![] },
-                Motion::Carried(Pursuit::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
+                Motion::Carried(ThirdOrderFilter::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
                 for t in [t0, t0 + fraction * duration, t1, 0.5f64.clamp(t0, t1)] {

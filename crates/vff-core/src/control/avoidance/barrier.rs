@@ -10,10 +10,11 @@
 use super::Yielding;
 use crate::control::distance::DistanceRate;
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, Torque, dot};
+use crate::control::{OperationalSpace, Torque};
+use crate::interrupt;
+use crate::math::dot;
 use crate::robot::Robot;
 use crate::world::Contact;
-use nalgebra::SMatrix;
 
 /// k where it is not given [1/s].
 pub const RATE: f64 = 40.0;
@@ -23,11 +24,11 @@ pub fn rate(settings: &Yielding) -> f64 {
     settings.rate.unwrap_or(RATE)
 }
 
-/// Barriers that may be broken at one instant; beyond that the programme is left unfinished.
-const MOST_BROKEN: usize = 48;
+/// Barriers that may be violated at one instant; beyond that the QP is left unfinished.
+const MOST_VIOLATED: usize = 48;
 
-/// Workspace of the law. Unknown is y = q̈ − q̈₀, so that a row asks something only if its bound is
-/// positive, and most instants need no programme at all.
+/// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a row is violated at y = 0 only if its bound is
+/// positive, and most instants need no QP at all.
 #[derive(Debug, Clone)]
 pub struct Barrier {
     program: QuadraticProgram,
@@ -50,7 +51,7 @@ impl Barrier {
         let n = robot.dof();
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
-            program: QuadraticProgram::new(n, 0, MOST_BROKEN),
+            program: QuadraticProgram::new(n, 0, MOST_VIOLATED),
             nominal: zeros(n),
             mass: zeros(n * n),
             hessian: zeros(n * n),
@@ -129,11 +130,12 @@ impl Barrier {
         robot: &R,
         pairs: &[Contact<D>],
     ) {
-        let k = rate(settings);
+        let (k, n) = (rate(settings), self.nominal.len());
         for pair in pairs {
+            interrupt::spend(64 + n);
             let motion = DistanceRate::cautious(robot, pair);
             let start = self.normals.len();
-            self.normals.resize(start + self.nominal.len(), 0.0);
+            self.normals.resize(start + n, 0.0);
             let row = &mut self.normals[start..];
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             let present = dot(row, &self.nominal) + motion.bias;
@@ -147,6 +149,7 @@ impl Barrier {
         let (k, n) = (rate(settings), self.nominal.len());
         let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
         for i in 0..n {
+            interrupt::spend(2 * n);
             let mut lower = -k * (self.speed[i] + dq[i]);
             let mut upper = k * (self.speed[i] - dq[i]);
             if let Some([low, high]) = ranges.get(i) {
@@ -162,7 +165,7 @@ impl Barrier {
         }
     }
 
-    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69).
+    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69), W_x = `task_weight` S².
     fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         settings: &Yielding,
@@ -170,9 +173,10 @@ impl Barrier {
         space: &OperationalSpace<M>,
     ) {
         let n = self.nominal.len();
-        let weight = SMatrix::<f64, M, M>::identity() * settings.task_weight - space.lambda;
+        let weight = space.metric.weight() * settings.task_weight - space.lambda;
         self.scratch.fill(0.0);
         for i in 0..n {
+            interrupt::spend(16 * n);
             let row = i * n..(i + 1) * n;
             self.scratch[i] = 1.0;
             robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);
@@ -200,13 +204,14 @@ impl Barrier {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Way;
+    use super::super::Strategy;
     use super::*;
     use crate::control::{Avoidance, Controller, Gains};
-    use crate::robot::PlanarState;
+    use crate::math::Vector;
+    use crate::robot::{Manipulator, Model, PlanarState};
     use crate::scenario::Scenario;
     use crate::trajectory::Trajectory;
-    use crate::world::World;
+    use crate::world::plane::World;
     use clarabel::algebra::CscMatrix;
     use clarabel::solver::{
         DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT,
@@ -257,23 +262,26 @@ mod tests {
     }
 
     /// The controller of a scenario, with its world and its reference.
-    fn loop_of(scenario: &Scenario) -> (Controller<PlanarState, 2, 2>, World, Trajectory<2>) {
+    fn loop_of(
+        scenario: &Scenario,
+    ) -> (Controller<PlanarState, 2, 2>, World, Trajectory<Vector<2>, 2>) {
         let arm = Arc::new(scenario.arm.build().unwrap());
         let mut start = arm.state();
         start.update(&scenario.q0, &vec![0.0; arm.dof()]);
-        let trajectory = Trajectory::new(&scenario.reference, start.pose()).unwrap();
+        let trajectory =
+            Trajectory::new(&scenario.reference, &Manipulator::<2, 2>::pose(&start)).unwrap();
         let controller = Controller::new(arm.state(), Gains::new(&scenario.controller));
         (controller, World::new(scenario.obstacles.clone()), trajectory)
     }
 
-    /// The programmes of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
+    /// The QPs of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
     #[test]
-    fn programmes_of_a_run_agree_with_clarabel() {
-        let text = include_str!("../../../../../python/vffnull/scenarios/on-path.toml");
+    fn the_qps_of_a_run_agree_with_clarabel() {
+        let text = include_str!("../../../tests/scenarios/on-path.toml");
         for torque in [None, Some(40.0)] {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
-            scenario.arm.torque_limits = torque.map(crate::math::Broadcast::Uniform);
+            scenario.arm.torque_limits = torque.map(crate::math::ScalarOrVec::Uniform);
             let (mut controller, mut world, trajectory) = loop_of(&scenario);
             let mut run = scenario.prepare().unwrap().run;
             let (mut solved, mut at_limit) = (0, 0);
@@ -282,7 +290,8 @@ mod tests {
                 world.update(s.t);
                 controller.observe(s.q, s.dq, &mut world);
                 controller.command(&trajectory.at(s.t));
-                let Some(Way::Barrier(barrier)) = controller.avoider.as_ref().map(|a| &a.way)
+                let Some(Strategy::Barrier(barrier)) =
+                    controller.avoider.as_ref().map(|a| &a.strategy)
                 else {
                     panic!("no barrier");
                 };

@@ -1,19 +1,18 @@
-//! What to do where the null space is not enough: three ways to let the end effector give way.
+//! What to do where the null space is not enough: three strategies that let the end effector give way.
 //!
-//! [`relaxed`] lets go of the task while an obstacle is near, [`priority`] overrules it along the shortest
-//! way out, [`barrier`] looks for the nearest acceleration that keeps every distance. All three start
-//! from the torque of the null-space law.
+//! [`relaxed`] releases the task while an obstacle is near, [`priority`] overrules it along the shortest way out,
+//! [`barrier`] finds the nearest acceleration that keeps every distance, and [`preview`] looks ahead on top of that.
+//! All three start from the torque of the null-space law.
 
 pub mod barrier;
 pub mod preview;
 pub mod priority;
-pub mod rehearsal;
 pub mod relaxed;
 
-use super::{Avoidance, OperationalSpace, Torque, VirtualForces};
+use super::{Avoidance, Gains, OperationalSpace, TaskMetric, Torque, VirtualForces};
 use crate::math::Vector;
 use crate::robot::Robot;
-use crate::world::{Contact, Surroundings};
+use crate::world::{CollisionQuery, Contact};
 use barrier::Barrier;
 use preview::PreviewSettings;
 use priority::Priority;
@@ -25,20 +24,20 @@ use serde::Deserialize;
 pub struct Yielding {
     /// δ [m] > 0, the distance that `priority` and `cbf` keep.
     pub margin: f64,
-    /// k [1/s] > 0, how fast a distance may run down to the margin (T65): by default [`priority::RATE`] or
+    /// k [1/s] > 0, how fast a distance may fall to the margin (T65): by default [`priority::RATE`] or
     /// [`barrier::RATE`].
     pub rate: Option<f64>,
-    /// d₁ [m] ≥ 0: from here inwards the task gives way altogether, in `relaxed` and `priority`.
+    /// d₁ [m] ≥ 0: below this distance the task gives way altogether, in `relaxed` and `priority`.
     pub inner: f64,
-    /// d₂ [m] > d₁: from here outwards it does not.
+    /// d₂ [m] > d₁: from this distance on it does not give way.
     pub outer: f64,
-    /// e_max [m] > 0: the error that `relaxed` pulls with at most.
+    /// e_max [m] > 0: a larger error pulls no harder than this one, in `relaxed`.
     pub saturation: f64,
-    /// Pairs nearer than this [m], > 0, are rows of the programme of `cbf`.
+    /// Pairs nearer than this [m], > 0, are rows of the quadratic program (QP) of `cbf`.
     pub activation: f64,
-    /// W_x > 0, what an acceleration of the end effector costs in `cbf` [kg].
+    /// W_x > 0 [kg], the weight of the end effector's acceleration in `cbf`.
     pub task_weight: f64,
-    /// ρ > 0, what it costs to break a row.
+    /// ρ > 0, the weight of a violated row.
     pub slack_price: f64,
     /// Largest joint speed [rad/s], > 0, in `cbf`, where the arm has no velocity limits of its own.
     pub speed: f64,
@@ -71,68 +70,60 @@ impl Yielding {
     }
 }
 
-/// How much of a work of `count` parts has to be done after this share of its time: all of it if the share is
-/// infinite.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
-    reason = "few parts, and the cast of infinity is the largest number"
-)]
-fn due(count: usize, share: f64) -> usize {
-    (count as f64 * share - 1e-9).ceil() as usize
-}
-
-/// One of the three ways, with its workspace.
+/// One of the three strategies, with its workspace.
 #[derive(Debug, Clone)]
-pub struct Avoider<const D: usize> {
+pub struct Avoider<const D: usize, const M: usize> {
     settings: Yielding,
+    metric: TaskMetric<M>,
     /// The pairs that matter at the observed state; of `cbf` the barriers.
     pairs: Vec<Contact<D>>,
-    way: Way,
+    strategy: Strategy,
     slack: f64,
 }
 
 #[derive(Debug, Clone)]
 #[expect(clippy::large_enum_variant, reason = "one per controller, boxed with what is around it")]
-enum Way {
+enum Strategy {
     Relaxed,
     Priority(Priority),
     Barrier(Barrier),
 }
 
-impl<const D: usize> Avoider<D> {
-    /// What `avoidance` asks for on `robot`; nothing if the task always wins.
-    pub fn new<R: Robot<D>>(
-        avoidance: Avoidance,
-        settings: &Yielding,
-        singularity: f64,
-        robot: &R,
-    ) -> Option<Box<Self>> {
-        let way = match avoidance {
+impl<const D: usize, const M: usize> Avoider<D, M> {
+    /// What `gains` ask for on `robot`; nothing if the task always wins.
+    pub fn new<R: Robot<D>>(gains: &Gains<M>, robot: &R) -> Option<Box<Self>> {
+        let Gains { yielding: settings, singularity, .. } = gains;
+        let metric = gains.metric::<D>();
+        let strategy = match gains.avoidance {
             Avoidance::NullSpace => return None,
-            Avoidance::Relaxed => Way::Relaxed,
+            Avoidance::Relaxed => Strategy::Relaxed,
             Avoidance::Priority => {
-                Way::Priority(Priority::new(robot.dof(), singularity / robot.total_mass()))
+                Strategy::Priority(Priority::new(robot.dof(), singularity / robot.total_mass()))
             }
-            Avoidance::Cbf => Way::Barrier(Barrier::new(robot, settings)),
+            Avoidance::Cbf => Strategy::Barrier(Barrier::new(robot, settings)),
         };
-        Some(Box::new(Self { settings: settings.clone(), pairs: vec![], way, slack: 0.0 }))
+        Some(Box::new(Self {
+            settings: settings.clone(),
+            metric,
+            pairs: vec![],
+            strategy,
+            slack: 0.0,
+        }))
     }
 
-    /// By how much the barriers of the last command are broken at most [m/s²]; None if there are none.
+    /// By how much the last command violates the barriers at most [m/s²]; None if there are none.
     pub fn slack(&self) -> Option<f64> {
-        matches!(self.way, Way::Barrier(_)).then_some(self.slack)
+        matches!(self.strategy, Strategy::Barrier(_)).then_some(self.slack)
     }
 
-    /// Forgets the pairs and makes room for so many: all may come near some day, and nothing is to allocate then.
+    /// Forgets the pairs and makes room for so many: all may come near later, and nothing must allocate then.
     pub fn reserve(&mut self, count: usize) {
-        let Self { pairs, way, .. } = self;
+        let Self { pairs, strategy, .. } = self;
         pairs.clear();
-        match way {
-            Way::Relaxed => {}
-            Way::Priority(_) => pairs.reserve(count),
-            Way::Barrier(barrier) => {
+        match strategy {
+            Strategy::Relaxed => {}
+            Strategy::Priority(_) => pairs.reserve(count),
+            Strategy::Barrier(barrier) => {
                 pairs.reserve(count);
                 barrier.reserve(count);
             }
@@ -140,38 +131,39 @@ impl<const D: usize> Avoider<D> {
     }
 
     /// Takes in the pairs near `robot`.
-    pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl Surroundings<D>) {
+    pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
         let links = robot.links();
-        let obstacles = match self.way {
-            Way::Barrier(_) => surroundings.barrier_count(),
+        let obstacles = match self.strategy {
+            Strategy::Barrier(_) => surroundings.barrier_count(),
             _ => surroundings.obstacle_count(),
         };
         self.reserve(robot.dof() * obstacles);
-        let Self { settings, pairs, way, .. } = self;
-        match way {
-            Way::Relaxed => {}
-            Way::Priority(_) => {
+        let Self { settings, pairs, strategy, .. } = self;
+        match strategy {
+            Strategy::Relaxed => {}
+            Strategy::Priority(_) => {
                 let visit = |pair: &Contact<D>| pairs.push(*pair);
                 surroundings.for_each_contact(links, settings.outer, |_, _| {}, visit);
             }
-            Way::Barrier(_) => {
+            Strategy::Barrier(_) => {
                 surroundings.for_each_barrier(links, settings.activation, |pair| pairs.push(*pair));
             }
         }
     }
 
     /// The error that the stiffness of the task is to act on, at these distances of the links [m].
-    pub fn pull<const M: usize>(&self, clearance: &[f64], e: Vector<M>) -> Vector<M> {
-        match self.way {
-            Way::Relaxed => {
-                relaxed::pull(&self.settings, e, relaxed::activation(&self.settings, clearance))
+    pub fn pull(&self, clearance: &[f64], e: Vector<M>) -> Vector<M> {
+        match self.strategy {
+            Strategy::Relaxed => {
+                let lambda = relaxed::activation(&self.settings, clearance);
+                relaxed::pull(&self.settings, &self.metric, e, lambda)
             }
             _ => e,
         }
     }
 
     /// Changes the torque of the null-space law into one that gives way.
-    pub fn act<R: Robot<D>, const M: usize>(
+    pub fn act<R: Robot<D>>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
@@ -179,11 +171,11 @@ impl<const D: usize> Avoider<D> {
         bias: &[f64],
         torque: &mut Torque,
     ) {
-        let Self { settings, pairs, way, slack } = self;
-        match way {
-            Way::Relaxed => relaxed::act(settings, robot, space, forces, torque),
-            Way::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
-            Way::Barrier(barrier) => {
+        let Self { settings, pairs, strategy, slack, .. } = self;
+        match strategy {
+            Strategy::Relaxed => relaxed::act(settings, robot, space, forces, torque),
+            Strategy::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
+            Strategy::Barrier(barrier) => {
                 *slack = barrier.act(settings, robot, space, pairs, bias, torque);
             }
         }

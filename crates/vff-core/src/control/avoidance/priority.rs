@@ -1,13 +1,14 @@
 //! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
 
 use super::Yielding;
+use crate::control::Torque;
 use crate::control::distance::DistanceRate;
-use crate::control::{Torque, dot};
-use crate::math::smoothstep;
+use crate::interrupt;
+use crate::math::{dot, smoothstep};
 use crate::robot::Robot;
 use crate::world::Contact;
 
-/// k where it is not given [1/s]: the torque changes with k², and there is no programme to make up for it.
+/// k where it is not given [1/s]: the torque changes with k², and no QP limits it.
 pub const RATE: f64 = 20.0;
 
 /// Workspace of the law.
@@ -34,7 +35,7 @@ impl Priority {
         }
     }
 
-    /// Pair by pair, from the base outwards: what d̈ lacks is added along n̂, with everything across it
+    /// Pair by pair, from the base outwards: what d̈ is short of is added along n̂, with everything across it
     /// left as it was. The order is fixed, so that nothing jumps when another pair becomes nearest.
     pub fn act<R: Robot<D>, const D: usize>(
         &mut self,
@@ -50,18 +51,19 @@ impl Priority {
         let Self { gradient, response, acceleration, scratch, threshold } = self;
         robot.accelerate(&torque.total, bias, scratch, acceleration);
         for pair in pairs {
+            interrupt::spend(64 + 16 * gradient.len());
             let share =
                 smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
             let k = settings.rate.unwrap_or(RATE);
             let wanted = -2.0 * k * motion.rate - k * k * (pair.distance - settings.margin);
-            let lacking = wanted - motion.bias - dot(gradient, acceleration);
-            if lacking <= 0.0 {
+            let missing = wanted - motion.bias - dot(gradient, acceleration);
+            if missing <= 0.0 {
                 continue;
             }
             robot.mass_solve(gradient, response);
-            let force = share * lacking / (dot(gradient, response) + *threshold);
+            let force = share * missing / (dot(gradient, response) + *threshold);
             torque.add_to_task(|i| gradient[i] * force);
             acceleration.iter_mut().zip(response.iter()).for_each(|(a, y)| *a += y * force);
         }

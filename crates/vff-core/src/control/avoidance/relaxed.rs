@@ -1,7 +1,7 @@
-//! `relaxed`: near an obstacle the task lets go, and the field pushes the end effector, too (T63, T64).
+//! `relaxed`: near an obstacle the task is released, and the field pushes the end effector, too (T63, T64).
 
 use super::Yielding;
-use crate::control::{OperationalSpace, Torque, VirtualForces};
+use crate::control::{OperationalSpace, TaskMetric, Torque, VirtualForces};
 use crate::math::{Vector, smoothstep};
 use crate::robot::Robot;
 
@@ -14,8 +14,13 @@ pub fn activation(settings: &Yielding, clearance: &[f64]) -> f64 {
 /// λ sat(e): a large error, left over from giving way, pulls no harder than `saturation`.
 ///
 /// Away from obstacles (λ = 1, and a small error) it is the error itself.
-pub fn pull<const M: usize>(settings: &Yielding, e: Vector<M>, lambda: f64) -> Vector<M> {
-    e * (lambda * (settings.saturation / e.norm().max(settings.saturation)))
+pub fn pull<const M: usize>(
+    settings: &Yielding,
+    metric: &TaskMetric<M>,
+    e: Vector<M>,
+    lambda: f64,
+) -> Vector<M> {
+    e * (lambda * (settings.saturation / metric.norm(&e).max(settings.saturation)))
 }
 
 /// τ += (1 − λ) JᵀJ#ᵀτ_vff: the part of the push that the projector takes away (T64).

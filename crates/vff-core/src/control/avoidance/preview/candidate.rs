@@ -1,0 +1,92 @@
+//! A candidate motion, how candidates are drawn, and what each costs (T73).
+
+use super::PreviewSettings;
+use crate::math::Noise;
+
+/// What each metre of missing distance, and releasing the task, cost in metres of mean error.
+const MISSING: f64 = 100.0;
+const RELEASE: f64 = 4.0;
+
+/// A motion of the next seconds: one joint velocity [rad/s] for some time, then another.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// Whether the end effector keeps to its task; the joint velocities then act within the null space.
+    pub holds: bool,
+    /// The first joint velocity.
+    pub first: Vec<f64>,
+    /// The second.
+    pub then: Vec<f64>,
+    /// When the second begins [s from the beginning of the planning cycle].
+    pub switch: f64,
+}
+
+impl Candidate {
+    /// The task alone: the law as it is, for `n` joints.
+    pub fn idle(n: usize) -> Self {
+        Self { holds: true, first: vec![0.0; n], then: vec![0.0; n], switch: 0.0 }
+    }
+
+    /// Takes over another candidate without allocating.
+    pub fn copy_from(&mut self, other: &Self) {
+        (self.holds, self.switch) = (other.holds, other.switch);
+        self.first.copy_from_slice(&other.first);
+        self.then.copy_from_slice(&other.then);
+    }
+
+    /// Becomes [`idle`](Self::idle).
+    pub fn make_idle(&mut self) {
+        (self.holds, self.switch) = (true, 0.0);
+        self.first.fill(0.0);
+        self.then.fill(0.0);
+    }
+
+    /// The joint velocity `s` [s] after the beginning of the planning cycle.
+    pub fn at(&self, s: f64) -> &[f64] {
+        if s < self.switch { &self.first } else { &self.then }
+    }
+
+    /// Becomes a new one, drawn at random.
+    pub fn draw(&mut self, noise: &mut Noise, speed: f64) {
+        self.holds = noise.share() < 0.5;
+        let constant = noise.share() < 0.3;
+        for (first, then) in self.first.iter_mut().zip(&mut self.then) {
+            *first = speed * noise.draw();
+            *then = if constant { *first } else { speed * noise.draw() };
+        }
+        self.switch = if constant { 0.0 } else { 1.5 * noise.share() };
+    }
+
+    /// Changes a little, at random.
+    pub fn vary(&mut self, noise: &mut Noise, speed: f64) {
+        for u in self.first.iter_mut().chain(&mut self.then) {
+            *u += speed * noise.draw();
+        }
+        self.switch = (self.switch + 0.2 * noise.draw()).max(0.0);
+    }
+
+    /// Stays within these joint speeds [rad/s].
+    pub fn limit(&mut self, speed: &[f64]) {
+        for joints in [&mut self.first, &mut self.then] {
+            joints
+                .iter_mut()
+                .zip(speed)
+                .for_each(|(u, most)| *u = u.clamp(-0.9 * most, 0.9 * most));
+        }
+    }
+}
+
+/// What a roll-out predicts.
+#[derive(Debug, Clone, Copy)]
+pub struct Forecast {
+    /// Smallest distance [m].
+    pub distance: f64,
+    /// Mean error of the task [m], angles times the characteristic length.
+    pub error: f64,
+}
+
+/// What a candidate costs of which this is predicted (T73).
+pub fn cost(settings: &PreviewSettings, margin: f64, forecast: Forecast, holds: bool) -> f64 {
+    let missing = (settings.clearance - forecast.distance).max(0.0);
+    let breach = (margin - forecast.distance).max(0.0);
+    MISSING * (missing + breach) + forecast.error + if holds { 0.0 } else { RELEASE }
+}

@@ -1,0 +1,33 @@
+//! Look-ahead on top of `cbf` (T71–T73, T83): whether the arm, if the controller carries on as it is, will be hit
+//! soon, and if so, which motion of the next seconds avoids it. That motion becomes the nominal one of the QP, which
+//! still guards every distance and limit.
+//!
+//! - [`candidate`]: a motion that is tried, and what it costs.
+//! - [`rollout`]: what a candidate leads to, for the arm as a chain without mass.
+//! - [`closed_loop_rollout`]: what the law itself leads to, with all dynamics.
+//! - [`prediction`]: the obstacles at later instants.
+//! - [`planning_cycle`]: when which of these is computed, and what becomes of the result.
+
+pub mod candidate;
+pub mod closed_loop_rollout;
+#[cfg(test)]
+mod fixtures;
+pub mod planning_cycle;
+pub mod prediction;
+pub mod rollout;
+mod settings;
+
+pub use planning_cycle::Preview;
+pub use settings::PreviewSettings;
+
+/// How many of `count` equal parts of a piece of work must be done after this share of its time: all of them if the
+/// share is infinite.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "few parts, and the cast of infinity is the largest number"
+)]
+fn due(count: usize, share: f64) -> usize {
+    (count as f64 * share - 1e-9).ceil() as usize
+}

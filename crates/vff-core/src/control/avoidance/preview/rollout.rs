@@ -1,0 +1,379 @@
+//! What a candidate leads to, predicted by kinematics alone (T71).
+
+use super::PreviewSettings;
+use super::candidate::{Candidate, Forecast};
+use super::prediction::Prediction;
+use crate::control::avoidance::Yielding;
+use crate::control::metric::TaskMetric;
+use crate::interrupt;
+use crate::math::{Capsule, Pose, dot};
+use crate::robot::Manipulator;
+use crate::trajectory::Sample;
+use crate::world::Contact;
+use nalgebra::{SMatrix, SVector};
+
+/// Obstacles farther away than this [m] are left out of a planning cycle.
+const REACH: f64 = 4.0;
+
+/// Pairs nearer than this [m] limit the velocity in a roll-out.
+pub const NEAR: f64 = 0.5;
+
+/// How fast the arm takes up the joint velocity of a candidate [1/s].
+pub const RATE: f64 = 10.0;
+
+/// How fast a roll-out returns to the reference [1/s].
+const PULL: f64 = 3.0;
+
+/// Damping of the task's inverse inertia [1/kg]: where only the end effector can give way, it does.
+const DAMPING: f64 = 0.02;
+
+/// The arm as a chain without mass that follows a candidate, pushed aside like the real one by the constraints of
+/// the QP.
+#[derive(Debug, Clone)]
+pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
+    /// The robot on the way.
+    scout: R,
+    /// Configuration and joint velocity at the beginning, and on the way.
+    start: [Vec<f64>; 2],
+    pub(super) q: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    /// The joint velocity that is wanted, and J_cᵀn̂ of a pair.
+    pub(super) w: Vec<f64>,
+    row: Vec<f64>,
+    /// The columns of the Jacobian of the task, where the end effector holds.
+    columns: Vec<SVector<f64, M>>,
+    /// 1/M_ii at the beginning: how easily a joint gives way.
+    inverse_inertia: Vec<f64>,
+    /// Largest joint speeds [rad/s].
+    pub(super) speed: Vec<f64>,
+    /// The obstacles that are near at the beginning.
+    pub(super) obstacles: Vec<usize>,
+    pairs: Vec<Contact<D>>,
+    /// The links one step before, and of every link and obstacle, how much nearer they can come before they matter.
+    links: Vec<Capsule<D>>,
+    apart: Vec<Apart>,
+    /// Pairs farther apart than this [m] do not matter.
+    pub(super) reach: f64,
+    reference: Vec<Sample<R::Pose, M>>,
+    /// Duration of a step [s], and the share of the velocity error that it removes.
+    pub(super) step: f64,
+    follow: f64,
+    margin: f64,
+    metric: TaskMetric<M>,
+}
+
+/// A pair that is too far apart to matter.
+#[derive(Debug, Clone, Copy, Default)]
+struct Apart {
+    /// By how much it is, at least [m].
+    room: f64,
+    /// How far the obstacle goes in one step [m].
+    drift: f64,
+}
+
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D, M> {
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    /// For `robot`, with task errors measured by `metric`.
+    pub fn new(
+        robot: &R,
+        yielding: &Yielding,
+        settings: &PreviewSettings,
+        metric: TaskMetric<M>,
+    ) -> Self {
+        let n = robot.dof();
+        let zeros = || vec![0.0; n];
+        let step = settings.horizon / settings.steps as f64;
+        Self {
+            scout: robot.clone(),
+            start: [zeros(), zeros()],
+            q: zeros(),
+            v: zeros(),
+            w: zeros(),
+            row: zeros(),
+            columns: vec![SVector::zeros(); n],
+            inverse_inertia: zeros(),
+            speed: yielding.joint_speeds(robot),
+            obstacles: vec![],
+            pairs: vec![],
+            links: robot.links().collect(),
+            apart: vec![],
+            reach: NEAR.max(settings.clearance).max(yielding.margin),
+            reference: Vec::with_capacity(settings.steps + 1),
+            step,
+            follow: 1.0 - (-RATE * step).exp(),
+            margin: yielding.margin,
+            metric,
+        }
+    }
+
+    /// Takes in the state, what is around and what is wanted.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    pub fn prepare(
+        &mut self,
+        settings: &PreviewSettings,
+        robot: &R,
+        surroundings: &mut dyn Prediction<D>,
+        reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
+    ) {
+        let Self { obstacles, pairs, apart, links, w, v, inverse_inertia, .. } = self;
+        let count = surroundings.count();
+        obstacles.clear();
+        obstacles.reserve(count);
+        pairs.clear();
+        pairs.reserve(count * robot.dof());
+        apart.clear();
+        apart.reserve(count * robot.dof());
+        links.iter_mut().zip(robot.links()).for_each(|(kept, link)| *kept = link);
+        surroundings.obstacles_near(links, REACH, obstacles);
+        w.fill(0.0);
+        for i in 0..robot.dof() {
+            interrupt::spend(16 * robot.dof());
+            w[i] = 1.0;
+            robot.mass_mul(w, v);
+            w[i] = 0.0;
+            inverse_inertia[i] = 1.0 / v[i];
+        }
+        self.start[0].copy_from_slice(robot.configuration());
+        self.start[1].copy_from_slice(robot.velocity());
+        self.reference.clear();
+        self.reference.extend((0..=settings.steps).map(|k| reference(self.step * k as f64)));
+    }
+
+    /// Leaves out obstacles that do not exist any longer. New ones are known to the next planning cycle only.
+    pub fn forget(&mut self, count: usize) {
+        self.obstacles.retain(|j| *j < count);
+    }
+
+    /// What a candidate leads to that began `ago` [s] before the present: up to the horizon, or until
+    /// `enough(forecast, s)` holds after s seconds.
+    #[expect(clippy::cast_precision_loss, reason = "few steps")]
+    pub fn forecast(
+        &mut self,
+        candidate: &Candidate,
+        surroundings: &dyn Prediction<D>,
+        ago: f64,
+        enough: &dyn Fn(Forecast, f64) -> bool,
+    ) -> Forecast {
+        self.q.copy_from_slice(&self.start[0]);
+        self.v.copy_from_slice(&self.start[1]);
+        self.apart.clear();
+        self.apart.resize(self.links.len() * self.obstacles.len(), Apart::default());
+        let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
+        for k in 0..self.reference.len() {
+            let s = self.step * k as f64;
+            interrupt::spend(8 * self.apart.len());
+            self.scout.update_positions(&self.q);
+            let sample = self.reference[k];
+            let e = self.scout.pose().error(&sample.x);
+            forecast.error += self.metric.norm(&e) / self.reference.len() as f64;
+            forecast.distance = forecast.distance.min(self.measure(surroundings, s - ago));
+            if enough(forecast, s) {
+                break;
+            }
+            let wanted = candidate.holds.then(|| sample.dx - e * PULL);
+            self.want(candidate.at(s), wanted);
+            self.advance();
+        }
+        forecast
+    }
+
+    /// The smallest distance to the obstacles predicted for `after` [s] from now, as far as it is within reach;
+    /// gathers the pairs that are near.
+    fn measure(&mut self, surroundings: &dyn Prediction<D>, after: f64) -> f64 {
+        let Self { scout, obstacles, pairs, links, apart, reach, step, .. } = self;
+        let mut least = f64::INFINITY;
+        pairs.clear();
+        let mut apart = apart.iter_mut();
+        for (i, before) in links.iter_mut().enumerate() {
+            let link = scout.link(i);
+            // No point of the link has gone farther than one of its ends.
+            let ends = [link.start - before.start, link.end() - before.end()];
+            let way = ends[0].norm_squared().max(ends[1].norm_squared()).sqrt();
+            *before = link;
+            for (&j, apart) in obstacles.iter().zip(&mut apart) {
+                apart.room -= way + apart.drift;
+                if apart.room > 0.0 {
+                    continue;
+                }
+                let pair = surroundings.predicted_contact(i, &link, j, after);
+                *apart =
+                    Apart { room: pair.distance - *reach, drift: pair.velocity.norm() * *step };
+                least = least.min(pair.distance);
+                if pair.distance < NEAR {
+                    pairs.push(pair);
+                }
+            }
+        }
+        least
+    }
+
+    /// The joint velocity `u`, with the task velocity `dx` where the end effector holds its task, and then, pair by
+    /// pair, the nearest one at which the distance decreases no faster than is allowed (T71).
+    fn want(&mut self, u: &[f64], dx: Option<SVector<f64, M>>) {
+        let Self { scout, w, row, columns, inverse_inertia, pairs, step, margin, metric, .. } =
+            self;
+        w.copy_from_slice(u);
+        let inverse = dx.map(|mut along| {
+            let mut gram = metric.inverse_weight() * DAMPING;
+            for (i, ((column, inverse_inertia), u)) in
+                columns.iter_mut().zip(&*inverse_inertia).zip(u).enumerate()
+            {
+                *column = scout.jacobian_column(i);
+                gram += *column * column.transpose() * *inverse_inertia;
+                along -= *column * *u;
+            }
+            let inverse = gram.try_inverse().unwrap_or_else(SMatrix::zeros);
+            let f = inverse * along;
+            for ((w, column), inverse_inertia) in w.iter_mut().zip(&*columns).zip(&*inverse_inertia)
+            {
+                *w += inverse_inertia * column.dot(&f);
+            }
+            inverse
+        });
+        for pair in pairs.iter() {
+            interrupt::spend(8 * row.len());
+            scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
+            let missing = -0.5 / *step * (pair.distance - *margin) - rate;
+            if missing > 0.0 {
+                let f = inverse.map_or_else(SVector::zeros, |inverse| {
+                    let parts = columns.iter().zip(&*inverse_inertia).zip(&*row);
+                    inverse
+                        * parts.fold(
+                            SVector::<f64, M>::zeros(),
+                            |sum, ((column, inverse_inertia), row)| {
+                                sum + column * (inverse_inertia * row)
+                            },
+                        )
+                });
+                let mut along = 0.0;
+                for ((row, column), inverse_inertia) in
+                    row.iter_mut().zip(&*columns).zip(&*inverse_inertia)
+                {
+                    let way = inverse_inertia * (*row - column.dot(&f));
+                    along += *row * way;
+                    *row = way;
+                }
+                let by = missing / along.max(1e-9);
+                w.iter_mut().zip(row.iter()).for_each(|(w, way)| *w += by * way);
+            }
+        }
+    }
+
+    /// One step on, the velocity following `w` as the real one does, within the limits of the joints.
+    fn advance(&mut self) {
+        let Self { scout, q, v, w, speed, step, follow, .. } = self;
+        let ranges = &scout.limits().joint;
+        for i in 0..q.len() {
+            let before = v[i];
+            v[i] = (v[i] + *follow * (w[i] - v[i])).clamp(-speed[i], speed[i]);
+            q[i] += 0.5 * *step * (before + v[i]);
+            if let Some([low, high]) = ranges.get(i)
+                && !(*low..=*high).contains(&q[i])
+            {
+                (q[i], v[i]) = (q[i].clamp(*low, *high), 0.0);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::{Asked, START, closing, disc, holding, robot};
+    use super::*;
+    use crate::math::Noise;
+    use crate::robot::PlanarState;
+    use crate::world::plane::World;
+    use std::cell::Cell;
+
+    fn rollout(robot: &PlanarState, settings: &PreviewSettings) -> Rollout<PlanarState, 2, 2> {
+        Rollout::new(robot, &Yielding::default(), settings, TaskMetric::new::<2>(1.0))
+    }
+
+    /// A free candidate from rest: q̇ follows u as 1 − e^(−kt), so that q − q₀ is u(t − (1 − e^(−kt))/k), up to
+    /// the error of the trapezoidal rule, u k²Δ²/12 of the whole.
+    #[test]
+    fn a_free_candidate_is_followed_with_a_lag() {
+        let robot = robot();
+        let settings = PreviewSettings { horizon: 1.0, steps: 100, ..PreviewSettings::default() };
+        let mut rollout = rollout(&robot, &settings);
+        let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
+        let reference = holding(&robot);
+        rollout.prepare(&settings, &robot, &mut world, &|_| reference);
+        let u = [0.3, -0.2, 0.1, 0.5];
+        let candidate = Candidate { holds: false, first: u.into(), then: u.into(), switch: 0.0 };
+        rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
+        let t = 1.0 + rollout.step; // the state after the last step that was measured
+        for (i, u) in u.iter().enumerate() {
+            let expected = START[i] + u * (t - (1.0 - (-RATE * t).exp()) / RATE);
+            assert!((rollout.q[i] - expected).abs() < 1e-4, "{i}");
+        }
+    }
+
+    /// The end effector is held while the null space moves: the error stays that of the steps alone.
+    #[test]
+    fn a_candidate_that_holds_keeps_the_end_effector() {
+        let robot = robot();
+        let settings = PreviewSettings { horizon: 1.0, steps: 100, ..PreviewSettings::default() };
+        let mut rollout = rollout(&robot, &settings);
+        let mut world = World::new(vec![disc([3.0, -3.0], [0.0; 2])]);
+        let reference = holding(&robot);
+        rollout.prepare(&settings, &robot, &mut world, &|_| reference);
+        let u = vec![0.3, -0.4, 0.3, 0.1];
+        let mut candidate = Candidate { holds: true, first: u.clone(), then: u, switch: 0.0 };
+        let held = rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
+        candidate.holds = false;
+        let free = rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
+        assert!(held.error < 0.05 * free.error, "{held:?} {free:?}");
+    }
+
+    /// Roll-outs of one planning cycle mean the same instants, in whichever control step they are made; and obstacles
+    /// may be removed meanwhile.
+    #[test]
+    fn later_steps_predict_the_same_instants() {
+        let robot = robot();
+        let settings = PreviewSettings::default();
+        let mut rollout = rollout(&robot, &settings);
+        let (mut world, reference) = (closing(), holding(&robot));
+        rollout.prepare(&settings, &robot, &mut world, &|_| reference);
+        let idle = Candidate::idle(4);
+        let now = rollout.forecast(&idle, &world, 0.0, &|_, _| false);
+        world.update(0.015);
+        let later = rollout.forecast(&idle, &world, 0.015, &|_, _| false);
+        assert!((now.distance - later.distance).abs() < 1e-12, "{now:?} {later:?}");
+        assert!((now.error - later.error).abs() < 1e-12);
+        world.remove(1);
+        rollout.forget(world.len());
+        let alone = rollout.forecast(&idle, &world, 0.015, &|_, _| false);
+        assert!(alone.distance >= later.distance);
+    }
+
+    /// Pairs that are too far apart to matter are not asked for, and that changes nothing: the same bits as where
+    /// all are.
+    #[test]
+    fn what_is_left_out_does_not_matter() {
+        let robot = robot();
+        let settings = PreviewSettings::default();
+        let mut rollout = rollout(&robot, &settings);
+        let mut discs = vec![disc([1.4, 2.4], [0.0, -0.8]), disc([-1.0, -2.0], [1.5, 1.0])];
+        discs.extend((0..6).map(|k| disc([2.0 + 0.3 * f64::from(k), 2.5], [-0.5, 0.1])));
+        let mut world = Asked { world: World::new(discs), times: Cell::new(0) };
+        let reference = holding(&robot);
+        rollout.prepare(&settings, &robot, &mut world, &|_| reference);
+        let mut noise = Noise::new(3, 4);
+        let mut candidate = Candidate::idle(4);
+        let mut asked = [0, 0];
+        for _ in 0..50 {
+            let [few, all] = [NEAR, f64::INFINITY].map(|reach| {
+                rollout.reach = reach;
+                world.times.set(0);
+                let forecast = rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
+                asked[usize::from(reach > NEAR)] += world.times.get();
+                (forecast.distance.min(NEAR), forecast.error, rollout.q.clone())
+            });
+            assert_eq!(few, all);
+            candidate.draw(&mut noise, 1.0);
+        }
+        assert!(asked[0] < asked[1] / 2, "{asked:?}");
+    }
+}

@@ -1,0 +1,203 @@
+//! A way out of long computations: inner loops report what they have done, and whoever waits for the result is asked
+//! now and then whether it is still wanted.
+//!
+//! A report costs a few instructions; nobody is asked before about a millisecond of work is done, and nobody at all
+//! outside [`watched`]. If the answer is no, the stack is unwound up to there (as salsa cancels a query), so that no
+//! loop has to hand the interruption on. What was being computed is lost, and an object that was being changed must
+//! not be used again before it is rebuilt.
+
+use rayon::ThreadPool;
+use std::cell::{Cell, RefCell};
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+/// Work between two looks at the clock, in multiplications: about a millisecond.
+const QUANTUM: usize = 1 << 20;
+/// How often is asked.
+const EVERY: Duration = Duration::from_millis(20);
+
+/// The computation was ended from outside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Interrupted;
+
+/// How a thread learns whether its work is still wanted.
+#[derive(Debug, Clone)]
+pub enum Watch {
+    /// It asks, about every 20 ms; false ends the work.
+    Ask(fn() -> bool),
+    /// Somebody else sets this.
+    Flag(Arc<AtomicBool>),
+}
+
+impl Watch {
+    fn is_wanted(&self) -> bool {
+        match self {
+            Self::Ask(ask) => ask(),
+            Self::Flag(flag) => !flag.load(Ordering::Relaxed),
+        }
+    }
+}
+
+thread_local! {
+    /// Work left until the next look at the clock. Without a watch it never runs out.
+    static LEFT: Cell<usize> = const { Cell::new(usize::MAX) };
+    static WATCH: RefCell<Option<Watch>> = const { RefCell::new(None) };
+    /// When was asked last.
+    static ASKED: Cell<Option<Instant>> = const { Cell::new(None) };
+}
+
+/// Reports work, in multiplications or so. Unwinds to [`watched`] if the result is not wanted any more.
+#[inline]
+pub fn spend(work: usize) {
+    LEFT.with(|left| match left.get().checked_sub(work) {
+        Some(rest) => left.set(rest),
+        None => look(),
+    });
+}
+
+#[cold]
+#[inline(never)]
+fn look() {
+    let watch = WATCH.with_borrow(Clone::clone);
+    LEFT.set(if watch.is_some() { QUANTUM } else { usize::MAX });
+    let Some(watch) = watch else { return };
+    if let Watch::Ask(_) = watch {
+        let now = Instant::now();
+        let asked = ASKED.get().unwrap_or(now);
+        if now - asked < EVERY {
+            return ASKED.set(Some(asked));
+        }
+        ASKED.set(Some(now));
+    }
+    if !watch.is_wanted() {
+        panic::resume_unwind(Box::new(Interrupted)); // which does not call the panic hook
+    }
+}
+
+/// The watch of a thread while a piece of work lasts; then that of before.
+struct Scope(Option<Watch>, usize, Option<Instant>);
+
+impl Scope {
+    fn enter(watch: Watch) -> Self {
+        Self(WATCH.replace(Some(watch)), LEFT.replace(QUANTUM), ASKED.take())
+    }
+}
+
+impl Drop for Scope {
+    fn drop(&mut self) {
+        WATCH.set(self.0.take());
+        LEFT.set(self.1);
+        ASKED.set(self.2);
+    }
+}
+
+/// The result of `work`, as long as `watch` wants it.
+///
+/// # Errors
+/// If it did not.
+pub fn watched<T>(watch: Watch, work: impl FnOnce() -> T) -> Result<T, Interrupted> {
+    let scope = Scope::enter(watch);
+    let done = panic::catch_unwind(AssertUnwindSafe(work));
+    drop(scope);
+    done.or_else(|fault| match fault.is::<Interrupted>() {
+        true => Err(Interrupted),
+        false => panic::resume_unwind(fault),
+    })
+}
+
+/// Does work on the threads of `pool`. Its parts are to be done [`within`](Parts::within), so that an interruption of
+/// the calling thread, which goes on looking at the clock, ends them, too.
+pub fn on_pool<T: Send>(pool: &ThreadPool, work: impl FnOnce(&Parts) -> T + Send) -> T {
+    let Some(watch) = WATCH.with_borrow(Clone::clone) else {
+        return pool.install(|| work(&Parts(None)));
+    };
+    let stop = Arc::new(AtomicBool::new(false));
+    let parts = Parts(Some(Watch::Flag(Arc::clone(&stop))));
+    let mut result = None;
+    pool.in_place_scope(|scope| {
+        let (over, is_over) = mpsc::channel::<()>();
+        let result = &mut result;
+        scope.spawn(move |_| {
+            *result = Some(work(&parts));
+            drop(over);
+        });
+        while is_over.recv_timeout(EVERY) == Err(mpsc::RecvTimeoutError::Timeout) {
+            if !watch.is_wanted() {
+                stop.store(true, Ordering::Relaxed);
+            }
+        }
+    });
+    result.expect("the scope waits for it, and unwinds if it was interrupted")
+}
+
+/// How the parts of a work on several threads learn that it is not wanted any more.
+#[derive(Debug)]
+pub struct Parts(Option<Watch>);
+
+impl Parts {
+    /// Does one part on the present thread.
+    pub fn within<T>(&self, part: impl FnOnce() -> T) -> T {
+        let Some(watch) = &self.0 else { return part() };
+        let _scope = Scope::enter(watch.clone());
+        if !watch.is_wanted() {
+            panic::resume_unwind(Box::new(Interrupted));
+        }
+        part()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rayon::prelude::*;
+
+    fn endless() -> u64 {
+        let mut sum = 0_u64;
+        loop {
+            sum = sum.wrapping_mul(3).wrapping_add(1);
+            spend(1);
+            if sum == 7 {
+                return sum;
+            }
+        }
+    }
+
+    /// An endless loop ends when the answer is no, on the present thread and on others.
+    #[test]
+    fn endless_loops_end() {
+        assert_eq!(watched(Watch::Ask(|| false), endless), Err(Interrupted));
+        let flag = Arc::new(AtomicBool::new(true));
+        assert_eq!(watched(Watch::Flag(flag), endless), Err(Interrupted));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let sum =
+            || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(endless)).sum());
+        assert_eq!(watched::<u64>(Watch::Ask(|| false), sum), Err(Interrupted));
+    }
+
+    /// What is wanted comes to its end, also in parts, within another watch, and without any.
+    #[test]
+    fn what_is_wanted_is_done() {
+        let work = || {
+            (0..10_000_000).for_each(|_| spend(1));
+            5
+        };
+        assert_eq!(work(), 5);
+        assert_eq!(watched(Watch::Ask(|| true), work), Ok(5));
+        let inner = || (watched(Watch::Ask(|| false), endless), work());
+        assert_eq!(watched(Watch::Ask(|| true), inner), Ok((Err(Interrupted), 5)));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        let sum =
+            || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(work)).sum());
+        assert_eq!((sum(), watched(Watch::Ask(|| true), sum)), (20, Ok(20)));
+    }
+
+    /// A panic that is none of ours stays one.
+    #[test]
+    #[should_panic(expected = "a fault")]
+    fn panics_are_left_alone() {
+        let _ = watched(Watch::Ask(|| true), || panic!("a fault"));
+    }
+}

@@ -1,0 +1,3 @@
+//! What could have been done, for those who know the future.
+
+pub mod feasibility;

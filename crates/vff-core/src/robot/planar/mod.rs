@@ -1,0 +1,767 @@
+//! `n` revolute links in the plane, every operator in O(n).
+//!
+//! Everything is written in absolute link angles θ = L q (L: lower-triangular ones), where the mass
+//! matrix is semiseparable: with `l_i` the vector from joint i to joint i+1 and `b_j` the first
+//! moment about joint j of link j plus everything it carries as a point mass at its far end,
+//!
+//! ```text
+//! A_ij = l_i · b_j (i < j),   A_ii = I_i + m_i|c_i|² + |l_i|² Σ_{k>i} m_k,   M = Lᵀ A L
+//! ```
+//!
+//! so that products are prefix and suffix sums (T18–T20). The inverse is the articulated-body
+//! recursion: eliminating a revolute joint in the plane leaves a symmetric 2×2 block.
+
+mod arm;
+mod factorisation;
+mod reach;
+
+pub use arm::{Link, PlanarArm};
+pub use reach::{Annulus, Reach};
+
+use super::{Limits, Manipulator, Matrices, Model, Robot, dense};
+use crate::math::{Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
+use factorisation::{ArticulatedInertia, TaskForces};
+use nalgebra::{SMatrix, SVector};
+use std::mem;
+use std::sync::Arc;
+
+/// What depends on (q, q̇) at one joint and its link.
+#[derive(Debug, Clone, Copy, Default)]
+struct Joint {
+    /// Absolute angle [rad] and rate [rad/s] of the link.
+    angle: f64,
+    rate: f64,
+    /// Position [m] and velocity [m/s] of the joint, and its acceleration while q̈ = 0: −Σ w² l.
+    position: Vector<2>,
+    velocity: Vector<2>,
+    acceleration: Vector<2>,
+    /// Unit vector along the link.
+    x: Vector<2>,
+    /// Vector to the next joint, and composite first moment, in the world frame.
+    l: Vector<2>,
+    b: Vector<2>,
+    /// A_ii [kg·m²].
+    diagonal: f64,
+    /// Articulated-body factorisation: coupling h/D [1/m] and 1/D [1/(kg·m²)].
+    h: Vector<2>,
+    d_inv: f64,
+}
+
+/// A [`PlanarArm`] at (q, q̇). Allocated once, refreshed by [`Robot::update`].
+#[derive(Debug, Clone)]
+pub struct PlanarState {
+    arm: Arc<PlanarArm>,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    joints: Vec<Joint>,
+    tip: Vector<2>,
+    tip_velocity: Vector<2>,
+    /// The tip's acceleration while q̈ = 0.
+    tip_bias: Vector<2>,
+}
+
+impl PlanarState {
+    /// The parameters of this arm.
+    pub fn arm(&self) -> &Arc<PlanarArm> {
+        &self.arm
+    }
+
+    /// The position of joint `i` [m]; `i = n` is the tip.
+    pub fn joint_position(&self, i: usize) -> Vector<2> {
+        self.joints.get(i).map_or(self.tip, |joint| joint.position)
+    }
+
+    /// The absolute angle of link `i` [rad].
+    pub fn link_angle(&self, i: usize) -> f64 {
+        self.joints[i].angle
+    }
+
+    /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
+    #[inline(always)]
+    fn with<'a>(
+        &'a self,
+        v: &'a [f64],
+        out: &'a mut [f64],
+    ) -> (&'a [Joint], &'a [f64], &'a mut [f64]) {
+        let n = self.joints.len();
+        (&self.joints, &v[..n], &mut out[..n])
+    }
+
+    fn move_to(&mut self, q: &[f64], dq: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.dq.copy_from_slice(dq);
+        self.kinematics(q, dq);
+    }
+
+    /// Base to tip: angles, rates, positions, velocities and the world-frame vectors l, b.
+    fn kinematics(&mut self, q: &[f64], dq: &[f64]) {
+        // First all the sines, which wait for nothing but each other's angle, and then the sums.
+        let mut angle = 0.0;
+        let (pairs, rest) = self.joints.as_chunks_mut::<2>();
+        let (q, last) = q.as_chunks::<2>();
+        for (joint, q) in pairs.iter_mut().zip(q) {
+            let first = angle + q[0];
+            angle = first + q[1];
+            let [x, y] = unit_vectors(first, angle);
+            (joint[0].angle, joint[0].x) = (first, x.into());
+            (joint[1].angle, joint[1].x) = (angle, y.into());
+        }
+        for (joint, q) in rest.iter_mut().zip(last) {
+            let (sin, cos) = sin_cos(angle + q);
+            (joint.angle, joint.x) = (angle + q, Vector::<2>::new(cos, sin));
+        }
+        let mut rate = 0.0;
+        let mut position = Vector::<2>::zeros();
+        let mut velocity = Vector::<2>::zeros();
+        let mut acceleration = Vector::<2>::zeros();
+        for ((joint, link), dq) in self.joints.iter_mut().zip(&self.arm.composite).zip(dq) {
+            let x = joint.x;
+            rate += dq;
+            joint.rate = rate;
+            joint.position = position;
+            joint.velocity = velocity;
+            joint.acceleration = acceleration;
+            joint.l = x * link.length;
+            joint.b = x * link.moment.x + perp(x) * link.moment.y;
+            position += joint.l;
+            velocity += perp(joint.l) * rate;
+            acceleration -= joint.l * (rate * rate);
+        }
+        self.tip_bias = acceleration;
+        self.tip = position;
+        self.tip_velocity = velocity;
+    }
+
+    /// Tip to base: the factorisation of M alone.
+    fn factorise(&mut self) {
+        let mut outer = ArticulatedInertia::default();
+        for (joint, link) in self.joints.iter_mut().zip(&self.arm.composite).rev() {
+            outer.take_in(joint, link);
+        }
+    }
+
+    /// Base to tip, the second half of a solve: what the joints yield to each other, and back from
+    /// absolute to joint coordinates.
+    #[inline(always)]
+    fn yield_forward(joints: &[Joint], out: &mut [f64]) {
+        let (mut previous, mut a) = (0.0, Vector::<2>::zeros());
+        for (joint, out) in joints.iter().zip(out) {
+            let Joint { l, h, .. } = *joint;
+            let alpha = *out - h.dot(&a);
+            // a + perp(l) α, in the order that makes the next link wait least.
+            a = Vector::<2>::new(
+                a.x * (1.0 + l.y * h.x) + (a.y * (l.y * h.y) - l.y * *out),
+                a.y * (1.0 - l.x * h.y) + (l.x * *out - a.x * (l.x * h.x)),
+            );
+            *out = alpha - previous;
+            previous = alpha;
+        }
+    }
+}
+
+impl Model<2> for PlanarArm {
+    type State = PlanarState;
+
+    fn dof(&self) -> usize {
+        self.links.len()
+    }
+
+    fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
+        q.iter_mut().zip(v).for_each(|(q, v)| *q += v * dt);
+    }
+
+    fn reach(&self) -> f64 {
+        self.annulus(self.dof()).outer
+    }
+
+    /// Stretched out, every joint accelerates at 4 rad/s².
+    fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
+        const ACCELERATION: f64 = 4.0;
+        let stretched = vec![0.0; self.dof()];
+        let mut state = self.state();
+        state.update(&stretched, &stretched);
+        let mass_matrix = state.matrices::<2>().mass;
+        let pull = self.gravity().norm();
+        let reach = |i: usize| self.links()[i..].iter().map(|link| link.length).sum::<f64>();
+        let mass = |i: usize| self.links()[i..].iter().map(|link| link.mass).sum::<f64>();
+        let one = |i: usize| ACCELERATION * mass_matrix[(i, i)] + pull * mass(i) * reach(i);
+        (0..self.dof()).map(one).collect()
+    }
+
+    fn state(self: &Arc<Self>) -> PlanarState {
+        let n = self.dof();
+        let mut state = PlanarState {
+            arm: Arc::clone(self),
+            q: vec![0.0; n],
+            dq: vec![0.0; n],
+            joints: self
+                .composite
+                .iter()
+                .map(|link| Joint { diagonal: link.diagonal, ..Joint::default() })
+                .collect(),
+            tip: Vector::<2>::zeros(),
+            tip_velocity: Vector::<2>::zeros(),
+            tip_bias: Vector::<2>::zeros(),
+        };
+        state.update(&vec![0.0; n], &vec![0.0; n]);
+        state
+    }
+}
+
+impl PlanarState {
+    /// `out = J̇ᵀ f − Cᵀ u` for a force f at the tip:
+    /// (Cᵀ u)_abs,i = −w_i Σ_j A_ij sin(θ_i − θ_j) (L u)_j and (J̇ᵀ f)_abs,i = −w_i l_i·f.
+    #[inline(always)]
+    fn transposed_coriolis(&self, f: Vector<2>, u: &[f64], out: &mut [f64]) {
+        let (joints, u, out) = self.with(u, out);
+        let (mut s, mut inner) = (0.0, Vector::<2>::zeros());
+        for i in 0..out.len() {
+            s += u[i];
+            out[i] = cross(inner, joints[i].b);
+            inner += joints[i].l * s;
+        }
+        let (mut sum, mut outer) = (0.0, perp(f));
+        for i in (0..out.len()).rev() {
+            sum += joints[i].rate * (out[i] - cross(joints[i].l, outer));
+            out[i] = sum;
+            outer += joints[i].b * s;
+            s -= u[i];
+        }
+    }
+}
+
+/// A task of position.
+impl Manipulator<2, 2> for PlanarState {
+    type Pose = Vector<2>;
+
+    #[inline]
+    fn pose(&self) -> Vector<2> {
+        self.tip
+    }
+}
+
+/// A task of position and orientation.
+impl Manipulator<2, 3> for PlanarState {
+    type Pose = PlanarPose;
+
+    #[inline]
+    fn pose(&self) -> PlanarPose {
+        PlanarPose(twist(self.tip, self.joints.last().map_or(0.0, |joint| joint.angle)))
+    }
+}
+
+impl Robot<2> for PlanarState {
+    type Wrench = PlanarWrench;
+
+    #[inline]
+    fn dof(&self) -> usize {
+        self.joints.len()
+    }
+
+    fn update(&mut self, q: &[f64], dq: &[f64]) {
+        self.move_to(q, dq);
+        self.factorise();
+    }
+
+    fn update_positions(&mut self, q: &[f64]) {
+        self.q.copy_from_slice(q);
+        let dq = mem::take(&mut self.dq);
+        self.kinematics(q, &dq);
+        self.dq = dq;
+    }
+
+    fn configuration(&self) -> &[f64] {
+        &self.q
+    }
+
+    fn velocity(&self) -> &[f64] {
+        &self.dq
+    }
+
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
+        self.arm.integrate(q, v, dt);
+    }
+
+    fn total_mass(&self) -> f64 {
+        self.arm.total_mass
+    }
+
+    fn limits(&self) -> &Limits {
+        &self.arm.limits
+    }
+
+    fn mass_mul(&self, v: &[f64], out: &mut [f64]) {
+        let (joints, v, out) = self.with(v, out);
+        // Base to tip: Σ_{j<i} l_j w_j; tip to base: Σ_{j>i} b_j w_j; then Lᵀ.
+        let (mut w, mut inner) = (0.0, Vector::<2>::zeros());
+        for i in 0..out.len() {
+            w += v[i];
+            out[i] = joints[i].diagonal * w + joints[i].b.dot(&inner);
+            inner += joints[i].l * w;
+        }
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for i in (0..out.len()).rev() {
+            sum += out[i] + joints[i].l.dot(&outer);
+            out[i] = sum;
+            outer += joints[i].b * w;
+            w -= v[i];
+        }
+    }
+
+    fn mass_solve(&self, b: &[f64], out: &mut [f64]) {
+        let (joints, b, out) = self.with(b, out);
+        // Backward (T23): the moment left over at each link once the outer joints have yielded.
+        let (mut next, mut force) = (0.0, Vector::<2>::zeros());
+        for i in (0..out.len()).rev() {
+            let Joint { l, h, d_inv, .. } = joints[i];
+            let left = b[i] - next;
+            out[i] = (left - cross(l, force)) * d_inv;
+            // force + h (left − l × force), in the order that makes the next link wait least.
+            force = Vector::<2>::new(
+                force.x * (1.0 + h.x * l.y) + (h.x * left - force.y * (h.x * l.x)),
+                force.y * (1.0 - h.y * l.x) + (h.y * left + force.x * (h.y * l.y)),
+            );
+            next = b[i];
+        }
+        Self::yield_forward(joints, out);
+    }
+
+    fn coriolis_mul(&self, v: &[f64], out: &mut [f64]) {
+        let (joints, v, out) = self.with(v, out);
+        // (C v)_abs,i = Σ_j A_ij sin(θ_i − θ_j) w_j u_j with u = L v (T19, T20).
+        let (mut u, mut inner) = (0.0, Vector::<2>::zeros());
+        for i in 0..out.len() {
+            u += v[i];
+            out[i] = cross(inner, joints[i].b);
+            inner += joints[i].l * (joints[i].rate * u);
+        }
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for i in (0..out.len()).rev() {
+            sum += out[i] - cross(joints[i].l, outer);
+            out[i] = sum;
+            outer += joints[i].b * (joints[i].rate * u);
+            u -= v[i];
+        }
+    }
+
+    fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]) {
+        self.transposed_coriolis(Vector::<2>::zeros(), u, out);
+        out.iter_mut().for_each(|out| *out = -*out);
+    }
+
+    /// Both in one sweep from the tip: the sums from the base are in the joints already, the first
+    /// turned by 90° in their velocities, the second with another sign in their accelerations. The
+    /// sweep begins at the tip with what acts there, −p.
+    fn momentum_and_coriolis<const M: usize>(
+        &self,
+        p: &SVector<f64, M>,
+        momentum: &mut [f64],
+        coriolis: &mut [f64],
+    ) {
+        let (joints, _, coriolis) = self.with(&self.dq, coriolis);
+        let momentum = &mut momentum[..joints.len()];
+        let (force, moment) = parts(p);
+        let (mut sum, mut c) = (-moment, 0.0);
+        let (mut outer, mut outer_squared) = (perp(force), Vector::<2>::zeros());
+        for i in (0..joints.len()).rev() {
+            let Joint { rate, velocity, acceleration, l, b, diagonal, .. } = joints[i];
+            sum += diagonal * rate + cross(b, velocity) + l.dot(&outer);
+            c += cross(b, acceleration) - cross(l, outer_squared);
+            momentum[i] = sum;
+            coriolis[i] = c;
+            let bw = b * rate;
+            outer += bw;
+            outer_squared += bw * rate;
+        }
+    }
+
+    /// As [`coriolis_tr_mul`](Self::coriolis_tr_mul): J̇ᵀp is what a force at the tip adds to the sum
+    /// from there.
+    fn coupling_torque<const M: usize>(&self, p: &SVector<f64, M>, u: &[f64], out: &mut [f64]) {
+        self.transposed_coriolis(parts(p).0, u, out);
+    }
+
+    /// Gravity enters as an acceleration of the base against it.
+    fn bias_torque(&self, out: &mut [f64]) {
+        let (joints, _, out) = self.with(&self.dq, out);
+        let (mut sum, mut outer) = (0.0, Vector::<2>::zeros());
+        for i in (0..joints.len()).rev() {
+            let Joint { rate, acceleration, l, b, .. } = joints[i];
+            sum += cross(b, acceleration - self.arm.gravity) - cross(l, outer);
+            out[i] = sum;
+            outer += b * (rate * rate);
+        }
+    }
+
+    fn gravity_torque(&self, out: &mut [f64]) {
+        if self.arm.gravity == Vector::<2>::zeros() {
+            out.fill(0.0);
+            return;
+        }
+        let mut sum = 0.0;
+        for i in (0..self.joints.len()).rev() {
+            sum += cross(self.joints[i].b, -self.arm.gravity);
+            out[i] = sum;
+        }
+    }
+
+    fn potential_energy(&self) -> f64 {
+        let first_moment: Vector<2> = self.joints.iter().map(|joint| joint.b).sum();
+        -self.arm.gravity.dot(&first_moment)
+    }
+
+    #[inline]
+    fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
+        twist(self.tip_velocity, self.joints.last().map_or(0.0, |joint| joint.rate))
+    }
+
+    #[inline]
+    fn task_bias_acceleration<const M: usize>(&self) -> SVector<f64, M> {
+        twist(self.tip_bias, 0.0)
+    }
+
+    #[inline]
+    fn jacobian_column<const M: usize>(&self, i: usize) -> SVector<f64, M> {
+        twist(perp(self.tip - self.joints[i].position), 1.0)
+    }
+
+    #[inline]
+    fn jacobian_dot_column<const M: usize>(&self, i: usize) -> SVector<f64, M> {
+        twist(perp(self.tip_velocity - self.joints[i].velocity), 0.0)
+    }
+
+    fn task_response<const M: usize>(&self, y: &mut [SVector<f64, M>]) -> SMatrix<f64, M, M> {
+        let mut forces = TaskForces::new();
+        let last = self.joints.len() - 1;
+        for (i, (joint, y)) in self.joints.iter().zip(y.iter_mut()).enumerate().rev() {
+            forces.take_in(joint, i == last, y);
+        }
+        TaskForces::yield_forward(&self.joints, y);
+        forces.lambda_inv
+    }
+
+    /// Factorisation and half solves in one sweep: the first waits for its divisions, the second fills
+    /// the time.
+    fn update_with_response<const M: usize>(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        y: &mut [SVector<f64, M>],
+    ) -> SMatrix<f64, M, M> {
+        self.move_to(q, dq);
+        let mut outer = ArticulatedInertia::default();
+        let mut forces = TaskForces::new();
+        let last = self.joints.len() - 1;
+        let links = self.joints.iter_mut().zip(&self.arm.composite);
+        for (i, ((joint, link), y)) in links.zip(y.iter_mut()).enumerate().rev() {
+            outer.take_in(joint, link);
+            forces.take_in(joint, i == last, y);
+        }
+        TaskForces::yield_forward(&self.joints, y);
+        forces.lambda_inv
+    }
+
+    /// The articulated-body algorithm: factorisation, bias and half solve in one sweep.
+    fn update_with_dynamics(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        tau: &[f64],
+        _scratch: &mut [f64],
+        out: &mut [f64],
+    ) {
+        self.move_to(q, dq);
+        let gravity = self.arm.gravity;
+        let mut outer = ArticulatedInertia::default();
+        // The torque of the joint farther out, and the force that its link receives.
+        let (mut next, mut force) = (0.0, Vector::<2>::zeros());
+        let links = self.joints.iter_mut().zip(&self.arm.composite);
+        for ((joint, link), (tau, out)) in links.zip(tau.iter().zip(out.iter_mut())).rev() {
+            outer.take_in(joint, link);
+            let Joint { rate, acceleration, l, b, h, d_inv, .. } = *joint;
+            let e = tau - next - cross(b, acceleration - gravity) - cross(l, force);
+            force += h * e - b * (rate * rate);
+            *out = e * d_inv;
+            next = *tau;
+        }
+        Self::yield_forward(&self.joints, out);
+    }
+
+    fn link(&self, i: usize) -> Capsule<2> {
+        capsule(&self.joints[i], &self.arm.links[i])
+    }
+
+    fn links(&self) -> impl Iterator<Item = Capsule<2>> {
+        let pairs = self.joints.iter().zip(&self.arm.links);
+        pairs.map(|(joint, link)| capsule(joint, link))
+    }
+
+    fn point_velocity(&self, i: usize, point: &Vector<2>) -> Vector<2> {
+        let joint = &self.joints[i];
+        joint.velocity + perp(point - joint.position) * joint.rate
+    }
+
+    fn point_jacobian_tr_mul(&self, i: usize, point: &Vector<2>, f: &Vector<2>, out: &mut [f64]) {
+        let (inner, outer) = out.split_at_mut(i + 1);
+        for (joint, out) in self.joints.iter().zip(inner) {
+            *out = cross(point - joint.position, *f);
+        }
+        outer.fill(0.0);
+    }
+
+    fn point_bias_acceleration(&self, i: usize, point: &Vector<2>) -> Vector<2> {
+        let joint = &self.joints[i];
+        joint.acceleration - (point - joint.position) * (joint.rate * joint.rate)
+    }
+
+    fn point_mobility(&self, i: usize, point: &Vector<2>, n: &Vector<2>) -> f64 {
+        let mut force = -n;
+        let mut arm = point - self.joints[i].position;
+        let mut sum = 0.0;
+        for inner in (0..=i).rev() {
+            let joint = &self.joints[inner];
+            let e = -perp(arm).dot(&force);
+            sum += e * e * joint.d_inv;
+            force += joint.h * e;
+            if inner > 0 {
+                arm = self.joints[inner - 1].l;
+            }
+        }
+        sum
+    }
+
+    fn add_force(&self, wrenches: &mut [PlanarWrench], i: usize, point: &Vector<2>, f: &Vector<2>) {
+        wrenches[i].force += f;
+        wrenches[i].moment += cross(point - self.joints[i].position, *f);
+    }
+
+    fn wrenches_tr_mul(&self, wrenches: &[PlanarWrench], out: &mut [f64]) {
+        let mut carried = PlanarWrench::default();
+        for ((joint, wrench), out) in self.joints.iter().zip(wrenches).zip(out.iter_mut()).rev() {
+            carried.moment += cross(joint.l, carried.force) + wrench.moment;
+            carried.force += wrench.force;
+            *out = carried.moment;
+        }
+    }
+
+    fn matrices<const M: usize>(&self) -> Matrices<M> {
+        dense::planar(&self.arm, &self.q, &self.dq)
+    }
+}
+
+/// A planar force [N] and its moment about the joint of the link it acts on [N·m].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PlanarWrench {
+    /// Force [N].
+    pub force: Vector<2>,
+    /// Moment about the link's joint [N·m].
+    pub moment: f64,
+}
+
+#[inline(always)]
+fn capsule(joint: &Joint, link: &Link) -> Capsule<2> {
+    let Link { length, radius, .. } = *link;
+    Capsule { start: joint.position, direction: joint.x, length, radius }
+}
+
+/// The first `M` components of a planar twist: two linear, one angular.
+#[inline(always)]
+fn twist<const M: usize>(linear: Vector<2>, angular: f64) -> SVector<f64, M> {
+    const { assert!(M == 2 || M == 3, "a planar task has dimension 2 or 3") };
+    SVector::from_fn(|row, _| if row < 2 { linear[row] } else { angular })
+}
+
+/// A task force as force and moment at the tip: the transpose of [`twist`].
+#[inline(always)]
+fn parts<const M: usize>(f: &SVector<f64, M>) -> (Vector<2>, f64) {
+    (Vector::<2>::new(f[0], f[1]), if M > 2 { f[2] } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_close, case};
+    use nalgebra::{DMatrix, DVector};
+    use proptest::prelude::*;
+
+    fn apply(n: usize, operator: impl Fn(&mut [f64])) -> Vec<f64> {
+        let mut out = vec![f64::NAN; n];
+        operator(&mut out);
+        out
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Every operator against the dense textbook matrices, which share no code with it.
+        #[test]
+        fn operators_agree_with_matrices(c in case(1usize..13)) {
+            let (n, state) = (c.q.len(), c.state());
+            let dense = state.matrices::<3>();
+            let (u, v) = (DVector::from_column_slice(&c.u), DVector::from_column_slice(&c.v));
+            let f = SVector::<f64, 3>::new(0.3, -1.2, 0.7);
+            let j = &dense.jacobian;
+            let check = |a: &[f64], b: &[f64]| assert_close(a, b, 1e-11);
+            check(&apply(n, |out| state.mass_mul(&c.v, out)), (&dense.mass * &v).as_slice());
+            check(&apply(n, |out| state.coriolis_mul(&c.v, out)), (&dense.coriolis * &v).as_slice());
+            check(
+                &apply(n, |out| state.coriolis_tr_mul(&c.u, out)),
+                (dense.coriolis.transpose() * &u).as_slice(),
+            );
+            check(&apply(n, |out| state.gravity_torque(out)), dense.gravity.as_slice());
+            check(state.jacobian_mul::<3>(&c.v).as_slice(), (j * &v).as_slice());
+            check(&apply(n, |out| state.jacobian_tr_mul(&f, out)), (j.transpose() * f).as_slice());
+            check(state.jacobian_dot_mul::<3>(&c.v).as_slice(), (&dense.jacobian_dot * &v).as_slice());
+            let dq = DVector::from_column_slice(&c.dq);
+            let (mut momentum, mut coriolis) = (vec![f64::NAN; n], vec![f64::NAN; n]);
+            state.momentum_and_coriolis(&f, &mut momentum, &mut coriolis);
+            check(&momentum, (&dense.mass * &dq - j.transpose() * f).as_slice());
+            check(&coriolis, (&dense.coriolis * &dq).as_slice());
+            check(
+                &apply(n, |out| state.coupling_torque(&f, &c.u, out)),
+                (dense.jacobian_dot.transpose() * f - dense.coriolis.transpose() * &u).as_slice(),
+            );
+            let bias = &dense.coriolis * &dq + &dense.gravity;
+            check(&apply(n, |out| state.bias_torque(out)), bias.as_slice());
+            check(state.task_velocity::<3>().as_slice(), (j * &dq).as_slice());
+            check(state.task_bias_acceleration::<3>().as_slice(), (&dense.jacobian_dot * &dq).as_slice());
+            check(
+                &apply(n, |out| state.jacobian_dot_tr_mul(&f, out)),
+                (dense.jacobian_dot.transpose() * f).as_slice(),
+            );
+        }
+
+        /// M⁻¹ undoes M, and the half-solve form of Y and Λ⁻¹ is M⁻¹Jᵀ and J M⁻¹Jᵀ.
+        #[test]
+        fn inverse_and_task_response(c in case(1usize..13)) {
+            let (n, state) = (c.q.len(), c.state());
+            let b = apply(n, |out| state.mass_mul(&c.v, out));
+            assert_close(&apply(n, |out| state.mass_solve(&b, out)), &c.v, 1e-8);
+            let mut y = vec![SVector::<f64, 3>::zeros(); n];
+            let lambda_inv = state.task_response(&mut y);
+            let dense = state.matrices::<3>();
+            let back = &dense.mass * DMatrix::from_fn(n, 3, |i, k| y[i][k]);
+            assert_close(back.as_slice(), dense.jacobian.transpose().as_slice(), 1e-9);
+            let mut product = SMatrix::<f64, 3, 3>::zeros();
+            for k in 0..3 {
+                let column: Vec<_> = y.iter().map(|row| row[k]).collect();
+                product.set_column(k, &state.jacobian_mul(&column));
+            }
+            assert_close(lambda_inv.as_slice(), product.as_slice(), 1e-9);
+        }
+
+        /// M is symmetric positive definite and Ṁ = C + Cᵀ (T2): Christoffel.
+        #[test]
+        fn mass_rate_is_christoffel(c in case(1usize..9)) {
+            let h = 1e-5;
+            let (before, after) = (c.later(-h).matrices::<2>(), c.later(h).matrices::<2>());
+            let rate = (after.mass - before.mass) / (2.0 * h);
+            let now = c.state().matrices::<2>();
+            assert_close((&now.coriolis + now.coriolis.transpose()).as_slice(), rate.as_slice(), 1e-6);
+            prop_assert!((&now.mass - now.mass.transpose()).norm() < 1e-12 * now.mass.norm());
+            prop_assert!(now.mass.cholesky().is_some());
+        }
+
+        /// J = ∂x/∂q, J̇ = dJ/dt and g = ∂V/∂q by central differences.
+        #[test]
+        fn derivatives_by_finite_differences(c in case(1usize..9)) {
+            let (n, h, state) = (c.q.len(), 1e-5, c.state());
+            let now = state.matrices::<3>();
+            let pose = |state: PlanarState| Manipulator::<2, 3>::pose(&state).0;
+            for k in 0..n {
+                let at = |step: f64| {
+                    let mut q = c.q.clone();
+                    q[k] += step;
+                    let mut state = c.arm.state();
+                    state.update(&q, &c.dq);
+                    state
+                };
+                let column = (pose(at(h)) - pose(at(-h))) / (2.0 * h);
+                assert_close(now.jacobian.column(k).as_slice(), column.as_slice(), 1e-7);
+                let slope = (at(h).potential_energy() - at(-h).potential_energy()) / (2.0 * h);
+                assert_close(&[now.gravity[k]], &[slope], 1e-6);
+            }
+            let rate = (c.later(h).matrices::<3>().jacobian - c.later(-h).matrices::<3>().jacobian) / (2.0 * h);
+            assert_close(now.jacobian_dot.as_slice(), rate.as_slice(), 1e-6);
+        }
+
+        /// Velocity, force, bias acceleration and mobility of a point on a link are consistent with
+        /// each other and with M⁻¹.
+        #[test]
+        fn point_operators(c in case(1usize..9), along in 0.0..1.0, angle in -3.0..3.0) {
+            let (n, state) = (c.q.len(), c.state());
+            let i = n / 2;
+            let normal = Vector::<2>::new(f64::cos(angle), f64::sin(angle));
+            let on = |state: &PlanarState| {
+                let link = state.link(i);
+                link.start + link.direction * (link.length * along)
+            };
+            let point = on(&state);
+            let column = apply(n, |out| state.point_jacobian_tr_mul(i, &point, &normal, out));
+            let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+            let velocity = state.point_velocity(i, &point);
+            assert_close(&[normal.dot(&velocity)], &[dot(&column, &c.dq)], 1e-12);
+            let h = 1e-4;
+            let (before, after) = (on(&c.later(-h)), on(&c.later(h)));
+            assert_close(((after - before) / (2.0 * h)).as_slice(), velocity.as_slice(), 1e-5);
+            let curve = (after - 2.0 * point + before) / (h * h);
+            assert_close(state.point_bias_acceleration(i, &point).as_slice(), curve.as_slice(), 1e-4);
+            let solved = apply(n, |out| state.mass_solve(&column, out));
+            assert_close(&[state.point_mobility(i, &point, &normal)], &[dot(&column, &solved)], 1e-9);
+            let mut wrenches = vec![PlanarWrench::default(); n];
+            state.add_force(&mut wrenches, i, &point, &normal);
+            assert_close(&apply(n, |out| state.wrenches_tr_mul(&wrenches, out)), &column, 1e-12);
+        }
+    }
+
+    /// The two-link arm of Murray, Li and Sastry (*A Mathematical Introduction to Robotic Manipulation*, 1994).
+    #[test]
+    fn two_link_textbook() {
+        let links =
+            [(0.7, 1.3, 0.3, 0.05), (0.9, 0.8, 0.5, 0.02)].map(|(length, mass, c, inertia)| Link {
+                length,
+                mass,
+                com: Vector::<2>::new(c, 0.0),
+                inertia,
+                radius: 0.0,
+            });
+        let (l1, [a, b]) = (0.7, links);
+        let (c1, c2) = (a.com.x, b.com.x);
+        let alpha = a.inertia + b.inertia + a.mass * c1 * c1 + b.mass * (l1 * l1 + c2 * c2);
+        let (beta, delta) = (b.mass * l1 * c2, b.inertia + b.mass * c2 * c2);
+        let mut state = Arc::new(PlanarArm::new(links.to_vec(), Vector::<2>::zeros())).state();
+        let (q, dq) = ([0.4, -1.1], [0.9, 2.3]);
+        state.update(&q, &dq);
+        let (cos, sin) = (f64::cos(q[1]), f64::sin(q[1]));
+        let [m11, m12, m22] = [alpha + 2.0 * beta * cos, delta + beta * cos, delta];
+        let coriolis =
+            [[-beta * sin * dq[1], -beta * sin * (dq[0] + dq[1])], [beta * sin * dq[0], 0.0]];
+        let v = [0.31, -0.77];
+        assert_close(
+            &apply(2, |out| state.mass_mul(&v, out)),
+            &[m11 * v[0] + m12 * v[1], m12 * v[0] + m22 * v[1]],
+            1e-14,
+        );
+        let expected = coriolis.map(|row| row[0] * v[0] + row[1] * v[1]);
+        assert_close(&apply(2, |out| state.coriolis_mul(&v, out)), &expected, 1e-14);
+    }
+
+    /// The recursions stay accurate where the mass matrix is ill-conditioned in joint angles
+    /// (4·10⁸ at n = 100): M M⁻¹ b = b.
+    #[test]
+    fn hundred_links() {
+        let n = 100;
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); n], Vector::<2>::zeros()));
+        let mut state = arm.state();
+        let wave = |k: usize, f: f64| f64::sin(f * k as f64 + 0.3);
+        let q: Vec<_> = (0..n).map(|k| 0.4 * wave(k, 0.7)).collect();
+        let b: Vec<_> = (0..n).map(|k| wave(k, 1.9)).collect();
+        state.update(&q, &vec![0.0; n]);
+        let x = apply(n, |out| state.mass_solve(&b, out));
+        assert_close(&apply(n, |out| state.mass_mul(&x, out)), &b, 1e-9);
+    }
+}

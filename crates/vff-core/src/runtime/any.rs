@@ -1,0 +1,208 @@
+//! The one place where a type is chosen at run time.
+
+use crate::control::{Gains, Settings, TaskKind};
+use crate::math::Vector;
+use crate::robot::{Limits, Model};
+use crate::scenario::{self, Part, Problem, Scenario, ScenarioError};
+use crate::simulation::{Outcome, PlanarSystem, Plane, Run, Snapshot};
+use crate::world::plane::Obstacle;
+use std::time::Duration;
+use toml::Table;
+
+/// A scenario ready to run, and what is odd about it.
+#[derive(Debug, Clone)]
+pub struct Ready {
+    /// The run at t = 0.
+    pub run: AnyRun,
+    /// Sentences for the user.
+    pub warnings: Vec<String>,
+}
+
+/// A run of any arm with any task: the list of all that there are.
+#[derive(Debug, Clone)]
+pub enum AnyRun {
+    /// In the plane, position.
+    PlanarPosition(Box<Run<Plane, 2, 2>>),
+    /// In the plane, position and orientation.
+    PlanarPose(Box<Run<Plane, 2, 3>>),
+}
+
+/// Does the same with whatever run it is.
+macro_rules! either {
+    ($run:expr, $inner:ident => $body:expr) => {
+        match $run {
+            AnyRun::PlanarPosition($inner) => $body,
+            AnyRun::PlanarPose($inner) => $body,
+        }
+    };
+}
+
+pub(super) use either;
+
+impl AnyRun {
+    /// [`Run::run_for`].
+    pub fn run_for(&mut self, budget: Duration) -> bool {
+        either!(self, run => run.run_for(budget))
+    }
+
+    /// [`Run::step`].
+    pub fn step(&mut self) -> bool {
+        either!(self, run => run.step())
+    }
+
+    /// [`ClosedLoop::drive`].
+    pub fn drive(&mut self) -> &[f64] {
+        either!(self, run => run.closed_loop_mut().drive())
+    }
+
+    /// [`ClosedLoop::torque_at`].
+    pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
+        either!(self, run => run.closed_loop_mut().torque_at(t, q, dq))
+    }
+
+    /// [`Run::arrive_at`].
+    pub fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
+        either!(self, run => run.arrive_at(q, dq))
+    }
+
+    /// [`Run::is_over`].
+    pub fn is_over(&self) -> bool {
+        either!(self, run => run.is_over())
+    }
+
+    /// [`ClosedLoop::restart`], without record or metrics.
+    pub fn restart(&mut self) {
+        either!(self, run => run.closed_loop_mut().restart());
+    }
+
+    /// [`Run::outcome`].
+    pub fn outcome(self) -> Outcome {
+        either!(self, run => (*run).outcome())
+    }
+
+    /// The present instant.
+    pub fn snapshot(&self) -> Snapshot<'_> {
+        either!(self, run => run.closed_loop().snapshot())
+    }
+
+    /// Advances the closed loop alone, without record or metrics, under its own torque or under
+    /// `external` [N·m]. Returns false if the new state is not finite.
+    pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
+        either!(self, run => run.closed_loop_mut().advance(external))
+    }
+
+    /// Changes the gains, which must be for the same task. Allocates.
+    pub fn configure(&mut self, settings: &Settings, seed: u64) {
+        either!(self, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(seed)));
+    }
+
+    /// [`ClosedLoop::pushes`], as points and forces, one coordinate after the other.
+    pub fn pushes(&mut self) -> [Vec<f64>; 2] {
+        either!(self, run => {
+            let pushes = run.closed_loop_mut().pushes();
+            [0, 1].map(|k| pushes.iter().flat_map(|push| push[k].iter().copied()).collect())
+        })
+    }
+
+    /// The position of obstacle `j` [m].
+    pub fn obstacle_position(&self, j: usize) -> Vec<f64> {
+        either!(self, run => run.closed_loop().world().position(j).as_slice().to_vec())
+    }
+
+    /// Carries obstacle `j` to `goal` [m] from now on, with the pole `rate` [1/s]. Does not allocate.
+    pub fn carry(&mut self, j: usize, goal: &[f64], rate: f64) {
+        either!(self, run => {
+            let goal = Vector::from_column_slice(goal);
+            run.closed_loop_mut().change_world(|world| world.carry(j, goal, rate));
+        });
+    }
+
+    /// Adds an obstacle, the last one from now on. Allocates.
+    pub fn add(&mut self, obstacle: &Obstacle) {
+        either!(self, run => run.closed_loop_mut().change_world(|world| world.add(obstacle.clone())));
+    }
+
+    /// Takes obstacle `j` away.
+    pub fn remove(&mut self, j: usize) {
+        either!(self, run => run.closed_loop_mut().change_world(|world| world.remove(j)));
+    }
+
+    /// [`ClosedLoop::aim`]. Does not allocate.
+    pub fn aim(&mut self, goal: &[f64], rate: f64) {
+        either!(self, run => run.closed_loop_mut().aim(Vector::from_column_slice(goal), rate));
+    }
+
+    /// Moves `goal` [m] to the position nearest to it that the end effector can take with the orientation of the
+    /// reference. Does not allocate.
+    pub fn make_attainable(&self, goal: &mut [f64]) {
+        either!(self, run => {
+            let nearest = run.closed_loop().attainable(&Vector::from_column_slice(goal));
+            goal.copy_from_slice(nearest.as_slice());
+        });
+    }
+
+    /// What the joints can do.
+    pub fn limits(&self) -> &Limits {
+        either!(self, run => run.closed_loop().limits())
+    }
+
+    /// [`Model::typical_torque`](crate::robot::Model::typical_torque).
+    pub fn typical_torque(&self) -> Vec<f64> {
+        either!(self, run => run.closed_loop().arm().typical_torque())
+    }
+
+    /// A distance from the base that the end effector cannot exceed [m].
+    pub fn reach(&self) -> f64 {
+        either!(self, run => run.closed_loop().arm().reach())
+    }
+}
+
+impl Scenario {
+    /// Builds the run.
+    ///
+    /// # Errors
+    /// If the reference does not fit the task or leaves the reach of the arm, or the record does not
+    /// fit into memory.
+    pub fn prepare(&self) -> Result<Ready, ScenarioError> {
+        self.prepare_recorded(true)
+    }
+
+    /// The same, with a record or with nothing but metrics.
+    ///
+    /// # Errors
+    /// As [`prepare`](Self::prepare).
+    pub fn prepare_recorded(&self, recorded: bool) -> Result<Ready, ScenarioError> {
+        match self.controller.task {
+            TaskKind::Position => self.prepare_for::<Plane, 2>(recorded, AnyRun::PlanarPosition),
+            TaskKind::Pose => self.prepare_for::<Plane, 3>(recorded, AnyRun::PlanarPose),
+        }
+    }
+
+    fn prepare_for<S: PlanarSystem<M>, const M: usize>(
+        &self,
+        recorded: bool,
+        wrap: impl Fn(Box<Run<S, 2, M>>) -> AnyRun,
+    ) -> Result<Ready, ScenarioError> {
+        let (closed_loop, warnings) = self.closed_loop::<S, M>()?;
+        let run =
+            Run::new(closed_loop, &self.simulation, self.duration, recorded).map_err(|error| {
+                ScenarioError::new(
+                    "simulation.record_every",
+                    Problem::Other(format!("{error}: record fewer of them")),
+                )
+            })?;
+        Ok(Ready { run: wrap(Box::new(run)), warnings })
+    }
+}
+
+/// Reads and validates one part of a scenario, named as in [`Part`]; a whole one is prepared, too. Returns its warnings.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn check(part: Part, document: &Table) -> Result<Vec<String>, ScenarioError> {
+    if part == Part::Scenario {
+        return Scenario::from_document(document)?.prepare().map(|ready| ready.warnings);
+    }
+    scenario::check(part, document)?;
+    Ok(vec![])
+}

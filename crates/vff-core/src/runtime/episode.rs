@@ -1,0 +1,481 @@
+//! A scenario as an episode: actions in, observations and rewards out, from a random start to an end.
+//!
+//! An agent is a controller, so it observes what the law observes: the state as it is measured. It is
+//! rewarded for the truth.
+
+use super::any::{AnyRun, either};
+use crate::math::Pose;
+use crate::math::ScalarOrVec;
+use crate::robot::Robot;
+use crate::scenario::arm::{each, not_negative, number, positive};
+use crate::scenario::{self, Scenario, ScenarioError};
+use crate::simulation::{ClosedLoop, System};
+use crate::world::{Motion, Positions};
+use nalgebra::SVector;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde::Deserialize;
+use std::sync::Arc;
+use toml::Table;
+
+/// What an action is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// A joint torque that is added to the law's after its projection into the null space.
+    NullSpace,
+    /// The joint torque itself, instead of the law's.
+    Torque,
+}
+
+/// How a scenario becomes an episode.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EpisodeSettings {
+    /// What an action is.
+    pub action: Action,
+    /// How long an action lasts [s]: a multiple of the control period, nearest to 0.01 s if not given.
+    pub period: Option<f64>,
+    /// The torque of an action of 1 [N·m], each, > 0. Default: the limits of the arm, or what carries
+    /// the stretched arm and accelerates each of its joints by 4 rad/s².
+    pub torque: Option<ScalarOrVec>,
+    /// The start is q0, every joint up to this far from it [rad], ≥ 0.
+    pub start_noise: f64,
+    /// Every obstacle starts up to this far from its position along each axis [m], ≥ 0.
+    pub obstacle_noise: f64,
+    /// Below this clearance [m] the reward falls, > 0.
+    pub margin: f64,
+    /// What counts for the reward.
+    pub weights: Weights,
+}
+
+/// Factors of the parts of the reward, each ≥ 0.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Weights {
+    /// For every step that the episode goes on.
+    pub alive: f64,
+    /// Against the distance of the end effector from its reference [1/m].
+    pub tracking: f64,
+    /// Against the square of the share of `margin` that is used up.
+    pub clearance: f64,
+    /// Against the mean square of the action.
+    pub effort: f64,
+    /// Against an end by collision or divergence, once.
+    pub collision: f64,
+}
+
+impl Default for EpisodeSettings {
+    fn default() -> Self {
+        Self {
+            action: Action::NullSpace,
+            period: None,
+            torque: None,
+            start_noise: 0.05,
+            obstacle_noise: 0.1,
+            margin: 0.2,
+            weights: Weights::default(),
+        }
+    }
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self { alive: 1.0, tracking: 10.0, clearance: 1.0, effort: 0.1, collision: 100.0 }
+    }
+}
+
+/// A joint faster than this ends an episode as diverged [rad/s]; it bounds the observation.
+const MAX_SPEED: f64 = 100.0;
+/// How often a start is drawn anew that touches an obstacle.
+const MAX_DRAWS: usize = 100;
+
+/// Some numbers of the observation, in a row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// What they are.
+    pub name: &'static str,
+    /// One row each of this many numbers; 1 if they are a plain list.
+    pub shape: [usize; 2],
+    /// The largest that each of them is shown as, as is its negative.
+    pub bound: f64,
+}
+
+/// What a step tells beside the observation, in this order.
+pub const INFO: [&str; 9] = [
+    "t",
+    "clearance",
+    "tracking_error",
+    "reward_alive",
+    "reward_tracking",
+    "reward_clearance",
+    "reward_effort",
+    "reward_collision",
+    "diverged",
+];
+
+/// What came of one step.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Step {
+    /// The reward: the sum of its parts in `info`.
+    pub reward: f64,
+    /// Whether a link touched an obstacle, or the arm became too fast.
+    pub terminated: bool,
+    /// Whether the scenario is over.
+    pub truncated: bool,
+    /// The numbers named by [`INFO`].
+    pub info: [f64; INFO.len()],
+}
+
+impl Step {
+    /// Whether the episode ends with it.
+    pub fn is_last(&self) -> bool {
+        self.terminated || self.truncated
+    }
+}
+
+/// A scenario with everything about its episodes that never changes.
+#[derive(Debug)]
+pub struct Task {
+    scenario: Scenario,
+    settings: EpisodeSettings,
+    /// The range of every joint [rad]; empty where there is none.
+    ranges: Vec<[f64; 2]>,
+    /// The torque of an action of 1 [N·m].
+    torque: Vec<f64>,
+    /// Control periods per step, and plant steps per control period and episode.
+    periods: usize,
+    plant_steps: usize,
+    last: usize,
+    layout: Vec<Part>,
+}
+
+impl Task {
+    /// Reads and validates the settings, and the scenario with them.
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault.
+    pub fn new(scenario: Scenario, settings: &Table) -> Result<Self, ScenarioError> {
+        let settings: EpisodeSettings = scenario::read(settings)?;
+        let options = &scenario.simulation;
+        let run = scenario.prepare_recorded(false)?.run;
+        let limits = run.limits();
+        let n = run.snapshot().q.len();
+        validate(&settings, n)?;
+        let torque = match &settings.torque {
+            Some(given) => (0..n).map(|i| given.get(i)).collect(),
+            None if limits.torque.is_empty() => run.typical_torque(),
+            None => limits.torque.clone(),
+        };
+        Ok(Self {
+            periods: periods(settings.period, options.control_period())?,
+            plant_steps: options.control_every,
+            last: options.steps(scenario.duration),
+            layout: layout(&scenario, &run),
+            ranges: limits.joint.clone(),
+            torque,
+            settings,
+            scenario,
+        })
+    }
+
+    /// The number of joints, which is that of an action's numbers.
+    pub fn joints(&self) -> usize {
+        self.torque.len()
+    }
+
+    /// The torque of an action of 1 [N·m], (n).
+    pub fn torque(&self) -> &[f64] {
+        &self.torque
+    }
+
+    /// How long an action lasts [s].
+    #[expect(clippy::cast_precision_loss, reason = "few periods")]
+    pub fn period(&self) -> f64 {
+        self.periods as f64 * self.scenario.simulation.control_period()
+    }
+
+    /// What an observation consists of.
+    pub fn layout(&self) -> &[Part] {
+        &self.layout
+    }
+
+    /// The length of an observation.
+    pub fn width(&self) -> usize {
+        self.layout.iter().map(|part| part.shape[0] * part.shape[1]).sum()
+    }
+
+    /// A scenario with another start, random if the settings say so.
+    fn draw(&self, random: &mut ChaCha8Rng) -> Scenario {
+        let EpisodeSettings { start_noise, obstacle_noise, .. } = self.settings;
+        let mut scenario = self.scenario.clone();
+        for (i, q) in scenario.q0.iter_mut().enumerate() {
+            *q += start_noise * uniform(random);
+            if let Some([lower, upper]) = self.ranges.get(i)
+                && start_noise > 0.0
+            {
+                *q = q.clamp(*lower, *upper);
+            }
+        }
+        for obstacle in &mut scenario.obstacles {
+            let shift = [(); 2].map(|()| obstacle_noise * uniform(random));
+            let moved = |[x, y]: [f64; 2]| [x + shift[0], y + shift[1]];
+            obstacle.position = moved(obstacle.position);
+            if let Motion::Waypoints { points, .. } = &mut obstacle.motion {
+                points.iter_mut().for_each(|point| *point = moved(*point));
+            }
+        }
+        scenario.seed = random.next_u64();
+        scenario
+    }
+}
+
+fn validate(settings: &EpisodeSettings, n: usize) -> Result<(), ScenarioError> {
+    if let Some(torque) = &settings.torque {
+        each("torque", torque, n, positive)?;
+    }
+    number("start_noise", settings.start_noise, not_negative)?;
+    number("obstacle_noise", settings.obstacle_noise, not_negative)?;
+    number("margin", settings.margin, positive)?;
+    let Weights { alive, tracking, clearance, effort, collision } = settings.weights;
+    number("weights.alive", alive, not_negative)?;
+    number("weights.tracking", tracking, not_negative)?;
+    number("weights.clearance", clearance, not_negative)?;
+    number("weights.effort", effort, not_negative)?;
+    number("weights.collision", collision, not_negative)
+}
+
+/// How many control periods of `h` [s] an action lasts.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated here")]
+fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
+    let period = given.unwrap_or(0.01);
+    let count = (period / h).round().max(1.0);
+    if given.is_some() && (count * h - period).abs() > 1e-6 * h {
+        let requirement = format!("a multiple of the control period {h} s");
+        return Err(ScenarioError::out_of_range("period", &requirement, period));
+    }
+    if count > 1e9 {
+        return Err(ScenarioError::out_of_range("period", "at most 1e9 control periods", period));
+    }
+    Ok(count as usize)
+}
+
+/// What an observation of this scenario consists of.
+fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
+    let s = run.snapshot();
+    let (d, n, m, k) = (s.dimension, s.q.len(), s.error.len(), scenario.obstacles.len());
+    let reach = run.reach();
+    let far = 2.0 * reach;
+    let motions = scenario.obstacles.iter().map(|obstacle| obstacle.motion.top_speed());
+    let top_speed = motions.fold(1.0, f64::max);
+    let part = |name, shape, bound| Part { name, shape, bound };
+    let mut parts = vec![
+        part("cos_q", [n, 1], 1.0),
+        part("sin_q", [n, 1], 1.0),
+        part("dq", [n, 1], MAX_SPEED),
+        part("tip", [d, 1], far),
+        part("reference", [d, 1], far),
+        part("reference_velocity", [d, 1], 10.0 * reach),
+        part("error", [m, 1], far.max(std::f64::consts::PI)),
+    ];
+    let sensed = scenario.perception.as_ref().is_some_and(|given| given.rays_of(n) > 0);
+    if sensed || k > 0 {
+        parts.push(part("clearance", [n, 1], far));
+    }
+    if !sensed && k > 0 {
+        parts.extend([
+            part("nearest", [n, d], far),
+            part("obstacles", [k, d], far),
+            part("obstacle_velocities", [k, d], top_speed),
+        ]);
+    }
+    parts
+}
+
+/// A number between −1 and 1, evenly spread.
+#[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
+fn uniform(random: &mut ChaCha8Rng) -> f64 {
+    (random.next_u64() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+/// One episode after the other.
+#[derive(Debug)]
+pub struct Episode {
+    task: Arc<Task>,
+    random: ChaCha8Rng,
+    run: AnyRun,
+    /// The obstacles as the controller knows them.
+    /// Plant steps so far.
+    elapsed: usize,
+    tau: Vec<f64>,
+}
+
+impl Episode {
+    /// A first episode; the same seed gives the same ones.
+    ///
+    /// # Errors
+    /// If a start cannot be run.
+    pub fn new(task: &Arc<Task>, seed: u64) -> Result<Self, ScenarioError> {
+        let scenario = &task.scenario;
+        let mut this = Self {
+            task: Arc::clone(task),
+            random: ChaCha8Rng::seed_from_u64(seed),
+            run: scenario.prepare_recorded(false)?.run,
+            elapsed: 0,
+            tau: vec![0.0; task.joints()],
+        };
+        this.reset(None)?;
+        Ok(this)
+    }
+
+    /// Begins another episode, the first of `seed` if there is one.
+    ///
+    /// # Errors
+    /// If the start cannot be run.
+    pub fn reset(&mut self, seed: Option<u64>) -> Result<(), ScenarioError> {
+        if let Some(seed) = seed {
+            self.random = ChaCha8Rng::seed_from_u64(seed);
+        }
+        let EpisodeSettings { start_noise, obstacle_noise, .. } = self.task.settings;
+        let draws = if start_noise + obstacle_noise > 0.0 { MAX_DRAWS } else { 1 };
+        for _ in 0..draws {
+            let scenario = self.task.draw(&mut self.random);
+            self.run = scenario.prepare_recorded(false)?.run;
+            if either!(&self.run, run => least(run.closed_loop().clearance())) > 0.0 {
+                break;
+            }
+        }
+        self.elapsed = 0;
+        Ok(())
+    }
+
+    /// Acts for one period. An action's numbers count from −1 to 1, beyond as the nearer of them.
+    pub fn step(&mut self, action: &[f64]) -> Step {
+        let Self { task, run, elapsed, tau, .. } = self;
+        either!(run, run => act(run.closed_loop_mut(), task, action, elapsed, tau))
+    }
+
+    /// What the controller knows, in the order of [`Task::layout`].
+    pub fn observe(&mut self, out: &mut Vec<f64>) {
+        let Self { task, run, .. } = self;
+        out.clear();
+        either!(run, run => observe(run.closed_loop_mut(), out));
+        let bounds = task
+            .layout
+            .iter()
+            .flat_map(|part| std::iter::repeat_n(part.bound, part.shape[0] * part.shape[1]));
+        for (value, bound) in out.iter_mut().zip(bounds) {
+            *value = value.clamp(-bound, bound);
+        }
+    }
+
+    /// The present instant as [`INFO`], before any step.
+    pub fn info(&mut self) -> [f64; INFO.len()] {
+        either!(&self.run, run => {
+            let inner = run.closed_loop();
+            let mut info = [0.0; INFO.len()];
+            info[0] = inner.time();
+            info[1] = least(inner.clearance());
+            info[2] = error_of(inner);
+            info
+        })
+    }
+}
+
+fn act<S: System<D, M>, const D: usize, const M: usize>(
+    inner: &mut ClosedLoop<S, D, M>,
+    task: &Task,
+    action: &[f64],
+    elapsed: &mut usize,
+    tau: &mut [f64],
+) -> Step {
+    let EpisodeSettings { margin, weights, action: kind, .. } = &task.settings;
+    let (mut clearance, mut diverged, mut effort) = (f64::INFINITY, false, 0.0);
+    for value in action {
+        effort += value.clamp(-1.0, 1.0).powi(2);
+    }
+    'step: for _ in 0..task.periods {
+        for ((tau, action), torque) in tau.iter_mut().zip(action).zip(&task.torque) {
+            *tau = action.clamp(-1.0, 1.0) * torque;
+        }
+        if *kind == Action::NullSpace {
+            inner.add_in_null_space(tau);
+        }
+        for _ in 0..task.plant_steps {
+            if *elapsed >= task.last {
+                break 'step;
+            }
+            let slow = |dq: &[f64]| dq.iter().all(|v| v.abs() <= MAX_SPEED);
+            diverged = !inner.advance(Some(tau)) || !slow(inner.velocity());
+            *elapsed += 1;
+            clearance = clearance.min(least(inner.clearance()));
+            if diverged || clearance < 0.0 {
+                break 'step;
+            }
+        }
+    }
+    let error = error_of(inner);
+    let terminated = diverged || clearance < 0.0;
+    let used = (1.0 - clearance / margin).clamp(0.0, 1.0);
+    let parts = [
+        weights.alive,
+        -weights.tracking * error,
+        -weights.clearance * used * used,
+        -weights.effort * effort / task.torque.len() as f64,
+        if terminated { -weights.collision } else { 0.0 },
+    ];
+    let mut info = [0.0; INFO.len()];
+    info[..3].copy_from_slice(&[inner.time(), clearance, error]);
+    info[3..8].copy_from_slice(&parts);
+    info[8] = f64::from(u8::from(diverged));
+    let truncated = *elapsed >= task.last && !terminated;
+    Step { reward: parts.iter().sum(), terminated, truncated, info }
+}
+
+fn observe<S: System<D, M>, const D: usize, const M: usize>(
+    inner: &mut ClosedLoop<S, D, M>,
+    out: &mut Vec<f64>,
+) {
+    let controller = inner.controller();
+    let (robot, reference) = (controller.robot(), controller.reference());
+    let q = robot.configuration();
+    out.extend(q.iter().map(|q| q.cos()));
+    out.extend(q.iter().map(|q| q.sin()));
+    out.extend_from_slice(robot.velocity());
+    out.extend_from_slice(&controller.pose().as_slice()[..D]);
+    out.extend_from_slice(&reference.x.as_slice()[..D]);
+    out.extend_from_slice(&reference.dx.as_slice()[..D]);
+    out.extend_from_slice(controller.error().as_slice());
+    if !inner.knows_obstacles() {
+        out.extend_from_slice(controller.forces().clearance());
+        return;
+    }
+    let (n, count) = (robot.dof(), inner.world().count());
+    if count == 0 {
+        return;
+    }
+    let first = out.len();
+    out.resize(first + (1 + D) * n, f64::INFINITY);
+    let (clearance, nearest) = out[first..].split_at_mut(n);
+    inner.for_each_contact(|contact| {
+        if contact.distance < clearance[contact.link] {
+            clearance[contact.link] = contact.distance;
+            let way = contact.witness - contact.point;
+            nearest[D * contact.link..][..D].copy_from_slice(way.as_slice());
+        }
+    });
+    inner.world().append_to(out);
+    for j in 0..count {
+        out.extend_from_slice(inner.world().velocity(j).as_slice());
+    }
+}
+
+fn least(values: &[f64]) -> f64 {
+    values.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// The error of the task at present [m], an angle as its arc at the characteristic length.
+fn error_of<S: System<D, M>, const D: usize, const M: usize>(inner: &ClosedLoop<S, D, M>) -> f64 {
+    let metric = inner.controller().gains().metric::<D>();
+    metric.norm(&SVector::from_column_slice(inner.snapshot().error))
+}

@@ -1,0 +1,15 @@
+//! Scenarios that run: one or many, against the clock, while people interact with them, or step by step for an
+//! agent that learns.
+
+pub mod any;
+#[cfg(feature = "parallel")]
+pub mod batch;
+pub mod episode;
+#[cfg(all(feature = "parallel", feature = "realtime"))]
+pub mod live;
+#[cfg(feature = "realtime")]
+pub mod real_time;
+#[cfg(feature = "parallel")]
+pub mod vector;
+
+pub use any::{AnyRun, Ready};

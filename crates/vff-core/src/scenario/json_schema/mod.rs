@@ -1,0 +1,233 @@
+//! A JSON Schema of scenario files, for editors that complete and check TOML.
+//!
+//! Keys, types and names come from the serde types themselves ([`trace`]), units, defaults and meanings from
+//! `schema.md` ([`text`]): neither is written down a second time.
+
+mod text;
+mod trace;
+
+use super::{SCHEMA, Scenario};
+use serde_json::{Map, Value, json};
+use text::{Row, Rows};
+use trace::{Fault, Key, Kind, Required, trace};
+
+/// The JSON Schema (draft 7) of a scenario.
+///
+/// It knows every key, type, name and simple range. What depends on more than one value is left to
+/// [`Scenario::from_toml`]. Where a name alone will do, it does not offer the table `{ kind = … }` of the same meaning.
+///
+/// # Panics
+/// Never: a test traces every type.
+pub fn json_schema() -> String {
+    let schema = schema_of_scenario().expect("types that can be traced, as a test shows");
+    format!("{schema:#}")
+}
+
+fn schema_of_scenario() -> Result<Value, Fault> {
+    let kind = trace::<Scenario>()?;
+    let mut schema = schema(&kind, "", &text::rows(SCHEMA));
+    schema["$schema"] = "http://json-schema.org/draft-07/schema#".into();
+    schema["title"] = "vffnull scenario".into();
+    schema["description"] = "Units are SI, angles are in radians.".into();
+    Ok(schema)
+}
+
+/// What may stand at `path`.
+fn schema(kind: &Kind, path: &str, rows: &Rows) -> Value {
+    match kind {
+        Kind::Unknown | Kind::Unit => json!({}),
+        Kind::Flag => json!({ "type": "boolean" }),
+        Kind::Number => json!({ "type": "number" }),
+        Kind::Whole => json!({ "type": "integer", "minimum": 0 }),
+        Kind::Text => json!({ "type": "string" }),
+        Kind::NumberOrList(inner) => {
+            let items = schema(inner, path, rows);
+            json!({ "anyOf": [{ "type": "number" }, { "type": "array", "items": items }] })
+        }
+        Kind::List(inner) => json!({ "type": "array", "items": schema(inner, path, rows) }),
+        Kind::Tuple(length, inner) => json!({
+            "type": "array",
+            "items": schema(inner, path, rows),
+            "minItems": length,
+            "maxItems": length,
+        }),
+        Kind::Table(keys) => table(keys, path, rows, None),
+        Kind::Choice { variants, .. } if variants.iter().all(|(_, kind)| *kind == Kind::Unit) => {
+            let names: Vec<_> = variants.iter().map(|(name, _)| *name).collect();
+            json!({ "type": "string", "enum": names })
+        }
+        Kind::Choice { variants, .. } => {
+            let variant = |(name, kind): &(&str, Kind)| {
+                let keys: &[Key] = if let Kind::Table(keys) = kind { keys } else { &[] };
+                table(keys, &format!("{path}{name}."), rows, Some(name))
+            };
+            json!({ "type": "object", "oneOf": variants.iter().map(variant).collect::<Vec<_>>() })
+        }
+    }
+}
+
+/// A table with these keys; with `variant` as its `kind`, if it is one.
+fn table(keys: &[Key], path: &str, rows: &Rows, variant: Option<&str>) -> Value {
+    let mut properties = Map::new();
+    let mut required = vec![];
+    if let Some(variant) = variant {
+        properties.insert("kind".into(), json!({ "const": variant }));
+        required.push("kind");
+    }
+    for key in keys {
+        let here = format!("{path}{}", key.name);
+        let mut value = schema(&key.kind, &format!("{here}."), rows);
+        if let Some(row) = row_of(&here, rows) {
+            describe(&mut value, row);
+        }
+        properties.insert(key.name.into(), value);
+        if key.required == Required::Yes {
+            required.push(key.name);
+        }
+    }
+    json!({
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": false,
+    })
+}
+
+/// The row of a key. A field over the angle to the joint limits has the keys of any field.
+fn row_of<'a>(path: &str, rows: &'a Rows) -> Option<&'a Row> {
+    rows.get(path).or_else(|| {
+        let key = path.strip_prefix("controller.joint_limit_field.")?;
+        rows.get(&format!("controller.field.{key}"))
+    })
+}
+
+/// Adds what people should know of a value, and the range that its meaning begins with.
+fn describe(value: &mut Value, row: &Row) {
+    let Row { unit, default, meaning, note } = row;
+    let mut text = meaning.clone();
+    if !note.is_empty() {
+        text = format!("{text} ({note})");
+    }
+    if !unit.is_empty() {
+        text = format!("{text} [{unit}]");
+    }
+    if let Ok(whole) = default.parse::<u64>() {
+        value["default"] = whole.into();
+    } else if let Ok(default) = default.parse::<f64>() {
+        value["default"] = default.into();
+    } else if let Ok(default) = default.parse::<bool>() {
+        value["default"] = default.into();
+    } else if value["enum"].as_array().is_some_and(|names| names.contains(&json!(default))) {
+        value["default"] = json!(default);
+    } else if !matches!(default.as_str(), "" | "–" | "\"\"") {
+        text = format!("{text}; default: {default}");
+    }
+    value["description"] = text.into();
+    for (words, key, bound) in [
+        ("> 0", "exclusiveMinimum", json!(0)),
+        ("≥ 0", "minimum", json!(0)),
+        ("≥ 1", "minimum", json!(1)),
+    ] {
+        if meaning.strip_prefix("each, ").unwrap_or(meaning).starts_with(words) {
+            bounded(value, key, &bound);
+        }
+    }
+}
+
+/// Puts a bound on every number inside.
+fn bounded(value: &mut Value, key: &str, bound: &Value) {
+    match value["type"].as_str() {
+        Some("number" | "integer") => value[key] = bound.clone(),
+        Some("array") => bounded(&mut value["items"], key, bound),
+        _ => {
+            if let Some(kinds) = value.get_mut("anyOf").and_then(Value::as_array_mut) {
+                kinds.iter_mut().for_each(|kind| bounded(kind, key, bound));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    /// The paths of all keys, those of variants with their names.
+    fn paths(kind: &Kind, path: &str, found: &mut BTreeSet<String>) {
+        match kind {
+            Kind::Table(keys) => {
+                for key in keys {
+                    found.insert(format!("{path}{}", key.name));
+                    paths(&key.kind, &format!("{path}{}.", key.name), found);
+                }
+            }
+            Kind::List(inner) => paths(inner, path, found),
+            Kind::Choice { variants, .. } => {
+                variants
+                    .iter()
+                    .for_each(|(name, kind)| paths(kind, &format!("{path}{name}."), found));
+            }
+            _ => {}
+        }
+    }
+
+    /// `schema.md` explains the keys that the types have, all of them, and no others.
+    #[test]
+    fn every_key_is_explained() {
+        let kind = trace::<Scenario>().unwrap();
+        let (rows, mut found) = (text::rows(SCHEMA), BTreeSet::new());
+        paths(&kind, "", &mut found);
+        // Tables have sections of their own.
+        let is_table =
+            |path: &str| found.iter().any(|other| other.starts_with(&format!("{path}.")));
+        let explained = |path: &str| row_of(path, &rows).is_some() || is_table(path);
+        let silent: Vec<_> = found.iter().filter(|path| !explained(path)).collect();
+        assert!(silent.is_empty(), "not in schema.md: {silent:?}");
+        let unknown: Vec<_> = rows.keys().filter(|path| !found.contains(*path)).collect();
+        assert!(unknown.is_empty(), "only in schema.md: {unknown:?}");
+    }
+
+    /// A key without a default must be given, and only such a key, in the text as in the types.
+    #[test]
+    fn required_keys_are_those_without_a_default() {
+        fn compare(kind: &Kind, path: &str, rows: &Rows) {
+            match kind {
+                Kind::Table(keys) => {
+                    for key in keys {
+                        let here = format!("{path}{}", key.name);
+                        if let Some(row) = row_of(&here, rows) {
+                            let required = row.default == "–";
+                            assert_eq!(required, key.required == Required::Yes, "{here}");
+                        }
+                        compare(&key.kind, &format!("{here}."), rows);
+                    }
+                }
+                Kind::List(inner) => compare(inner, path, rows),
+                Kind::Choice { variants, .. } => variants
+                    .iter()
+                    .for_each(|(name, kind)| compare(kind, &format!("{path}{name}."), rows)),
+                _ => {}
+            }
+        }
+        compare(&trace::<Scenario>().unwrap(), "", &text::rows(SCHEMA));
+    }
+
+    #[test]
+    fn types_ranges_defaults_and_units_arrive() {
+        let schema = schema_of_scenario().unwrap();
+        let controller = &schema["properties"]["controller"]["properties"];
+        let margin = &controller["yielding"]["properties"]["margin"];
+        assert_eq!(margin["type"], "number");
+        assert_eq!(margin["exclusiveMinimum"], 0);
+        assert_eq!(margin["default"], 0.02);
+        assert!(margin["description"].as_str().unwrap().ends_with("[m]"), "{margin}");
+        assert_eq!(controller["task"]["enum"], json!(["position", "pose"]));
+        assert_eq!(controller["task"]["default"], "position");
+        let com = &schema["properties"]["arm"]["properties"]["com"];
+        assert_eq!(com["anyOf"][1]["items"]["anyOf"][1]["items"]["type"], "number");
+        assert_eq!(schema["required"], json!(["duration", "q0", "arm", "reference"]));
+        let line = schema["properties"]["reference"]["oneOf"][2].clone();
+        assert_eq!(line["properties"]["kind"]["const"], "line");
+        assert_eq!(line["required"], json!(["kind", "end", "duration"]));
+    }
+}

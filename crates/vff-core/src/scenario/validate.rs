@@ -1,0 +1,397 @@
+//! Whether the parts of a scenario make sense, one function a part.
+//!
+//! Types, unknown and missing keys have been validated by [`super::document`]; here are the values.
+
+use super::arm::{each, length, not_negative, number, positive};
+use super::error::{Problem, ScenarioError};
+use crate::control::avoidance::barrier;
+use crate::control::avoidance::preview::PreviewSettings;
+use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
+use crate::control::tank::TankSettings;
+use crate::control::{Avoidance, Formulation, Settings, Yielding, extended_jacobian};
+use crate::field::{Field, FieldKind};
+use crate::math::memory;
+use crate::robot::Limits;
+use crate::simulation::{
+    ActuatorSettings, Control, Measurement, MeasurementSettings, Options, Perception,
+    PerceptionSettings,
+};
+use crate::trajectory::GovernorSettings;
+use crate::world::Motion;
+use crate::world::plane::{Obstacle, Shape, is_convex};
+use toml::Value;
+
+type Judged = Result<(), ScenarioError>;
+
+/// Every number of the document is finite.
+pub fn finite(value: &Value) -> Judged {
+    match value {
+        Value::Float(x) if !x.is_finite() => {
+            Err(ScenarioError::out_of_range("", "a finite number", x))
+        }
+        Value::Float(x) if x.abs() > 1e100 => {
+            Err(ScenarioError::out_of_range("", "at most 1e100", x))
+        }
+        Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
+            finite(value).map_err(|error| error.inside(&format!("[{i}]")))
+        }),
+        Value::Table(table) => table
+            .iter()
+            .try_for_each(|(key, value)| finite(value).map_err(|error| error.inside(key))),
+        _ => Ok(()),
+    }
+}
+
+/// `[simulation]`.
+pub fn simulation(options: &Options) -> Judged {
+    number("dt", options.dt, positive)?;
+    for (path, value) in
+        [("control_every", options.control_every), ("record_every", options.record_every)]
+    {
+        if value == 0 {
+            return Err(ScenarioError::out_of_range(path, "1 or more", value));
+        }
+    }
+    if options.control == Control::Continuous && options.control_every != 1 {
+        let given = options.control_every;
+        return Err(ScenarioError::out_of_range(
+            "control_every",
+            "1 with continuous control",
+            given,
+        ));
+    }
+    Ok(())
+}
+
+/// `[measurement]` of n joints, with plant steps of `dt` [s]; `sampled` unless control is continuous.
+pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: bool) -> Judged {
+    needs_sampling(sampled, "sees every instant")?;
+    let MeasurementSettings { position_noise, velocity_noise, .. } = settings;
+    each("position_noise", position_noise, n, not_negative)?;
+    each("velocity_noise", velocity_noise, n, not_negative)?;
+    each("position_resolution", &settings.position_resolution, n, not_negative)?;
+    each("velocity_resolution", &settings.velocity_resolution, n, not_negative)?;
+    each("delay", &settings.delay, n, not_negative)?;
+    let longest = settings.delay.values().iter().copied().fold(0.0, f64::max);
+    if MeasurementSettings::steps(longest, dt) > Measurement::MAX_DELAY {
+        let requirement = format!("at most {:e} steps of {dt} s", Measurement::MAX_DELAY);
+        return Err(ScenarioError::out_of_range("delay", &requirement, longest));
+    }
+    Ok(())
+}
+
+/// `[perception]` by range sensors on n links, with plant steps of `dt` [s]; `sampled` unless control
+/// is continuous.
+#[expect(clippy::cast_precision_loss, reason = "a size to compare")]
+pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: bool) -> Judged {
+    needs_sampling(sampled, "sees every instant")?;
+    for (path, count) in [("sensors", settings.sensors), ("rays", settings.rays)] {
+        if count == 0 {
+            return Err(ScenarioError::out_of_range(path, "1 or more", count));
+        }
+    }
+    let PerceptionSettings { field_of_view, range, drop_outs, .. } = *settings;
+    if !(0.0..std::f64::consts::PI).contains(&field_of_view) {
+        return Err(ScenarioError::out_of_range("field_of_view", "in [0, π)", field_of_view));
+    }
+    number("range", range, positive)?;
+    number("noise", settings.noise, not_negative)?;
+    number("resolution", settings.resolution, not_negative)?;
+    number("latency", settings.latency, not_negative)?;
+    if !(0.0..=1.0).contains(&drop_outs) {
+        return Err(ScenarioError::out_of_range("drop_outs", "in [0, 1]", drop_outs));
+    }
+    let most = Perception::MAX_STEPS;
+    if let Some(rate) = settings.rate {
+        number("rate", rate, positive)?;
+        if settings.steps_per_scan(dt) > most {
+            let requirement = format!("at least one scan in {most:e} steps of {dt} s");
+            return Err(ScenarioError::out_of_range("rate", &requirement, rate));
+        }
+    }
+    if settings.steps_late(dt) > most {
+        let requirement = format!("at most {most:e} steps of {dt} s");
+        return Err(ScenarioError::out_of_range("latency", &requirement, settings.latency));
+    }
+    let scans = settings.steps_late(dt) / settings.steps_per_scan(dt) + 3.0;
+    if settings.rays_of(n) as f64 * scans > Perception::MAX_READINGS {
+        let requirement =
+            format!("so few that at most {:e} readings are under way", Perception::MAX_READINGS);
+        return Err(ScenarioError::out_of_range("sensors", &requirement, settings.sensors));
+    }
+    Ok(())
+}
+
+/// `[actuator]` of n joints; `sampled` unless control is continuous.
+pub fn actuator(settings: &ActuatorSettings, n: usize, sampled: bool) -> Judged {
+    needs_sampling(sampled, "acts at every instant")?;
+    each("time_constant", &settings.time_constant, n, not_negative)
+}
+
+fn needs_sampling(sampled: bool, otherwise: &str) -> Judged {
+    if sampled {
+        return Ok(());
+    }
+    let problem = Problem::Other(format!(
+        "needs a sampled controller, simulation.control = \"hold\" or \"predictor\": with \
+         \"continuous\" it {otherwise}"
+    ));
+    Err(ScenarioError::new("", problem))
+}
+
+/// `[controller]` on its own, for n joints where the arm is known.
+pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
+    let m = settings.task.dimension(2);
+    each("stiffness", &settings.stiffness, m, not_negative)?;
+    each("damping", &settings.damping, m, not_negative)?;
+    let joints = |given: &crate::math::ScalarOrVec| n.unwrap_or(given.values().len());
+    each("null_damping", &settings.null_damping, joints(&settings.null_damping), not_negative)?;
+    let stiffness = &settings.posture_stiffness;
+    each("posture_stiffness", stiffness, joints(stiffness), not_negative)?;
+    match &settings.posture {
+        Some(posture) => length("posture", posture.len(), n.unwrap_or(posture.len()))?,
+        None if stiffness.values().iter().any(|k| *k > 0.0) => {
+            let problem =
+                Problem::Other("needs `posture`, the angles that the spring pulls to".into());
+            return Err(ScenarioError::new("posture_stiffness", problem));
+        }
+        None => {}
+    }
+    number("characteristic_length", settings.characteristic_length, positive)?;
+    number("singularity", settings.singularity, positive)?;
+    yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
+    if settings.avoidance == Avoidance::Cbf {
+        look_ahead(settings)?;
+    }
+    if let Some(limits) = &settings.joint_limit_field {
+        field(limits).map_err(|error| error.inside("joint_limit_field"))?;
+    }
+    if let Some(tank) = &settings.tank {
+        self::tank(tank).map_err(|error| error.inside("tank"))?;
+    }
+    if let Some(governor) = &settings.governor {
+        self::governor(governor).map_err(|error| error.inside("governor"))?;
+    }
+    field(&settings.field).map_err(|error| error.inside("field"))
+}
+
+/// `[controller.yielding]`.
+fn yielding(yielding: &Yielding) -> Judged {
+    let Yielding { margin, rate, inner, outer, saturation, activation, .. } = yielding;
+    let Yielding { task_weight, slack_price, speed, .. } = yielding;
+    number("inner", *inner, not_negative)?;
+    if let Some(rate) = rate {
+        number("rate", *rate, positive)?;
+    }
+    for (path, value) in [
+        ("margin", margin),
+        ("saturation", saturation),
+        ("activation", activation),
+        ("task_weight", task_weight),
+        ("slack_price", slack_price),
+        ("speed", speed),
+    ] {
+        number(path, *value, positive)?;
+    }
+    if outer <= inner {
+        let requirement = format!("greater than inner = {inner}");
+        return Err(ScenarioError::out_of_range("outer", &requirement, *outer));
+    }
+    yielding
+        .preview
+        .as_ref()
+        .map_or(Ok(()), |given| preview(given).map_err(|error| error.inside("preview")))
+}
+
+/// `[controller.yielding.preview]`.
+fn preview(settings: &PreviewSettings) -> Judged {
+    let PreviewSettings { period, horizon, trigger, clearance, speed, .. } = settings;
+    for (path, value) in [
+        ("period", period),
+        ("horizon", horizon),
+        ("trigger", trigger),
+        ("clearance", clearance),
+        ("speed", speed),
+    ] {
+        number(path, *value, positive)?;
+    }
+    if trigger > horizon {
+        let requirement = format!("at most horizon = {horizon}");
+        return Err(ScenarioError::out_of_range("trigger", &requirement, *trigger));
+    }
+    for (path, value) in [("steps", settings.steps), ("candidates", settings.candidates)] {
+        if !(1..=10_000).contains(&value) {
+            return Err(ScenarioError::out_of_range(path, "from 1 to 10000", value));
+        }
+    }
+    Ok(())
+}
+
+/// What look-ahead has to do in one control step: bounded, because its closed loop takes steps as short as the fastest
+/// rate of the law demands.
+fn look_ahead(settings: &Settings) -> Judged {
+    const MOST: usize = 100_000;
+    let Some(preview) = &settings.yielding.preview else { return Ok(()) };
+    let inside = |error: ScenarioError| error.inside("yielding.preview");
+    if preview.steps * preview.candidates > MOST {
+        let requirement = format!("at most {} with {} steps", MOST / preview.steps, preview.steps);
+        let given = preview.candidates;
+        return Err(inside(ScenarioError::out_of_range("candidates", &requirement, given)));
+    }
+    let Some(fastest) = fastest_rate(preview.trigger) else {
+        let requirement = "short enough for 4096 steps of 10 ms";
+        return Err(inside(ScenarioError::out_of_range("trigger", requirement, preview.trigger)));
+    };
+    let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    for (path, rate) in [
+        ("yielding.rate", barrier::rate(&settings.yielding)),
+        ("damping", largest(settings.damping.values())),
+        ("null_damping", largest(settings.null_damping.values())),
+    ] {
+        if rate > fastest {
+            let trigger = preview.trigger;
+            let requirement =
+                format!("at most {fastest} 1/s with a look-ahead of trigger = {trigger} s");
+            return Err(ScenarioError::out_of_range(path, &requirement, rate));
+        }
+    }
+    Ok(())
+}
+
+/// What a controller of n joints that knows `barriers` distances per link keeps in memory, and `copies` of it.
+pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Judged {
+    let per_pair = n.saturating_mul(barriers);
+    let square = n.saturating_mul(n);
+    let (path, numbers) = match (settings.avoidance, settings.formulation) {
+        (Avoidance::Cbf, _) => {
+            let rows = per_pair.saturating_add(4 * n).saturating_mul(n.saturating_add(20));
+            let ahead = if settings.yielding.preview.is_some() { 2 } else { 1 };
+            let numbers = rows.saturating_add(square.saturating_mul(5));
+            ("avoidance", numbers.saturating_mul(ahead))
+        }
+        (_, Formulation::ExtendedJacobian) => {
+            ("formulation", square.saturating_mul(extended_jacobian::MATRICES))
+        }
+        _ => ("avoidance", per_pair.saturating_mul(20)),
+    };
+    memory::fits(numbers.saturating_mul(copies)).map_err(|error| {
+        let problem =
+            format!("takes {error}, for {n} joints and {barriers} distances of each link");
+        ScenarioError::new(path, Problem::Other(problem))
+    })
+}
+
+/// `[controller.tank]`.
+fn tank(tank: &TankSettings) -> Judged {
+    number("capacity", tank.capacity, positive)?;
+    if let Some(initial) = tank.initial
+        && !(0.0..=tank.capacity).contains(&initial)
+    {
+        let requirement = format!("between 0 and the capacity {}", tank.capacity);
+        return Err(ScenarioError::out_of_range("initial", &requirement, initial));
+    }
+    number("floor", tank.floor, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
+}
+
+/// `[controller.governor]`.
+fn governor(governor: &GovernorSettings) -> Judged {
+    let GovernorSettings { inner, outer, rate, floor } = *governor;
+    number("inner", inner, not_negative)?;
+    if outer <= inner {
+        let requirement = format!("greater than inner = {inner}");
+        return Err(ScenarioError::out_of_range("outer", &requirement, outer));
+    }
+    number("rate", rate, positive)?;
+    number("floor", floor, ("in [0, 1)", |x| (0.0..1.0).contains(&x)))
+}
+
+/// What a controller needs of the limits of its arm.
+pub fn controller_of(settings: &Settings, limits: &Limits) -> Judged {
+    if settings.joint_limit_field.is_some() && limits.joint.is_empty() {
+        let problem = Problem::Other("needs `arm.joint_limits`, the angles it keeps to".into());
+        return Err(ScenarioError::new("joint_limit_field", problem));
+    }
+    let damped = settings.damping.values().iter().all(|d| *d > 0.0);
+    if settings.enforce_limits && !limits.velocity.is_empty() && !damped {
+        let requirement = "greater than 0 with `arm.velocity_limits`";
+        return Err(ScenarioError::out_of_range("damping", requirement, settings.damping.values()));
+    }
+    Ok(())
+}
+
+/// `[controller.field]`.
+pub fn field(field: &Field) -> Judged {
+    number("gain", field.gain, not_negative)?;
+    number("influence", field.influence, positive)?;
+    number("approach_damping", field.approach_damping, not_negative)?;
+    number("sliding", field.sliding, not_negative)?;
+    match field.floor {
+        Some(floor) if field.kind == FieldKind::Bounded => {
+            Err(ScenarioError::out_of_range("floor", "absent: a bounded field has none", floor))
+        }
+        Some(floor) if !(0.0 < floor && floor < field.influence) => {
+            let requirement = format!("between 0 and the influence distance {}", field.influence);
+            Err(ScenarioError::out_of_range("floor", &requirement, floor))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// One of `[[obstacles]]`.
+pub fn obstacle(obstacle: &Obstacle) -> Judged {
+    shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
+    motion(&obstacle.motion).map_err(|error| error.inside("motion"))?;
+    match &obstacle.motion {
+        Motion::Waypoints { points, .. } if !same(points[0], obstacle.position) => {
+            let requirement = format!("the obstacle's position {:?}", obstacle.position);
+            Err(ScenarioError::out_of_range("motion.points[0]", &requirement, points[0]))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn shape(shape: &Shape) -> Judged {
+    match shape {
+        Shape::Circle { radius } => number("radius", *radius, positive),
+        Shape::Capsule { a, b, radius } => {
+            number("radius", *radius, not_negative)?;
+            if same(*a, *b) {
+                return Err(ScenarioError::out_of_range("b", "another point than a", b));
+            }
+            Ok(())
+        }
+        Shape::Box { size } => {
+            number("size[0]", size[0], positive)?;
+            number("size[1]", size[1], positive)
+        }
+        Shape::Polygon { vertices } if !is_convex(vertices) => {
+            let requirement = "the corners of a convex polygon in order";
+            Err(ScenarioError::out_of_range("vertices", requirement, vertices))
+        }
+        Shape::Polygon { .. } => Ok(()),
+    }
+}
+
+/// The motion of an obstacle.
+pub fn motion(motion: &Motion<2>) -> Judged {
+    let Motion::Waypoints { times, points } = motion else { return Ok(()) };
+    if times.is_empty() {
+        return Err(ScenarioError::out_of_range("times", "at least one instant", times));
+    }
+    length("points", points.len(), times.len())?;
+    let speed =
+        |i: usize, axis: usize| (points[i][axis] - points[i - 1][axis]) / (times[i] - times[i - 1]);
+    for i in 1..times.len() {
+        if times[i] <= times[i - 1] || !(speed(i, 0) + speed(i, 1)).is_finite() {
+            let requirement = format!("later than {}", times[i - 1]);
+            return Err(ScenarioError::out_of_range(format!("times[{i}]"), &requirement, times[i]));
+        }
+    }
+    Ok(())
+}
+
+/// Whether two points are the same to the last digit, as copied numbers are.
+#[expect(clippy::float_cmp, reason = "copies, not results")]
+fn same(a: [f64; 2], b: [f64; 2]) -> bool {
+    a == b
+}

@@ -1,0 +1,127 @@
+//! What is allowed but probably not meant.
+
+use super::Scenario;
+use crate::control::{Controller, Settings};
+use crate::robot::Manipulator;
+use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
+use crate::world::plane::{Outline, World};
+
+impl Scenario {
+    /// All of it, of the loop at t = 0 and the stops of the plant [rad].
+    pub(super) fn warnings<S: System<2, M, Solid = Outline>, const M: usize>(
+        &self,
+        closed_loop: &ClosedLoop<S, 2, M>,
+        stops: &[[f64; 2]],
+    ) -> Vec<String> {
+        let mut warnings = self.oddities(&closed_loop.snapshot(), stops);
+        if self.simulation.control != Control::Continuous {
+            let period = self.simulation.control_period();
+            warnings.extend(
+                sampling_bounds(&self.controller, period)
+                    .into_iter()
+                    .map(|warning| format!("controller.{warning}")),
+            );
+            warnings.extend(self.field_bound(closed_loop.controller()));
+        }
+        warnings
+    }
+
+    /// What is allowed but probably not meant.
+    fn oddities(&self, start: &Snapshot<'_>, stops: &[[f64; 2]]) -> Vec<String> {
+        let mut warnings = vec![];
+        for (link, clearance) in start.clearance.iter().enumerate() {
+            if *clearance < 0.0 {
+                warnings.push(format!(
+                    "obstacles: link {link} is {:.4} m inside an obstacle at t = 0",
+                    -clearance
+                ));
+            }
+        }
+        for (i, (q, [lower, upper])) in start.q.iter().zip(stops).enumerate() {
+            if q < lower || upper < q {
+                warnings.push(format!(
+                    "q0[{i}]: {q} rad is beyond the stops of the joint at {lower} and {upper}; the first \
+                     step puts it there (plant.joint_stops = false takes them away)"
+                ));
+            }
+        }
+        let steps = self.simulation.steps(self.duration);
+        let end = self.simulation.time(steps);
+        if (end - self.duration).abs() > 1e-6 * self.simulation.dt {
+            warnings.push(format!(
+                "duration: {} s is no multiple of simulation.dt = {} s; the run ends at {end} s",
+                self.duration, self.simulation.dt
+            ));
+        }
+        let delays = self.measurement.iter().flat_map(|given| given.delay.values());
+        let dt = self.simulation.dt;
+        for delay in delays {
+            let late = MeasurementSettings::steps(*delay, dt) * dt;
+            if (late - delay).abs() > 1e-6 * dt {
+                warnings.push(format!(
+                    "measurement.delay: {delay} s is no multiple of simulation.dt = {dt} s; readings are \
+                     {late} s old"
+                ));
+            }
+        }
+        warnings
+    }
+
+    /// A field too stiff for the control period: where the obstacles stand at the start, or at the
+    /// clearance that the fastest of them is to be expected to come to (T29, T34).
+    fn field_bound<R: Manipulator<2, M> + Clone, const M: usize>(
+        &self,
+        controller: &Controller<R, 2, M>,
+    ) -> Option<String> {
+        if self.controller.field.gain == 0.0 {
+            return None;
+        }
+        let h = self.simulation.control_period();
+        let speed = self.obstacles.iter().map(|o| o.motion.top_speed()).fold(0.0, f64::max);
+        let now = controller.stable_period(&mut World::new(self.obstacles.clone()));
+        let (worst, when) = match controller.stable_period_against(speed) {
+            coming if speed > 0.0 && coming.period < now.period => {
+                (coming, "which is to be expected")
+            }
+            _ => (now, "as at the start"),
+        };
+        // One that stands inside the arm has its own warning.
+        (worst.stiffness > 0.0 && worst.clearance >= 0.0 && h >= worst.period).then(|| {
+            format!(
+                "controller.field: at a clearance of {:.3} m, {when}, its stiffness is {:.3} N/m, for \
+                 which the null space is stable up to a control period of {:.6} s; it is {h} s. More \
+                 null_damping, a lower gain or a shorter period helps",
+                worst.clearance, worst.stiffness, worst.period
+            )
+        })
+    }
+}
+
+/// Gains that a torque held over the control period `h` [s] makes unstable (T31, T32).
+pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
+    let Settings { stiffness, damping, null_damping, task, .. } = settings;
+    let mut warnings = vec![];
+    let strongest = null_damping.values().iter().copied().fold(0.0, f64::max);
+    if strongest * h >= 2.0 {
+        warnings.push(format!(
+            "null_damping: {strongest} 1/s is unstable at a control period of {h} s; below {} 1/s it \
+             is not",
+            2.0 / h
+        ));
+    }
+    let axis = (0..task.dimension(2)).map(|i| (stiffness.get(i), damping.get(i)));
+    if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
+        warnings.push(format!(
+            "damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control period of {h} s; \
+             above {} 1/s it is enough",
+            0.5 * h * k
+        ));
+    }
+    if let Some(d) = damping.values().iter().find(|d| **d * h >= 2.0) {
+        warnings.push(format!(
+            "damping: {d} 1/s is unstable at a control period of {h} s; below {} 1/s it is not",
+            2.0 / h
+        ));
+    }
+    warnings
+}

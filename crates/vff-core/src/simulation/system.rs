@@ -1,0 +1,26 @@
+//! The types of one closed loop: which arm, which task, which geometry.
+
+use super::perception::Perceive;
+use crate::math::Vector;
+use crate::robot::{Manipulator, Model};
+use crate::trajectory::Guided;
+use crate::world::Solid;
+use std::fmt::Debug;
+
+/// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.
+pub trait System<const D: usize, const M: usize>: Debug + Clone {
+    /// What the task means by a pose.
+    type Pose: Guided<M>;
+    /// The arm at one instant.
+    type State: Manipulator<D, M, Pose = Self::Pose> + Clone + Debug;
+    /// What is immutable of the arm.
+    type Arm: Model<D, State = Self::State>;
+    /// What obstacles are made of.
+    type Solid: Solid<D>;
+    /// What the controller may see of the obstacles instead of knowing them.
+    type Perception: Perceive<Self::Solid, D> + Clone + Debug;
+
+    /// The position nearest to `goal` [m], or close to it, that the end effector can take with the orientation of
+    /// `pose`.
+    fn attainable(arm: &Self::Arm, pose: &Self::Pose, goal: &Vector<D>) -> Vector<D>;
+}

@@ -1,0 +1,69 @@
+//! One obstacle, as it is described in a scenario.
+
+use super::Shape;
+use crate::world::Motion;
+use serde::Deserialize;
+
+/// An obstacle in the plane: an outline, where it starts and how it moves.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub struct Obstacle {
+    /// Outline in the obstacle's own frame.
+    pub shape: Shape,
+    /// Initial position [m]: where the origin of the own frame lies. Default (0, 0).
+    #[serde(default)]
+    pub position: [f64; 2],
+    /// Angle of the own frame [rad], constant. Default 0.
+    #[serde(default)]
+    pub angle: f64,
+    /// Motion from the initial position. Default: none.
+    #[serde(default)]
+    pub motion: Motion<2>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_with_defaults() {
+        let obstacle: Obstacle = toml::from_str("shape = { circle = { radius = 0.3 } }").unwrap();
+        assert_eq!(
+            obstacle,
+            Obstacle {
+                shape: Shape::Circle { radius: 0.3 },
+                position: [0.0; 2],
+                angle: 0.0,
+                motion: Motion::Static {},
+            }
+        );
+    }
+
+    #[test]
+    fn a_full_table() {
+        let obstacle: Obstacle = toml::from_str(
+            "shape = { box = { size = [1, 2.0] } }\n\
+             position = [1.5, 2.0]\n\
+             angle = 0.5\n\
+             motion = { sinusoid = { amplitude = [0, 1], angular_frequency = 0.5 } }",
+        )
+        .unwrap();
+        assert_eq!(obstacle.shape, Shape::Box { size: [1.0, 2.0] });
+        assert_eq!(
+            obstacle.motion,
+            Motion::Sinusoid { amplitude: [0.0, 1.0], angular_frequency: 0.5, phase: 0.0 }
+        );
+    }
+
+    #[test]
+    fn unknown_names_are_refused() {
+        for text in [
+            "shape = { circle = { radius = 0.3, colour = 1 } }",
+            "shape = { circle = { radius = 0.3 } }\nvelocity = [1.0, 0.0]",
+            "shape = { disc = { radius = 0.3 } }",
+        ] {
+            let error = toml::from_str::<Obstacle>(text).unwrap_err().to_string();
+            assert!(error.contains("expected"), "{error}");
+        }
+    }
+}

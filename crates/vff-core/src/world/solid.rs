@@ -1,0 +1,87 @@
+//! What a space has to offer so that obstacles can live in it.
+//!
+//! The loop over links and obstacles ([`World`](super::World)) is one for all spaces. It knows nothing
+//! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
+//! [`Hierarchy`] of boxes for crowds.
+
+use super::{Contact, Motion, MotionState};
+use crate::math::{Capsule, Vector};
+use std::fmt::Debug;
+
+/// What is said of an obstacle: a shape, where it starts and how it moves.
+pub trait Description<const D: usize>: Clone + Debug {
+    /// Initial position [m].
+    fn position(&self) -> Vector<D>;
+    /// Motion from the initial position.
+    fn motion(&self) -> &Motion<D>;
+    /// Lets it move otherwise.
+    fn set_motion(&mut self, motion: Motion<D>);
+}
+
+/// The shape of an obstacle made ready for queries, relative to its position. Obstacles only translate,
+/// so it never changes.
+pub trait Solid<const D: usize>: Clone + Debug {
+    /// What it is made of.
+    type Obstacle: Description<D>;
+    /// A link, made ready once for the questions of all obstacles.
+    type Probe: Copy;
+    /// What finds those that are near among many.
+    type Hierarchy: Hierarchy<Self::Probe, D>;
+
+    /// Values must have been validated; unusable ones do not panic, but distances mean nothing.
+    fn new(obstacle: &Self::Obstacle) -> Self;
+
+    /// Makes a link ready.
+    fn probe(link: &Capsule<D>) -> Self::Probe;
+
+    /// The signed distance between the surfaces of an obstacle at `position` and a link [m], bit for bit
+    /// that of their [`contact`](Self::contact).
+    fn distance(&self, link: &Self::Probe, position: &Vector<D>) -> f64;
+
+    /// Where link `pair[0]` and this solid, which is that of obstacle `pair[1]`, come nearest.
+    fn contact(&self, pair: [usize; 2], link: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
+
+    /// The most barriers that one link can have.
+    fn barriers(&self) -> usize;
+
+    /// All distances that must be kept so that `contact` is, which is that of this pair.
+    fn for_each_barrier(
+        &self,
+        contact: &Contact<D>,
+        link: &Self::Probe,
+        state: &MotionState<D>,
+        visit: impl FnMut(&Contact<D>),
+    );
+
+    /// Opposite corners of a box around it, the lower ones first [m].
+    fn extent(&self) -> [Vector<D>; 2];
+
+    /// The distance [m] from `origin` along the unit vector `direction` to its surface, if that is within
+    /// `range`; 0 inside.
+    fn cast(&self, origin: &Vector<D>, direction: &Vector<D>, range: f64) -> Option<f64>;
+}
+
+/// Boxes around obstacles, numbered from 0, that are found by where they are. `P` is a link.
+pub trait Hierarchy<P, const D: usize>: Clone + Debug {
+    /// Where a link is, made ready for the questions of many boxes.
+    type Region;
+
+    /// A box is given by its lower and its upper corner [m], each within ±[`HORIZON`](super::HORIZON).
+    fn new(boxes: &[[Vector<D>; 2]]) -> Self;
+
+    /// Puts other boxes in place of the present ones; those that are neighbours now are grouped anew if
+    /// `regroup`. Does not allocate.
+    fn renew(&mut self, boxes: impl Iterator<Item = [Vector<D>; 2]>, regroup: bool);
+
+    /// None for a link that is nowhere, or beyond the horizon.
+    fn region(link: &P) -> Option<Self::Region>;
+
+    /// Calls `measure` with every box that comes within `limit` [m] of the link's surface, rounding allowed
+    /// for; it returns the limit from then on. Returns how many there were.
+    fn for_each_within(
+        &self,
+        region: &Self::Region,
+        limit: f64,
+        measure: impl FnMut(usize) -> f64,
+    ) -> usize;
+}

@@ -1,0 +1,75 @@
+"""Files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+__all__ = ["replacing"]
+
+_LONGEST_ENDING = 16
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A draft beside the target, renamed over it on success and removed on failure.
+
+    A full disk, an exception or the end of the process leave an old file as it was. The draft has a new name
+    that nobody can foresee and is created by this process, so that it never follows a link. If the target
+    itself is a link, what it points at is replaced, and the link stays.
+
+    Parameters
+    ----------
+    path : Path
+        The target; its name may be as long as the file system allows.
+
+    Yields
+    ------
+    Path
+        The draft: an empty file with the target's ending.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; `filename` is the target, never the draft.
+    """
+    target = Path(os.path.realpath(path))
+    draft = target.with_name(f".{os.urandom(8).hex()}{_ending(target)}")
+    try:
+        permissions = _permissions(target)
+        os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        try:
+            yield draft
+            if permissions is not None:
+                draft.chmod(permissions)
+            draft.replace(target)
+        finally:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
+    except OSError as error:
+        about_draft = error.filename is None or os.fsdecode(error.filename) in (str(draft), str(target))
+        if error.errno is None or not about_draft:
+            raise
+        raise OSError(error.errno, error.strerror, os.fspath(path)) from None
+
+
+def _ending(target: Path) -> str:
+    """The ending, by which some libraries choose the format; not one that is most of a long name."""
+    return target.suffix if len(target.suffix) <= _LONGEST_ENDING else ""
+
+
+def _permissions(target: Path) -> int | None:
+    """The permissions of the file that is there; None if there is none."""
+    try:
+        there = target.stat()
+    except FileNotFoundError:
+        return None
+    if stat.S_ISDIR(there.st_mode):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(target))
+    if not stat.S_ISREG(there.st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", os.fspath(target))
+    return stat.S_IMODE(there.st_mode)

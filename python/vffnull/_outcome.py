@@ -1,0 +1,202 @@
+"""The data of a run: how it ended, what it measured, and everything recorded on the way.
+
+Plots, pages and files are made of an `Outcome` and know nothing else of ours; `vffnull.Result` is an outcome
+with the methods that make them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Any, Protocol
+
+from vffnull import _core
+from vffnull._record import recorded
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["Metrics", "Outcome", "ScenarioData", "Status", "readable"]
+
+
+class Status(str, Enum):
+    """How a run ended. A status equals its plain string: ``result.status == "completed"``."""
+
+    COMPLETED = "completed"
+    """To its end, and no link ever touched an obstacle."""
+    COLLIDED = "collided"
+    """To its end, but a link touched an obstacle on the way."""
+    DIVERGED = "diverged"
+    """Stopped early: velocities or angles grew beyond all bounds."""
+    INTERRUPTED = "interrupted"
+    """Stopped early by Ctrl-C."""
+    FAILED = "failed"
+    """One of many, ended by a fault of vffnull itself; the others are not affected."""
+
+    def __str__(self) -> str:
+        return self.value
+
+    def __format__(self, spec: str) -> str:
+        return format(self.value, spec)
+
+
+class Metrics(Mapping[str, float | int | None]):
+    """Measures of a run by name, as items or as attributes; printed as a table with units.
+
+    A measure that does not apply to a run is None: the clearance without obstacles, for instance. So is one
+    that is not finite, as in a run that diverged.
+
+    Parameters
+    ----------
+    values : Mapping
+        The measures.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, values: Mapping[str, float | int | None]) -> None:
+        self._values = {name: _finite(value) for name, value in values.items()}
+
+    def __getitem__(self, name: str) -> float | int | None:
+        return self._values[name]
+
+    def __getattr__(self, name: str) -> float | int | None:
+        if name.startswith("_"):  # not ours; `_values` itself is looked for here while an object is unpickled
+            raise AttributeError(name)
+        if name not in self._values:
+            raise AttributeError(f"no metric called {name!r}; there are {', '.join(self._values)}")
+        return self._values[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._values]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __repr__(self) -> str:
+        return f"Metrics({self._values!r})"
+
+    def __str__(self) -> str:
+        rows = self._rows()
+        if not rows:
+            return "(no metrics)"
+        wide = [max(len(row[column]) for row in rows) for column in range(3)]
+        return "\n".join(
+            f"{name:<{wide[0]}}  {value:>{wide[1]}} {unit:<{wide[2]}}  {meaning}".rstrip()
+            for name, value, unit, meaning in rows
+        )
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        lines = (
+            f"<tr><td>{escape(name)}</td><td style='text-align:right'>{value}</td>"
+            f"<td style='text-align:left'>{escape(unit)}</td>"
+            f"<td style='text-align:left'>{escape(meaning)}</td></tr>"
+            for name, value, unit, meaning in self._rows()
+        )
+        return f"<table>{''.join(lines)}</table>"
+
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, value, unit and meaning."""
+        return [(name, readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
+
+
+def readable(value: float | int | None) -> str:
+    """A metric with as many digits as one reads; a dash if it does not apply."""
+    return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
+
+
+def _finite(value: float | int | None) -> float | int | None:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+class ScenarioData(Protocol):
+    """What may be asked of the scenario of a run: see `vffnull.Scenario`."""
+
+    @property
+    def name(self) -> str:
+        """The scenario's name, or an empty string."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """One line about the scenario, or an empty string."""
+        ...
+
+    @property
+    def duration(self) -> float:
+        """How long it runs [s]."""
+        ...
+
+    @property
+    def arm(self) -> _core.Arm:
+        """The arm, as the controller knows it."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document, as a copy of its own."""
+        ...
+
+    def __getitem__(self, name: str) -> Any:
+        """The value of a key, by its dotted name."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome:
+    """The data of a run; `vffnull.Result` says what each attribute is, with shapes and units."""
+
+    scenario: ScenarioData
+    status: Status
+    message: str
+    end_time: float
+    wall_time: float
+    warnings: tuple[str, ...]
+    metrics: Metrics
+    version: str
+    t: Array
+    q: Array
+    dq: Array
+    tau: Array
+    tau_task: Array
+    tau_null: Array
+    tau_vff: Array
+    x: Array
+    dx: Array
+    x_ref: Array
+    error: Array
+    force: Array
+    clearance: Array
+    obstacles: Array
+    energy: Array
+    power: Array
+    manipulability: Array
+    objective_scale: Array | None = None
+    self_clearance: Array | None = None
+    tank: Array | None = None
+    slack: Array | None = None
+    path_time: Array | None = None
+    q_measured: Array | None = None
+    dq_measured: Array | None = None
+    tau_applied: Array | None = None
+    sensed: Array | None = None
+    plant: str = "core"
+
+    def __repr__(self) -> str:
+        return (
+            f"<Result of {self.scenario.name or 'a scenario'}: {self.status} at {self.end_time:g} s, "
+            f"{len(self.t)} instants>"
+        )
+
+    def recorded(self) -> dict[str, Array]:
+        """Every recorded quantity that this run has, by name; time is not among them."""
+        return recorded(self)

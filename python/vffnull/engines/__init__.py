@@ -1,0 +1,1 @@
+"""Other engines: MuJoCo as the plant, Gymnasium's interface, models for other people's simulators."""

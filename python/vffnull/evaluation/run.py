@@ -1,0 +1,378 @@
+"""Controllers against each other on random scenes: rates with intervals, errors, effort and time."""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vffnull import _core, _progress
+from vffnull._arguments import MOST_THREADS, whole
+from vffnull._extras import extra
+from vffnull._figures import ending
+from vffnull._files import replacing
+from vffnull._many import simulate_many
+from vffnull._progress import Counter, counted
+from vffnull.errors import InputError
+from vffnull.evaluation import scenes
+from vffnull.evaluation.controllers import CONTROLLERS, chosen
+from vffnull.evaluation.planner import feasibility
+from vffnull.evaluation.table import Column, Table
+from vffnull.result import Result, Status
+from vffnull.scenario import Scenario
+
+__all__ = ["Evaluation", "check_path", "encounter", "evaluate", "identity", "join", "scores", "loop_times"]
+
+TOUCH = 1e-3  # m, overlap that counts as a collision
+TIP = 1e-2  # m, error up to which the tip counts as held
+NEAR = 0.1  # m: without avoidance, an obstacle this near to a link is an encounter
+EVERY = 10  # steps per recorded row
+_BLOCK = 48  # scenes at a time, so that their records fit into memory
+
+
+class Evaluation(Table):
+    """Outcomes of controllers on random scenes, one row for each pair; made by `evaluate`.
+
+    Parameters
+    ----------
+    columns : dict of str to ndarray
+        The rows, as columns; see below.
+    controllers : tuple of str
+        Their names, in the order of tables and figures.
+
+    Notes
+    -----
+    Columns: ``scene``, ``category``, ``family``, ``n``, ``seed``, ``feasibility``, ``controller``,
+    ``status``; ``collided``, an overlap of more than 1 mm; ``diverged``; ``success``, no collision and the
+    tip within 1 cm of its reference throughout; ``min_clearance`` [m]; ``max_error``, the largest distance of
+    the tip from its reference [m]; ``rms_error_during`` and ``rms_error_after`` the encounter [m];
+    ``recovery_time`` from the end of the encounter until the tip stays within 1 cm [s]; ``effort``, the
+    integral of the squared torque [N²·m²·s]; ``rms_jerk`` of the joint angles [rad/s³]; ``end_time`` [s].
+    """
+
+    def save(self, path: str | Path) -> Path:
+        """Write the rows to a file.
+
+        Parameters
+        ----------
+        path : str or path
+            A path that ends in ``.csv`` or, with the extra ``vffnull[io]``, ``.parquet``.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the path ends otherwise.
+        ImportError
+            Without the extra.
+        """
+        path = check_path(path)
+        if path.suffix == ".parquet":
+            table = extra("pyarrow", "io").table(
+                {name: column.tolist() for name, column in self.columns.items()},
+                metadata={"vffnull": _core.__version__},
+            )
+            with replacing(path) as draft:
+                extra("pyarrow.parquet", "io").write_table(table, str(draft), compression="zstd")
+            return path
+        with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(self.columns)
+            writer.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
+        return path
+
+    def plot(self, directory: str | Path, format: str = "png") -> list[Path]:
+        """Write the figures ``rates``, ``clearance`` and ``error`` into a directory.
+
+        Parameters
+        ----------
+        directory : str or path
+            Where to write them; made if it does not exist.
+        format : {"png", "pdf", "svg"}, optional
+            What kind of files to write.
+
+        Raises
+        ------
+        ImportError
+            Without the extra ``vffnull[evaluate]``.
+        """
+        from vffnull.plotting import evaluation
+
+        return evaluation.save(self, Path(directory), ending(format))
+
+    def __repr__(self) -> str:
+        return f"<Evaluation: {len(self)} runs of {len(self.controllers)} controllers>"
+
+
+def evaluate(
+    controllers: Iterable[str] | Mapping[str, Mapping[str, Any]] | None = None,
+    category: int | str | Iterable[int | str] = (1, 2),
+    n: int | Iterable[int] = (4, 6, 9),
+    count: int = 100,
+    seed: int = scenes.EVALUATION.start,
+    threads: int | None = None,
+    progress: bool | Counter | None = None,
+    verdicts: Mapping[str, str] | None = None,
+) -> Evaluation:
+    """Run controllers on random scenes.
+
+    Parameters
+    ----------
+    controllers : iterable of str, or Mapping, optional
+        Names out of `CONTROLLERS`, all by default; or other controllers: a name, and what it changes of a
+        scene, by dotted keys.
+    category : int, str, or iterable of them, optional
+        1 or 2, or families of `vffnull.scenes`; both categories by default.
+    n : int or iterable of int, optional
+        Numbers of joints.
+    count : int, optional
+        Scenes for each category and each number of joints.
+    seed : int, optional
+        Seed of the first scene; the others follow. Evaluation seeds by default: tune to others.
+    threads : int, optional
+        How many threads compute; as many as there are cores by default.
+    progress : bool or callable, optional
+        True shows a progress bar; a callable gets the number of finished runs and the number of all.
+    verdicts : Mapping of str to str, optional
+        What `vffnull.feasibility` says of scenes, by their names, where it is known already, for instance
+        `Evaluation.verdicts` of an earlier call; the planner is asked about the others, which takes most of
+        the time.
+
+    Returns
+    -------
+    Evaluation
+        One row for every scene and controller.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If there is no such controller, category, seed or number of joints.
+    vffnull.errors.ScenarioError
+        If a controller's changes make no scenario.
+    vffnull.errors.InputTypeError
+        If an argument is of a type that cannot be used.
+    KeyboardInterrupt
+        After Ctrl-C: what was done until then is dropped.
+
+    Notes
+    -----
+    `vffnull.feasibility` says what is feasible, without any controller. An *encounter* lasts
+    from the first to the last instant at which the run without avoidance has a link within 0.1 m of an
+    obstacle, so it is the same for all controllers. Errors during and after it are taken every 10 ms.
+
+    Examples
+    --------
+    >>> outcome = evaluate(["no avoidance", "null-space field"], category=1, n=6, count=2)
+    >>> len(outcome)
+    4
+    """
+    _progress.check(progress)
+    compared = chosen(controllers)
+    count = whole("count", count, 1, len(scenes.EVALUATION))
+    seed = whole("seed", seed, 0, scenes.EVALUATION.stop - count)
+    if threads is not None:
+        threads = whole("threads", threads, 1, MOST_THREADS)
+    categories = [category] if isinstance(category, str) else _listed(category)
+    sizes = _listed(n)
+    wanted = [(c, k, s) for c in categories for k in sizes for s in range(seed, seed + count)]
+    if not wanted:
+        raise InputError("evaluate: no category or no number of joints is given")
+
+    total = len(wanted) * len(compared)
+    rows: list[dict[str, Any]] = []
+    with counted(progress, total) as report:
+        for first in range(0, len(wanted), _BLOCK):
+            block = [scenes.random(*each) for each in wanted[first : first + _BLOCK]]
+            rows += _block(block, wanted[first : first + _BLOCK], compared, threads, verdicts or {})
+            if report is not None:
+                report(len(rows), total)
+    return Evaluation.of(rows, tuple(compared))
+
+
+def _listed(given: Any) -> list[Any]:
+    """One or several, as a list."""
+    return list(given) if isinstance(given, Iterable) else [given]
+
+
+def join(parts: Iterable[Evaluation]) -> Evaluation:
+    """All rows of several evaluations.
+
+    Parameters
+    ----------
+    parts : iterable of Evaluation
+        At least one.
+    """
+    parts = list(parts)
+    names = dict.fromkeys(name for part in parts for name in part.controllers)
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    return Evaluation(columns, tuple(names))
+
+
+def _block(
+    block: Sequence[Scenario],
+    wanted: Sequence[tuple[int | str, int, int]],
+    compared: Mapping[str, Mapping[str, Any]],
+    threads: int | None,
+    known: Mapping[str, str],
+) -> Iterator[dict[str, Any]]:
+    """The rows of a few scenes under all controllers."""
+    pool = ThreadPoolExecutor(threads)  # the search runs outside the GIL
+    try:
+        verdicts = list(pool.map(lambda scene: known.get(scene.name) or feasibility(scene), block))
+    finally:  # Ctrl-C does not wait for searches that have not begun
+        pool.shutdown(wait=False, cancel_futures=True)
+
+    def run(changes: Mapping[str, Any]) -> list[Result]:
+        results = simulate_many(block, {**changes, "simulation.record_every": EVERY}, threads)
+        if any(result.status is Status.INTERRUPTED for result in results):
+            raise KeyboardInterrupt  # half of a run says nothing about a controller
+        return results
+
+    free = run(CONTROLLERS["no avoidance"])
+    spans = [encounter(result) for result in free]
+    for name, changes in compared.items():
+        results = free if changes == CONTROLLERS["no avoidance"] else run(changes)
+        for scene, (_, n, seed), verdict, span, result in zip(
+            block, wanted, verdicts, spans, results, strict=True
+        ):
+            yield {**identity(scene, n, seed, verdict, name), **_scores_of(result, span)}
+
+
+def identity(scene: Scenario, n: int, seed: int, verdict: str, controller: str) -> dict[str, Any]:
+    """The columns that say which run a row is of."""
+    family = scene.name.rsplit("-", 2)[0]
+    return {
+        "scene": scene.name,
+        "category": next(c for c, families in scenes.CATEGORIES.items() if family in families),
+        "family": family,
+        "n": n,
+        "seed": seed,
+        "feasibility": verdict,
+        "controller": controller,
+    }
+
+
+def encounter(free: Result) -> tuple[float, float] | None:
+    """From when to when the run without avoidance is near an obstacle."""
+    near = np.flatnonzero(free.clearance.min(axis=1) < NEAR)
+    return (float(free.t[near[0]]), float(free.t[near[-1]])) if len(near) else None
+
+
+def _scores_of(result: Result, span: tuple[float, float] | None) -> dict[str, Any]:
+    """The columns that say how a run went."""
+    metrics = result.metrics
+    worst = [metrics[f"max_error_{part}"] for part in ("transient", "tail")]
+    clearance, effort, jerk = (metrics[name] for name in ("min_clearance", "effort", "rms_jerk"))
+    return scores(
+        status=str(result.status),
+        t=result.t,
+        error=np.linalg.norm(result.error[:, :2], axis=1),
+        span=span,
+        min_clearance=np.inf if clearance is None else clearance,
+        max_error=max((each for each in worst if each is not None), default=np.nan),
+        effort=np.nan if effort is None else effort,
+        rms_jerk=np.nan if jerk is None else jerk,
+        end_time=result.end_time,
+    )
+
+
+def scores(
+    *,
+    status: str,
+    t: Column,
+    error: Column,
+    span: tuple[float, float] | None,
+    min_clearance: float,
+    max_error: float,
+    effort: float,
+    rms_jerk: float,
+    end_time: float,
+) -> dict[str, Any]:
+    """The columns that say how a run went, whoever made it; `error` [m] at the instants `t` [s]."""
+    collided = min_clearance < -TOUCH
+    through = status in (Status.COMPLETED, Status.COLLIDED)
+    during = after = recovery = np.nan
+    if span is not None:
+        inside = (t >= span[0]) & (t <= span[1])
+        late = t > span[1]
+        during, after = _rms(error[inside]), _rms(error[late])
+        recovery = _recovery(t[late] - span[1], error[late]) if through else np.nan
+    return {
+        "status": status,
+        "collided": collided,
+        "diverged": not through,
+        "success": through and not collided and max_error <= TIP,
+        "min_clearance": min_clearance,
+        "max_error": max_error,
+        "rms_error_during": during,
+        "rms_error_after": after,
+        "recovery_time": recovery,
+        "effort": effort,
+        "rms_jerk": rms_jerk,
+        "end_time": end_time,
+    }
+
+
+def _rms(values: Column) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
+
+
+def _recovery(since: Column, distance: Column) -> float:
+    """When the tip is back for good; NaN if it is not, or if nothing comes after the encounter."""
+    if not len(since) or distance[-1] > TIP:
+        return np.nan
+    out = np.flatnonzero(distance > TIP)
+    return float(since[out[-1] + 1]) if len(out) else 0.0
+
+
+def check_path(path: str | Path) -> Path:
+    """Refuse a path that rows cannot be written to."""
+    path = Path(path)
+    if path.suffix not in (".csv", ".parquet"):
+        raise InputError(f"{path}: rows are written as .csv or .parquet")
+    if path.suffix == ".parquet":
+        extra("pyarrow.parquet", "io")
+    return path
+
+
+def loop_times(
+    controllers: Iterable[str] | Mapping[str, Mapping[str, Any]] | None = None,
+    category: int | str = "crowd",
+    n: int | Iterable[int] = (4, 6, 9),
+    count: int = 3,
+    seed: int = scenes.EVALUATION.start,
+) -> str:
+    """How long one step of the closed loop takes, as Markdown: median, 99th percentile and maximum.
+
+    Every step of `count` scenes is timed alone, on one thread, called from Python: law, plant and, twice, the
+    reading of the clock.
+
+    Parameters
+    ----------
+    controllers, category, n, count, seed : optional
+        As in `evaluate`.
+    """
+    lines = ["| controller | joints | p50 [µs] | p99 [µs] | max [µs] |", "|---|--:|--:|--:|--:|"]
+    for name, changes in chosen(controllers).items():
+        for joints in _listed(n):
+            taken: list[int] = []
+            for each in range(seed, seed + count):
+                taken += _timed(scenes.random(category, joints, each).replace(**changes))
+            p50, p99, most = (1e-3 * x for x in np.percentile(taken, (50, 99, 100)))
+            lines.append(f"| {name} | {joints} | {p50:.2f} | {p99:.2f} | {most:.0f} |")
+    return "\n".join(lines)
+
+
+def _timed(scene: Scenario) -> list[int]:
+    """Times of all steps [ns]."""
+    simulation = _core.Simulation(scene)
+    clock, step, taken = time.perf_counter_ns, simulation.step, []
+    for _ in range(round(scene.duration / scene["simulation.dt"])):
+        start = clock()
+        step()
+        taken.append(clock() - start)
+    return taken

@@ -1,0 +1,63 @@
+"""Every figure of a run by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
+
+from vffnull._files import replacing
+from vffnull.errors import InputError
+from vffnull.plotting import joints, links, overview, sensed, strobe, style, tracking
+from vffnull.plotting.primitives import drawable
+
+if TYPE_CHECKING:
+    from vffnull.result import Result
+
+FIGURES: dict[str, Callable[[Result], Figure]] = {
+    "overview": overview.overview,
+    "strobe": strobe.strobe,
+    "tracking": tracking.tracking,
+    "tracking_error": tracking.tracking_error,
+    "joint_angles": joints.joint_angles,
+    "repulsive_torques": joints.repulsive_torques,
+    "forces": links.forces,
+    "clearance": links.clearance,
+    "sensed": sensed.sensed,
+}
+"""In the order in which they are drawn."""
+
+_ABOUT_OBSTACLES = {"repulsive_torques", "forces", "clearance"}
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw every figure that says something about a run, by name."""
+    return dict(_figures(result))
+
+
+def save(result: Result, directory: Path, ending: str = ".png") -> list[Path]:
+    """Draw every figure and write each to a file of its name: PNG, PDF or SVG; returns the files."""
+    if ending not in style.ENDINGS:
+        raise InputError(f"figures are written as {', '.join(style.ENDINGS)}, not {ending}")
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name, figure in _figures(result):
+        path = directory / f"{name}{ending}"
+        with style.look(), replacing(path) as draft:
+            figure.savefig(draft)
+        paths.append(path)
+    return paths
+
+
+def _figures(result: Result) -> Iterator[tuple[str, Figure]]:
+    result = drawable(result)
+    for name, make in FIGURES.items():
+        if name in _ABOUT_OBSTACLES and not result.obstacles.shape[1]:
+            continue
+        if name == "sensed" and result.sensed is None:
+            continue
+        with style.look():
+            figure = make(result)
+        yield name, figure

@@ -1,0 +1,354 @@
+"""What is drawn of a scene at an instant: one list of primitives for all painters.
+
+A painter (figures, films, reports, notebooks, the live page, Rerun) gets the list from `Scene.at` and knows
+no arm: it draws a `Body`, a `Curve`, an `Arrow` or `Marks` in the look of its role. Places have as many
+coordinates as the scene; a painter of pictures asks `geometry.seen` and `geometry.outline` where they are on
+paper. Links, joints and obstacles are numbered from 0, as the arrays of a result are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vffnull._record import recorded
+from vffnull.errors import InputError
+from vffnull.plotting import geometry
+
+if TYPE_CHECKING:
+    from vffnull._core import Arm
+    from vffnull.result import Result
+    from vffnull.scenario import Scenario
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+
+Role = Literal[
+    "influence", "obstacle", "base", "reference", "link", "joint", "trail", "force", "sensed", "target"
+]
+"""What a primitive stands for; painted in this order."""
+
+ROLES: tuple[Role, ...] = (
+    "influence", "obstacle", "base", "reference", "link", "joint", "trail", "force", "sensed", "target",
+)  # fmt: skip
+
+COLOURS: dict[Role, str] = {
+    "influence": "#D55E00",
+    "obstacle": "#D55E00",
+    "base": "#222222",
+    "reference": "#777777",
+    "link": "#0072B2",
+    "joint": "#0072B2",
+    "trail": "#009E73",
+    "force": "#B2182B",
+    "sensed": "#222222",
+    "target": "#222222",
+}
+"""The same in every medium; from Okabe and Ito's palette, which everybody can tell apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """All points within `radius` [m] of the convex hull of `corners` (k, D) [m]; a line if that is 0."""
+
+    role: Role
+    index: int
+    corners: Array
+    radius: float
+
+    def outline(self, view: Array | None = None) -> Array:
+        """Its outline in a picture (·, 2)."""
+        return geometry.outline(self.corners, self.radius, view)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A line through `points` (·, D) [m]."""
+
+    role: Role
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Arrow:
+    """A `vector` (D,) [N] at a `tail` (D,) [m]."""
+
+    role: Role
+    index: int
+    tail: Array
+    vector: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Signs at `points` (·, D) [m]."""
+
+    role: Role
+    points: Array
+
+
+Primitive = Body | Curve | Arrow | Marks
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene of D dimensions at T instants: an arm with n links among k obstacles.
+
+    Attributes
+    ----------
+    t : (T,) ndarray
+        Time [s].
+    joints : (T, n+1, D) ndarray
+        The base, the joints, and the tip as the last [m].
+    radii : (n,) ndarray
+        Of the links [m].
+    cores : tuple
+        Every obstacle as the corners (·, D) [m] of its core, relative to its position, and the radius [m]
+        around the core.
+    obstacles : (T, k, D) ndarray
+        Their positions [m].
+    influence : float
+        How far their fields reach [m]; 0 without a field.
+    tip, reference : (T, D) ndarray
+        The end effector and where it shall be [m].
+    strength : (T, n) ndarray
+        Magnitude of the repulsion on each link [N].
+    given : tuple of (T, n, D) ndarray, optional
+        Points [m] and forces [N], where they are known and need not be made of `strength`.
+    sensed : (T, rays, D) ndarray, optional
+        Points that the controller knows of the obstacles [m].
+    """
+
+    t: Array
+    joints: Array
+    radii: Array
+    cores: tuple[tuple[Array, float], ...]
+    obstacles: Array
+    influence: float
+    tip: Array
+    reference: Array
+    strength: Array
+    given: tuple[Array, Array] | None = None
+    sensed: Array | None = None
+
+    @classmethod
+    def of_result(cls, result: Result) -> Scene:
+        """The scene of a run at its recorded instants."""
+        arm = result.scenario.arm
+        joints = np.asarray(arm.forward_kinematics(result.q))
+        size = joints.shape[-1]
+        document = result.scenario.to_dict()
+        return cls(
+            t=result.t,
+            joints=joints,
+            radii=np.asarray(arm.radius),
+            cores=cores_of(document),
+            obstacles=result.obstacles,
+            influence=influence_of(document),
+            tip=result.x[:, :size],
+            reference=result.x_ref[:, :size],
+            strength=result.force,
+            sensed=result.sensed,
+        )
+
+    @classmethod
+    def of_scenario(cls, scenario: Scenario) -> Scene:
+        """The scene at the start of a scenario, without forces."""
+        document = scenario.to_dict()
+        made = cls.of_arm(scenario.arm, document["q0"])
+        origin = np.zeros(made.dimension)
+        places = [each.get("position", origin) for each in document.get("obstacles", [])]
+        obstacles = np.asarray(places, dtype=float).reshape(1, len(places), made.dimension)
+        return dataclasses.replace(
+            made, cores=cores_of(document), obstacles=obstacles, influence=influence_of(document)
+        )
+
+    @classmethod
+    def of_arm(cls, arm: Arm, q: ArrayLike) -> Scene:
+        """An arm alone at joint angles (n,) [rad]."""
+        joints = np.asarray(arm.forward_kinematics(q))[None]
+        n, size = joints.shape[1] - 1, joints.shape[2]
+        return cls(
+            t=np.zeros(1),
+            joints=joints,
+            radii=np.asarray(arm.radius),
+            cores=(),
+            obstacles=np.zeros((1, 0, size)),
+            influence=0.0,
+            tip=joints[:, -1],
+            reference=joints[:, -1],
+            strength=np.zeros((1, n)),
+        )
+
+    @property
+    def dimension(self) -> int:
+        """Of the space that the scene is in."""
+        return int(self.joints.shape[-1])
+
+    @property
+    def links(self) -> Array:
+        """Ends of the links (T, n, 2, D) [m]."""
+        return np.stack([self.joints[:, :-1], self.joints[:, 1:]], axis=2)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the reference goes anywhere."""
+        return travels(self.reference)
+
+    def pick(self, rows: Rows) -> Scene:
+        """The scene at some of its instants."""
+        return dataclasses.replace(
+            self,
+            t=self.t[rows],
+            joints=self.joints[rows],
+            obstacles=self.obstacles[rows],
+            tip=self.tip[rows],
+            reference=self.reference[rows],
+            strength=self.strength[rows],
+            given=None if self.given is None else (self.given[0][rows], self.given[1][rows]),
+            sensed=None if self.sensed is None else self.sensed[rows],
+        )
+
+    @cached_property
+    def pushes(self) -> tuple[Array, Array]:
+        """Where the repulsion acts on every link (T, n, D) [m], and the forces (T, n, D) [N].
+
+        A record holds the force's magnitude; it is drawn at the point of the link's axis nearest to an
+        obstacle, away from that obstacle. With several obstacles near one link this is the direction away
+        from the nearest.
+        """
+        if self.given is not None:
+            return self.given
+        a, b = self.joints[:, :-1], self.joints[:, 1:]
+        points, directions = a.copy(), np.zeros_like(a)
+        least = np.full(a.shape[:2], np.inf)
+        for index, (corners, radius) in enumerate(self.cores):
+            for c, d in geometry.edges_of(corners + self.obstacles[:, index, None]):
+                on_link, on_obstacle = geometry.nearest(a, b, c[:, None], d[:, None])
+                away = on_link - on_obstacle
+                distance = np.linalg.norm(away, axis=-1)
+                closer = distance - radius < least
+                least = np.where(closer, distance - radius, least)
+                points = np.where(closer[..., None], on_link, points)
+                unit = away / np.maximum(distance, 1e-300)[..., None]
+                directions = np.where(closer[..., None], unit, directions)
+        return points, directions * self.strength[..., None]
+
+    def at(self, row: int, only: Collection[Role] | None = None) -> list[Primitive]:
+        """Everything that there is at one instant, or what has one of some roles, in the order of `ROLES`."""
+        return [each for role in ROLES if only is None or role in only for each in self._parts(role, row)]
+
+    def _parts(self, role: Role, row: int) -> Iterator[Primitive]:
+        match role:
+            case "influence" if self.influence > 0.0:
+                for index, (corners, radius) in enumerate(self.cores):
+                    yield Body(role, index, corners + self.obstacles[row, index], radius + self.influence)
+            case "obstacle":
+                for index, (corners, radius) in enumerate(self.cores):
+                    yield Body(role, index, corners + self.obstacles[row, index], radius)
+            case "base":
+                yield Marks(role, self.joints[row, :1])
+            case "reference" if self.moves:
+                yield Curve(role, self.reference)
+            case "link":
+                for index, (ends, radius) in enumerate(zip(self.links[row], self.radii, strict=True)):
+                    yield Body(role, index, ends, float(radius))
+            case "joint":
+                yield Marks(role, self.joints[row])
+            case "trail":
+                yield Curve(role, self.tip[: row + 1])
+            case "force":
+                points, forces = self.pushes
+                for index, (tail, vector) in enumerate(zip(points[row], forces[row], strict=True)):
+                    yield Arrow(role, index, tail, vector)
+            case "sensed" if self.sensed is not None:
+                met = self.sensed[row]
+                yield Marks(role, met[np.isfinite(met).all(axis=-1)])
+            case "target":
+                yield Marks(role, self.reference[row : row + 1])
+
+    def instants(self, count: int) -> Rows:
+        """Indices of instants that show the scene best: as much motion between one and the next everywhere.
+
+        Half of the measure is time, so that a long rest is not skipped altogether.
+        """
+        places = np.concatenate([self.joints, self.obstacles], axis=1)
+        path = np.linalg.norm(np.diff(places, axis=0), axis=2).sum(axis=1)
+        measure = np.concatenate([[0.0], np.cumsum(path)])
+        measure /= measure[-1] or 1.0
+        measure += (self.t - self.t[0]) / ((self.t[-1] - self.t[0]) or 1.0)
+        chosen = np.searchsorted(measure, np.linspace(0.0, measure[-1], count))
+        return np.unique(np.minimum(chosen, len(self.t) - 1))
+
+    def frame(
+        self, margin: float = 0.12, view: Array | None = None, *, field: bool = False
+    ) -> tuple[Array, Array]:
+        """The corners (2,) and (2,) [m] of a picture of the arm at all times and of what it meets.
+
+        Obstacles count where they come near the arm, with a `field` also the ring around them at the start;
+        one that passes far away does not shrink the picture.
+        """
+        arm = geometry.seen(self.joints, view).reshape(-1, 2)
+        around = np.vstack([arm, geometry.seen(self.reference, view)])
+        low, high = around.min(axis=0), around.max(axis=0)
+        reach = 0.35 * float((high - low).max())
+        inner = low, high
+        for index, (corners, radius) in enumerate(self.cores):
+            points = geometry.outline(corners, radius, view)
+            ring = geometry.outline(corners, radius + self.influence, view)
+            place = geometry.seen(self.obstacles[:, index], view)
+            near = np.all((place > inner[0] - reach) & (place < inner[1] + reach), axis=1)
+            if near.any():
+                low = np.minimum(
+                    low, np.maximum((place[near] + points.min(axis=0)).min(axis=0), inner[0] - reach)
+                )
+                high = np.maximum(
+                    high, np.minimum((place[near] + points.max(axis=0)).max(axis=0), inner[1] + reach)
+                )
+            if field and near[:1].any():
+                low = np.minimum(low, np.maximum(place[0] + ring.min(axis=0), inner[0] - 1.6 * reach))
+                high = np.maximum(high, np.minimum(place[0] + ring.max(axis=0), inner[1] + 1.6 * reach))
+        pad = margin * float((high - low).max()) / 2 + float(self.radii.max())
+        return low - pad, high + pad
+
+
+def drawable(result: Result) -> Result:
+    """The result up to where its numbers end: a diverged run may leave NaN in its last rows.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If nothing is left to draw.
+    """
+    sound = np.all(np.isfinite(result.q) & np.isfinite(result.dq), axis=1)
+    if sound.size and sound.all():
+        return result
+    rows = int(np.argmin(sound)) if sound.size else 0
+    if not rows:
+        raise InputError("result: there is no recorded instant to draw")
+    cut = {name: values[:rows] for name, values in recorded(result).items()}
+    return dataclasses.replace(result, t=result.t[:rows], **cut)  # type: ignore[arg-type]
+
+
+def cores_of(document: Mapping[str, Any]) -> tuple[tuple[Array, float], ...]:
+    """The obstacles of a scenario's document as corners of their cores and radii."""
+    return tuple(
+        geometry.core(each["shape"], each.get("angle", 0.0)) for each in document.get("obstacles", [])
+    )
+
+
+def influence_of(document: Mapping[str, Any]) -> float:
+    """The influence distance [m] of a field that is there and switched on; 0 otherwise."""
+    field = document.get("controller", {}).get("field", {})
+    return float(field["influence"]) if field.get("gain") else 0.0
+
+
+def travels(places: Array) -> bool:
+    """Whether places (T, D) are not all the same."""
+    return bool(np.ptp(places, axis=0).max(initial=0.0) > 0.0)

@@ -1,0 +1,44 @@
+"""What the page shows with one click: a scenario, what is changed in it, and what to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from vffnull.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Story:
+    """A scenario to begin with."""
+
+    scenario: str
+    look: str
+    """What to look at, in a sentence or two."""
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    """Other values for some keys, by dotted name."""
+
+    def open(self) -> Scenario:
+        """The scenario with the changes."""
+        return Scenario.load(self.scenario).replace(**self.changes)
+
+
+STORIES: dict[str, Story] = {
+    "Sweep": Story(
+        "swing",
+        "A disc swings through the arm, whose tip must stay on its target. The links give way. The pale arm "
+        "is the same one without the null-space projection.",
+    ),
+    "On path": Story(
+        "on-path",
+        "A disc lies on the tip's own path, where no null space helps. Barriers let the tip go around it.",
+        {"controller.avoidance": "cbf"},
+    ),
+    "Crowd": Story(
+        "crowd",
+        "Eight discs drift through the reach of the arm. Barriers with look-ahead leave the path early where "
+        "they must.",
+        {"controller.avoidance": "cbf", "controller.yielding.preview": {}},
+    ),
+}

@@ -1,0 +1,244 @@
+"""Ctrl-C and other signals: every long call answers, none loses what a handler raises, nothing panics."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+
+PREPARE = """
+import os, random, signal, sys, threading, time
+import numpy as np
+import vffnull as vff
+from vffnull import _core
+
+def arm_of(n): return vff.Arm.uniform(n, length=1.0 / n)
+def disc(x, y): return {"shape": {"kind": "circle", "radius": 0.01}, "position": [x, y]}
+def discs(count):
+    return [disc(2.0 + 3.0 * np.cos(k), 3.0 * np.sin(k) * (1 + k / count)) for k in range(count)]
+def scene(n=6, **more):
+    q0 = [0.3] + [1.0 / n] * (n - 1)
+    return {"duration": 1e5, "q0": q0, "arm": {"lengths": [1.0] * n, "masses": 1.0},
+            "reference": {"kind": "setpoint", "point": [0.5 * n, 0.3]}, **more}
+def bent(n): return np.full(n, 1.0 / n)
+"""
+
+# Each of these takes minutes if it is left alone.
+LONG = {
+    "simulate": ("", "_core.run(scene())"),
+    "simulate of heavy steps": (
+        "",
+        "_core.run(scene(60, obstacles=discs(3000), controller={'avoidance': 'cbf', 'yielding': {'activation': 9.0}}))",
+    ),
+    "simulate_many": ("", "_core.run_many([scene()] * 3)"),
+    "real_time": ("", "_core.real_time(scene(), 1000.0, 1e5)"),
+    "real_time of heavy steps": (
+        "s = scene(3000, controller={'self_collision': 'avoid'})",
+        "_core.real_time(s, 1000.0, 1e5)",
+    ),
+    "feasibility": ("", "_core.feasibility(scene(40, obstacles=discs(40)) | {'duration': 1e3})"),
+    "Simulation.step": (
+        "simulation = vff.Simulation(scene(simulation={'control_every': 10**8}))",
+        "simulation.step()",
+    ),
+    "mass_matrix": ("arm, q = arm_of(6000), bent(6000)", "arm.mass_matrix(q)"),
+    "coriolis_matrix": ("arm, q = arm_of(6000), bent(6000)", "arm.coriolis_matrix(q, q)"),
+    "extended_jacobian": ("arm, q = arm_of(3000), bent(3000)", "arm.extended_jacobian(q, q)"),
+    "distances": (
+        "arm = arm_of(50); q = np.tile(bent(50), (20000, 1)); world = discs(60)",
+        "[_core.distances(arm, q, q, world) for _ in range(100)]",
+    ),
+    "torque": (
+        "c = vff.Controller(arm_of(4000), {'avoidance': 'cbf'}); q = bent(4000)",
+        "c.torque(q, 50 * q, [0.3, 0.3], obstacles=[disc(0.2, 0.2)])",
+    ),
+    "Episodes": (
+        "e = _core.Episodes(scene() | {'duration': 1e4}, {'period': 1e3}, 8, 2, 0)",
+        "e.step(np.zeros((8, 6)))",
+    ),
+    "Episodes on one thread": (
+        "e = _core.Episodes(scene() | {'duration': 1e4}, {'period': 1e3}, 8, 1, 0)",
+        "e.step(np.zeros((8, 6)))",
+    ),
+    "many new Episodes": ("", "_core.Episodes(scene(), {}, 400000, 2, 0)"),
+    "a list without end": ("", "_core.check('arm', {'lengths': [[0.0] * 10**6] * 10**4})"),
+}
+
+
+def interrupted(setup: str, call: str, tries: int = 1) -> subprocess.CompletedProcess[str]:
+    """Run a call in a process of its own and interrupt it, at a random moment once it is under way."""
+    script = (
+        PREPARE
+        + textwrap.dedent(setup)
+        + textwrap.dedent(f"""
+        delay = random.Random({len(call)}).random
+        for _ in range({tries}):
+            heard = False
+            timer = threading.Timer(0.1 + 0.4 * delay(), os.kill, (os.getpid(), signal.SIGINT))
+            timer.start()
+            try:
+                {call}
+            except KeyboardInterrupt:
+                heard = True
+            if not heard:
+                try:
+                    timer.join()
+                    time.sleep(5)
+                except KeyboardInterrupt:
+                    pass
+                print("not heard")
+        print("done")
+        """)
+    )
+    command = [sys.executable, "-c", script]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_calls_answer(name: str) -> None:
+    """A call that takes minutes ends with what Ctrl-C raises. (How soon: benches/interrupt.py.)"""
+    setup, call = LONG[name]
+    done = interrupted(setup, call)
+    # A run that is interrupted is a result; its status says so.
+    kept = "simulate" in name or "real_time" in name
+    assert done.stdout.split("\n")[-2] == "done" and not done.stderr, done.stdout + done.stderr
+    assert kept or "not heard" not in done.stdout, done.stdout
+
+
+def test_interrupted_runs_say_so() -> None:
+    """What there is of a run, of a batch and of a measurement, with the status."""
+    setup = "statuses = []"
+    for call in (
+        "statuses.append(_core.run(scene())['status'])",
+        "statuses.extend(r['status'] for r in _core.run_many([scene()] * 3))",
+        "statuses.append(_core.real_time(scene(), 1000.0, 1e5)['status'])",
+    ):
+        done = interrupted(setup, call + "; print(set(statuses)); raise KeyboardInterrupt")
+        assert done.stdout == "{'interrupted'}\ndone\n", done.stdout + done.stderr
+
+
+SHORT = {
+    "run": "_core.run(scene() | {'duration': 0.005})",
+    "run_many": "_core.run_many([scene() | {'duration': 0.005}] * 4)",
+    "check": "_core.check('scenario', scene(obstacles=discs(40)))",
+    "controller": "vff.Controller(arm_of(6)).torque(bent(6), bent(6), [0.3, 0.3], obstacles=discs(4))",
+    "kinematics": "arm_of(6).forward_kinematics(np.tile(bent(6), (2000, 1)))",
+    "distances": "_core.distances(arm_of(6), bent(6), bent(6), discs(30))",
+    "simulation": "vff.Simulation(scene()).step()",
+    "real_time": "_core.real_time(scene(), 1000.0, 0.005)",
+    "toml": "_core.parse_toml(_core.format_toml(scene(obstacles=discs(40))), 'x')",
+}
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_no_signal_is_lost(name: str) -> None:
+    """A loop of short calls is interrupted each time, wherever the signal comes, by the exception of the handler."""
+    script = PREPARE + textwrap.dedent(f"""
+    class Mine(BaseException): pass
+    def handler(*_):
+        global sent
+        sent += 1
+        raise Mine
+    signal.signal(signal.SIGUSR1, handler)
+    sent = heard = other = 0
+    stop = threading.Event()
+    def send():
+        while not stop.is_set():
+            time.sleep(0.02 * random.random())
+            ready.wait()
+            ready.clear()
+            os.kill(os.getpid(), signal.SIGUSR1)
+    ready = threading.Event()
+    sender = threading.Thread(target=send, daemon=True)
+    sender.start()
+    while heard + other < 60:
+        try:
+            ready.set()
+            while True:
+                {SHORT[name]}
+        except Mine:
+            heard += 1
+        except BaseException as error:
+            other += 1
+            print(type(error), error)
+    stop.set()
+    print(sent == heard, other)
+    os._exit(0) if sys.stdout.flush() is None else None
+    """)
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout == "True 0\n" and not done.stderr, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("call", ["run(scene() | {'duration': 0.01})", "distances(arm_of(3), bent(3), bent(3), [])"])
+def test_the_first_load_of_numpy(call: str) -> None:
+    """Ctrl-C while NumPy is loaded for the first array is the user's, and no panic; afterwards all is well."""
+    script = PREPARE.replace("import numpy as np\n", "").replace("np.", "math.") + textwrap.dedent(f"""
+    import math
+    def bent(n): return [1.0 / n] * n
+    timer = threading.Timer(float(sys.argv[1]), os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    heard = 0
+    try:
+        _core.{call}
+        timer.join()
+        time.sleep(2)
+    except KeyboardInterrupt:
+        heard += 1
+    _core.{call}
+    print("heard", heard)
+    """)
+    for k in range(12):
+        command = [sys.executable, "-c", script, str(0.02 * k)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        if "numpy" in done.stderr and "import" in done.stderr:
+            continue  # NumPy itself does not survive an interrupted import in the same process
+        assert done.stdout == "heard 1\n" and not done.stderr, done.stdout + done.stderr
+
+
+def test_a_simulation_goes_on_after_an_interruption() -> None:
+    """Interrupted between two plant steps, it finishes its control period next time: nothing is lost."""
+    script = PREPARE + textwrap.dedent("""
+    whole, parts = (vff.Simulation(scene(simulation={"control_every": 200000})) for _ in range(2))
+    expected = whole.step()
+    interruptions = 0
+    while parts.state.t < expected.t:
+        timer = threading.Timer(0.15, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        try:
+            parts.step()
+            timer.cancel()
+            timer.join()
+        except KeyboardInterrupt:
+            interruptions += 1
+    print(parts.state.t == expected.t, (parts.state.q == expected.q).all(), interruptions > 0)
+    """)
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout == "True True True\n", done.stdout + done.stderr
+
+
+def test_a_handler_cannot_lock_itself_out() -> None:
+    """A signal handler that uses the controller or simulation it has interrupted gets an error, and the call goes on."""
+    script = PREPARE + textwrap.dedent("""
+    from vffnull.errors import InputError
+    simulation = vff.Simulation(scene(simulation={"control_every": 300000}))
+    told = []
+    def handler(*_):
+        try:
+            simulation.step()
+        except InputError as error:
+            told.append(str(error))
+    signal.signal(signal.SIGALRM, handler)
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    while not told:
+        simulation.step()
+    print(told[0], simulation.state.t > 0)
+    """)
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.startswith("simulation: in use") and done.stdout.endswith("True\n"), done.stderr
