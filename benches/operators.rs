@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use vff_core::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use vff_core::control::{Controller, Formulation, Gains, OperationalSpace, Settings, TaskMetric};
-use vff_core::math::{Capsule, Vector};
+use vff_core::math::{Body, Capsule, Vector};
 use vff_core::robot::planar::Link;
 use vff_core::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
 use vff_core::trajectory::Sample;
@@ -180,7 +180,7 @@ fn proximity(c: &mut Criterion) {
         .chunks_exact(4)
         .map(|c| {
             let (start, end) = (Vector::<2>::new(c[0], c[1]), Vector::<2>::new(c[2], c[3]));
-            Capsule::new(start * 2.0, end * 2.0, 0.05)
+            Body::new(0, Capsule::new(start * 2.0, end * 2.0, 0.05))
         })
         .collect();
     let mut group = c.benchmark_group("proximity");

@@ -1,4 +1,4 @@
-"""Arrays as arguments: however their numbers lie in memory, the result is that of the plain array, or an error."""
+"""Arrays as arguments: however their numbers lie in memory, the result is that of the plain array."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import vffnull as vff
 from numpy.typing import NDArray
+
+import vffnull as vff
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError
 
@@ -24,7 +25,11 @@ SCENE: dict[str, Any] = {
     "reference": {"kind": "setpoint", "point": [2.0, 1.0]},
 }
 ARM = vff.Arm.uniform(N, gravity=9.81)
-Q, DQ, A = np.array([0.3, 0.4, -0.5, 0.25]), np.array([0.5, -0.25, 1.0, 0.75]), np.array([1.0, 2.0, -1.0, 0.5])
+Q, DQ, A = (
+    np.array([0.3, 0.4, -0.5, 0.25]),
+    np.array([0.5, -0.25, 1.0, 0.75]),
+    np.array([1.0, 2.0, -1.0, 0.5]),
+)
 X = np.array([2.0, 1.5])
 ROWS = np.stack([Q, DQ, A])
 DISC = {"shape": {"kind": "circle", "radius": 0.5}, "position": [2.5, 1.0]}
@@ -68,7 +73,10 @@ ARGUMENTS: dict[str, tuple[Callable[[Any], Any], Floats]] = {
     "Simulation.step": (lambda v: vff.Simulation(SCENE).step(v).q, A),
     "Episodes.step": (_episodes, 0.1 * ROWS),
     "Arm lengths": (lambda v: vff.Arm(v, 1.0).forward_kinematics(Q), np.array([1.0, 0.5, 0.75, 2.0])),
-    "Arm com": (lambda v: vff.Arm([1.0] * 3, 1.0, v).com, np.array([[0.5, 0.25], [0.25, 0.0], [0.125, -0.5]])),
+    "Arm com": (
+        lambda v: vff.Arm([1.0] * 3, 1.0, v).com,
+        np.array([[0.5, 0.25], [0.25, 0.0], [0.125, -0.5]]),
+    ),
 }
 
 
@@ -159,25 +167,27 @@ def test_what_is_no_array_of_numbers_is_refused(argument: str, kind: str) -> Non
     if optional:
         call(None)
         return
-    with pytest.raises((InputTypeError, InputError), match=r"^(q|dq|ddq|tau|t|x_ref|dx_ref|ddx_ref|action)\b"):
+    with pytest.raises(
+        (InputTypeError, InputError), match=r"^(q|dq|ddq|tau|t|x_ref|dx_ref|ddx_ref|action)\b"
+    ):
         call(REFUSED[kind](value))
 
 
 def test_exceptions_of_values_pass() -> None:
     """What a value raises while it is read is the caller's, unless it says that it is no number."""
 
-    class Mine(Exception):
+    class MineError(Exception):
         pass
 
     class Rude:
         def __float__(self) -> float:
-            raise Mine
+            raise MineError
 
         def __array__(self, *_: object, **__: object) -> Floats:
-            raise Mine
+            raise MineError
 
         def __index__(self) -> int:
-            raise Mine
+            raise MineError
 
     for call in (
         lambda: ARM.jacobian(Rude()),  # type: ignore[arg-type]
@@ -186,7 +196,7 @@ def test_exceptions_of_values_pass() -> None:
         lambda: vff.Arm.uniform(3, Rude()),  # type: ignore[arg-type]
         lambda: vff.Controller(ARM).torque(Q, DQ, X, t=Rude()),  # type: ignore[arg-type]
     ):
-        with pytest.raises(Mine):
+        with pytest.raises(MineError):
             call()
 
 
@@ -197,7 +207,7 @@ def test_huge_whole_numbers_are_named(digits: int) -> None:
     expected = str(huge) if digits < 70 else "bits"
     with pytest.raises(InputError, match=f"duration: .*{expected}.* does not fit into 64 bits"):
         _core.check("scenario", SCENE | {"duration": huge})
-    with pytest.raises(InputError, match="n: .* does not fit into 64 bits"):
+    with pytest.raises(InputError, match=r"n: .* does not fit into 64 bits"):
         vff.Arm.uniform(huge)
 
 
@@ -221,7 +231,7 @@ def test_messages_cut_what_they_quote() -> None:
         SCENE | {"q0": [1e300] * 10**5},
         SCENE | {"q0": [0.1] * 10**5 + [float("nan")]},
     ):
-        with pytest.raises(Exception) as error:  # noqa: PT011 - of several types
+        with pytest.raises(Exception) as error:
             _core.check("scenario", document)
         assert len(str(error.value)) < 2000, str(error.value)[:300]
 
@@ -264,7 +274,9 @@ def test_reprs_say_what_things_are() -> None:
         assert "0x" not in repr(thing) and any(c.isdigit() for c in repr(thing)), repr(thing)
 
 
-@pytest.mark.parametrize("call", ["mass", "coriolis", "terms", "extended", "cbf", "explicit", "distances", "episodes"])
+@pytest.mark.parametrize(
+    "call", ["mass", "coriolis", "terms", "extended", "cbf", "explicit", "distances", "episodes"]
+)
 def test_memory_is_limited(call: str) -> None:
     """What would take more memory than is allowed is refused before it is allocated."""
     n = 40_000

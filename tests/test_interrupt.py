@@ -23,7 +23,8 @@ def discs(count):
 def scene(n=6, **more):
     q0 = [0.3] + [1.0 / n] * (n - 1)
     return {"duration": 1e5, "q0": q0, "arm": {"lengths": [1.0] * n, "masses": 1.0},
-            "reference": {"kind": "setpoint", "point": [0.5 * n, 0.3]}, **more}
+            "reference": {"kind": "setpoint", "point": [0.5 * n, 0.3]},
+            "simulation": {"record_every": 10**6}, **more}
 def bent(n): return np.full(n, 1.0 / n)
 """
 
@@ -32,7 +33,8 @@ LONG = {
     "simulate": ("", "_core.run(scene())"),
     "simulate of heavy steps": (
         "",
-        "_core.run(scene(60, obstacles=discs(3000), controller={'avoidance': 'cbf', 'yielding': {'activation': 9.0}}))",
+        "_core.run(scene(60, obstacles=discs(3000), "
+        "controller={'avoidance': 'cbf', 'yielding': {'activation': 9.0}}))",
     ),
     "simulate_many": ("", "_core.run_many([scene()] * 3)"),
     "real_time": ("", "_core.real_time(scene(), 1000.0, 1e5)"),
@@ -49,11 +51,11 @@ LONG = {
     "coriolis_matrix": ("arm, q = arm_of(6000), bent(6000)", "arm.coriolis_matrix(q, q)"),
     "extended_jacobian": ("arm, q = arm_of(3000), bent(3000)", "arm.extended_jacobian(q, q)"),
     "distances": (
-        "arm = arm_of(50); q = np.tile(bent(50), (20000, 1)); world = discs(60)",
-        "[_core.distances(arm, q, q, world) for _ in range(100)]",
+        "arm = arm_of(50); q = np.tile(bent(50), (1000, 1)); world = discs(20)",
+        "any(_core.distances(arm, q, q, world) is None for _ in range(10**6))",
     ),
     "torque": (
-        "c = vff.Controller(arm_of(4000), {'avoidance': 'cbf'}); q = bent(4000)",
+        "c = vff.Controller(arm_of(3000), {'avoidance': 'cbf'}); q = bent(3000)",
         "c.torque(q, 50 * q, [0.3, 0.3], obstacles=[disc(0.2, 0.2)])",
     ),
     "Episodes": (
@@ -69,28 +71,19 @@ LONG = {
 }
 
 
-def interrupted(setup: str, call: str, tries: int = 1) -> subprocess.CompletedProcess[str]:
+def interrupted(setup: str, call: str) -> subprocess.CompletedProcess[str]:
     """Run a call in a process of its own and interrupt it, at a random moment once it is under way."""
     script = (
         PREPARE
         + textwrap.dedent(setup)
         + textwrap.dedent(f"""
-        delay = random.Random({len(call)}).random
-        for _ in range({tries}):
-            heard = False
-            timer = threading.Timer(0.1 + 0.4 * delay(), os.kill, (os.getpid(), signal.SIGINT))
-            timer.start()
-            try:
-                {call}
-            except KeyboardInterrupt:
-                heard = True
-            if not heard:
-                try:
-                    timer.join()
-                    time.sleep(5)
-                except KeyboardInterrupt:
-                    pass
-                print("not heard")
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        try:
+            signal.setitimer(signal.ITIMER_REAL, 0.1 + 0.4 * random.random())
+            {call}
+            print("not heard")
+        except KeyboardInterrupt:
+            pass
         print("done")
         """)
     )
@@ -117,14 +110,14 @@ def test_interrupted_runs_say_so() -> None:
         "statuses.extend(r['status'] for r in _core.run_many([scene()] * 3))",
         "statuses.append(_core.real_time(scene(), 1000.0, 1e5)['status'])",
     ):
-        done = interrupted(setup, call + "; print(set(statuses)); raise KeyboardInterrupt")
-        assert done.stdout == "{'interrupted'}\ndone\n", done.stdout + done.stderr
+        done = interrupted(setup, call + "; print(set(statuses))")
+        assert done.stdout == "{'interrupted'}\nnot heard\ndone\n", done.stdout + done.stderr
 
 
 SHORT = {
     "run": "_core.run(scene() | {'duration': 0.005})",
     "run_many": "_core.run_many([scene() | {'duration': 0.005}] * 4)",
-    "check": "_core.check('scenario', scene(obstacles=discs(40)))",
+    "check": "_core.check('scenario', scene(obstacles=discs(40)) | {'duration': 1.0})",
     "controller": "vff.Controller(arm_of(6)).torque(bent(6), bent(6), [0.3, 0.3], obstacles=discs(4))",
     "kinematics": "arm_of(6).forward_kinematics(np.tile(bent(6), (2000, 1)))",
     "distances": "_core.distances(arm_of(6), bent(6), bent(6), discs(30))",
@@ -136,7 +129,7 @@ SHORT = {
 
 @pytest.mark.parametrize("name", SHORT)
 def test_no_signal_is_lost(name: str) -> None:
-    """A loop of short calls is interrupted each time, wherever the signal comes, by the exception of the handler."""
+    """A loop of short calls ends each time with the exception of the handler, wherever it comes."""
     script = PREPARE + textwrap.dedent(f"""
     class Mine(BaseException): pass
     def handler(*_):
@@ -174,26 +167,27 @@ def test_no_signal_is_lost(name: str) -> None:
     assert done.stdout == "True 0\n" and not done.stderr, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("call", ["run(scene() | {'duration': 0.01})", "distances(arm_of(3), bent(3), bent(3), [])"])
+@pytest.mark.parametrize(
+    "call", ["run(scene() | {'duration': 0.01})", "distances(arm_of(3), bent(3), bent(3), [])"]
+)
 def test_the_first_load_of_numpy(call: str) -> None:
-    """Ctrl-C while NumPy is loaded for the first array is the user's, and no panic; afterwards all is well."""
+    """Ctrl-C while NumPy is loaded for the first array is the user's, and no panic."""
     script = PREPARE.replace("import numpy as np\n", "").replace("np.", "math.") + textwrap.dedent(f"""
     import math
     def bent(n): return [1.0 / n] * n
-    timer = threading.Timer(float(sys.argv[1]), os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
     heard = 0
     try:
+        signal.setitimer(signal.ITIMER_REAL, float(sys.argv[1]))
         _core.{call}
-        timer.join()
-        time.sleep(2)
+        time.sleep(60)
     except KeyboardInterrupt:
         heard += 1
     _core.{call}
     print("heard", heard)
     """)
     for k in range(12):
-        command = [sys.executable, "-c", script, str(0.02 * k)]
+        command = [sys.executable, "-c", script, str(0.001 + 0.02 * k)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
         if "numpy" in done.stderr and "import" in done.stderr:
             continue  # NumPy itself does not survive an interrupted import in the same process
@@ -203,16 +197,15 @@ def test_the_first_load_of_numpy(call: str) -> None:
 def test_a_simulation_goes_on_after_an_interruption() -> None:
     """Interrupted between two plant steps, it finishes its control period next time: nothing is lost."""
     script = PREPARE + textwrap.dedent("""
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
     whole, parts = (vff.Simulation(scene(simulation={"control_every": 200000})) for _ in range(2))
     expected = whole.step()
     interruptions = 0
     while parts.state.t < expected.t:
-        timer = threading.Timer(0.15, os.kill, (os.getpid(), signal.SIGINT))
-        timer.start()
         try:
+            signal.setitimer(signal.ITIMER_REAL, 0.15)
             parts.step()
-            timer.cancel()
-            timer.join()
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
         except KeyboardInterrupt:
             interruptions += 1
     print(parts.state.t == expected.t, (parts.state.q == expected.q).all(), interruptions > 0)
@@ -223,7 +216,7 @@ def test_a_simulation_goes_on_after_an_interruption() -> None:
 
 
 def test_a_handler_cannot_lock_itself_out() -> None:
-    """A signal handler that uses the controller or simulation it has interrupted gets an error, and the call goes on."""
+    """A signal handler that uses the simulation it has interrupted gets an error."""
     script = PREPARE + textwrap.dedent("""
     from vffnull.errors import InputError
     simulation = vff.Simulation(scene(simulation={"control_every": 300000}))

@@ -33,7 +33,7 @@ def described(tree: ast.Module) -> list[tuple[str, Described]]:
 
 
 def compiled_doc(core: ModuleType, name: str) -> str | None:
-    """The docstring of the compiled module; None of what it does not have, such as types of the stub alone."""
+    """The docstring of the compiled module; None of what only the stub has."""
     thing: object = core
     for part in name.split("."):
         thing = vars(thing).get(part) if isinstance(thing, type) else getattr(thing, part, None)

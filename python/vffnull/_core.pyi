@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "ARMS",
     "ENERGIES",
     "METRICS",
     "OBJECTIVES",
@@ -23,13 +24,18 @@ __all__ = [
     "State",
     "Terms",
     "__version__",
+    "arm_model",
+    "arm_text",
     "check",
+    "check_arm",
     "distances",
     "feasibility",
     "format_toml",
     "parse_toml",
     "plant",
+    "read_urdf",
     "real_time",
+    "reduce_tree",
     "run",
     "run_many",
     "schema",
@@ -50,6 +56,8 @@ ENERGIES: tuple[str, ...]
 """The energies that are recorded: kinetic, of gravity, and what the null space stores."""
 OBJECTIVES: tuple[str, ...]
 """What limits take from, first to last, and at the end the reference's speed."""
+ARMS: tuple[str, ...]
+"""Names of the bundled spatial arms."""
 PORTS: tuple[str, ...]
 """The powers that are recorded: of the motors, then of all that feeds or drains the null space."""
 
@@ -271,8 +279,8 @@ class Controller:
         Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
 
     strict : bool, optional
-        Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond all
-        reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
+        Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond
+        all reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
 
     Raises
     ------
@@ -281,8 +289,8 @@ class Controller:
 
     Notes
     -----
-    A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank is as
-    full as at the start.
+    A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy
+    tank is as full as at the start.
 
     Examples
     --------
@@ -909,3 +917,73 @@ def schema() -> str:
 
 def schema_json() -> str:
     """The same as a JSON Schema (draft 7)."""
+def read_urdf(text: str, options: _Document) -> dict[str, Any]:
+    """Read the text of a URDF.
+
+    Parameters
+    ----------
+    text : str
+        The URDF.
+    options : dict
+        ``tip``, ``base``, ``locked``, ``tool``, ``mount``, ``gravity``, ``armature``, ``fix_inertia`` and
+        ``srdf`` (text), each with its default.
+
+    Returns
+    -------
+    dict
+        ``arm``, the explicit description without ``collision``; ``geometry``, what collides on which link;
+        ``locked``, ``merged``, ``warnings``.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the text is no URDF, or what is asked for is no arm.
+    """
+
+def reduce_tree(tree: _Document, options: _Document) -> dict[str, Any]:
+    """The same as `read_urdf` for links and joints that another reader found.
+
+    Parameters
+    ----------
+    tree : dict
+        ``name``, ``links``, ``joints``, ``warnings``.
+    options : dict
+        As in `read_urdf`.
+    """
+
+def check_arm(arm: _Document) -> dict[str, Any]:
+    """Judge the explicit description of a spatial arm.
+
+    Parameters
+    ----------
+    arm : dict
+        The description.
+
+    Returns
+    -------
+    dict
+        The same with every key that has a default, axes and quaternions of length 1.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        With the path of the first value that is wrong.
+    """
+
+def arm_model(name: str) -> dict[str, Any]:
+    """The explicit description of a bundled arm.
+
+    Parameters
+    ----------
+    name : str
+        One of `ARMS`.
+    """
+
+def arm_text(name: str) -> str:
+    """The document of a bundled arm, with the sources of its numbers.
+
+    Parameters
+    ----------
+    name : str
+        One of `ARMS`.
+    """

@@ -8,7 +8,7 @@ use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
 use vff_core::math::Vector;
 use vff_core::robot::spatial::{Description, Joint, JointKind, Mobility, Placement, Spatial};
-use vff_core::robot::{Model, Robot, SpatialArm};
+use vff_core::robot::{Robot, SpatialArm};
 use vff_core::runtime::live::{Live, State};
 use vff_core::runtime::real_time::RealTime;
 use vff_core::scenario::Scenario;
@@ -310,7 +310,6 @@ fn no_operator_of_a_spatial_arm_allocates() {
             state.jacobian_dot_tr_mul(&f, &mut out);
             state.momentum_and_coriolis(&f, &mut out, &mut scratch);
             state.coupling_torque(&f, v, &mut out);
-            assert!(state.pose::<M>().norm() > 0.0);
         })
     }
     let (q, v) = ([0.3, -0.7, 0.2, 0.4, -0.5, 0.9, 0.1], [1.0, -0.2, 0.6, 0.3, -0.8, 0.5, -0.4]);
@@ -321,7 +320,7 @@ fn no_operator_of_a_spatial_arm_allocates() {
     let mut mobilities = [Mobility::default(); 7];
     let mut wrenches = [Spatial::default(); 7];
     let count = allocations(|| {
-        state.place(&q);
+        state.update_positions(&q);
         state.update(&q, &v);
         state.update_with_dynamics(&q, &v, &v, &mut scratch, &mut out);
         state.mass_mul(&v, &mut out);

@@ -34,8 +34,8 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 ///     Control period [s] of your loop: gains that a torque held so long makes unstable are warned of.
 ///
 /// strict : bool, optional
-///     Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond all
-///     reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
+///     Whether `torque` and `terms` raise where the torque is not finite, which states and references beyond
+///     all reason (1e154 rad/s) lead to; by default it is returned, and `Terms.finite` is False.
 ///
 /// Raises
 /// ------
@@ -44,8 +44,8 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 ///
 /// Notes
 /// -----
-/// A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy tank is as
-/// full as at the start.
+/// A call that is interrupted, and one whose torque is not finite, leaves the controller as new: an energy
+/// tank is as full as at the start.
 ///
 /// Examples
 /// --------

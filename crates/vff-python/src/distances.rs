@@ -151,9 +151,9 @@ pub fn distances(
         for (b, (q, dq)) in angles.chunks_exact(n).zip(speeds.chunks_exact(n)).enumerate() {
             state.update(q, dq);
             world.update(times[b % times.len()]);
-            let links = state.links();
+            let bodies = state.bodies();
             world.for_each_contact(
-                links,
+                bodies,
                 f64::INFINITY,
                 |_, _| (),
                 |contact| {

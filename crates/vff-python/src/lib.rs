@@ -7,6 +7,7 @@ mod convert;
 mod distances;
 mod errors;
 mod live;
+mod models;
 mod real_time;
 mod run;
 mod simulation;
@@ -27,6 +28,8 @@ mod _core {
     use crate::distances::{Distances, distances};
     #[pymodule_export]
     use crate::live::Live;
+    #[pymodule_export]
+    use crate::models::{arm_model, arm_text, check_arm, read_urdf, reduce_tree};
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
@@ -59,6 +62,7 @@ mod _core {
         let names = |names: &[&str]| PyTuple::new(module.py(), names);
         module.add("OBJECTIVES", names(&limits::OBJECTIVES)?)?;
         module.add("ENERGIES", names(&energy::ENERGIES)?)?;
-        module.add("PORTS", names(&energy::PORTS)?)
+        module.add("PORTS", names(&energy::PORTS)?)?;
+        module.add("ARMS", names(&vff_core::robot::models::NAMES)?)
     }
 }

@@ -103,7 +103,7 @@ impl Shown {
         }
     }
 
-    fn to_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    fn into_dict(self, py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         let (status, message) = match &self.state {
             State::Running => ("running", ""),
             State::Paused => ("paused", ""),
@@ -239,7 +239,7 @@ impl Live {
 
     /// The present instant.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        self.with(py, Shown::new)?.to_dict(py)
+        self.with(py, Shown::new)?.into_dict(py)
     }
 }
 

@@ -8,6 +8,7 @@
 //! The bias is more than n̂ᵀ(J̇_c q̇ − a_o): the normal turns, and the nearest point slides along the
 //! link (T60–T62). A barrier without these terms believes a distance that it does not have.
 
+use crate::math::{Nearest, beside};
 use crate::robot::Robot;
 use crate::world::{Contact, Feature};
 
@@ -30,8 +31,8 @@ impl DistanceRate {
     pub fn cautious<R: Robot<D>, const D: usize>(robot: &R, contact: &Contact<D>) -> Self {
         let mut motion = Self::new(robot, contact);
         if let Feature::End { distance } = contact.feature {
-            let Contact { link, point, normal, .. } = contact;
-            let t = robot.link(*link).direction;
+            let Contact { body, link, point, normal, .. } = contact;
+            let t = robot.body(*body).shape.direction;
             let beyond = normal.dot(&t).abs() / FADE;
             if beyond < 1.0 {
                 let at_point = robot.point_velocity(*link, point);
@@ -47,34 +48,49 @@ impl DistanceRate {
     /// For the contact of a link of `robot` at its present state.
     #[inline]
     pub fn new<R: Robot<D>, const D: usize>(robot: &R, contact: &Contact<D>) -> Self {
-        let Contact { link, point, normal, .. } = contact;
+        let Contact { body, link, point, normal, .. } = contact;
         let at_point = robot.point_velocity(*link, point);
         let relative = at_point - contact.velocity; // Ṗ
         let rate = normal.dot(&relative);
         let along = robot.point_bias_acceleration(*link, point) - contact.acceleration;
         let turning = match contact.feature {
-            // n̂ ⟂ t, so that |Ṗ|² − (n̂ᵀṖ)² − ṡ² with ṡ = −(tᵀṖ + ρ n̂ᵀṫ) loses its factor 1/ρ. What
-            // is left over, across both n̂ and t, is nothing in the plane.
             Feature::Side { distance } => {
-                let t = robot.link(*link).direction;
+                let t = robot.body(*body).shape.direction;
                 let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
-                let along_link = t.dot(&relative);
-                let across = relative - normal * rate - t * along_link;
-                let across = if D > 2 { across.norm_squared() / distance } else { 0.0 };
-                across - tilt * (distance * tilt + 2.0 * along_link)
+                beside(&relative, normal, rate, &t, tilt, distance)
             }
             Feature::End { distance } => (relative - normal * rate).norm_squared() / distance,
             Feature::Face => 0.0,
         };
         Self { rate, bias: normal.dot(&along) + turning }
     }
+
+    /// For two bodies of `robot`, which come nearest at `nearest`. d̈ = n̂ᵀ(J_a − J_b) q̈ + bias, with the Jacobians of
+    /// the two points.
+    pub fn between<R: Robot<D>, const D: usize>(
+        robot: &R,
+        bodies: [usize; 2],
+        nearest: &Nearest<D>,
+    ) -> Self {
+        let Nearest { points, normal, .. } = nearest;
+        let bodies = bodies.map(|i| robot.body(i));
+        let at = |k: usize| robot.point_velocity(bodies[k].link, &points[k]);
+        let bias = |k: usize| robot.point_bias_acceleration(bodies[k].link, &points[k]);
+        let turning = [0, 1].map(|k| {
+            let ahead = points[k] + bodies[k].shape.direction;
+            robot.point_velocity(bodies[k].link, &ahead) - at(k)
+        });
+        let velocity = at(0) - at(1);
+        let sliding = nearest.sliding([&bodies[0].shape, &bodies[1].shape], &velocity, turning);
+        Self { rate: normal.dot(&velocity), bias: normal.dot(&(bias(0) - bias(1))) + sliding }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Vector, perp};
-    use crate::robot::{Model, PlanarState};
+    use crate::math::{Vector, nearest, perp};
+    use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
     use crate::testing::{Case, case};
     use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};
@@ -82,6 +98,7 @@ mod tests {
     use std::cell::RefCell;
     use std::f64::consts::{PI, TAU};
     use std::mem::{Discriminant, discriminant};
+    use std::sync::Arc;
 
     const SHAPES: usize = 4;
 
@@ -132,7 +149,7 @@ mod tests {
     fn distance_at(c: &Case, world: &mut World, t: f64) -> (f64, Discriminant<Feature>) {
         world.update(t);
         let link = c.q.len() - 1;
-        let contact = world.contact(link, &at(c, t).link(link), 0);
+        let contact = world.contact(link, &at(c, t).body(link), 0);
         (contact.distance, discriminant(&contact.feature))
     }
 
@@ -162,7 +179,7 @@ mod tests {
 
             world.update(0.0);
             let state = at(&c, 0.0);
-            let contact = world.contact(link, &state.link(link), 0);
+            let contact = world.contact(link, &state.body(link), 0);
             let motion = DistanceRate::new(&state, &contact);
             let mut gradient = vec![0.0; c.q.len()];
             state.point_jacobian_tr_mul(link, &contact.point, &contact.normal, &mut gradient);
@@ -193,10 +210,7 @@ mod tests {
     /// with the exact d̈ it never comes nearer than the margin; without the sliding term it does, by millimetres.
     #[test]
     fn a_barrier_without_the_sliding_term_is_overrun() {
-        let arm = std::sync::Arc::new(crate::robot::PlanarArm::new(
-            vec![crate::robot::planar::Link::rod(2.0, 1.0)],
-            Vector::<2>::zeros(),
-        ));
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(2.0, 1.0)], Vector::<2>::zeros()));
         let disc = Obstacle {
             shape: Shape::Circle { radius: 0.1 },
             position: [0.0, 0.5],
@@ -212,7 +226,7 @@ mod tests {
                 let mut state = arm.state();
                 state.update(&[q], &[dq]);
                 let link = state.link(0);
-                let contact = world.contact(0, &link, 0);
+                let contact = world.contact(0, &state.body(0), 0);
                 least = f64::min(least, contact.distance - margin);
                 let mut motion = DistanceRate::new(&state, &contact);
                 if let (false, Feature::Side { distance }) = (sliding_term, contact.feature) {
@@ -244,10 +258,7 @@ mod tests {
     /// `cautious` is `new` except close behind the end of a link, where it is lower and joins the two.
     #[test]
     fn cautious_has_no_jump_at_the_end_of_a_link() {
-        let arm = std::sync::Arc::new(crate::robot::PlanarArm::new(
-            vec![crate::robot::planar::Link::rod(1.0, 1.0)],
-            Vector::<2>::zeros(),
-        ));
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0)], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(&[0.0], &[2.0]);
         let at = |x: f64| {
@@ -257,7 +268,7 @@ mod tests {
                 angle: 0.0,
                 motion: Motion::Linear { velocity: [0.3, 0.0] },
             };
-            let contact = World::new(vec![disc]).contact(0, &state.link(0), 0);
+            let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
             (DistanceRate::new(&state, &contact), DistanceRate::cautious(&state, &contact))
         };
         let ((before, _), (after, _)) = (at(1.0 - 1e-9), at(1.0 + 1e-9));
@@ -277,10 +288,7 @@ mod tests {
     /// d(q) = 0.5 cos q − 0.6 sin q − r while the foot is inside the link.
     #[test]
     fn sliding_lowers_the_acceleration() {
-        let arm = std::sync::Arc::new(crate::robot::PlanarArm::new(
-            vec![crate::robot::planar::Link::rod(1.0, 1.0)],
-            Vector::<2>::zeros(),
-        ));
+        let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0)], Vector::<2>::zeros()));
         let mut state = arm.state();
         let (q, w) = (0.1_f64, 2.0);
         state.update(&[q], &[w]);
@@ -290,7 +298,7 @@ mod tests {
             angle: 0.0,
             motion: Motion::default(),
         };
-        let contact = World::new(vec![disc]).contact(0, &state.link(0), 0);
+        let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
         let d = |q: f64| 0.5 * q.cos() - 0.6 * q.sin() - 0.1;
         assert!((contact.distance - d(q)).abs() < 1e-15);
         let motion = DistanceRate::new(&state, &contact);
@@ -300,5 +308,38 @@ mod tests {
         let sliding = w * perp(state.link(0).direction).dot(&Vector::<2>::new(0.6, 0.5)); // ṡ
         let naive = motion.bias + sliding * sliding / rho;
         assert!(naive - curvature > 0.1, "{naive}");
+    }
+
+    proptest! {
+        /// Two links of a planar arm that share no joint: ḋ and the bias are those of the distance along the
+        /// motion with q̈ = 0.
+        #[test]
+        fn between_links_of_the_plane(
+            q in prop::collection::vec(-2.0..2.0, 5), dq in prop::collection::vec(-2.0..2.0, 5),
+            pair in prop::sample::select(vec![[0, 2], [0, 3], [1, 4], [0, 4], [2, 4]]),
+        ) {
+            let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.7, 1.0); 5], Vector::<2>::zeros()));
+            let at = |t: f64| {
+                let mut state = arm.state();
+                let q: Vec<f64> = q.iter().zip(&dq).map(|(q, dq)| q + t * dq).collect();
+                state.update(&q, &dq);
+                state
+            };
+            let h = 1e-4;
+            let found = |t: f64| {
+                let state = at(t);
+                nearest(&state.body(pair[0]).shape, &state.body(pair[1]).shape)
+            };
+            let [before, now, after] = [found(-h), found(0.0), found(h)];
+            prop_assume!(before.slides == now.slides && after.slides == now.slides);
+            prop_assume!((before.points[0] - after.points[0]).norm() < 1e-2);
+            prop_assume!(now.distance > 0.05);
+            let motion = DistanceRate::between(&at(0.0), pair, &now);
+            let slope = (after.distance - before.distance) / (2.0 * h);
+            let curvature = (after.distance - 2.0 * now.distance + before.distance) / (h * h);
+            prop_assert!((motion.rate - slope).abs() < 1e-4 * (1.0 + slope.abs()));
+            prop_assert!((motion.bias - curvature).abs() < 1e-3 * (1.0 + curvature.abs()),
+                "{motion:?} {curvature} {:?}", now.slides);
+        }
     }
 }

@@ -2,8 +2,7 @@
 
 use super::{Gains, OperationalSpace};
 use crate::interrupt;
-use crate::math::Vector;
-use crate::math::dot;
+use crate::math::{Body, Vector, dot};
 use crate::robot::Robot;
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
@@ -45,9 +44,8 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
             springs.push(Spring { column, compliance, stiffness, clearance });
         }
     };
-    let links = robot.links();
     surroundings.for_each_contact(
-        links,
+        robot.bodies(),
         gains.field.influence,
         |_, _| {},
         |contact| {
@@ -136,7 +134,7 @@ fn stiffest_mode_in_joints(springs: &[Spring], n: usize) -> (f64, usize) {
     (whole.eigenvalues[mode], most.0)
 }
 
-/// The bound for an obstacle that arrives with `speed` [m/s] at the end of a link, wherever and from
+/// The bound for an obstacle that arrives with `speed` [m/s] at the far end of a body, wherever and from
 /// wherever the null space yields most: there it comes nearest, and the field becomes stiffest
 /// (T29). Allocates.
 pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
@@ -146,14 +144,14 @@ pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
     speed: f64,
 ) -> StablePeriod {
     let n = robot.dof();
-    let at_link = |i: usize| {
+    let at_body = |body: Body<D>| {
         interrupt::spend(128 * n);
-        let end = robot.link(i).end();
+        let end = body.shape.end();
         let columns: Vec<Vec<f64>> = (0..D)
             .map(|k| {
                 let axis = Vector::<D>::from_fn(|row, _| f64::from(u8::from(row == k)));
                 let mut column = vec![0.0; n];
-                robot.point_jacobian_tr_mul(i, &end, &axis, &mut column);
+                robot.point_jacobian_tr_mul(body.link, &end, &axis, &mut column);
                 column
             })
             .collect();
@@ -169,8 +167,9 @@ pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
         bound(n, gains, stiffness * mobility, stiffness, clearance)
     };
     let nothing = by_damping(n, gains);
-    (0..n)
-        .map(at_link)
+    robot
+        .bodies()
+        .map(at_body)
         .fold(nothing, |worst, next| if next.period < worst.period { next } else { worst })
 }
 

@@ -5,7 +5,7 @@ use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
 use crate::interrupt;
 use crate::math::dot;
-use crate::math::{Capsule, Nearest, Vector, nearest};
+use crate::math::{Body, Capsule, Nearest, Vector, keep_least, nearest};
 use crate::robot::Robot;
 use crate::world::{CollisionQuery, Contact};
 use std::ops::Range;
@@ -21,8 +21,8 @@ pub struct VirtualForces<W, const D: usize> {
     /// J_cᵀn̂ of a contact, and a workspace.
     column: Vec<f64>,
     scratch: Vec<f64>,
-    /// The links, gathered where they are measured against each other.
-    links: Vec<Capsule<D>>,
+    /// The bodies, gathered where they are measured against each other.
+    bodies: Vec<Body<D>>,
     self_clearance: f64,
     potential: f64,
     obstacle_power: f64,
@@ -43,7 +43,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             wrenches: vec![W::default(); n],
             column: vec![0.0; n],
             scratch: vec![0.0; n],
-            links: Vec::with_capacity(n),
+            bodies: Vec::new(),
             self_clearance: f64::INFINITY,
             potential: 0.0,
             obstacle_power: 0.0,
@@ -87,7 +87,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.approach_power
     }
 
-    /// Smallest signed surface distance of two links that share no joint [m]; ∞ where they are not
+    /// Smallest signed surface distance of two bodies that must not touch each other [m]; ∞ where they are not
     /// measured.
     pub fn self_clearance(&self) -> f64 {
         self.self_clearance
@@ -109,17 +109,17 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         (self.potential, self.obstacle_power, self.approach_power) = (0.0, 0.0, 0.0);
         self.clearance.fill(f64::INFINITY);
         let influence = if field.gain > 0.0 { field.influence } else { f64::NEG_INFINITY };
-        let links = robot.links();
+        let bodies = robot.bodies();
         let mut clearance = std::mem::take(&mut self.clearance);
-        let nearest = |link: usize, d: f64| clearance[link] = d;
-        surroundings.for_each_contact(links, influence, nearest, |contact| {
+        let nearest = |link: usize, d: f64| keep_least(&mut clearance[link], d);
+        surroundings.for_each_contact(bodies, influence, nearest, |contact| {
             self.push(robot, space, field, contact);
         });
         self.clearance = clearance;
         if gains.self_collision != SelfCollision::Ignore {
             let avoid = gains.self_collision == SelfCollision::Avoid;
             let reach = if avoid { influence } else { f64::NEG_INFINITY };
-            self.measure_links(robot, space, field, reach);
+            self.measure_bodies(robot, space, field, reach);
         }
         // Nothing pushes from beyond the last.
         let Range { start, end } = self.pushed;
@@ -192,10 +192,10 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         0.0
     }
 
-    /// Links that share no joint, each pair measured and, within `reach`, pushed apart like link and
-    /// obstacle.
+    /// Bodies that must not touch each other, each pair measured and, within `reach`, pushed apart like body
+    /// and obstacle.
     #[inline(never)]
-    fn measure_links<R: Robot<D, Wrench = W>, const M: usize>(
+    fn measure_bodies<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
@@ -203,28 +203,28 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         reach: f64,
     ) {
         self.self_clearance = f64::INFINITY;
-        let mut links = std::mem::take(&mut self.links);
-        links.clear();
-        links.extend(robot.links());
-        let middle = |link: &Capsule<D>| link.start + link.direction * (0.5 * link.length);
-        for (j, b) in links.iter().enumerate().skip(2) {
-            interrupt::spend(8 * j);
-            for (i, a) in links[..j - 1].iter().enumerate() {
-                let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
-                if (middle(a) - middle(b)).norm() - size > self.self_clearance.max(reach) {
-                    continue;
-                }
-                let found = nearest(a, b);
-                self.self_clearance = self.self_clearance.min(found.distance);
-                if found.distance < reach {
-                    self.part(robot, space, field, [i, j], &found);
-                }
+        let mut bodies = std::mem::take(&mut self.bodies);
+        bodies.clear();
+        bodies.extend(robot.bodies());
+        let middle = |shape: &Capsule<D>| shape.start + shape.direction * (0.5 * shape.length);
+        for pair in robot.body_pairs() {
+            interrupt::spend(8);
+            let [Body { shape: a, .. }, Body { shape: b, .. }] = pair.map(|i| &bodies[i]);
+            let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
+            if (middle(a) - middle(b)).norm() - size > self.self_clearance.max(reach) {
+                continue;
+            }
+            let found = nearest(a, b);
+            self.self_clearance = self.self_clearance.min(found.distance);
+            if found.distance < reach {
+                let links = pair.map(|i| bodies[i].link);
+                self.part(robot, space, field, links, &found);
             }
         }
-        self.links = links;
+        self.bodies = bodies;
     }
 
-    /// Pushes two links apart.
+    /// Pushes two bodies of these links apart.
     fn part<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
@@ -234,7 +234,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         found: &Nearest<D>,
     ) {
         links.iter().for_each(|link| self.push_link(*link));
-        let Nearest { points, normal, distance } = found;
+        let Nearest { points, normal, distance, .. } = found;
         let response = field.at(*distance);
         let velocity = |k: usize| robot.point_velocity(links[k], &points[k]);
         let closing = normal.dot(&(velocity(1) - velocity(0)));
@@ -302,7 +302,7 @@ mod tests {
 
         fn for_each_contact(
             &mut self,
-            _links: impl IntoIterator<Item = Capsule<2>>,
+            _bodies: impl IntoIterator<Item = Body<2>>,
             _reach: f64,
             _distance: impl FnMut(usize, f64),
             mut visit: impl FnMut(&Contact<2>),
@@ -310,7 +310,7 @@ mod tests {
             visit(&self.0);
         }
 
-        fn contact_after(&self, _: usize, _: &Capsule<2>, _: usize, _: f64) -> Contact<2> {
+        fn contact_after(&self, _: usize, _: &Body<2>, _: usize, _: f64) -> Contact<2> {
             self.0
         }
     }
@@ -334,6 +334,7 @@ mod tests {
         };
         let normal = Vector::<2>::new(1.0, 0.0);
         let contact = Contact {
+            body: 0,
             link: 0,
             obstacle: 0,
             distance: 0.3,

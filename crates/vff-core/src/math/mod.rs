@@ -1,5 +1,6 @@
 //! The few types that every layer shares.
 
+mod body;
 pub mod memory;
 mod nearest;
 mod noise;
@@ -8,15 +9,18 @@ mod pose;
 pub mod rotation;
 mod scalar_or_vec;
 mod sincos;
+mod spatial_pose;
 mod third_order_filter;
 
-pub use nearest::{Nearest, nearest};
+pub use body::{Body, keep_least};
+pub use nearest::{Nearest, beside, nearest};
 pub use noise::Noise;
 pub use point::Point;
 pub use pose::{PlanarPose, Pose};
-pub use scalar_or_vec::ScalarOrVec;
 pub use rotation::UnitQuaternion;
+pub use scalar_or_vec::ScalarOrVec;
 pub use sincos::{sin_cos, unit_vectors};
+pub use spatial_pose::{Pointing, SpatialPose};
 pub use third_order_filter::ThirdOrderFilter;
 
 use nalgebra::SVector;
@@ -70,6 +74,13 @@ impl<const D: usize> Capsule<D> {
     #[inline]
     pub fn end(&self) -> Vector<D> {
         self.start + self.direction * self.length
+    }
+
+    /// Whether the perpendicular from `point` meets the axis between its ends.
+    #[inline]
+    pub fn has_beside(&self, point: &Vector<D>) -> bool {
+        let along = self.direction.dot(&(point - self.start));
+        0.0 < along && along < self.length
     }
 
     /// The point of the axis that is nearest to `point` [m].

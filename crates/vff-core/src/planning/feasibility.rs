@@ -19,7 +19,7 @@
 
 use crate::control::TaskKind;
 use crate::interrupt;
-use crate::math::{Capsule, Vector, cross, memory, perp};
+use crate::math::{Body, Capsule, Vector, cross, memory, perp};
 use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::trajectory::Trajectory;
 use crate::world::CollisionQuery;
@@ -310,14 +310,16 @@ impl Scene {
         joints
     }
 
-    fn links(&self, joints: &[Vector<2>]) -> impl Iterator<Item = Capsule<2>> {
-        joints.windows(2).zip(&self.radii).map(|(ends, &r)| Capsule::new(ends[0], ends[1], r))
+    fn bodies(&self, joints: &[Vector<2>]) -> impl Iterator<Item = Body<2>> {
+        let capsules =
+            joints.windows(2).zip(&self.radii).map(|(ends, &r)| Capsule::new(ends[0], ends[1], r));
+        capsules.enumerate().map(|(link, shape)| Body::new(link, shape))
     }
 
     /// Smallest distance of a link to an obstacle [m].
     fn clearance(&self, world: &mut World, joints: &[Vector<2>]) -> f64 {
         let mut least = f64::INFINITY;
-        world.for_each_contact(self.links(joints), 0.0, |_, d| least = least.min(d), |_| {});
+        world.for_each_contact(self.bodies(joints), 0.0, |_, d| least = least.min(d), |_| {});
         least
     }
 
@@ -331,7 +333,7 @@ impl Scene {
                 least = least.min(d);
                 cost += weight * (1.0 / (d.clamp(0.0, 0.5) + 0.05) - 1.0 / 0.55);
             };
-            world.for_each_contact(self.links(joints), 0.0, narrow, |_| {});
+            world.for_each_contact(self.bodies(joints), 0.0, narrow, |_| {});
             if later <= 0.0 && least < MARGIN {
                 return None;
             }
@@ -343,7 +345,7 @@ impl Scene {
     fn push(&self, world: &mut World, joints: &[Vector<2>]) -> Vec<f64> {
         let mut torque = vec![0.0; self.start.len()];
         world.for_each_contact(
-            self.links(joints),
+            self.bodies(joints),
             0.6,
             |_, _| {},
             |contact| {

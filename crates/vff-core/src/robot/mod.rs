@@ -7,11 +7,21 @@
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
+#[cfg(feature = "models")]
+pub mod description;
+#[cfg(feature = "models")]
+pub mod inertia;
 mod limits;
+#[cfg(feature = "models")]
+pub mod models;
+#[cfg(feature = "models")]
+mod names;
 pub mod planar;
 pub mod spatial;
+#[cfg(feature = "models")]
+pub mod urdf;
 
-use crate::math::{Capsule, Pose, Vector};
+use crate::math::{Body, Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -62,7 +72,7 @@ pub trait Robot<const D: usize> {
     fn dof(&self) -> usize;
     /// Moves to the state (q [rad], q̇ [rad/s]) and refreshes everything the operators need.
     fn update(&mut self, q: &[f64], dq: &[f64]);
-    /// Moves to q [rad] as far as [`pose`](Manipulator::pose), [`link`](Self::link) and the columns of J
+    /// Moves to q [rad] as far as [`pose`](Manipulator::pose), [`body`](Self::body) and the columns of J
     /// need it; nothing else means anything until the next [`update`](Self::update).
     fn update_positions(&mut self, q: &[f64]);
     /// The configuration q [rad].
@@ -185,12 +195,16 @@ pub trait Robot<const D: usize> {
         self.forward_dynamics(tau, scratch, out);
     }
 
-    /// The shape of link `i` in the world.
-    fn link(&self, i: usize) -> Capsule<D>;
+    /// The number of bodies: what is measured against obstacles and against each other.
+    fn body_count(&self) -> usize;
+    /// Body `i` in the world.
+    fn body(&self, i: usize) -> Body<D>;
     /// All of them, from the base.
-    fn links(&self) -> impl Iterator<Item = Capsule<D>> {
-        (0..self.dof()).map(|i| self.link(i))
+    fn bodies(&self) -> impl Iterator<Item = Body<D>> {
+        (0..self.body_count()).map(|i| self.body(i))
     }
+    /// The pairs of bodies that must not touch each other, the lower index first.
+    fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]>;
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` [m/s].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.

@@ -8,7 +8,7 @@ use super::plant::{Physics, Plant};
 use super::{Control, Integrator, Options, Snapshot, System};
 use crate::control::{Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits};
 use crate::interrupt;
-use crate::math::{Pose, Vector};
+use crate::math::{Pose, Vector, keep_least};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, Trajectory};
 use crate::world::{CollisionQuery, Contact, Positions, World};
@@ -83,9 +83,9 @@ impl<const M: usize> Truth<M> {
     ) {
         self.dx = plant.task_velocity();
         self.error = plant.pose().error(reference);
-        let links = plant.links();
-        let nearest = |link: usize, d: f64| self.clearance[link] = d;
-        world.for_each_contact(links, f64::NEG_INFINITY, nearest, |_| {});
+        self.clearance.fill(f64::INFINITY);
+        let nearest = |link: usize, d: f64| keep_least(&mut self.clearance[link], d);
+        world.for_each_contact(plant.bodies(), f64::NEG_INFINITY, nearest, |_| {});
     }
 }
 
@@ -257,7 +257,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// Calls `visit` with every pair of a link and an obstacle as they are now.
     pub fn for_each_contact(&mut self, visit: impl FnMut(&Contact<D>)) {
         let ControlStack { controller, world, .. } = &mut self.stack;
-        world.for_each_contact(controller.robot().links(), f64::INFINITY, |_, _| {}, visit);
+        world.for_each_contact(controller.robot().bodies(), f64::INFINITY, |_, _| {}, visit);
     }
 
     /// The repulsion of every link, as the point on its axis [m] at which it acts and the force [N]: the sum
@@ -266,9 +266,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let ControlStack { controller, world, .. } = &mut self.stack;
         let (robot, field) = (controller.robot(), controller.gains().field);
         let mut means = vec![(Vector::<D>::zeros(), 0.0); robot.dof()];
-        let links = robot.links();
         world.for_each_contact(
-            links,
+            robot.bodies(),
             field.influence,
             |_, _| {},
             |contact| {
@@ -278,8 +277,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             },
         );
         let middle = |link: usize| {
-            let link = robot.link(link);
-            link.start + link.direction * (0.5 * link.length)
+            let body = robot.bodies().find(|body| body.link == link).map(|body| body.shape);
+            body.map_or_else(Vector::zeros, |s| s.start + s.direction * (0.5 * s.length))
         };
         means
             .iter()

@@ -38,8 +38,16 @@ pub const METRICS: &[Metric] = &[
     metric("intrusion_time", "s", "total time with a link inside an obstacle"),
     metric("intrusion_depth", "m", "deepest penetration of a link into an obstacle"),
     metric("tail_start", "s", "end of the transient: 80 % of the run"),
-    metric("rms_error_transient", "m", "RMS distance to the reference in the first 80 % of the run"),
-    metric("max_error_transient", "m", "largest distance to the reference in the first 80 % of the run"),
+    metric(
+        "rms_error_transient",
+        "m",
+        "RMS distance to the reference in the first 80 % of the run",
+    ),
+    metric(
+        "max_error_transient",
+        "m",
+        "largest distance to the reference in the first 80 % of the run",
+    ),
     metric("rms_error_tail", "m", "RMS distance to the reference in the last 20 % of the run"),
     metric("max_error_tail", "m", "largest distance to the reference in the last 20 % of the run"),
     metric("max_orientation_error_tail", "rad", "the same for the orientation of a pose task"),

@@ -1,7 +1,7 @@
 //! Range sensors along the links: what the controller gets to know of the obstacles.
 
 use super::measurement::rounded;
-use crate::math::{Capsule, Noise, Vector, cross, perp};
+use crate::math::{Body, Capsule, Noise, Vector, cross, perp};
 use crate::robot::Robot;
 use crate::world::plane::{Outline, World};
 use crate::world::{self, CollisionQuery, Contact, Feature, Positions, Solid};
@@ -216,7 +216,7 @@ impl Perception {
 impl Perceive<Outline, 2> for Perception {
     fn start(&mut self, robot: &impl Robot<2>, world: &World) {
         self.step = 0;
-        self.scan(|i| robot.link(i), world, 0);
+        self.scan(|i| robot.body(i).shape, world, 0);
         let count = self.mounts.len();
         for row in 1..self.rows {
             self.scans.copy_within(..count, row * count);
@@ -227,7 +227,7 @@ impl Perceive<Outline, 2> for Perception {
     fn advance(&mut self, robot: &impl Robot<2>, world: &World) {
         self.step += 1;
         if self.step.is_multiple_of(self.every) {
-            self.scan(|i| robot.link(i), world, self.step / self.every % self.rows);
+            self.scan(|i| robot.body(i).shape, world, self.step / self.every % self.rows);
         }
         self.fetch();
     }
@@ -258,7 +258,7 @@ impl CollisionQuery<2> for Perception {
     /// (T81); `obstacle` counts the sides.
     fn for_each_contact(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<2>>,
+        bodies: impl IntoIterator<Item = Body<2>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<2>),
@@ -266,7 +266,8 @@ impl CollisionQuery<2> for Perception {
         if self.met.is_empty() {
             return;
         }
-        for (link, capsule) in links.into_iter().enumerate() {
+        for (index, body) in bodies.into_iter().enumerate() {
+            let capsule = &body.shape;
             let mut nearest = [(f64::INFINITY, Vector::zeros()); 2];
             for point in &self.met {
                 let side = usize::from(cross(capsule.direction, point - capsule.start) < 0.0);
@@ -275,39 +276,36 @@ impl CollisionQuery<2> for Perception {
                     nearest[side] = (gap, *point);
                 }
             }
-            distance(link, nearest[0].0.min(nearest[1].0) - capsule.radius);
+            distance(body.link, nearest[0].0.min(nearest[1].0) - capsule.radius);
             for (side, (gap, witness)) in nearest.into_iter().enumerate() {
                 if gap - capsule.radius >= reach || gap.is_infinite() {
                     continue;
                 }
-                visit(&touch(link, &capsule, side, witness));
+                visit(&touch(index, &body, side, witness));
             }
         }
     }
 
     /// The nearest of all points, on whichever side it comes to lie; they stay where they are.
-    fn contact_after(
-        &self,
-        link: usize,
-        capsule: &Capsule<2>,
-        obstacle: usize,
-        _: f64,
-    ) -> Contact<2> {
+    fn contact_after(&self, index: usize, body: &Body<2>, obstacle: usize, _: f64) -> Contact<2> {
+        let capsule = &body.shape;
         let gap = |point: &Vector<2>| (capsule.clamp(point) - point).norm_squared();
         let nearest = self.met.iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)));
-        touch(link, capsule, obstacle, nearest.unwrap_or_else(|| Vector::repeat(f64::INFINITY)))
+        touch(index, body, obstacle, nearest.unwrap_or_else(|| Vector::repeat(f64::INFINITY)))
     }
 }
 
-/// The contact of a link with a point at rest on one side of it.
-fn touch(link: usize, capsule: &Capsule<2>, side: usize, witness: Vector<2>) -> Contact<2> {
+/// The contact of a body with a point at rest on one side of it.
+fn touch(index: usize, body: &Body<2>, side: usize, witness: Vector<2>) -> Contact<2> {
+    let capsule = &body.shape;
     let point = capsule.clamp(&witness);
     let gap = (point - witness).norm();
     let along = capsule.direction.dot(&(witness - capsule.start));
     let inside = 0.0 < along && along < capsule.length;
     let aside = perp(capsule.direction) * if side == 0 { -1.0 } else { 1.0 };
     Contact {
-        link,
+        body: index,
+        link: body.link,
         obstacle: side,
         distance: gap - capsule.radius,
         normal: if gap > 0.0 { (point - witness) / gap } else { aside },
@@ -455,7 +453,7 @@ mod tests {
         let mut perception = started(&odd, &world);
         let (mut found, mut clearance) = (vec![], f64::NAN);
         perception.for_each_contact(
-            [robot().link(0)],
+            [robot().body(0)],
             0.75,
             |_, d| clearance = d,
             |c| found.push(*c),
@@ -469,7 +467,7 @@ mod tests {
             assert_eq!(contact.velocity, Vector::<2>::zeros());
         }
         found.clear();
-        perception.for_each_contact([robot().link(0)], 0.5, |_, _| {}, |c| found.push(*c));
+        perception.for_each_contact([robot().body(0)], 0.5, |_, _| {}, |c| found.push(*c));
         assert_eq!(found.len(), 1);
     }
 }

@@ -1,14 +1,16 @@
-//! The nearest pair of points between a link and an obstacle.
+//! The nearest pair of points between a body of the robot and an obstacle.
 
 use crate::math::Vector;
 
-/// Where one link and one obstacle come nearest, in the world frame.
+/// Where a body of the robot and an obstacle come nearest, in the world frame.
 ///
 /// Moving the link by a small δ changes `distance` by `normal · δ`, outside and inside the
 /// obstacle alike.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact<const D: usize> {
-    /// Index of the link, from 0 at the base.
+    /// Index of the body of the robot.
+    pub body: usize,
+    /// Index of the link that carries it, from 0 at the base.
     pub link: usize,
     /// Index of the obstacle.
     pub obstacle: usize,
@@ -26,6 +28,26 @@ pub struct Contact<const D: usize> {
     pub acceleration: Vector<D>,
     /// What meets what: how the normal turns when the two move.
     pub feature: Feature,
+}
+
+/// What meets: a body of the robot and an obstacle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pair {
+    /// Index of the body.
+    pub body: usize,
+    /// Index of the link that carries it.
+    pub link: usize,
+    /// Index of the obstacle.
+    pub obstacle: usize,
+}
+
+impl<const D: usize> Contact<D> {
+    /// What meets here.
+    #[inline]
+    pub fn pair(&self) -> Pair {
+        let Self { body, link, obstacle, .. } = *self;
+        Pair { body, link, obstacle }
+    }
 }
 
 /// The features of the link's axis and of the obstacle that are nearest. The obstacle counts without

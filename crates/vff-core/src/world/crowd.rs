@@ -199,7 +199,7 @@ impl<H> Tree<H> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Capsule;
+    use crate::math::{Body, Capsule};
     use crate::world::plane::{Obstacle, Shape, World};
     use crate::world::{CollisionQuery, Motion};
     use proptest::prelude::*;
@@ -223,7 +223,8 @@ mod tests {
             distances.push(distance.to_bits());
         };
         let visit = |contact: &_| contacts.push(format!("{contact:?}"));
-        world.for_each_contact(links.iter().copied(), reach, distance, visit);
+        let bodies = links.iter().enumerate().map(|(link, shape)| Body::new(link, *shape));
+        world.for_each_contact(bodies, reach, distance, visit);
         (contacts, distances)
     }
 

@@ -2,10 +2,10 @@
 //! dimensions, balls, compared with brute force.
 
 use super::{
-    CollisionQuery, Contact, Description, Feature, HORIZON, Hierarchy, Motion, MotionState, Solid,
-    World,
+    CollisionQuery, Contact, Description, Feature, HORIZON, Hierarchy, Motion, MotionState, Pair,
+    Solid, World,
 };
-use crate::math::{Capsule, ThirdOrderFilter, Vector};
+use crate::math::{Body, Capsule, ThirdOrderFilter, Vector};
 use proptest::prelude::*;
 
 #[derive(Debug, Clone)]
@@ -53,7 +53,7 @@ impl Solid<3> for Round {
 
     fn contact(
         &self,
-        [link, obstacle]: [usize; 2],
+        Pair { body, link, obstacle }: Pair,
         capsule: &Capsule<3>,
         state: &MotionState<3>,
     ) -> Contact<3> {
@@ -62,6 +62,7 @@ impl Solid<3> for Round {
         let distance = offset.norm();
         let normal = offset / distance;
         Contact {
+            body,
             link,
             obstacle,
             distance: self.distance(capsule, &state.position),
@@ -191,7 +192,7 @@ proptest! {
             world.update(t);
             let (mut told, mut nearest) = (vec![], vec![]);
             world.for_each_contact(
-                links, reach, |link, d| nearest.push((link, d)), |contact| told.push(*contact),
+                links.iter().enumerate().map(|(i, link)| Body::new(i + 7, *link)), reach, |link, d| nearest.push((link, d)), |contact| told.push(*contact),
             );
             let places = balls.iter().map(|ball| ball.motion.at(t, ball.center)).collect::<Vec<_>>();
             let gap = |link: &Capsule<3>, j: usize| {
@@ -203,9 +204,9 @@ proptest! {
             for (i, link) in links.iter().enumerate() {
                 let gaps: Vec<f64> = (0..balls.len()).map(|j| gap(link, j)).collect();
                 let least = gaps.iter().copied().fold(f64::INFINITY, f64::min);
-                prop_assert!(nearest[i].0 == i && (nearest[i].1 - least).abs() < 2e-3);
+                prop_assert!(nearest[i].0 == i + 7 && (nearest[i].1 - least).abs() < 2e-3);
                 for (j, gap) in gaps.into_iter().enumerate() {
-                    let contact = world.contact(i, link, j);
+                    let contact = world.contact(i, &Body::new(i + 7, *link), j);
                     if contact.distance < reach {
                         prop_assert_eq!(Some(&contact), met.next());
                     }
@@ -213,7 +214,7 @@ proptest! {
                     prop_assert_eq!(contact.velocity, places[j].velocity);
                     let shift = Vector::<3>::new(3e-7, -2e-7, 5e-7);
                     let moved = Capsule { start: link.start + shift, ..*link };
-                    let change = world.contact(i, &moved, j).distance - contact.distance;
+                    let change = world.contact(i, &Body::new(0, moved), j).distance - contact.distance;
                     prop_assert!((change - contact.normal.dot(&shift)).abs() < 1e-10);
                 }
             }

@@ -17,22 +17,14 @@ pub mod plane;
 mod query;
 mod solid;
 
-pub use contact::{Contact, Feature};
+pub use contact::{Contact, Feature, Pair};
 pub use crowd::HORIZON;
 pub use motion::{Motion, MotionState};
-pub use query::CollisionQuery;
+pub use query::{CollisionQuery, Positions};
 pub use solid::{Description, Hierarchy, Solid};
 
 use crate::math::{ThirdOrderFilter, Vector};
 use crowd::Crowd;
-
-/// Points of whatever space, as they are written: one coordinate after the other.
-pub trait Positions {
-    /// How many points there are.
-    fn count(&self) -> usize;
-    /// Appends the coordinates of all of them [m].
-    fn append_to(&self, out: &mut Vec<f64>);
-}
 
 /// The obstacles at one instant. `S` is what they are made of: see [`plane::World`].
 #[derive(Debug, Clone)]
@@ -211,21 +203,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     }
 }
 
-impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
-    fn count(&self) -> usize {
-        self.len()
-    }
-
-    fn append_to(&self, out: &mut Vec<f64>) {
-        (0..self.len()).for_each(|j| out.extend_from_slice(self.position(j).as_slice()));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::plane::{Obstacle, Shape, World};
     use super::{CollisionQuery, Motion};
-    use crate::math::{Capsule, Vector};
+    use crate::math::{Body, Capsule, Vector};
 
     fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
         Obstacle { shape: Shape::Circle { radius: 0.5 }, position, angle: 0.0, motion }
@@ -284,7 +266,8 @@ mod tests {
     fn obstacles_of_a_crowd_are_carried() {
         let discs = |count: u32| (0..count).map(|k| disc([f64::from(k), 3.0], Motion::default()));
         let mut world = World::new(discs(30).collect());
-        let link = || [Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(2.0, 0.0), 0.1)];
+        let along = Vector::<2>::new(2.0, 0.0);
+        let link = || [Body::new(0, Capsule::new(Vector::<2>::zeros(), along, 0.1))];
         let distance = |world: &mut World| {
             let mut found = 0.0;
             world.for_each_contact(link(), f64::INFINITY, |_, d| found = d, |_| {});
@@ -304,7 +287,9 @@ mod tests {
         ]);
         world.update(1.0);
         let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
-        let links = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
+        let capsules = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
+        // Carried by links that have other numbers than they.
+        let links = capsules.zip([4, 2]).map(|(shape, link)| Body::new(link, shape));
         let (mut found, mut distances) = (Vec::new(), Vec::new());
         world.for_each_contact(
             links.clone(),
@@ -312,12 +297,14 @@ mod tests {
             |link, distance| distances.push((link, distance)),
             |contact| found.push(*contact),
         );
-        let pairs: Vec<_> = found.iter().map(|c| (c.link, c.obstacle)).collect();
+        let pairs: Vec<_> = found.iter().map(|c| (c.body, c.obstacle)).collect();
+        let carriers: Vec<_> = found.iter().map(|c| c.link).collect();
+        assert_eq!(carriers, [4, 4, 2, 2]);
         assert_eq!(pairs, [(0, 0), (0, 1), (1, 0), (1, 1)]);
-        assert_eq!(distances, [(0, found[1].distance), (1, found[3].distance)]);
+        assert_eq!(distances, [(4, found[1].distance), (2, found[3].distance)]);
         for contact in &found {
-            let capsule = links.clone().nth(contact.link).unwrap();
-            assert_eq!(*contact, world.contact(contact.link, &capsule, contact.obstacle));
+            let body = links.clone().nth(contact.body).unwrap();
+            assert_eq!(*contact, world.contact(contact.body, &body, contact.obstacle));
         }
         assert!((found[0].distance - 2.4).abs() < 1e-15);
         assert_eq!(found[0].velocity, Vector::<2>::new(0.0, 1.0));

@@ -1,26 +1,26 @@
-//! The nearest points of every link to every obstacle: one loop, whatever the space.
+//! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
-use super::{Contact, Placed, Solid, World};
+use super::{Contact, Pair, Placed, Solid, World};
 use crate::interrupt;
-use crate::math::{Capsule, Vector};
+use crate::math::{Body, Vector};
 
-/// What a controller asks of the world around the arm: the nearest points of every link to
-/// everything that it knows of.
+/// What a controller asks of the world around the arm: the nearest points of every body of
+/// the robot to everything that it knows of.
 pub trait CollisionQuery<const D: usize> {
-    /// The most contacts that one link can have.
+    /// The most contacts that one body can have.
     fn obstacle_count(&self) -> usize;
 
-    /// Calls `visit` with the contacts nearer than `reach` [m], and `distance` with the index of
-    /// every link and its signed distance to whatever is nearest, however far [m].
+    /// Calls `visit` with the contacts nearer than `reach` [m], and `distance`, body by body,
+    /// with the index of the link and the signed distance to whatever is nearest, however far [m].
     fn for_each_contact(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
         visit: impl FnMut(&Contact<D>),
     );
 
-    /// The most barriers that one link can have.
+    /// The most barriers that one body can have.
     fn barrier_count(&self) -> usize {
         self.obstacle_count()
     }
@@ -29,38 +29,45 @@ pub trait CollisionQuery<const D: usize> {
     /// the contacts themselves, or, where nearest features change at once, each feature that may be next.
     fn for_each_barrier(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_contact(links, reach, |_, _| {}, visit);
+        self.for_each_contact(bodies, reach, |_, _| {}, visit);
     }
 
-    /// The contact of a link with `obstacle`, were that carried on for `after` [s], or back for −`after`, at
+    /// The contact of body number `index` with `obstacle`, were that carried on for `after` [s], or back for −`after`, at
     /// its present velocity.
     fn contact_after(
         &self,
-        link: usize,
-        capsule: &Capsule<D>,
+        index: usize,
+        body: &Body<D>,
         obstacle: usize,
         after: f64,
     ) -> Contact<D>;
 }
 
+/// Points of whatever space, as they are written: one coordinate after the other.
+pub trait Positions {
+    /// How many points there are.
+    fn count(&self) -> usize;
+    /// Appends the coordinates of all of them [m].
+    fn append_to(&self, out: &mut Vec<f64>);
+}
+
 impl<S: Solid<D>, const D: usize> World<S, D> {
-    /// The nearest points between `capsule`, which is link number `link`, and obstacle `j`.
+    /// The nearest points between `body`, which is number `index` of the robot, and obstacle `j`.
     ///
-    /// Where several pairs are nearest (the axis of a link through the centre of a circle, parallel
+    /// Where several pairs are nearest (the axis of a body through the centre of a circle, parallel
     /// edges) one of them is taken, always the same.
     ///
     /// # Arguments
-    /// * `capsule`: in the world frame, with `start` ≠ `end` [m]. NaN coordinates give a NaN
-    ///   distance.
+    /// * `body`: NaN coordinates give a NaN distance.
     ///
     /// # Panics
     /// If `j` is not less than [`World::len`].
     #[inline]
-    pub fn contact(&self, link: usize, capsule: &Capsule<D>, j: usize) -> Contact<D> {
+    pub fn contact(&self, index: usize, body: &Body<D>, j: usize) -> Contact<D> {
         let obstacle = &self.obstacles[j];
         let moved;
         let state = if obstacle.is_at(self.time) {
@@ -69,7 +76,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             moved = obstacle.moved_to(self.time);
             &moved
         };
-        obstacle.solid.contact([link, j], &S::probe(capsule), state)
+        let pair = Pair { body: index, link: body.link, obstacle: j };
+        obstacle.solid.contact(pair, &S::probe(&body.shape), state)
     }
 
     /// The distance [m] from `origin` along the unit vector `direction` to the first obstacle within
@@ -82,13 +90,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.obstacles.iter().filter_map(hit).reduce(f64::min)
     }
 
-    /// Link by link from the first of `links` on, and for each link in the order of the obstacles.
-    ///
-    /// See [`World::contact`] for what is expected of a link.
+    /// Body by body from the first of `bodies` on, and for each in the order of the obstacles.
     #[inline(always)] // twice
     fn for_each_near(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>, &S::Probe, &Placed<S, D>),
@@ -97,14 +103,14 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         if obstacles.is_empty() {
             return;
         }
-        let mut meet = |link: usize, probe: &S::Probe, j: usize, obstacle: &Placed<S, D>| {
-            let contact = obstacle.solid.contact([link, j], probe, &obstacle.state);
+        let mut meet = |pair: Pair, probe: &S::Probe, obstacle: &Placed<S, D>| {
+            let contact = obstacle.solid.contact(pair, probe, &obstacle.state);
             if contact.distance < reach {
                 visit(&contact, probe, obstacle);
             }
         };
-        for (link, capsule) in links.into_iter().enumerate() {
-            let probe = S::probe(&capsule);
+        for (body, Body { link, shape }) in bodies.into_iter().enumerate() {
+            let probe = S::probe(&shape);
             let near = match crowd {
                 Some(crowd) => {
                     interrupt::spend(256);
@@ -113,7 +119,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 None => None,
             };
             // The same is done with the few that a crowd names as with all: measured first, and only
-            // links with something in reach are looked at again.
+            // bodies with something in reach are looked at again.
             let obstacles = &*obstacles;
             let least = match near {
                 None => least_distance(obstacles, &probe),
@@ -121,7 +127,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             };
             distance(link, least);
             if least < reach {
-                let mut meet = |j: usize| meet(link, &probe, j, &obstacles[j]);
+                let mut meet =
+                    |j: usize| meet(Pair { body, link, obstacle: j }, &probe, &obstacles[j]);
                 match near {
                     None => (0..obstacles.len()).for_each(meet),
                     Some(near) => {
@@ -142,12 +149,12 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     #[inline]
     fn for_each_contact(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_near(links, reach, distance, |contact, _, _| visit(contact));
+        self.for_each_near(bodies, reach, distance, |contact, _, _| visit(contact));
     }
 
     fn barrier_count(&self) -> usize {
@@ -157,12 +164,12 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     #[inline]
     fn for_each_barrier(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         mut visit: impl FnMut(&Contact<D>),
     ) {
         self.for_each_near(
-            links,
+            bodies,
             reach,
             |_, _| {},
             |contact, probe, obstacle| {
@@ -178,20 +185,31 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     #[inline]
     fn contact_after(
         &self,
-        link: usize,
-        capsule: &Capsule<D>,
+        index: usize,
+        body: &Body<D>,
         obstacle: usize,
         after: f64,
     ) -> Contact<D> {
         let placed = &self.obstacles[obstacle];
         let mut state = placed.state_at(self.time);
         state.position += state.velocity * after;
-        placed.solid.contact([link, obstacle], &S::probe(capsule), &state)
+        let pair = Pair { body: index, link: body.link, obstacle };
+        placed.solid.contact(pair, &S::probe(&body.shape), &state)
     }
 }
 
-/// The distance between the surfaces of a link and the nearest of these obstacles [m]; ∞ if there are none.
-#[inline(always)] // discs, by far the most frequent, stay within the loop over the links
+impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn append_to(&self, out: &mut Vec<f64>) {
+        (0..self.len()).for_each(|j| out.extend_from_slice(self.position(j).as_slice()));
+    }
+}
+
+/// The distance between the surfaces of a body and the nearest of these obstacles [m]; ∞ if there are none.
+#[inline(always)] // discs, by far the most frequent, stay within the loop over the bodies
 fn least_distance<'a, S: Solid<D> + 'a, const D: usize>(
     obstacles: impl IntoIterator<Item = &'a Placed<S, D>>,
     probe: &S::Probe,

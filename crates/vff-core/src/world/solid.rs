@@ -1,10 +1,10 @@
 //! What a space has to offer so that obstacles can live in it.
 //!
-//! The loop over links and obstacles ([`World`](super::World)) is one for all spaces. It knows nothing
+//! The loop over bodies and obstacles ([`World`](super::World)) is one for all spaces. It knows nothing
 //! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
 //! [`Hierarchy`] of boxes for crowds.
 
-use super::{Contact, Motion, MotionState};
+use super::{Contact, Motion, MotionState, Pair};
 use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
 
@@ -23,7 +23,7 @@ pub trait Description<const D: usize>: Clone + Debug {
 pub trait Solid<const D: usize>: Clone + Debug {
     /// What it is made of.
     type Obstacle: Description<D>;
-    /// A link, made ready once for the questions of all obstacles.
+    /// A body of the robot, made ready once for the questions of all obstacles.
     type Probe: Copy;
     /// What finds those that are near among many.
     type Hierarchy: Hierarchy<Self::Probe, D>;
@@ -31,24 +31,24 @@ pub trait Solid<const D: usize>: Clone + Debug {
     /// Values must have been validated; unusable ones do not panic, but distances mean nothing.
     fn new(obstacle: &Self::Obstacle) -> Self;
 
-    /// Makes a link ready.
-    fn probe(link: &Capsule<D>) -> Self::Probe;
+    /// Makes a body ready.
+    fn probe(body: &Capsule<D>) -> Self::Probe;
 
-    /// The signed distance between the surfaces of an obstacle at `position` and a link [m], bit for bit
+    /// The signed distance between the surfaces of an obstacle at `position` and a body [m], bit for bit
     /// that of their [`contact`](Self::contact).
-    fn distance(&self, link: &Self::Probe, position: &Vector<D>) -> f64;
+    fn distance(&self, body: &Self::Probe, position: &Vector<D>) -> f64;
 
-    /// Where link `pair[0]` and this solid, which is that of obstacle `pair[1]`, come nearest.
-    fn contact(&self, pair: [usize; 2], link: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
+    /// Where this solid, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
+    fn contact(&self, pair: Pair, body: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
 
-    /// The most barriers that one link can have.
+    /// The most barriers that one body can have.
     fn barriers(&self) -> usize;
 
     /// All distances that must be kept so that `contact` is, which is that of this pair.
     fn for_each_barrier(
         &self,
         contact: &Contact<D>,
-        link: &Self::Probe,
+        body: &Self::Probe,
         state: &MotionState<D>,
         visit: impl FnMut(&Contact<D>),
     );
@@ -61,9 +61,9 @@ pub trait Solid<const D: usize>: Clone + Debug {
     fn cast(&self, origin: &Vector<D>, direction: &Vector<D>, range: f64) -> Option<f64>;
 }
 
-/// Boxes around obstacles, numbered from 0, that are found by where they are. `P` is a link.
+/// Boxes around obstacles, numbered from 0, that are found by where they are. `P` is a body of the robot.
 pub trait Hierarchy<P, const D: usize>: Clone + Debug {
-    /// Where a link is, made ready for the questions of many boxes.
+    /// Where a body is, made ready for the questions of many boxes.
     type Region;
 
     /// A box is given by its lower and its upper corner [m], each within ±[`HORIZON`](super::HORIZON).
@@ -73,10 +73,10 @@ pub trait Hierarchy<P, const D: usize>: Clone + Debug {
     /// `regroup`. Does not allocate.
     fn renew(&mut self, boxes: impl Iterator<Item = [Vector<D>; 2]>, regroup: bool);
 
-    /// None for a link that is nowhere, or beyond the horizon.
-    fn region(link: &P) -> Option<Self::Region>;
+    /// None for a body that is nowhere, or beyond the horizon.
+    fn region(body: &P) -> Option<Self::Region>;
 
-    /// Calls `measure` with every box that comes within `limit` [m] of the link's surface, rounding allowed
+    /// Calls `measure` with every box that comes within `limit` [m] of the body's surface, rounding allowed
     /// for; it returns the limit from then on. Returns how many there were.
     fn for_each_within(
         &self,

@@ -132,21 +132,22 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
 
     /// Takes in the pairs near `robot`.
     pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
-        let links = robot.links();
+        let bodies = robot.bodies();
         let obstacles = match self.strategy {
             Strategy::Barrier(_) => surroundings.barrier_count(),
             _ => surroundings.obstacle_count(),
         };
-        self.reserve(robot.dof() * obstacles);
+        self.reserve(robot.body_count() * obstacles);
         let Self { settings, pairs, strategy, .. } = self;
         match strategy {
             Strategy::Relaxed => {}
             Strategy::Priority(_) => {
                 let visit = |pair: &Contact<D>| pairs.push(*pair);
-                surroundings.for_each_contact(links, settings.outer, |_, _| {}, visit);
+                surroundings.for_each_contact(bodies, settings.outer, |_, _| {}, visit);
             }
             Strategy::Barrier(_) => {
-                surroundings.for_each_barrier(links, settings.activation, |pair| pairs.push(*pair));
+                surroundings
+                    .for_each_barrier(bodies, settings.activation, |pair| pairs.push(*pair));
             }
         }
     }

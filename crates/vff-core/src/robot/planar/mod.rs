@@ -19,7 +19,7 @@ pub use arm::{Link, PlanarArm};
 pub use reach::{Annulus, Reach};
 
 use super::{Limits, Manipulator, Matrices, Model, Robot, dense};
-use crate::math::{Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
+use crate::math::{Body, Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
 use factorisation::{ArticulatedInertia, TaskForces};
 use nalgebra::{SMatrix, SVector};
 use std::mem;
@@ -69,6 +69,11 @@ impl PlanarState {
     /// The position of joint `i` [m]; `i = n` is the tip.
     pub fn joint_position(&self, i: usize) -> Vector<2> {
         self.joints.get(i).map_or(self.tip, |joint| joint.position)
+    }
+
+    /// The shape of link `i`.
+    pub fn link(&self, i: usize) -> Capsule<2> {
+        capsule(&self.joints[i], &self.arm.links[i])
     }
 
     /// The absolute angle of link `i` [rad].
@@ -491,13 +496,23 @@ impl Robot<2> for PlanarState {
         Self::yield_forward(&self.joints, out);
     }
 
-    fn link(&self, i: usize) -> Capsule<2> {
-        capsule(&self.joints[i], &self.arm.links[i])
+    /// One for each link.
+    fn body_count(&self) -> usize {
+        self.joints.len()
     }
 
-    fn links(&self) -> impl Iterator<Item = Capsule<2>> {
-        let pairs = self.joints.iter().zip(&self.arm.links);
-        pairs.map(|(joint, link)| capsule(joint, link))
+    fn body(&self, i: usize) -> Body<2> {
+        Body::new(i, self.link(i))
+    }
+
+    fn bodies(&self) -> impl Iterator<Item = Body<2>> {
+        let pairs = self.joints.iter().zip(&self.arm.links).enumerate();
+        pairs.map(|(i, (joint, link))| Body::new(i, capsule(joint, link)))
+    }
+
+    /// Links that share no joint.
+    fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]> {
+        (2..self.joints.len()).flat_map(|j| (0..j - 1).map(move |i| [i, j]))
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<2>) -> Vector<2> {

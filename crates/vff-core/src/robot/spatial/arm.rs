@@ -96,6 +96,8 @@ pub struct SpatialArm {
     pub(super) fixed: Vec<Fixed>,
     pub(super) tool: Frame,
     pub(super) bodies: Vec<FixedBody>,
+    /// The pairs of bodies that must not touch: of links that share no joint.
+    pub(super) pairs: Vec<[usize; 2]>,
     total_mass: f64,
 }
 
@@ -164,7 +166,7 @@ impl SpatialArm {
         }
         let inward = before.transpose();
         let tool = orientation(&description.tool, || "the tool".into())?;
-        let bodies = description
+        let bodies: Vec<_> = description
             .bodies
             .iter()
             .map(|body| {
@@ -182,6 +184,7 @@ impl SpatialArm {
                 rotation: inward * tool.matrix(),
                 position: inward * description.tool.position,
             },
+            pairs: pairs(&bodies),
             bodies,
             total_mass: description.joints.iter().map(|joint| joint.mass).sum(),
             fixed,
@@ -239,6 +242,13 @@ impl SpatialArm {
     pub fn state(self: &Arc<Self>) -> SpatialState {
         SpatialState::new(Arc::clone(self))
     }
+}
+
+/// The pairs of bodies on links that share no joint, the lower index first.
+fn pairs(bodies: &[FixedBody]) -> Vec<[usize; 2]> {
+    let apart = |[i, j]: &[usize; 2]| bodies[*i].link.abs_diff(bodies[*j].link) > 1;
+    let all = (0..bodies.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
+    all.filter(apart).collect()
 }
 
 pub(super) fn tensor(inertia: &[f64; 6]) -> Symmetric {

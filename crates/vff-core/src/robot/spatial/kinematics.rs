@@ -79,7 +79,7 @@ impl SpatialArm {
                 };
                 *q = lower + (upper - lower) * spread(k, i, n);
             }
-            state.place(&q);
+            state.update_positions(&q);
             farthest = farthest.max((state.position() - self.base()).norm());
         }
         farthest
@@ -92,7 +92,7 @@ impl SpatialArm {
 
     fn placed(self: &Arc<Self>, q: &[f64]) -> SpatialState {
         let mut state = self.state();
-        state.place(q);
+        state.update_positions(q);
         state
     }
 }
@@ -189,14 +189,14 @@ mod tests {
         let mount = Placement { position: Vector::<3>::new(0.0, 0.0, 2.0), ..Placement::default() };
         let description = Description { joints, mount, bodies, ..Description::default() };
         let mut state = Arc::new(SpatialArm::new(description).unwrap()).state();
-        state.place(&[0.5 * PI, 0.5 * PI]);
+        state.update_positions(&[0.5 * PI, 0.5 * PI]);
         let carried: Vec<_> = state.bodies().collect();
         // The first joint turns x into y; the second turns z about it, into x.
-        let (link, capsule) = carried[0];
+        let crate::math::Body { link, shape: capsule } = carried[0];
         assert_eq!((link, capsule.radius), (1, 0.05));
         assert_close(capsule.start.as_slice(), &[0.0, 1.1, 2.0], 1e-15);
         assert_close(capsule.end().as_slice(), &[0.5, 1.1, 2.0], 1e-15);
-        let (link, sphere) = carried[1];
+        let crate::math::Body { link, shape: sphere } = carried[1];
         assert_eq!((link, sphere.length), (0, 0.0));
         assert_close(sphere.start.as_slice(), &[0.0, 0.1, 2.0], 1e-15);
         assert_close(sphere.end().as_slice(), &[0.0, 0.1, 2.0], 1e-15);

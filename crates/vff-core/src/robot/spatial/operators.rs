@@ -6,9 +6,10 @@ use super::algebra::{ArticulatedInertia, Spatial};
 use super::state::{Joint, SpatialState};
 use super::task::TaskForces;
 use super::{dense, task};
-use crate::math::{Capsule, Vector};
-use crate::robot::{Limits, Matrices, Robot};
+use crate::math::{Body, Pointing, SpatialPose, Vector};
+use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm};
 use nalgebra::{SMatrix, SVector};
+use std::sync::Arc;
 
 impl SpatialState {
     /// `Σ s v` and `Σ ṡ v` of the last link.
@@ -50,6 +51,69 @@ impl SpatialState {
     }
 }
 
+impl Model<3> for SpatialArm {
+    type State = SpatialState;
+
+    fn dof(&self) -> usize {
+        self.dof()
+    }
+
+    fn limits(&self) -> &Limits {
+        self.limits()
+    }
+
+    fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
+        self.integrate(q, v, dt);
+    }
+
+    fn reach(&self) -> f64 {
+        self.reach_bound()
+    }
+
+    /// At q = 0, every joint accelerates at 4 rad/s² (or m/s²) against all of gravity.
+    fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
+        const ACCELERATION: f64 = 4.0;
+        let n = self.dof();
+        let mut state = self.state();
+        state.update(&vec![0.0; n], &vec![0.0; n]);
+        let mass = state.matrices::<3>().mass;
+        let weight = self.gravity().norm() * self.total_mass() * self.reach_bound();
+        (0..n).map(|i| ACCELERATION * mass[(i, i)] + weight).collect()
+    }
+
+    fn state(self: &Arc<Self>) -> SpatialState {
+        SpatialArm::state(self)
+    }
+}
+
+/// A task of position.
+impl Manipulator<3, 3> for SpatialState {
+    type Pose = Vector<3>;
+
+    #[inline]
+    fn pose(&self) -> Vector<3> {
+        self.position()
+    }
+}
+
+/// A task of position and of the direction of the tool's z axis.
+impl Manipulator<3, 5> for SpatialState {
+    type Pose = Pointing;
+
+    fn pose(&self) -> Pointing {
+        Pointing(SpatialPose::new(self.position(), self.orientation()))
+    }
+}
+
+/// A task of position and orientation.
+impl Manipulator<3, 6> for SpatialState {
+    type Pose = SpatialPose;
+
+    fn pose(&self) -> SpatialPose {
+        SpatialPose::new(self.position(), self.orientation())
+    }
+}
+
 impl Robot<3> for SpatialState {
     type Wrench = Spatial;
 
@@ -63,7 +127,7 @@ impl Robot<3> for SpatialState {
         self.factorise();
     }
 
-    fn place(&mut self, q: &[f64]) {
+    fn update_positions(&mut self, q: &[f64]) {
         self.move_positions(q);
     }
 
@@ -188,23 +252,6 @@ impl Robot<3> for SpatialState {
         -self.arm.gravity().dot(&(moment + self.arm.base() * self.arm.total_mass()))
     }
 
-    /// Position, and of the orientation the rotation vector: all of it for a pose; for pointing, of
-    /// the smallest rotation from the world's z axis to the tool's, along the tool's x and y.
-    fn pose<const M: usize>(&self) -> SVector<f64, M> {
-        let position = self.position();
-        let mut pose = SVector::from_fn(|i, _| if i < 3 { position[i] } else { 0.0 });
-        if M == 5 {
-            let form = crate::math::rotation::OrientationError::Logarithm;
-            let tilt =
-                self.orientation().pointing_error(&crate::math::UnitQuaternion::IDENTITY, form);
-            (pose[3], pose[4]) = (tilt.x, tilt.y);
-        } else if M == 6 {
-            let turn = self.orientation().log();
-            (0..3).for_each(|i| pose[3 + i] = turn[i]);
-        }
-        pose
-    }
-
     #[inline]
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
         task::rows(&self.tool, &self.tool.velocity, &self.tool_rate())
@@ -297,16 +344,18 @@ impl Robot<3> for SpatialState {
         Self::yield_forward(&self.joints, &mut out[..n]);
     }
 
-    /// The first collision body of link `i`; without one, the point at its joint.
-    fn link(&self, i: usize) -> Capsule<3> {
-        let own = self.arm.bodies.iter().position(|body| body.link == i);
-        own.map_or_else(
-            || {
-                let (start, direction) = (self.joint_position(i), Vector::<3>::z());
-                Capsule { start, direction, length: 0.0, radius: 0.0 }
-            },
-            |k| self.body(k).1,
-        )
+    fn body_count(&self) -> usize {
+        self.arm.bodies.len()
+    }
+
+    #[inline]
+    fn body(&self, i: usize) -> Body<3> {
+        let (link, shape) = SpatialState::body(self, i);
+        Body { link, shape }
+    }
+
+    fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]> {
+        self.arm.pairs.iter().copied()
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {
@@ -637,11 +686,11 @@ mod tests {
             assert_close(b.tool_axes().as_slice(), axes.as_slice(), 1e-13);
         }
 
-        /// `place` gives positions and columns of J bit for bit as `update`.
+        /// `update_positions` gives positions and columns of J bit for bit as `update`.
         #[test]
         fn placed_is_where_updated_is(c in case(1usize..9)) {
             let mut placed = c.arm.state();
-            placed.place(&c.q);
+            placed.update_positions(&c.q);
             let state = c.state();
             prop_assert_eq!(placed.position(), state.position());
             prop_assert_eq!(placed.jacobian(), state.jacobian());

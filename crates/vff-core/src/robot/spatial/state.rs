@@ -108,11 +108,6 @@ impl SpatialState {
         self.joints[i].rotation * self.arm.fixed[i].alignment.transpose()
     }
 
-    /// The number of collision bodies.
-    pub fn body_count(&self) -> usize {
-        self.arm.bodies.len()
-    }
-
     /// The link of collision body `k`, and where the body is in the world.
     #[inline]
     pub fn body(&self, k: usize) -> (usize, Capsule<3>) {
@@ -121,11 +116,6 @@ impl SpatialState {
         let Capsule { start, direction, length, radius } = body.capsule;
         let start = self.arm.base() + position + rotation * start;
         (body.link, Capsule { start, direction: rotation * direction, length, radius })
-    }
-
-    /// All of them, in the order of the description.
-    pub fn bodies(&self) -> impl Iterator<Item = (usize, Capsule<3>)> {
-        (0..self.body_count()).map(|k| self.body(k))
     }
 
     /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.

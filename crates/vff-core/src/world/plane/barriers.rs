@@ -46,7 +46,7 @@ impl Outline {
         }
         let axis = axis.seen_from(to_glam(state.position));
         let mut visit = |nearest: &Nearest, beyond: f64| {
-            let found = self.contact_of([contact.link, contact.obstacle], nearest, radius, state);
+            let found = self.contact_of(contact.pair(), nearest, radius, state);
             visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
         };
         for end in [axis.start, axis.end()] {
@@ -84,6 +84,7 @@ fn end_to_edges(end: Vec2, edges: &[Face]) -> Nearest {
 mod tests {
     use super::super::oracle::*;
     use super::super::{Shape, World};
+    use crate::math::Body;
     use crate::world::CollisionQuery;
     use proptest::prelude::*;
     use std::f64::consts::TAU;
@@ -103,6 +104,7 @@ mod tests {
             angle in 0.0..TAU,
         ) {
             let mut world = World::new(vec![fixed(shape.clone(), [0.3, -0.2], angle)]);
+            let link = Body::new(0, link);
             let contact = world.contact(0, &link, 0);
             let mut barriers = vec![];
             world.for_each_barrier([link], f64::INFINITY, |barrier| barriers.push(*barrier));

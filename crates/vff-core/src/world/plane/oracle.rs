@@ -4,7 +4,7 @@
 //! a convex body is a convex function of the position on it).
 
 use super::{Obstacle, Shape, World, shape};
-use crate::math::{Capsule, Vector, perp};
+use crate::math::{Body, Capsule, Vector, perp};
 use crate::world::{Contact, Motion};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -79,7 +79,7 @@ pub(super) fn fixed(shape: Shape, position: [f64; 2], angle: f64) -> Obstacle {
 }
 
 pub(super) fn contact(link: &Capsule<2>, obstacle: &Obstacle) -> Contact<2> {
-    World::new(vec![obstacle.clone()]).contact(0, link, 0)
+    World::new(vec![obstacle.clone()]).contact(0, &Body::new(0, *link), 0)
 }
 
 pub(super) fn capsule(start: [f64; 2], end: [f64; 2], radius: f64) -> Capsule<2> {

@@ -5,7 +5,7 @@ use super::face::{Face, faces};
 use super::hierarchy::Boxes;
 use super::{Obstacle, Shape, Vec2, from_glam, shape, to_glam};
 use crate::math::{Capsule, Vector};
-use crate::world::{Contact, Description, Feature, Motion, MotionState, Solid};
+use crate::world::{Contact, Description, Feature, Motion, MotionState, Pair, Solid};
 
 impl Description<2> for Obstacle {
     #[inline]
@@ -87,7 +87,7 @@ impl Solid<2> for Outline {
     }
 
     #[inline]
-    fn contact(&self, pair: [usize; 2], link: &Probe, state: &MotionState<2>) -> Contact<2> {
+    fn contact(&self, pair: Pair, link: &Probe, state: &MotionState<2>) -> Contact<2> {
         let nearest = self.nearest(link.axis.seen_from(to_glam(state.position)));
         self.contact_of(pair, &nearest, link.radius, state)
     }
@@ -144,7 +144,7 @@ impl Outline {
     #[inline]
     pub(super) fn contact_of(
         &self,
-        [link, obstacle]: [usize; 2],
+        Pair { body, link, obstacle }: Pair,
         nearest: &Nearest,
         radius: f64,
         state: &MotionState<2>,
@@ -152,6 +152,7 @@ impl Outline {
         let Nearest { distance, normal, point, meets } = *nearest;
         let point = to_glam(state.position) + point;
         Contact {
+            body,
             link,
             obstacle,
             distance: distance - self.radius - radius,

@@ -44,7 +44,7 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::super::{Obstacle, Shape, World};
-    use crate::math::{Capsule, Vector};
+    use crate::math::{Body, Capsule, Vector};
     use crate::world::Motion;
     use proptest::prelude::*;
     use std::f64::consts::TAU;
@@ -94,7 +94,7 @@ mod tests {
             let direction = Vector::<2>::new(angle.cos(), angle.sin());
             let distance = |s: f64| {
                 let tiny = Capsule::new(direction * s, direction * (s + 1e-9), 0.0);
-                world.contact(0, &tiny, 0).distance
+                world.contact(0, &Body::new(0, tiny), 0).distance
             };
             match world.cast(Vector::<2>::zeros(), direction, 5.0) {
                 Some(0.0) => prop_assert!(distance(0.0) < 1e-8),

@@ -1,6 +1,6 @@
 //! The arm and the obstacles of the tests of look-ahead.
 
-use crate::math::{Capsule, Vector};
+use crate::math::{Body, Vector};
 use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot, planar::Link};
 use crate::trajectory::Sample;
 use crate::world::plane::{Obstacle, Shape, World};
@@ -43,16 +43,16 @@ impl CollisionQuery<2> for Asked {
 
     fn for_each_contact(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<2>>,
+        bodies: impl IntoIterator<Item = Body<2>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
         visit: impl FnMut(&Contact<2>),
     ) {
-        self.world.for_each_contact(links, reach, distance, visit);
+        self.world.for_each_contact(bodies, reach, distance, visit);
     }
 
-    fn contact_after(&self, i: usize, link: &Capsule<2>, j: usize, after: f64) -> Contact<2> {
+    fn contact_after(&self, i: usize, body: &Body<2>, j: usize, after: f64) -> Contact<2> {
         self.times.set(self.times.get() + 1);
-        self.world.contact_after(i, link, j, after)
+        self.world.contact_after(i, body, j, after)
     }
 }

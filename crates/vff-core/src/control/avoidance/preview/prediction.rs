@@ -1,7 +1,7 @@
 //! The obstacles at later instants, as far as look-ahead asks for them.
 
 use crate::interrupt;
-use crate::math::Capsule;
+use crate::math::Body;
 use crate::world::{CollisionQuery, Contact};
 
 /// What look-ahead asks of the surroundings. Unlike a [`CollisionQuery`] it can be a trait object, so that
@@ -10,14 +10,14 @@ pub trait Prediction<const D: usize> {
     /// How many obstacles there are.
     fn count(&self) -> usize;
 
-    /// Adds to `found` the obstacles nearer than `reach` [m] to a link, each once.
-    fn obstacles_near(&mut self, links: &[Capsule<D>], reach: f64, found: &mut Vec<usize>);
+    /// Adds to `found` the obstacles nearer than `reach` [m] to a body, each once.
+    fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>);
 
-    /// The contact of a link with `obstacle`, predicted for `after` [s] from now at its present velocity.
+    /// The contact of body number `index` with `obstacle`, predicted for `after` [s] from now at its present velocity.
     fn predicted_contact(
         &self,
-        link: usize,
-        capsule: &Capsule<D>,
+        index: usize,
+        body: &Body<D>,
         obstacle: usize,
         after: f64,
     ) -> Contact<D>;
@@ -28,9 +28,9 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         self.obstacle_count()
     }
 
-    fn obstacles_near(&mut self, links: &[Capsule<D>], reach: f64, found: &mut Vec<usize>) {
+    fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>) {
         self.for_each_contact(
-            links.iter().copied(),
+            bodies.iter().copied(),
             reach,
             |_, _| {},
             |pair| {
@@ -44,12 +44,12 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
 
     fn predicted_contact(
         &self,
-        link: usize,
-        capsule: &Capsule<D>,
+        index: usize,
+        body: &Body<D>,
         obstacle: usize,
         after: f64,
     ) -> Contact<D> {
-        self.contact_after(link, capsule, obstacle, after)
+        self.contact_after(index, body, obstacle, after)
     }
 }
 
@@ -70,26 +70,26 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
 
     fn for_each_contact(
         &mut self,
-        links: impl IntoIterator<Item = Capsule<D>>,
+        bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        for (i, link) in links.into_iter().enumerate() {
+        for (i, body) in bodies.into_iter().enumerate() {
             interrupt::spend(64 * self.obstacles.len());
             let mut least = f64::INFINITY;
             for &j in self.obstacles {
-                let contact = self.surroundings.predicted_contact(i, &link, j, self.after);
+                let contact = self.surroundings.predicted_contact(i, &body, j, self.after);
                 least = least.min(contact.distance);
                 if contact.distance < reach {
                     visit(&contact);
                 }
             }
-            distance(i, least);
+            distance(body.link, least);
         }
     }
 
-    fn contact_after(&self, link: usize, capsule: &Capsule<D>, j: usize, after: f64) -> Contact<D> {
-        self.surroundings.predicted_contact(link, capsule, j, self.after + after)
+    fn contact_after(&self, index: usize, body: &Body<D>, j: usize, after: f64) -> Contact<D> {
+        self.surroundings.predicted_contact(index, body, j, self.after + after)
     }
 }

@@ -6,7 +6,7 @@ use super::prediction::Prediction;
 use crate::control::avoidance::Yielding;
 use crate::control::metric::TaskMetric;
 use crate::interrupt;
-use crate::math::{Capsule, Pose, dot};
+use crate::math::{Body, Pose, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use crate::world::Contact;
@@ -49,8 +49,8 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// The obstacles that are near at the beginning.
     pub(super) obstacles: Vec<usize>,
     pairs: Vec<Contact<D>>,
-    /// The links one step before, and of every link and obstacle, how much nearer they can come before they matter.
-    links: Vec<Capsule<D>>,
+    /// The bodies one step before, and of every body and obstacle, how much nearer they can come before they matter.
+    bodies: Vec<Body<D>>,
     apart: Vec<Apart>,
     /// Pairs farther apart than this [m] do not matter.
     pub(super) reach: f64,
@@ -95,7 +95,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             speed: yielding.joint_speeds(robot),
             obstacles: vec![],
             pairs: vec![],
-            links: robot.links().collect(),
+            bodies: robot.bodies().collect(),
             apart: vec![],
             reach: NEAR.max(settings.clearance).max(yielding.margin),
             reference: Vec::with_capacity(settings.steps + 1),
@@ -115,16 +115,16 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
     ) {
-        let Self { obstacles, pairs, apart, links, w, v, inverse_inertia, .. } = self;
+        let Self { obstacles, pairs, apart, bodies, w, v, inverse_inertia, .. } = self;
         let count = surroundings.count();
         obstacles.clear();
         obstacles.reserve(count);
         pairs.clear();
-        pairs.reserve(count * robot.dof());
+        pairs.reserve(count * robot.body_count());
         apart.clear();
-        apart.reserve(count * robot.dof());
-        links.iter_mut().zip(robot.links()).for_each(|(kept, link)| *kept = link);
-        surroundings.obstacles_near(links, REACH, obstacles);
+        apart.reserve(count * robot.body_count());
+        bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body);
+        surroundings.obstacles_near(bodies, REACH, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
             interrupt::spend(16 * robot.dof());
@@ -157,7 +157,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.q.copy_from_slice(&self.start[0]);
         self.v.copy_from_slice(&self.start[1]);
         self.apart.clear();
-        self.apart.resize(self.links.len() * self.obstacles.len(), Apart::default());
+        self.apart.resize(self.bodies.len() * self.obstacles.len(), Apart::default());
         let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
         for k in 0..self.reference.len() {
             let s = self.step * k as f64;
@@ -180,22 +180,23 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
     /// The smallest distance to the obstacles predicted for `after` [s] from now, as far as it is within reach;
     /// gathers the pairs that are near.
     fn measure(&mut self, surroundings: &dyn Prediction<D>, after: f64) -> f64 {
-        let Self { scout, obstacles, pairs, links, apart, reach, step, .. } = self;
+        let Self { scout, obstacles, pairs, bodies, apart, reach, step, .. } = self;
         let mut least = f64::INFINITY;
         pairs.clear();
         let mut apart = apart.iter_mut();
-        for (i, before) in links.iter_mut().enumerate() {
-            let link = scout.link(i);
-            // No point of the link has gone farther than one of its ends.
-            let ends = [link.start - before.start, link.end() - before.end()];
+        for (i, before) in bodies.iter_mut().enumerate() {
+            let body = scout.body(i);
+            let (now, then) = (&body.shape, &before.shape);
+            // No point of the body has gone farther than one of its ends.
+            let ends = [now.start - then.start, now.end() - then.end()];
             let way = ends[0].norm_squared().max(ends[1].norm_squared()).sqrt();
-            *before = link;
+            *before = body;
             for (&j, apart) in obstacles.iter().zip(&mut apart) {
                 apart.room -= way + apart.drift;
                 if apart.room > 0.0 {
                     continue;
                 }
-                let pair = surroundings.predicted_contact(i, &link, j, after);
+                let pair = surroundings.predicted_contact(i, &body, j, after);
                 *apart =
                     Apart { room: pair.distance - *reach, drift: pair.velocity.norm() * *step };
                 least = least.min(pair.distance);
