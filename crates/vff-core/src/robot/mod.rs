@@ -17,6 +17,7 @@ pub mod models;
 #[cfg(feature = "models")]
 mod names;
 pub mod planar;
+pub mod spatial;
 #[cfg(feature = "models")]
 pub mod urdf;
 
@@ -28,6 +29,7 @@ use std::sync::Arc;
 pub use dense::Matrices;
 pub use limits::Limits;
 pub use planar::{PlanarArm, PlanarState};
+pub use spatial::{SpatialArm, SpatialState};
 
 /// What is immutable of an arm in `D`-dimensional space. Its states refer to it.
 pub trait Model<const D: usize>: Debug + Clone {
