@@ -63,7 +63,7 @@ SOURCES = {
             "Kinematics, masses, inertias, limits: franka_ros (Apache-2.0) as in the wheel",
             "example-robot-data 6.0.0; inertial parameters identified by C. Gaz et al., IEEE Robotics and",
             "Automation Letters 4(4), 2019.",
-            "Payload, reach: Franka Emika Panda data sheet.",
+            "Payload, reach: as commonly quoted, not read in a data sheet.",
         ),
         srdf="panda_description/srdf/panda.srdf",
         wheel=True,
@@ -78,8 +78,7 @@ SOURCES = {
         (
             f"Kinematics, masses, inertias, limits: {FRANKA}",
             "(Apache-2.0), robots/fr3/fr3.urdf.xacro hand:=true.",
-            "Payload, reach: Franka Research 3 data sheet. The limits of speed shrink near those of position",
-            "on the real arm; these are the largest.",
+            "Payload, reach: as commonly quoted, not read in a data sheet.",
         ),
     ),
     "ur5e": Source(
@@ -92,7 +91,7 @@ SOURCES = {
         (
             f"Kinematics, masses, inertias, limits: {UR}",
             "(BSD-3-Clause), urdf/ur.urdf.xacro ur_type:=ur5e name:=ur5e.",
-            "Payload, reach: UR5e technical specification.",
+            "Payload: UR5e hardware manual. Reach: as commonly quoted, not read in a data sheet.",
         ),
     ),
     "ur10e": Source(
@@ -105,7 +104,7 @@ SOURCES = {
         (
             f"Kinematics, masses, inertias, limits: {UR}",
             "(BSD-3-Clause), urdf/ur.urdf.xacro ur_type:=ur10e name:=ur10e.",
-            "Payload, reach: UR10e technical specification.",
+            "Payload (10 kg or 12.5 kg, see the label on the arm), reach: UR10e user manual.",
         ),
     ),
     "iiwa14": Source(
@@ -118,7 +117,8 @@ SOURCES = {
         (
             f"Kinematics, masses, inertias, limits of position and speed: {LBR}",
             "(Apache-2.0), lbr_description/urdf/iiwa14/iiwa14.xacro.",
-            "Limits of torque (there 200 N·m for every joint), payload, reach: KUKA LBR iiwa data sheet.",
+            "Limits of torque (there 200 N·m for every joint): KUKA brochure on the LBR iiwa, as quoted",
+            "by several public models. Payload, reach: in its name, 14 R820.",
         ),
         torque=(320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0),
     ),
@@ -132,7 +132,8 @@ SOURCES = {
         (
             f"Kinematics, masses, inertias, limits: {KINOVA}",
             "(BSD-3-Clause), kortex_description/robots/gen3.xacro dof:=7 vision:=false gripper:=''.",
-            "Payload (middle of the range, continuous), reach: Kinova Gen3 user guide.",
+            "Payload (middle of the range, continuous): Kinova Gen3 user guide, normal use. Reach: as",
+            "commonly quoted, not read in a data sheet.",
         ),
     ),
     "xarm7": Source(
@@ -143,9 +144,10 @@ SOURCES = {
         3.5,
         0.7,
         (
-            "Kinematics, masses, inertias, limits: xarm_ros (BSD-3-Clause) as in the wheel",
+            "Kinematics, masses, inertias, limits: xarm_ros2 (BSD-3-Clause) as in the wheel",
             "example-robot-data 6.0.0.",
-            "Payload, reach: xArm 7 specification.",
+            "Reach: xArm user manual, Cartesian range. Payload: as commonly quoted, not read in a data",
+            "sheet.",
         ),
         srdf="xarm_description/srdf/xarm7.srdf",
         wheel=True,
@@ -153,7 +155,7 @@ SOURCES = {
 }
 
 SAME = (
-    "Damping and friction of published descriptions steady a simulation; nobody measured them: 0 here.",
+    "Damping and friction of the published descriptions are left out: nothing says that they were measured.",
     "Gravity, mount, tool and limits may be overwritten in a scenario.",
 )
 

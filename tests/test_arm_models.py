@@ -79,6 +79,7 @@ def test_sources_are_stated(name: str) -> None:
     text = " ".join(head)
     assert "Apache-2.0" in text or "BSD-3-Clause" in text
     assert "Payload" in text
+    assert "reach" in text.lower()
     assert "Capsules: fitted" in text
 
 

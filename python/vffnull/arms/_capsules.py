@@ -267,8 +267,8 @@ def least_capsule(points: Array, radii: Array | None = None, starts: int = 3) ->
     radii : (k,) array, optional
         Radii of balls around them [m].
     starts : int, optional
-        How many of the principal axes to begin with. The problem is not convex; three starts find the
-        least on everything that was tried against a dense search.
+        How many of the principal axes to begin with. The problem is not convex: the least is found near
+        one of them, or not at all.
 
     Returns
     -------
@@ -334,7 +334,7 @@ def _halves(piece: _Piece, points: Array, triangles: NDArray[np.int64]) -> list[
             quick = sum(_quick(side) for side in sides)
             if best is None or quick < best[0]:
                 best = (quick, *sides)
-    # The quick estimate is an upper bound; polishing saves some more, rarely a quarter.
+    # The quick estimate is an upper bound: what misses by little may still do when it is polished.
     if best is None or best[0] > 1.3 * (1 - SAVING) * piece.volume:
         return None
     (origin,) = piece.origin
