@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from os import PathLike
 from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
 import numpy as np
@@ -917,6 +916,7 @@ def schema() -> str:
 
 def schema_json() -> str:
     """The same as a JSON Schema (draft 7)."""
+
 def read_urdf(text: str, options: _Document) -> dict[str, Any]:
     """Read the text of a URDF.
 

@@ -146,7 +146,7 @@ impl AnyRun {
         either!(self, run => run.closed_loop().limits())
     }
 
-    /// [`Model::typical_torque`](crate::robot::Model::typical_torque).
+    /// [`Model::typical_torque`].
     pub fn typical_torque(&self) -> Vec<f64> {
         either!(self, run => run.closed_loop().arm().typical_torque())
     }
