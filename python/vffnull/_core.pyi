@@ -579,9 +579,9 @@ class Live:
     def configure(self, controller: _Document) -> None:
         """Take over other settings of the controller: all of them, as in `[controller]` of a scenario."""
     def carry(self, obstacle: int, place: ArrayLike) -> None:
-        """Take an obstacle to a place (2,) [m], smoothly and not faster than half the reach per second."""
+        """Take an obstacle to a place (D,) [m], smoothly and not faster than half the reach per second."""
     def aim(self, place: ArrayLike) -> None:
-        """Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not
+        """Take the reference to a place (D,) [m] or as near to it as the arm can reach, smoothly and not
         faster than a quarter of the reach per second.
         """
     def add(self, obstacle: _Document) -> None:
@@ -811,7 +811,7 @@ def check(
     kind: Literal["scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation"],
     document: Mapping[str, Any],
 ) -> list[str]:
-    """Judge a scenario document, or a part of one, and return warnings.
+    """Validate a scenario document, or a part of one, and return warnings.
 
     Raises
     ------
@@ -915,75 +915,19 @@ def schema() -> str:
     """Every key of a scenario with its unit, default and meaning, as text."""
 
 def schema_json() -> str:
-    """The same as a JSON Schema (draft 7)."""
+    """The same as a JSON Schema."""
 
 def read_urdf(text: str, options: _Document) -> dict[str, Any]:
-    """Read the text of a URDF.
-
-    Parameters
-    ----------
-    text : str
-        The URDF.
-    options : dict
-        ``tip``, ``base``, ``locked``, ``tool``, ``mount``, ``gravity``, ``armature``, ``fix_inertia`` and
-        ``srdf`` (text), each with its default.
-
-    Returns
-    -------
-    dict
-        ``arm``, the explicit description without ``collision``; ``geometry``, what collides on which link;
-        ``locked``, ``merged``, ``warnings``.
-
-    Raises
-    ------
-    vffnull.errors.InputError
-        If the text is no URDF, or what is asked for is no arm.
-    """
+    """URDF text to an arm, its geometry, and what is odd."""
 
 def reduce_tree(tree: _Document, options: _Document) -> dict[str, Any]:
-    """The same as `read_urdf` for links and joints that another reader found.
-
-    Parameters
-    ----------
-    tree : dict
-        ``name``, ``links``, ``joints``, ``warnings``.
-    options : dict
-        As in `read_urdf`.
-    """
+    """The same for links and joints that another reader found."""
 
 def check_arm(arm: _Document) -> dict[str, Any]:
-    """Judge the explicit description of a spatial arm.
-
-    Parameters
-    ----------
-    arm : dict
-        The description.
-
-    Returns
-    -------
-    dict
-        The same with every key that has a default, axes and quaternions of length 1.
-
-    Raises
-    ------
-    vffnull.errors.InputError
-        With the path of the first value that is wrong.
-    """
+    """The explicit description of an arm, judged and with every key that has a default."""
 
 def arm_model(name: str) -> dict[str, Any]:
-    """The explicit description of a bundled arm.
-
-    Parameters
-    ----------
-    name : str
-        One of `ARMS`.
-    """
+    """The description of a bundled arm."""
 
 def arm_text(name: str) -> str:
-    """The document of a bundled arm, with the sources of its numbers.
-
-    Parameters
-    ----------
-    name : str
-        One of `ARMS`.
-    """
+    """The document of a bundled arm, with the sources of its numbers."""

@@ -22,7 +22,26 @@ fn to_python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py
     from_toml(py, &toml::Value::try_from(value).map_err(refused)?)
 }
 
-/// URDF text to an arm, its geometry, and what is odd.
+/// Read the text of a URDF.
+///
+/// Parameters
+/// ----------
+/// text : str
+///     The URDF.
+/// options : dict
+///     ``tip``, ``base``, ``locked``, ``tool``, ``mount``, ``gravity``, ``armature``, ``fix_inertia`` and
+///     ``srdf`` (text), each with its default.
+///
+/// Returns
+/// -------
+/// dict
+///     ``arm``, the explicit description without ``collision``; ``geometry``, what collides on which link;
+///     ``locked``, ``merged``, ``warnings``.
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     If the text is no URDF, or what is asked for is no arm.
 #[pyfunction]
 pub fn read_urdf<'py>(
     py: Python<'py>,
@@ -34,7 +53,14 @@ pub fn read_urdf<'py>(
     to_python(py, &reading)
 }
 
-/// The same for links and joints that another reader found.
+/// The same as `read_urdf` for links and joints that another reader found.
+///
+/// Parameters
+/// ----------
+/// tree : dict
+///     ``name``, ``links``, ``joints``, ``warnings``.
+/// options : dict
+///     As in `read_urdf`.
 #[pyfunction]
 pub fn reduce_tree<'py>(
     py: Python<'py>,
@@ -45,7 +71,22 @@ pub fn reduce_tree<'py>(
     to_python(py, &tree.reduce(&options).map_err(refused)?)
 }
 
-/// The explicit description of an arm, judged and with every key that has a default.
+/// Validate the explicit description of a spatial arm.
+///
+/// Parameters
+/// ----------
+/// arm : dict
+///     The description.
+///
+/// Returns
+/// -------
+/// dict
+///     The same with every key that has a default, axes and quaternions of length 1.
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     With the path of the first value that is wrong.
 #[pyfunction]
 pub fn check_arm<'py>(
     py: Python<'py>,
@@ -55,13 +96,23 @@ pub fn check_arm<'py>(
     to_python(py, &arm.checked().map_err(refused)?)
 }
 
-/// The description of a bundled arm.
+/// The explicit description of a bundled arm.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     One of `ARMS`.
 #[pyfunction]
 pub fn arm_model<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     to_python(py, &models::named(name).map_err(refused)?)
 }
 
 /// The document of a bundled arm, with the sources of its numbers.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     One of `ARMS`.
 #[pyfunction]
 pub fn arm_text(name: &str) -> PyResult<&'static str> {
     models::text(name).map_err(refused)
