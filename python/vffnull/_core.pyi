@@ -18,6 +18,7 @@ __all__ = [
     "Distances",
     "Episodes",
     "ExtendedJacobian",
+    "ExternalRun",
     "Live",
     "Simulation",
     "State",
@@ -648,6 +649,110 @@ class Simulation:
     @property
     def status(self) -> str:
         """How the run stands: ``"completed"``, ``"collided"`` or ``"diverged"`` up to now."""
+
+@final
+class ExternalRun:
+    """A run whose plant is elsewhere: the controller with its reference, sensors and drives, the obstacles,
+    the record and the metrics, but not what moves the arm.
+
+    In every plant step the plant asks for the torque, by `drive` or, if control is continuous, by `torque`,
+    and hands its new state to `arrive`.
+
+    Parameters
+    ----------
+    document : Mapping or object with to_dict()
+        The scenario.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+
+    Examples
+    --------
+    >>> run = ExternalRun(document)  # doctest: +SKIP
+    >>> while not run.done:  # doctest: +SKIP
+    ...     run.arrive(*my_plant.step(run.drive()))
+    >>> run.outcome()["status"]  # doctest: +SKIP
+    """
+
+    def __new__(cls, document: _Document) -> ExternalRun: ...
+    @property
+    def state(self) -> State:
+        """The present instant."""
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+    @property
+    def done(self) -> bool:
+        """Whether no step is left to take: the duration is over, or the run has diverged."""
+    def obstacles(self, t: float) -> _Array:
+        """Positions of the obstacles at a time.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+
+        Returns
+        -------
+        (k, 2) ndarray
+            A row per obstacle [m].
+        """
+
+    def drive(self) -> _Array:
+        """The torque to hold over the next plant step, after the drives; the same until `arrive`.
+
+        Returns
+        -------
+        (n,) ndarray
+            Joint torque [N·m].
+        """
+
+    def torque(self, t: float, q: ArrayLike, dq: ArrayLike) -> _Array:
+        """The law at an instant of the next plant step, for continuous control.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s].
+
+        Returns
+        -------
+        (n,) ndarray
+            Joint torque [N·m], not finite if the state is not.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If control is not continuous.
+        """
+
+    def arrive(self, q: ArrayLike, dq: ArrayLike) -> bool:
+        """Take over the state to which the plant has come within one plant step.
+
+        Parameters
+        ----------
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s]. If they are not finite, or too fast, the run has
+            diverged and ends before them.
+
+        Returns
+        -------
+        bool
+            Whether the run has come there: False if it diverged, or was over before.
+        """
+
+    def outcome(self) -> dict[str, Any]:
+        """How the run ended, once: the record is handed over.
+
+        Returns
+        -------
+        dict
+            As `run` returns it; ``"interrupted"`` if the run is not over.
+        """
 
 def distances(
     arm: Arm, q: ArrayLike, dq: ArrayLike, obstacles: Sequence[_Document], t: ArrayLike = 0.0

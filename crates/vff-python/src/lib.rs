@@ -6,6 +6,7 @@ mod controller;
 mod convert;
 mod distances;
 mod errors;
+mod external;
 mod live;
 mod models;
 mod real_time;
@@ -26,6 +27,8 @@ mod _core {
     use crate::controller::{Controller, Terms};
     #[pymodule_export]
     use crate::distances::{Distances, distances};
+    #[pymodule_export]
+    use crate::external::ExternalRun;
     #[pymodule_export]
     use crate::live::Live;
     #[pymodule_export]
