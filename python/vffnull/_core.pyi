@@ -1023,16 +1023,72 @@ def schema_json() -> str:
     """The same as a JSON Schema."""
 
 def read_urdf(text: str, options: _Document) -> dict[str, Any]:
-    """URDF text to an arm, its geometry, and what is odd."""
+    """Read the text of a URDF.
+
+    Parameters
+    ----------
+    text : str
+        The URDF.
+    options : dict
+        ``tip``, ``base``, ``locked``, ``tool``, ``mount``, ``gravity``, ``armature``, ``fix_inertia`` and
+        ``srdf`` (text), each with its default.
+
+    Returns
+    -------
+    dict
+        ``arm``, the explicit description without ``collision``; ``geometry``, what collides on which link;
+        ``locked``, ``merged``, ``warnings``.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the text is no URDF, or what is asked for is no arm.
+    """
 
 def reduce_tree(tree: _Document, options: _Document) -> dict[str, Any]:
-    """The same for links and joints that another reader found."""
+    """The same as `read_urdf` for links and joints that another reader found.
+
+    Parameters
+    ----------
+    tree : dict
+        ``name``, ``links``, ``joints``, ``warnings``.
+    options : dict
+        As in `read_urdf`.
+    """
 
 def check_arm(arm: _Document) -> dict[str, Any]:
-    """The explicit description of an arm, judged and with every key that has a default."""
+    """Validate the explicit description of a spatial arm.
+
+    Parameters
+    ----------
+    arm : dict
+        The description.
+
+    Returns
+    -------
+    dict
+        The same with every key that has a default, axes and quaternions of length 1.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        With the path of the first value that is wrong.
+    """
 
 def arm_model(name: str) -> dict[str, Any]:
-    """The description of a bundled arm."""
+    """The explicit description of a bundled arm.
+
+    Parameters
+    ----------
+    name : str
+        One of `ARMS`.
+    """
 
 def arm_text(name: str) -> str:
-    """The document of a bundled arm, with the sources of its numbers."""
+    """The document of a bundled arm, with the sources of its numbers.
+
+    Parameters
+    ----------
+    name : str
+        One of `ARMS`.
+    """
