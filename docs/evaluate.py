@@ -1,7 +1,7 @@
 """Write docs/evaluation.md and its figures: `python docs/evaluate.py`, with vffnull[evaluate,peers].
 
-Finished parts are kept in target/evaluation, so that an interrupted run resumes where it was. Remove the parts
-of a controller after changing it (`verdicts.json` may stay: it does not depend on controllers).
+Finished parts are kept in target/evaluation, so that an interrupted run resumes where it was. Remove the
+parts of a controller after changing it (`verdicts.json` may stay: it does not depend on controllers).
 `python docs/evaluate.py 34` takes 34 instead of 334 scenes for each category and number of joints.
 """
 
@@ -37,19 +37,19 @@ HEAD = """# Controllers against each other
 {version}, in a quarter of an hour on two cores. `vffnull.scenes` generates the scenes from a seed;
 seeds from 1 000 000 on are used here, and no parameter has been tuned on them.
 
-**Feasibility.** A planner that knows the future searches for a collision-free motion of the arm, without any controller. The motion keeps 1 mm or
-more from everything, at joint speeds up to 3 rad/s and accelerations up to 30 rad/s²: first with the tip
-within 1 cm of its reference ("with tip"), then without this condition ("without tip"). The rule was fixed before any
-controller was run; the module `scenario/feasibility.rs` states it in full. "None found" does not prove that no such motion
-exists.
+**Feasibility.** A planner that knows the future searches for a collision-free motion of the arm, without
+any controller. The motion keeps 1 mm or more from everything, at joint speeds up to 3 rad/s and
+accelerations up to 30 rad/s²: first with the tip within 1 cm of its reference ("with tip"), then without
+this condition ("without tip"). The rule was fixed before any controller was run; the module
+`scenario/feasibility.rs` states it in full. "None found" does not prove that no such motion exists.
 
 **Collision**: an overlap of more than 1 mm. **Success**: no collision, and the tip within 1 cm of its
-reference at all times. Rates are in per cent, with 95 % confidence intervals (Wilson score). "Feasible" scenes are
-those in which a collision-free motion exists; "feasible with tip" are those in which it also holds the tip. The encounter lasts as long
-as the arm without avoidance has an obstacle within 0.1 m. Numbers that are not rates are medians of the runs
-that completed. Every controller has the settings of the scene (K = 100/s², D = 20/s, null damping 6/s,
-Khatib's field with 0.3 N·m³ from 0.6 m on) and otherwise the defaults; the unprojected field is that of
-Khatib (1986).
+reference at all times. Rates are in per cent, with 95 % confidence intervals (Wilson score). "Feasible"
+scenes are those in which a collision-free motion exists; "feasible with tip" are those in which it also
+holds the tip. The encounter lasts as long as the arm without avoidance has an obstacle within 0.1 m.
+Numbers that are not rates are medians of the runs that completed. Every controller has the settings of
+the scene (K = 100/s², D = 20/s, null damping 6/s, Khatib's field with 0.3 N·m³ from 0.6 m on) and
+otherwise the defaults; the unprojected field is that of Khatib (1986).
 
 ![Random scenes of the four families, at the start and later.](figures/random-scenes.png)
 
@@ -57,7 +57,8 @@ Khatib (1986).
 """
 
 TAIL = """
-The lines are empirical cumulative distributions: the share of the runs that came nearer, or had a smaller error.
+The lines are empirical cumulative distributions: the share of the runs that came nearer, or had a
+smaller error.
 
 ![Distributions of the smallest clearance.](figures/evaluation/clearance.png)
 
@@ -170,8 +171,10 @@ def sizes(outcome: vff.Evaluation) -> str:
 def elsewhere(outcome: vff.Evaluation) -> str:
     """Beside the reference points."""
     lines = [
-        "## Beside another study\n\nAnother study used 1200 scenes of its own, with another implementation of a "
-        "CBF law. Both its scenes and its definition of feasibility differ from those here; the results of the "
+        "## Beside another study\n\nAnother study used 1200 scenes of its own, with another "
+        "implementation of a "
+        "CBF law. Both its scenes and its definition of feasibility differ from those here; the "
+        "results of the "
         "null-space field alone show how difficult the scenes are.\n",
         "| family | controller | collisions, feasible [%] | the same, feasible with tip [%] "
         "| success, feasible [%] | success, feasible with tip [%] | there: collisions (success) [%] |",
@@ -247,12 +250,15 @@ def peers() -> str:
 CAUSES = {
     "flat side": "a link lies along a flat side, and the nearest point jumps from corner to corner: a sample "
     "has a barrier for one of them only, and the slack stays far below the 32 m/s² that hold a contact",
-    "pinched": "two or more obstacles within 0.1 m require opposite accelerations: the rows of the QP contradict "
+    "pinched": "two or more obstacles within 0.1 m require opposite accelerations: the rows of the "
+    "QP contradict "
     "each other, and a slack is recorded",
-    "out of reach": "one obstacle, and hardly any joint can move the link out of its way: contact next to the "
+    "out of reach": "one obstacle, and hardly any joint can move the link out of its way: contact "
+    "next to the "
     "base, or the arm stretched along the normal (effective mass above 20 kg)",
     "speed limit": "a joint is at the barrier of its speed, 6 rad/s, and the distance yields",
-    "tip first": "one obstacle, and the null space has an authority ρₙ below 0.1: only the task could have given way",
+    "tip first": "one obstacle, and the null space has an authority ρₙ below 0.1: only the task "
+    "could have given way",
     "cornered": "one obstacle, with authority left, and the distance yields to other barriers all the same",
     "no slack": "the QP violated nothing: the distance was lost between two samples",
 }
@@ -272,7 +278,8 @@ def causes(outcome: vff.Evaluation) -> str:
     kinds = [kind for kind in CAUSES if any(kind in counts for counts in found.values())]
     lines = [
         "## Where cbf collides although a collision-free motion exists\n",
-        "Every such run is classified by what happens in the 0.2 s before the first contact; the first cause that "
+        "Every such run is classified by what happens in the 0.2 s before the first contact; the "
+        "first cause that "
         "applies counts. The default barrier of the joint speed is 6 rad/s.\n",
         *(f"- **{kind}**: {CAUSES[kind]}." for kind in kinds),
         "",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,12 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull.engines.mujoco_plant import MuJoCoPlant, _metrics
+from vffnull import _core
+from vffnull.engines.mujoco_plant import MuJoCoPlant
 from vffnull.errors import InputError, ScenarioError
 from vffnull.export import to_mjcf
 
 FIELD_OFF = {"controller.field.gain": 0.0}
-INSIDE_THE_LAW = {"max_null_acceleration", "singular_steps"}
-"""Metrics that a record alone does not tell."""
 SHAPES: dict[str, dict[str, Any]] = {
     "circle": {"kind": "circle", "radius": 0.15},
     "capsule": {"kind": "capsule", "a": [-0.1, 0.0], "b": [0.1, 0.05], "radius": 0.1},
@@ -128,16 +128,64 @@ def test_same_motion_on_a_polynomial() -> None:
     same(ours, theirs)
 
 
+CIRCLE = {"kind": "circle", "center": [3.5, 0.5], "radius": 0.2, "angular_velocity": 1.0}
+RANGE_SENSORS = {"kind": "range", "noise": 0.01, "latency": 0.02, "rate": 50.0, "drop_outs": 0.05}
+
+
+def test_same_motion_on_a_circle() -> None:
+    ours, theirs = both("sweep-through", {"reference": CIRCLE, "duration": 2.0})
+    assert np.ptp(ours.x_ref, axis=0).min() > 0.15
+    same(ours, theirs)
+
+
+@pytest.mark.parametrize("control", ["hold", "predictor"])
+def test_same_motion_with_a_governor(control: str) -> None:
+    """It hears of the error of the arm in MuJoCo, and makes the reference wait as long."""
+    changes = {"controller.governor": {}, "controller.avoidance": "cbf", "simulation.control": control}
+    ours, theirs = both("on-path", changes)
+    assert ours.path_time is not None
+    assert ours.t[-1] - ours.path_time[-1] > 0.1  # it has waited
+    assert ours.status == "completed"
+    same(ours, theirs)
+
+
+@pytest.mark.parametrize("control", ["hold", "predictor"])
+def test_same_motion_with_range_sensors(control: str) -> None:
+    changes = {"perception": RANGE_SENSORS, "simulation.control": control}
+    ours, theirs = both("sweep-through", changes)
+    assert ours.sensed is not None and np.isfinite(ours.sensed).any()
+    assert ours.metrics.max_repulsion > 0.1
+    same(ours, theirs)
+
+
+@pytest.mark.parametrize("control", ["hold", "predictor"])
+def test_same_motion_with_measurement_and_drives(control: str) -> None:
+    """Noise of one and the same seed, a delay, and drives that lag."""
+    sensors = {"position_noise": 1e-4, "velocity_noise": 1e-3, "delay": 2e-3}
+    changes = {"measurement": sensors, "actuator": {"time_constant": 5e-3}, "simulation.control": control}
+    ours, theirs = both("sweep-through", changes)
+    assert ours.tau_applied is not None and ours.q_measured is not None
+    assert np.abs(ours.tau_applied - ours.tau).max() > 0.1
+    assert np.abs(ours.q_measured - ours.q).max() > 1e-4
+    same(ours, theirs)
+
+
 @pytest.mark.parametrize("scenario", ["on-path", "crowd"])
-def test_metrics_are_the_core_s(scenario: str) -> None:
-    """Of one and the same record, of a collision and of a run without one."""
-    core = vff.simulate(scenario)
-    inside = {"null_acceleration": np.zeros(len(core.t)), "singular": np.zeros(len(core.t))}
-    found = _metrics(core.t, core.recorded() | inside, 1e-3, core.scenario.to_dict())
-    for name, value in core.metrics.items():
-        if name not in INSIDE_THE_LAW:
-            expected = None if value is None else pytest.approx(value, rel=1e-9)
-            assert found[name] == expected, name
+def test_same_motion_among_obstacles_that_do_not_touch(scenario: str) -> None:
+    """Until something does: MuJoCo pushes then."""
+    ours = vff.simulate(scenario)
+    touched = ours.metrics.collision_time
+    duration = ours.end_time if touched is None else touched - 1e-3
+    same(*both(scenario, {"duration": duration}))
+
+
+@pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")
+def test_obstacles_move_in_mujoco_as_in_the_core() -> None:
+    ours, plant = vff.simulate(EVERYTHING), MuJoCoPlant(EVERYTHING)
+    assert (np.ptp(ours.obstacles, axis=0).max(axis=1) > 0.1).sum() == 3
+    for row in (0, 90, 200, 350):
+        plant.step(ours.t[row], np.zeros(5))
+        np.testing.assert_array_equal(plant.data.mocap_pos[:, :2], ours.obstacles[row])
 
 
 def test_contact_pushes_the_arm() -> None:
@@ -233,9 +281,31 @@ def test_an_interrupt_leaves_what_there_is() -> None:
     result = vff.simulate("paper-1", progress=stop, plant="mujoco")
     assert result.status == "interrupted"
     assert len(reports) == 1 and reports[0][1] == 20.0
-    # The step that was reported last is not recorded yet.
-    assert result.end_time == pytest.approx(reports[0][0] - 1e-3, abs=1e-9)
+    assert result.end_time == reports[0][0]
     assert len(result.t) == len(result.q) == round(result.end_time / 1e-3) + 1
+
+
+@pytest.mark.parametrize("control", ["hold", "continuous"])
+def test_a_signal_leaves_what_there_is(control: str) -> None:
+    """Ctrl-C wherever it comes, within MuJoCo's callback as well."""
+
+    def stop(_signal: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    def soon(_t: float, _duration: float) -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        changes = {"simulation.control": control, "duration": 1e3}
+        result = vff.simulate("paper-1", changes, soon, plant="mujoco")
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert result.status == "interrupted"
+    assert 0 < result.end_time < 1e3
+    assert len(result.t) == round(result.end_time / 1e-3) + 1
+    assert mujoco.get_mjcb_control() is None
 
 
 def test_callbacks_are_left_as_found() -> None:
@@ -268,18 +338,15 @@ def test_other_plants_are_refused(plant: Any) -> None:
         vff.simulate("paper-1", plant=plant)
 
 
-def test_other_references_are_refused() -> None:
-    circle = {"kind": "circle", "center": [3.5, 0.5], "radius": 0.2, "angular_velocity": 1.0}
-    with pytest.raises(ScenarioError, match=r"^reference.kind: 'circle' cannot") as caught:
-        vff.simulate("sweep-through", {"reference": circle}, plant="mujoco")
-    assert caught.value.path == "reference.kind"
-
-
-def test_a_governor_is_refused() -> None:
-    changes = {"controller.governor": {}, "simulation.control": "hold"}
-    with pytest.raises(ScenarioError, match=r"^controller.governor: ") as caught:
-        vff.simulate("on-path", changes, plant="mujoco")
-    assert caught.value.path == "controller.governor"
+def test_sampled_parts_still_need_a_sampled_controller() -> None:
+    """What the core refuses it refuses here, too, in its own words."""
+    changes = {"controller.governor": {}, "simulation.control": "continuous"}
+    said = []
+    for plant in ("core", "mujoco"):
+        with pytest.raises(ScenarioError, match=r"^controller.governor: ") as caught:
+            vff.simulate("on-path", changes, plant=plant)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
 
 
 def test_an_arm_that_mujoco_cannot_have() -> None:
@@ -295,3 +362,63 @@ def test_without_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ImportError, match=r'pip install "vffnull\[mujoco\]"'):
         vff.simulate("paper-1", plant="mujoco")
     assert vff.simulate("paper-1", {"duration": 0.1}).status == "completed"
+
+
+def external(**changes: Any) -> _core.ExternalRun:
+    overrides = {"duration": 0.01, "simulation.control": "hold", "reference": CIRCLE} | changes
+    return _core.ExternalRun(vff.Scenario.load("sweep-through").replace(**overrides))
+
+
+def test_drives_move_once_a_step() -> None:
+    """However often they are asked, or not at all."""
+    runs = [external(actuator={"time_constant": 5e-3}) for _ in range(3)]
+    for _ in range(4):
+        seen = []
+        for asked, run in enumerate(runs):
+            torques = [run.drive() for _ in range(asked)]
+            seen.extend(torques)
+            assert run.arrive(run.state.q, run.state.dq)
+        for torque in seen:
+            np.testing.assert_array_equal(torque, seen[0])
+    records = [run.outcome()["record"]["tau_applied"] for run in runs]
+    assert np.abs(np.diff(records[0], axis=0)).max() > 0
+    for record in records:
+        np.testing.assert_array_equal(record, records[0])
+
+
+def test_an_external_run_ends() -> None:
+    run = external()
+    q, dq = run.state.q, run.state.dq
+    while not run.done:
+        assert run.arrive(q, dq)
+    assert run.t == pytest.approx(0.01)
+    assert not run.arrive(q, dq)
+    assert run.outcome()["status"] == "completed"
+    for ask in (run.drive, run.outcome, lambda: run.t, lambda: run.arrive(q, dq), lambda: run.obstacles(0)):
+        with pytest.raises(InputError, match=r"^run: its outcome has been taken"):
+            ask()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e5])
+def test_an_external_run_diverges(value: float) -> None:
+    run = external()
+    q, dq = run.state.q, run.state.dq
+    assert run.arrive(q, dq)
+    assert not run.arrive(q, dq + value)
+    assert run.done
+    outcome = run.outcome()
+    assert outcome["status"] == "diverged" and outcome["end_time"] == pytest.approx(1e-3)
+    assert np.isfinite(outcome["record"]["dq"]).all()
+
+
+def test_an_external_run_refuses_what_it_cannot_use() -> None:
+    run = external()
+    with pytest.raises(InputError, match=r"^q: expected shape \(6,\), got \(2,\)"):
+        run.arrive([0.0, 0.0], np.zeros(6))
+    with pytest.raises(InputError, match=r"^torque: control is sampled"):
+        run.torque(0.0, np.zeros(6), np.zeros(6))
+    assert run.t == 0.0
+    assert external(**{"simulation.control": "continuous"}).torque(0.0, np.zeros(6), np.zeros(6)).shape == (
+        6,
+    )
+    np.testing.assert_allclose(run.obstacles(0.0), run.state.obstacles)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import re
 import json
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable

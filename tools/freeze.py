@@ -55,8 +55,8 @@ EXTRA: dict[str, dict[str, Any]] = {
         },
         "reference": {"kind": "line", "end": [4.0, 2.2, 0.2], "duration": 2.0},
         "obstacles": [
-            {"shape": {"kind": "capsule", "a": [-0.2, 0.0], "b": [0.2, 0.1], "radius": 0.1}, "position": [1.9, 3.0],
-             "motion": {"kind": "linear", "velocity": [0.0, -0.45]}},
+            {"shape": {"kind": "capsule", "a": [-0.2, 0.0], "b": [0.2, 0.1], "radius": 0.1},
+             "position": [1.9, 3.0], "motion": {"kind": "linear", "velocity": [0.0, -0.45]}},
             {"shape": {"kind": "box", "size": [0.7, 0.5]}, "position": [3.4, 0.1], "angle": 0.3},
             {"shape": {"kind": "polygon", "vertices": [[0, 0], [0.4, 0], [0.2, 0.3]]}, "position": [1.0, 3.0],
              "motion": {"kind": "waypoints", "times": [0.2, 1.0], "points": [[1.0, 3.0], [1.4, 2.4]]}},
@@ -94,8 +94,9 @@ def build(tree: Path) -> None:
 
 def digests() -> dict[str, dict[str, str]]:
     """Hashes of all that the package on the path computes, by case."""
-    import numpy as np  # noqa: PLC0415
-    import vffnull as vff  # noqa: PLC0415
+    import numpy as np
+
+    import vffnull as vff
 
     found = {}
     scenes = {name: vff.Scenario.load(name).to_dict() for name in vff.scenarios()}
@@ -141,7 +142,10 @@ def differences(before: dict[str, dict[str, str]], after: dict[str, dict[str, st
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Read the command line, and compare."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("revision", nargs="?", help="the commit to be compared with")
     parser.add_argument("--digests", action="store_true", help="print what the package on the path computes")
     parser.add_argument("--before", type=Path, help="a tree that is built already, instead of a revision")
@@ -165,7 +169,9 @@ def main() -> None:
                 subprocess.run(["git", "worktree", "remove", "--force", tree], cwd=ROOT, check=True)
     lines = differences(before, run(ROOT))
     print("\n".join(lines))
-    print(f"{len(before)} cases of {len({case.split()[0] for case in before})} scenarios, {len(lines)} differ")
+    print(
+        f"{len(before)} cases of {len({case.split()[0] for case in before})} scenarios, {len(lines)} differ"
+    )
     sys.exit(bool(lines))
 
 

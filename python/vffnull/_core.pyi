@@ -2,13 +2,13 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from os import PathLike
 from typing import Any, Literal, Protocol, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "ARMS",
     "ENERGIES",
     "METRICS",
     "OBJECTIVES",
@@ -18,18 +18,24 @@ __all__ = [
     "Distances",
     "Episodes",
     "ExtendedJacobian",
+    "ExternalRun",
     "Live",
     "Simulation",
     "State",
     "Terms",
     "__version__",
+    "arm_model",
+    "arm_text",
     "check",
+    "check_arm",
     "distances",
     "feasibility",
     "format_toml",
     "parse_toml",
     "plant",
+    "read_urdf",
     "real_time",
+    "reduce_tree",
     "run",
     "run_many",
     "schema",
@@ -50,6 +56,8 @@ ENERGIES: tuple[str, ...]
 """The energies that are recorded: kinetic, of gravity, and what the null space stores."""
 OBJECTIVES: tuple[str, ...]
 """What limits take from, first to last, and at the end the reference's speed."""
+ARMS: tuple[str, ...]
+"""Names of the bundled spatial arms."""
 PORTS: tuple[str, ...]
 """The powers that are recorded: of the motors, then of all that feeds or drains the null space."""
 
@@ -572,9 +580,9 @@ class Live:
     def configure(self, controller: _Document) -> None:
         """Take over other settings of the controller: all of them, as in `[controller]` of a scenario."""
     def carry(self, obstacle: int, place: ArrayLike) -> None:
-        """Take an obstacle to a place (2,) [m], smoothly and not faster than half the reach per second."""
+        """Take an obstacle to a place (D,) [m], smoothly and not faster than half the reach per second."""
     def aim(self, place: ArrayLike) -> None:
-        """Take the reference to a place (2,) [m] or as near to it as the arm can reach, smoothly and not
+        """Take the reference to a place (D,) [m] or as near to it as the arm can reach, smoothly and not
         faster than a quarter of the reach per second.
         """
     def add(self, obstacle: _Document) -> None:
@@ -641,6 +649,110 @@ class Simulation:
     @property
     def status(self) -> str:
         """How the run stands: ``"completed"``, ``"collided"`` or ``"diverged"`` up to now."""
+
+@final
+class ExternalRun:
+    """A run whose plant is elsewhere: the controller with its reference, sensors and drives, the obstacles,
+    the record and the metrics, but not what moves the arm.
+
+    In every plant step the plant asks for the torque, by `drive` or, if control is continuous, by `torque`,
+    and hands its new state to `arrive`.
+
+    Parameters
+    ----------
+    document : Mapping or object with to_dict()
+        The scenario.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+
+    Examples
+    --------
+    >>> run = ExternalRun(document)  # doctest: +SKIP
+    >>> while not run.done:  # doctest: +SKIP
+    ...     run.arrive(*my_plant.step(run.drive()))
+    >>> run.outcome()["status"]  # doctest: +SKIP
+    """
+
+    def __new__(cls, document: _Document) -> ExternalRun: ...
+    @property
+    def state(self) -> State:
+        """The present instant."""
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+    @property
+    def done(self) -> bool:
+        """Whether no step is left to take: the duration is over, or the run has diverged."""
+    def obstacles(self, t: float) -> _Array:
+        """Positions of the obstacles at a time.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+
+        Returns
+        -------
+        (k, 2) ndarray
+            A row per obstacle [m].
+        """
+
+    def drive(self) -> _Array:
+        """The torque to hold over the next plant step, after the drives; the same until `arrive`.
+
+        Returns
+        -------
+        (n,) ndarray
+            Joint torque [N·m].
+        """
+
+    def torque(self, t: float, q: ArrayLike, dq: ArrayLike) -> _Array:
+        """The law at an instant of the next plant step, for continuous control.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s].
+
+        Returns
+        -------
+        (n,) ndarray
+            Joint torque [N·m], not finite if the state is not.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If control is not continuous.
+        """
+
+    def arrive(self, q: ArrayLike, dq: ArrayLike) -> bool:
+        """Take over the state to which the plant has come within one plant step.
+
+        Parameters
+        ----------
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s]. If they are not finite, or too fast, the run has
+            diverged and ends before them.
+
+        Returns
+        -------
+        bool
+            Whether the run has come there: False if it diverged, or was over before.
+        """
+
+    def outcome(self) -> dict[str, Any]:
+        """How the run ended, once: the record is handed over.
+
+        Returns
+        -------
+        dict
+            As `run` returns it; ``"interrupted"`` if the run is not over.
+        """
 
 def distances(
     arm: Arm, q: ArrayLike, dq: ArrayLike, obstacles: Sequence[_Document], t: ArrayLike = 0.0
@@ -804,7 +916,7 @@ def check(
     kind: Literal["scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation"],
     document: Mapping[str, Any],
 ) -> list[str]:
-    """Judge a scenario document, or a part of one, and return warnings.
+    """Validate a scenario document, or a part of one, and return warnings.
 
     Raises
     ------
@@ -908,4 +1020,19 @@ def schema() -> str:
     """Every key of a scenario with its unit, default and meaning, as text."""
 
 def schema_json() -> str:
-    """The same as a JSON Schema (draft 7)."""
+    """The same as a JSON Schema."""
+
+def read_urdf(text: str, options: _Document) -> dict[str, Any]:
+    """URDF text to an arm, its geometry, and what is odd."""
+
+def reduce_tree(tree: _Document, options: _Document) -> dict[str, Any]:
+    """The same for links and joints that another reader found."""
+
+def check_arm(arm: _Document) -> dict[str, Any]:
+    """The explicit description of an arm, judged and with every key that has a default."""
+
+def arm_model(name: str) -> dict[str, Any]:
+    """The description of a bundled arm."""
+
+def arm_text(name: str) -> str:
+    """The document of a bundled arm, with the sources of its numbers."""

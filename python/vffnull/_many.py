@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from vffnull import _core, _progress
 from vffnull._arguments import MOST_THREADS, whole
 from vffnull._document import Document, plain
+from vffnull._from_core import result_of
 from vffnull._progress import Counter, counted
-from vffnull._simulate import result_of
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
 from vffnull.result import Result
 from vffnull.scenario import Scenario, ScenarioLike, changed, check_overrides, document_of

@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from vffnull import _core, _progress
+from vffnull._from_core import result_of
 from vffnull._progress import Progress
 from vffnull.errors import InputError, ScenarioWarning
-from vffnull.result import Metrics, Result, Status
+from vffnull.result import Result
 from vffnull.scenario import Scenario, ScenarioLike, prepare
 
-__all__ = ["prepare", "result_of", "run", "simulate"]
+__all__ = ["prepare", "run", "simulate"]
 
 _PLANTS = ("core", "mujoco")
 
@@ -85,18 +86,3 @@ def run(scenario: Scenario, progress: Progress | None = None, plant: str = "core
 
         return mujoco_plant.run(scenario, progress)
     return result_of(scenario, _core.run(scenario.to_dict(), progress))
-
-
-def result_of(scenario: Scenario, outcome: Mapping[str, Any]) -> Result:
-    """What the core hands back, as a result."""
-    return Result(
-        scenario=scenario,
-        status=Status(outcome["status"]),
-        message=outcome["message"],
-        end_time=outcome["end_time"],
-        wall_time=outcome["wall_time"],
-        warnings=tuple(outcome["warnings"]),
-        metrics=Metrics(outcome["metrics"]),
-        version=_core.__version__,
-        **outcome["record"],
-    )

@@ -6,11 +6,13 @@
 //! loop has to hand the interruption on. What was being computed is lost, and an object that was being changed must
 //! not be used again before it is rebuilt.
 
+#[cfg(feature = "parallel")]
 use rayon::ThreadPool;
 use std::cell::{Cell, RefCell};
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+#[cfg(feature = "parallel")]
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
@@ -110,6 +112,7 @@ pub fn watched<T>(watch: Watch, work: impl FnOnce() -> T) -> Result<T, Interrupt
 
 /// Does work on the threads of `pool`. Its parts are to be done [`within`](Parts::within), so that an interruption of
 /// the calling thread, which goes on looking at the clock, ends them, too.
+#[cfg(feature = "parallel")]
 pub fn on_pool<T: Send>(pool: &ThreadPool, work: impl FnOnce(&Parts) -> T + Send) -> T {
     let Some(watch) = WATCH.with_borrow(Clone::clone) else {
         return pool.install(|| work(&Parts(None)));
@@ -134,9 +137,11 @@ pub fn on_pool<T: Send>(pool: &ThreadPool, work: impl FnOnce(&Parts) -> T + Send
 }
 
 /// How the parts of a work on several threads learn that it is not wanted any more.
+#[cfg(feature = "parallel")]
 #[derive(Debug)]
 pub struct Parts(Option<Watch>);
 
+#[cfg(feature = "parallel")]
 impl Parts {
     /// Does one part on the present thread.
     pub fn within<T>(&self, part: impl FnOnce() -> T) -> T {

@@ -2,9 +2,13 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
+use vff_core::math::Vector;
+use vff_core::robot::spatial::{Description, Joint, JointKind, Mobility, Placement, Spatial};
+use vff_core::robot::{Robot, SpatialArm};
 use vff_core::runtime::live::{Live, State};
 use vff_core::runtime::real_time::RealTime;
 use vff_core::scenario::Scenario;
@@ -270,6 +274,70 @@ fn no_beat_of_a_live_loop_allocates() {
         assert_eq!(live.state(), &State::Running);
         assert!(live.take().unwrap().0.unwrap().rows > 100);
     }
+}
+
+/// Nor does any operator of an arm in space, whatever the task.
+#[test]
+fn no_operator_of_a_spatial_arm_allocates() {
+    let joints = (0..7)
+        .map(|i| Joint {
+            name: format!("joint {i}"),
+            link: format!("link {i}"),
+            kind: if i == 3 { JointKind::Prismatic } else { JointKind::Revolute },
+            placement: Placement {
+                position: Vector::<3>::new(0.1, 0.0, 0.3),
+                orientation: [0.8, 0.6, 0.0, 0.0],
+            },
+            axis: Vector::<3>::z(),
+            mass: 2.0,
+            com: Vector::<3>::new(0.0, 0.05, 0.1),
+            inertia: [0.02, 0.02, 0.01, 0.0, 0.001, 0.0],
+            armature: 0.1,
+        })
+        .collect();
+    let gravity = Vector::<3>::new(0.0, 0.0, -9.81);
+    let description = Description { joints, gravity, ..Description::default() };
+    let mut state = Arc::new(SpatialArm::new(description).unwrap()).state();
+    fn on_the_task<const M: usize, R: Robot<3>>(state: &mut R, q: &[f64], v: &[f64]) -> usize {
+        let mut y = vec![Vector::<M>::zeros(); q.len()];
+        let (mut out, mut scratch) = (vec![0.0; q.len()], vec![0.0; q.len()]);
+        allocations(|| {
+            let lambda_inv = state.update_with_response::<M>(q, v, &mut y);
+            assert!((state.task_response(&mut y) - lambda_inv).norm() < 1e-9 * lambda_inv.norm());
+            let f = state.task_velocity::<M>() + state.task_bias_acceleration::<M>();
+            let f = f + state.jacobian_mul::<M>(v) + state.jacobian_dot_mul::<M>(v);
+            state.jacobian_tr_mul(&f, &mut out);
+            state.jacobian_dot_tr_mul(&f, &mut out);
+            state.momentum_and_coriolis(&f, &mut out, &mut scratch);
+            state.coupling_torque(&f, v, &mut out);
+        })
+    }
+    let (q, v) = ([0.3, -0.7, 0.2, 0.4, -0.5, 0.9, 0.1], [1.0, -0.2, 0.6, 0.3, -0.8, 0.5, -0.4]);
+    assert_eq!(on_the_task::<3, _>(&mut state, &q, &v), 0);
+    assert_eq!(on_the_task::<5, _>(&mut state, &q, &v), 0);
+    assert_eq!(on_the_task::<6, _>(&mut state, &q, &v), 0);
+    let (mut out, mut scratch) = ([0.0; 7], [0.0; 7]);
+    let mut mobilities = [Mobility::default(); 7];
+    let mut wrenches = [Spatial::default(); 7];
+    let count = allocations(|| {
+        state.update_positions(&q);
+        state.update(&q, &v);
+        state.update_with_dynamics(&q, &v, &v, &mut scratch, &mut out);
+        state.mass_mul(&v, &mut out);
+        state.mass_solve(&v, &mut out);
+        state.coriolis_mul(&v, &mut out);
+        state.coriolis_tr_mul(&v, &mut out);
+        state.gravity_torque(&mut out);
+        state.bias_torque(&mut out);
+        state.mobilities(&mut mobilities);
+        let (point, force) = (state.position(), Vector::<3>::new(0.1, 0.2, 0.3));
+        assert!(state.point_mobility(6, &point, &force) > 0.0);
+        assert!(state.point_velocity(6, &point) != state.point_bias_acceleration(6, &point));
+        state.add_force(&mut wrenches, 6, &point, &force);
+        state.wrenches_tr_mul(&wrenches, &mut out);
+        assert!(state.potential_energy() > 0.0);
+    });
+    assert_eq!(count, 0);
 }
 
 /// The test can fail: the explicit form of the law, which is dense, does allocate.

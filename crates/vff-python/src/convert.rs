@@ -319,6 +319,12 @@ pub fn table_to_dict<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py,
 
 /// Copies a vector of known length out of whatever NumPy makes an array of.
 pub fn read_vector(name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
+    copy_vector(name, value, out)?;
+    finite(name, out)
+}
+
+/// The same, finite or not.
+pub fn copy_vector(name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
     if !read_floats(value, out) && !read_plain(value, out) {
         let array = float_array(name, value)?;
         if array.shape() != [out.len()] {
@@ -326,7 +332,7 @@ pub fn read_vector(name: &str, value: &Bound<'_, PyAny>, out: &mut [f64]) -> PyR
         }
         out.copy_from_slice(array.readonly().as_slice()?);
     }
-    finite(name, out)
+    Ok(())
 }
 
 /// Copies a plain array of the right length. False for anything else, also for one whose numbers stand at odd places.

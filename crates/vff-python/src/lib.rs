@@ -6,7 +6,9 @@ mod controller;
 mod convert;
 mod distances;
 mod errors;
+mod external;
 mod live;
+mod models;
 mod real_time;
 mod run;
 mod simulation;
@@ -26,7 +28,11 @@ mod _core {
     #[pymodule_export]
     use crate::distances::{Distances, distances};
     #[pymodule_export]
+    use crate::external::ExternalRun;
+    #[pymodule_export]
     use crate::live::Live;
+    #[pymodule_export]
+    use crate::models::{arm_model, arm_text, check_arm, read_urdf, reduce_tree};
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
@@ -59,6 +65,7 @@ mod _core {
         let names = |names: &[&str]| PyTuple::new(module.py(), names);
         module.add("OBJECTIVES", names(&limits::OBJECTIVES)?)?;
         module.add("ENERGIES", names(&energy::ENERGIES)?)?;
-        module.add("PORTS", names(&energy::PORTS)?)
+        module.add("PORTS", names(&energy::PORTS)?)?;
+        module.add("ARMS", names(&vff_core::robot::models::NAMES)?)
     }
 }

@@ -180,7 +180,7 @@ pub fn assess_feasibility<'py>(
 }
 
 /// An outcome as Python values.
-fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
+pub fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
     let Rollout { outcome, warnings, wall_time } = rollout;
     let metrics = PyDict::new(py);
     for (metric, value) in &outcome.metrics {

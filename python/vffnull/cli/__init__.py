@@ -17,6 +17,7 @@ import click
 from vffnull import _core
 from vffnull._validation import faults
 from vffnull.cli import results
+from vffnull.cli.arms import arms
 from vffnull.cli.common import (
     FINE,
     INTERRUPTED,
@@ -120,7 +121,7 @@ def _commands() -> None:
     """
 
 
-for _command in (live, realtime, evaluate, results.animate, results.report, results.compare):
+for _command in (arms, live, realtime, evaluate, results.animate, results.report, results.compare):
     _commands.add_command(_command)
 
 

@@ -116,7 +116,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     /// Makes room for so many obstacles, so that observing them does not allocate.
     pub(crate) fn reserve(&mut self, obstacles: usize) {
         if let Some(avoider) = &mut self.avoider {
-            avoider.reserve(self.robot.dof() * obstacles);
+            avoider.reserve(self.robot.body_count() * obstacles);
         }
     }
 

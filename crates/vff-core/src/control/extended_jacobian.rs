@@ -77,7 +77,7 @@ impl ExtendedJacobian {
 
         // Ż = −J⁺J̇Z keeps JZ = 0; Ṁ = C + Cᵀ; from both, Ṅ_M.
         let j_pinv = j.transpose() * (&j * j.transpose()).try_inverse()?;
-        let z_dot_t = (-mul(&j_pinv, &mul(&j_dot, &z))).transpose();
+        let z_dot_t = (-mul(&mul(&j_pinv, &j_dot), &z)).transpose();
         let mass_dot = coriolis + coriolis.transpose();
         let moved = mul(&z_dot_t, mass) + mul(&z_t, &mass_dot);
         let lambda_n_dot = mul(&moved, &z) + mul(&z_t_mass, &z_dot_t.transpose());

@@ -6,8 +6,10 @@ mod nearest;
 mod noise;
 mod point;
 mod pose;
+pub mod rotation;
 mod scalar_or_vec;
 mod sincos;
+mod spatial_pose;
 mod third_order_filter;
 
 pub use body::{Body, keep_least};
@@ -15,8 +17,10 @@ pub use nearest::{Nearest, beside, nearest};
 pub use noise::Noise;
 pub use point::Point;
 pub use pose::{PlanarPose, Pose};
+pub use rotation::UnitQuaternion;
 pub use scalar_or_vec::ScalarOrVec;
 pub use sincos::{sin_cos, unit_vectors};
+pub use spatial_pose::{Pointing, SpatialPose};
 pub use third_order_filter::ThirdOrderFilter;
 
 use nalgebra::SVector;

@@ -7,8 +7,19 @@
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
+#[cfg(feature = "models")]
+pub mod description;
+#[cfg(feature = "models")]
+pub mod inertia;
 mod limits;
+#[cfg(feature = "models")]
+pub mod models;
+#[cfg(feature = "models")]
+mod names;
 pub mod planar;
+pub mod spatial;
+#[cfg(feature = "models")]
+pub mod urdf;
 
 use crate::math::{Body, Pose, Vector};
 use nalgebra::{SMatrix, SVector};
@@ -18,6 +29,7 @@ use std::sync::Arc;
 pub use dense::Matrices;
 pub use limits::Limits;
 pub use planar::{PlanarArm, PlanarState};
+pub use spatial::{SpatialArm, SpatialState};
 
 /// What is immutable of an arm in `D`-dimensional space. Its states refer to it.
 pub trait Model<const D: usize>: Debug + Clone {

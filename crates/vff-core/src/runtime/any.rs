@@ -109,6 +109,15 @@ impl AnyRun {
         either!(self, run => run.closed_loop().world().position(j).as_slice().to_vec())
     }
 
+    /// Where the obstacles are at time `t` [m], one coordinate after the other.
+    pub fn obstacles_at(&self, t: f64) -> Vec<f64> {
+        either!(self, run => {
+            let world = run.closed_loop().world();
+            let places = (0..world.len()).map(|j| world.position_at(j, t));
+            places.flat_map(|place| place.as_slice().to_vec()).collect()
+        })
+    }
+
     /// Carries obstacle `j` to `goal` [m] from now on, with the pole `rate` [1/s]. Does not allocate.
     pub fn carry(&mut self, j: usize, goal: &[f64], rate: f64) {
         either!(self, run => {
@@ -146,7 +155,7 @@ impl AnyRun {
         either!(self, run => run.closed_loop().limits())
     }
 
-    /// [`Model::typical_torque`](crate::robot::Model::typical_torque).
+    /// [`Model::typical_torque`].
     pub fn typical_torque(&self) -> Vec<f64> {
         either!(self, run => run.closed_loop().arm().typical_torque())
     }

@@ -2,7 +2,7 @@
 //!
 //! A scenario describes a [`Reference`]; [`Trajectory::new`] checks it against the task and prepares it;
 //! [`Trajectory::at`] evaluates it without allocating. What a reference means for a kind of pose is said by
-//! [`Guided`]: [`planar`] has the poses of the plane.
+//! [`Guided`]: `planar` has the poses of the plane.
 
 mod coordinates;
 mod error;

@@ -151,6 +151,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.obstacles[j].state_at(self.time).position
     }
 
+    /// Where obstacle `j` is at time `t` [m]; moves nothing.
+    pub fn position_at(&self, j: usize, t: f64) -> Vector<D> {
+        self.obstacles[j].state_at(t).position
+    }
+
     /// Lets go of the motion of obstacle `j` and carries it to `goal` [m] from now on, smoothly, with
     /// the pole `rate` [1/s].
     ///

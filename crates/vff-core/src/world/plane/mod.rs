@@ -11,10 +11,10 @@
 //! of one of them. Both need only projections of points. Points and segments, by far the most
 //! frequent, have closed forms. parry's general routines are not used: GJK has no direction at
 //! contact, EPA allocates, and segment–segment errs by 3e-8 m on nearly parallel segments. Its
-//! hierarchy of boxes ([`hierarchy`]) finds what is near among many.
+//! hierarchy of boxes (`hierarchy`) finds what is near among many.
 //!
-//! A file per pair: axis and [`point`], [`segment`], [`convex`] polygon. A file per question:
-//! [`barriers`], [`rays`], [`hierarchy`].
+//! A file per pair: axis and `point`, `segment`, `convex` polygon. A file per question:
+//! `barriers`, `rays`, `hierarchy`.
 
 mod axis;
 mod barriers;

@@ -1,0 +1,124 @@
+//! Poses in space: with the whole orientation, or with the direction of the tool alone.
+
+use super::rotation::{OrientationError, UnitQuaternion};
+use super::{Pose, Vector};
+
+/// A position [m] and an orientation, as the seven numbers that are written: x, y, z, then the quaternion w, x, y, z
+/// with w ≥ 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpatialPose {
+    orientation: UnitQuaternion,
+    written: [f64; 7],
+}
+
+impl SpatialPose {
+    /// The pose at a position [m] with an orientation.
+    pub fn new(position: Vector<3>, orientation: UnitQuaternion) -> Self {
+        let [w, i, j, k] = orientation.to_array();
+        Self { orientation, written: [position.x, position.y, position.z, w, i, j, k] }
+    }
+
+    /// Position [m].
+    #[inline]
+    pub fn position(&self) -> Vector<3> {
+        Vector::<3>::new(self.written[0], self.written[1], self.written[2])
+    }
+
+    /// Orientation.
+    #[inline]
+    pub fn orientation(&self) -> UnitQuaternion {
+        self.orientation
+    }
+}
+
+/// Errors and displacements are linear, then angular, in world axes; the angular error is 2 sgn(η) ε of the quaternion
+/// (η, ε) from the reference to the pose. Across half a turn it jumps to the other side.
+impl Pose<6> for SpatialPose {
+    const WIDTH: usize = 7;
+
+    #[inline]
+    fn error(&self, reference: &Self) -> Vector<6> {
+        let p = self.position() - reference.position();
+        let o = self.orientation.error(&reference.orientation, OrientationError::Quaternion);
+        Vector::<6>::new(p.x, p.y, p.z, o.x, o.y, o.z)
+    }
+
+    #[inline]
+    fn moved(&self, d: &Vector<6>) -> Self {
+        let turn = UnitQuaternion::exp(&Vector::<3>::new(d[3], d[4], d[5]));
+        Self::new(self.position() + d.fixed_rows::<3>(0), turn * self.orientation)
+    }
+
+    fn as_slice(&self) -> &[f64] {
+        &self.written
+    }
+}
+
+/// A position [m] and the direction of the tool's z axis: the turn about that axis is free.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pointing(pub SpatialPose);
+
+/// Angular components are those along the x and y axes of the tool itself, as the rows of its Jacobian.
+impl Pose<5> for Pointing {
+    const WIDTH: usize = 7;
+
+    #[inline]
+    fn error(&self, reference: &Self) -> Vector<5> {
+        let p = self.0.position() - reference.0.position();
+        let (own, wanted) = (self.0.orientation, reference.0.orientation);
+        let o = own.pointing_error(&wanted, OrientationError::Quaternion);
+        Vector::<5>::new(p.x, p.y, p.z, o.x, o.y)
+    }
+
+    #[inline]
+    fn moved(&self, d: &Vector<5>) -> Self {
+        let turn = UnitQuaternion::exp(&Vector::<3>::new(d[3], d[4], 0.0));
+        let position = self.0.position() + d.fixed_rows::<3>(0);
+        Self(SpatialPose::new(position, self.0.orientation * turn))
+    }
+
+    fn as_slice(&self) -> &[f64] {
+        self.0.as_slice()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn pose() -> impl Strategy<Value = SpatialPose> {
+        let three = |size: f64| [-size..size, -size..size, -size..size];
+        (three(2.0), three(1.8)).prop_map(|(position, turn)| {
+            SpatialPose::new(position.into(), UnitQuaternion::exp(&turn.into()))
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(128))]
+
+        /// The error is the displacement to first order, at the pose itself: e(x ⊕ δ, x) = δ + O(δ³).
+        #[test]
+        fn small_errors_are_displacements(x in pose(), d in prop::array::uniform6(-1e-3..1e-3)) {
+            let d = Vector::from(d);
+            let e = x.moved(&d).error(&x);
+            prop_assert!((e - d).norm() < 1e-9, "{e} is not {d}");
+            let d = Vector::<5>::from_column_slice(&d.as_slice()[..5]);
+            let e = Pointing(x).moved(&d).error(&Pointing(x));
+            // In the axes of the moved tool, which have turned with the displacement, but not about it.
+            prop_assert!((e - d).norm() < 1e-9, "{e} is not {d}");
+        }
+
+        /// What is written has a unit quaternion with w ≥ 0, and turning about the tool's z axis is no error of pointing.
+        #[test]
+        fn a_turn_about_the_tool_is_free(x in pose(), turn in -3.0..3.0) {
+            let written = x.as_slice();
+            prop_assert!(written[3] >= 0.0);
+            prop_assert!((written[3..].iter().map(|q| q * q).sum::<f64>() - 1.0).abs() < 1e-14);
+            let about = UnitQuaternion::exp(&Vector::<3>::new(0.0, 0.0, turn));
+            let turned = SpatialPose::new(x.position(), x.orientation() * about);
+            prop_assert!(Pointing(turned).error(&Pointing(x)).norm() < 1e-14);
+            prop_assert!((turned.error(&x).norm() - 2.0 * (0.5 * turn).sin().abs()).abs() < 1e-14);
+        }
+    }
+}

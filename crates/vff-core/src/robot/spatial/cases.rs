@@ -1,0 +1,136 @@
+//! Random spatial arms and states for the unit tests.
+
+use super::{Description, Joint, JointKind, Placement, SpatialArm, SpatialState};
+use crate::math::Vector;
+use crate::math::rotation::UnitQuaternion;
+use crate::robot::{Limits, PlanarArm, Robot};
+use proptest::prelude::*;
+use std::sync::Arc;
+
+/// A random arm at a random state, and two more random joint vectors.
+#[derive(Debug, Clone)]
+pub struct Case {
+    pub arm: Arc<SpatialArm>,
+    pub q: Vec<f64>,
+    pub dq: Vec<f64>,
+    pub u: Vec<f64>,
+    pub v: Vec<f64>,
+}
+
+impl Case {
+    pub fn state(&self) -> SpatialState {
+        self.at(&self.q, &self.dq)
+    }
+
+    pub fn at(&self, q: &[f64], dq: &[f64]) -> SpatialState {
+        let mut state = self.arm.state();
+        state.update(q, dq);
+        state
+    }
+
+    /// The state a short time later, moving with constant q̇.
+    pub fn later(&self, dt: f64) -> SpatialState {
+        let q: Vec<_> = self.q.iter().zip(&self.dq).map(|(q, dq)| q + dt * dq).collect();
+        self.at(&q, &self.dq)
+    }
+}
+
+/// A rod of `length` along x, not quite thin, that turns about z at its end.
+pub fn link(name: &str, length: f64) -> Joint {
+    let across = length * length / 12.0;
+    Joint {
+        name: format!("{name}_joint"),
+        link: name.into(),
+        kind: JointKind::Revolute,
+        placement: Placement::default(),
+        axis: Vector::<3>::z(),
+        mass: 1.0,
+        com: Vector::<3>::new(0.5 * length, 0.0, 0.0),
+        inertia: [1e-3, across, across, 0.0, 0.0, 0.0],
+        armature: 0.0,
+    }
+}
+
+fn vector(size: f64) -> impl Strategy<Value = Vector<3>> {
+    prop::array::uniform3(-size..size).prop_map(Vector::from)
+}
+
+fn placement(size: f64) -> impl Strategy<Value = Placement> {
+    (vector(size), vector(3.0)).prop_map(|(position, phi)| Placement {
+        position,
+        orientation: UnitQuaternion::exp(&phi).to_array(),
+    })
+}
+
+/// A link of any placement, axis and full inertia tensor: that of three rods across each other, turned.
+fn joint() -> impl Strategy<Value = Joint> {
+    let kind = prop_oneof![
+        3 => Just(JointKind::Revolute),
+        1 => Just(JointKind::Continuous),
+        2 => Just(JointKind::Prismatic),
+    ];
+    let axis = prop_oneof![
+        Just(Vector::<3>::z()),
+        Just(-Vector::<3>::y()),
+        vector(1.0).prop_filter_map("no axis", |x| x.try_normalize(0.1)),
+    ];
+    let second_moments = prop::array::uniform3(0.002..0.05);
+    let armature = prop_oneof![Just(0.0), 0.0..0.5];
+    (kind, placement(0.6), axis, 0.3..4.0, vector(0.3), second_moments, vector(3.0), armature)
+        .prop_map(|(kind, placement, axis, mass, com, [a, b, c], turn, armature)| {
+            let diagonal = Vector::<3>::new(b + c, a + c, a + b) * mass;
+            let r = UnitQuaternion::exp(&turn).matrix();
+            let j = r * nalgebra::Matrix3::from_diagonal(&diagonal) * r.transpose();
+            let inertia = [j[(0, 0)], j[(1, 1)], j[(2, 2)], j[(0, 1)], j[(0, 2)], j[(1, 2)]];
+            let (name, link) = (String::new(), String::new());
+            Joint { name, link, kind, placement, axis, mass, com, inertia, armature }
+        })
+}
+
+/// Arms of mixed joints, anywhere in the world, under gravity from any side.
+pub fn case(joints: impl Strategy<Value = usize>) -> impl Strategy<Value = Case> {
+    let joint_vector = || -3.0..3.0;
+    joints
+        .prop_flat_map(move |n| {
+            (
+                prop::collection::vec(joint(), n),
+                (placement(3.0), placement(0.3), vector(10.0)),
+                prop::array::uniform4(prop::collection::vec(joint_vector(), n)),
+            )
+        })
+        .prop_map(|(mut joints, (mount, tool, gravity), [q, dq, u, v])| {
+            for (i, joint) in joints.iter_mut().enumerate() {
+                joint.name = format!("joint {i}");
+                joint.link = format!("link {i}");
+            }
+            let (limits, bodies) = (Limits::default(), vec![]);
+            let description = Description { joints, mount, tool, gravity, limits, bodies };
+            Case { arm: Arc::new(SpatialArm::new(description).unwrap()), q, dq, u, v }
+        })
+}
+
+/// A planar arm as a spatial one with axes z; if it is to `lift`, on a prismatic joint that moves all
+/// of it along z, which nothing in the plane feels.
+pub fn planar_twin(arm: &PlanarArm, lift: bool) -> Arc<SpatialArm> {
+    let mut joints = vec![];
+    if lift {
+        joints.push(Joint { kind: JointKind::Prismatic, ..link("lift", 1.0) });
+    }
+    let mut at = Vector::<3>::zeros();
+    for (i, planar) in arm.links().iter().enumerate() {
+        // Where the mass is along z and what it opposes to a turn across z is the same to a planar arm.
+        let across = 1.0 + planar.inertia;
+        joints.push(Joint {
+            placement: Placement { position: at, ..Placement::default() },
+            mass: planar.mass,
+            com: Vector::<3>::new(planar.com.x, planar.com.y, 0.3),
+            inertia: [across, across, planar.inertia, 0.0, 0.0, 0.0],
+            ..link(&i.to_string(), 1.0)
+        });
+        at = Vector::<3>::new(planar.length, 0.0, 0.0);
+    }
+    let tool = Placement { position: at, ..Placement::default() };
+    let gravity = Vector::<3>::new(arm.gravity().x, arm.gravity().y, -3.0);
+    let description = Description { joints, tool, gravity, ..Description::default() };
+    Arc::new(SpatialArm::new(description).unwrap())
+}

@@ -1,0 +1,247 @@
+//! A spatial arm at (q, q̇): positions, velocities and the factorisation of M.
+
+use super::SpatialArm;
+use super::algebra::{ArticulatedInertia, Inertia, Spatial};
+use super::arm::{Fixed, Frame};
+use super::task::TaskForces;
+use crate::math::{Capsule, UnitQuaternion, Vector, sin_cos, unit_vectors};
+use crate::robot::Robot;
+use nalgebra::{Matrix3, SMatrix, SVector};
+use std::sync::Arc;
+
+/// What depends on (q, q̇) at one joint and its link, in world axes about the base.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Joint {
+    /// cos and sin of the joint's angle.
+    turn: [f64; 2],
+    /// Axes of the link's aligned frame, and its origin.
+    pub rotation: Matrix3<f64>,
+    pub position: Vector<3>,
+    /// The joint's unit twist s and its rate ṡ = V × s.
+    pub s: Spatial,
+    pub s_rate: Spatial,
+    /// Twist of the link, and its rate while q̈ = 0.
+    pub velocity: Spatial,
+    pub acceleration: Spatial,
+    pub inertia: Inertia,
+    /// Factorisation of M: U/D and 1/D (T88).
+    pub u: Spatial,
+    pub d_inv: f64,
+}
+
+impl Joint {
+    const ZERO: Self = Self {
+        turn: [1.0, 0.0],
+        rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        position: Vector::<3>::new(0.0, 0.0, 0.0),
+        s: Spatial::ZERO,
+        s_rate: Spatial::ZERO,
+        velocity: Spatial::ZERO,
+        acceleration: Spatial::ZERO,
+        inertia: Inertia::ZERO,
+        u: Spatial::ZERO,
+        d_inv: 0.0,
+    };
+}
+
+/// Where the tool is and how it moves, about the base.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tool {
+    /// Its axes in the world.
+    pub rotation: Matrix3<f64>,
+    pub position: Vector<3>,
+    /// Velocity of its origin.
+    pub velocity: Vector<3>,
+}
+
+/// A [`SpatialArm`] at (q, q̇). Allocated once, refreshed by [`Robot::update`].
+#[derive(Debug, Clone)]
+pub struct SpatialState {
+    pub(super) arm: Arc<SpatialArm>,
+    pub(super) q: Vec<f64>,
+    pub(super) dq: Vec<f64>,
+    pub(super) joints: Vec<Joint>,
+    pub(super) tool: Tool,
+}
+
+impl SpatialState {
+    pub(super) fn new(arm: Arc<SpatialArm>) -> Self {
+        let n = arm.dof();
+        let tool = Tool {
+            rotation: Matrix3::identity(),
+            position: Vector::zeros(),
+            velocity: Vector::zeros(),
+        };
+        let joints = vec![Joint::ZERO; n];
+        let mut state = Self { arm, q: vec![0.0; n], dq: vec![0.0; n], joints, tool };
+        state.update(&vec![0.0; n], &vec![0.0; n]);
+        state
+    }
+
+    /// The parameters of this arm.
+    pub fn arm(&self) -> &Arc<SpatialArm> {
+        &self.arm
+    }
+
+    /// The position of the tool in the world [m].
+    pub fn position(&self) -> Vector<3> {
+        self.arm.base() + self.tool.position
+    }
+
+    /// The orientation of the tool in the world.
+    pub fn orientation(&self) -> UnitQuaternion {
+        UnitQuaternion::from_matrix(&self.tool.rotation)
+    }
+
+    /// The axes of the tool in the world, one per column.
+    pub fn tool_axes(&self) -> &Matrix3<f64> {
+        &self.tool.rotation
+    }
+
+    /// The position of the origin of joint `i` in the world [m]; `i = n` is the tool.
+    pub fn joint_position(&self, i: usize) -> Vector<3> {
+        self.arm.base() + self.joints.get(i).map_or(self.tool.position, |joint| joint.position)
+    }
+
+    /// The axes of the frame of link `i` in the world, one per column.
+    pub fn link_axes(&self, i: usize) -> Matrix3<f64> {
+        self.joints[i].rotation * self.arm.fixed[i].alignment.transpose()
+    }
+
+    /// The link of collision body `k`, and where the body is in the world.
+    #[inline]
+    pub fn body(&self, k: usize) -> (usize, Capsule<3>) {
+        let body = &self.arm.bodies[k];
+        let Joint { rotation, position, .. } = &self.joints[body.link];
+        let Capsule { start, direction, length, radius } = body.capsule;
+        let start = self.arm.base() + position + rotation * start;
+        (body.link, Capsule { start, direction: rotation * direction, length, radius })
+    }
+
+    /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
+    #[inline(always)]
+    pub(super) fn with<'a>(
+        &'a self,
+        v: &'a [f64],
+        out: &'a mut [f64],
+    ) -> (&'a [Joint], &'a [f64], &'a mut [f64]) {
+        let n = self.joints.len();
+        (&self.joints, &v[..n], &mut out[..n])
+    }
+
+    /// Base to tip: positions, twists and their rates (T84), and the inertias in world axes.
+    pub(super) fn move_to(&mut self, q: &[f64], dq: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.dq.copy_from_slice(dq);
+        self.turn(q);
+        let (mut frame, mut velocity, mut acceleration) =
+            (Frame::WORLD, Spatial::ZERO, Spatial::ZERO);
+        let n = self.joints.len();
+        let fixed = &self.arm.fixed[..n];
+        for (((joint, fixed), q), dq) in self.joints.iter_mut().zip(fixed).zip(q).zip(dq) {
+            joint.place(fixed, &mut frame, *q);
+            joint.s_rate = velocity.cross(&joint.s);
+            velocity += joint.s * *dq;
+            acceleration += joint.s_rate * *dq;
+            (joint.velocity, joint.acceleration) = (velocity, acceleration);
+            let com = joint.position + joint.rotation * fixed.com;
+            joint.inertia = Inertia::new(fixed.mass, &com, fixed.central.turned(&joint.rotation));
+        }
+        self.place_tool(&frame);
+        self.tool.velocity = velocity.velocity_at(&self.tool.position);
+    }
+
+    /// Positions alone.
+    pub(super) fn move_positions(&mut self, q: &[f64]) {
+        self.q.copy_from_slice(q);
+        self.turn(q);
+        let mut frame = Frame::WORLD;
+        for ((joint, fixed), q) in self.joints.iter_mut().zip(&self.arm.fixed).zip(q) {
+            joint.place(fixed, &mut frame, *q);
+        }
+        self.place_tool(&frame);
+    }
+
+    /// All the sines, which wait for nothing.
+    fn turn(&mut self, q: &[f64]) {
+        let (pairs, rest) = self.joints.as_chunks_mut::<2>();
+        let (q, last) = q.as_chunks::<2>();
+        for (joints, q) in pairs.iter_mut().zip(q) {
+            [joints[0].turn, joints[1].turn] = unit_vectors(q[0], q[1]);
+        }
+        for (joint, q) in rest.iter_mut().zip(last) {
+            let (sin, cos) = sin_cos(*q);
+            joint.turn = [cos, sin];
+        }
+    }
+
+    fn place_tool(&mut self, last: &Frame) {
+        let Frame { rotation, position } = self.arm.tool;
+        self.tool.rotation = last.rotation * rotation;
+        self.tool.position = last.position + last.rotation * position;
+    }
+
+    /// Tip to base: the factorisation of M alone.
+    pub(super) fn factorise(&mut self) {
+        let mut outer = ArticulatedInertia::default();
+        for (joint, fixed) in self.joints.iter_mut().zip(&self.arm.fixed).rev() {
+            joint.factorise(&mut outer, fixed.armature);
+        }
+    }
+
+    /// Factorisation and half solves in one sweep: the first waits for its divisions, the second
+    /// fills the time.
+    pub(super) fn factorise_with_response<const M: usize>(
+        &mut self,
+        y: &mut [SVector<f64, M>],
+    ) -> SMatrix<f64, M, M> {
+        let mut forces = TaskForces::new(&self.tool);
+        let mut outer = ArticulatedInertia::default();
+        let links = self.joints.iter_mut().zip(&self.arm.fixed);
+        for ((joint, fixed), y) in links.zip(y.iter_mut()).rev() {
+            joint.factorise(&mut outer, fixed.armature);
+            forces.take_in(joint, y);
+        }
+        TaskForces::yield_forward(&self.joints, y);
+        forces.lambda_inv
+    }
+}
+
+impl Frame {
+    pub(super) const WORLD: Self = Self {
+        rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        position: Vector::<3>::new(0.0, 0.0, 0.0),
+    };
+}
+
+impl Joint {
+    /// Goes on from the frame of the link before to that of this one.
+    #[inline(always)]
+    fn place(&mut self, fixed: &Fixed, frame: &mut Frame, q: f64) {
+        let placed = frame.rotation * fixed.placement.rotation;
+        let axis: Vector<3> = placed.column(2).into();
+        let mut position = frame.position + frame.rotation * fixed.placement.position;
+        if fixed.slides {
+            position += axis * q;
+            self.rotation = placed;
+            self.s = Spatial::new(Vector::zeros(), axis);
+        } else {
+            let [cos, sin] = self.turn;
+            let (x, y) = (placed.column(0), placed.column(1));
+            self.rotation = Matrix3::from_columns(&[x * cos + y * sin, y * cos - x * sin, axis]);
+            self.s = Spatial::new(axis, position.cross(&axis));
+        }
+        self.position = position;
+        *frame = Frame { rotation: self.rotation, position };
+    }
+
+    /// Takes its link into the articulated inertia, and lets itself yield (T88).
+    #[inline(always)]
+    pub(super) fn factorise(&mut self, outer: &mut ArticulatedInertia, armature: f64) {
+        outer.add(&self.inertia);
+        let u = outer.mul(&self.s);
+        let d_inv = 1.0 / (self.s.dot(&u) + armature);
+        outer.release(&u, d_inv);
+        (self.u, self.d_inv) = (u * d_inv, d_inv);
+    }
+}

@@ -1,0 +1,264 @@
+//! `ExternalRun`: the closed loop of a scenario around a plant elsewhere.
+
+use crate::convert::{self, array1, array2, copy_vector, number};
+use crate::errors::InputError;
+use crate::run::{prepared, to_dict};
+use crate::simulation::State;
+use crate::turns::{Turn, Turns};
+use crate::watch::{attended, stepwise};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::time::Instant;
+use vff_core::runtime::AnyRun;
+use vff_core::runtime::any::Ready;
+use vff_core::runtime::batch::Rollout;
+use vff_core::simulation::Control;
+
+/// A run whose plant is elsewhere: the controller with its reference, sensors and drives, the obstacles,
+/// the record and the metrics, but not what moves the arm.
+///
+/// In every plant step the plant asks for the torque, by `drive` or, if control is continuous, by `torque`,
+/// and hands its new state to `arrive`.
+///
+/// Parameters
+/// ----------
+/// document : Mapping or object with to_dict()
+///     The scenario.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be run.
+///
+/// Examples
+/// --------
+/// >>> run = ExternalRun(document)  # doctest: +SKIP
+/// >>> while not run.done:  # doctest: +SKIP
+/// ...     run.arrive(*my_plant.step(run.drive()))
+/// >>> run.outcome()["status"]  # doctest: +SKIP
+#[pyclass(frozen, module = "vffnull")]
+pub struct ExternalRun {
+    inner: Turns<Inner>,
+    joints: usize,
+    continuous: bool,
+}
+
+struct Inner {
+    /// None once its outcome is taken.
+    run: Option<AnyRun>,
+    warnings: Vec<String>,
+    begun: Instant,
+    /// The torque of the drives in the present step, once it was asked for.
+    driven: Option<Vec<f64>>,
+    /// Whether an evaluation was broken off midway.
+    broken: bool,
+}
+
+impl Inner {
+    fn run(&mut self) -> PyResult<&mut AnyRun> {
+        self.run.as_mut().ok_or_else(taken)
+    }
+
+    /// The run, if it can go on.
+    fn whole(&mut self) -> PyResult<&mut AnyRun> {
+        if self.broken {
+            let sentence = "run: was interrupted in the middle of a step; only its outcome is left";
+            return Err(InputError::new_err(sentence));
+        }
+        self.run()
+    }
+
+    /// The torque of the drives, which are asked once per step.
+    fn drive(&mut self) -> PyResult<&[f64]> {
+        let driven = match self.driven.take() {
+            Some(driven) => driven,
+            None => self.whole()?.drive().to_vec(),
+        };
+        Ok(self.driven.insert(driven))
+    }
+}
+
+impl ExternalRun {
+    /// A state of the plant, finite or not.
+    fn state_of(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<[Vec<f64>; 2]> {
+        let mut state = [vec![0.0; self.joints], vec![0.0; self.joints]];
+        let [angles, velocities] = &mut state;
+        copy_vector("q", q, angles)?;
+        copy_vector("dq", dq, velocities)?;
+        Ok(state)
+    }
+
+    fn take(&self, py: Python<'_>) -> PyResult<Turn<'_, Inner>> {
+        self.inner.take(py)
+    }
+}
+
+#[pymethods]
+impl ExternalRun {
+    #[new]
+    fn new(document: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (py, document) = (document.py(), convert::document(document)?);
+        let (Ready { run, warnings }, continuous) = prepared(py, &document, |scenario| {
+            Ok((scenario.prepare()?, scenario.simulation.control == Control::Continuous))
+        })?;
+        let joints = run.snapshot().q.len();
+        let begun = Instant::now();
+        let inner = Inner { run: Some(run), warnings, begun, driven: None, broken: false };
+        Ok(Self { inner: Turns::new("run", inner), joints, continuous })
+    }
+
+    /// The present instant.
+    #[getter]
+    fn state(&self, py: Python<'_>) -> PyResult<State> {
+        Ok(self.take(py)?.whole()?.snapshot().into())
+    }
+
+    /// Time [s].
+    #[getter]
+    fn t(&self, py: Python<'_>) -> PyResult<f64> {
+        Ok(self.take(py)?.whole()?.snapshot().t)
+    }
+
+    /// Whether no step is left to take: the duration is over, or the run has diverged.
+    #[getter]
+    fn done(&self, py: Python<'_>) -> PyResult<bool> {
+        Ok(self.take(py)?.run()?.is_over())
+    }
+
+    /// Positions of the obstacles at a time.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float
+    ///     Time [s].
+    ///
+    /// Returns
+    /// -------
+    /// (k, 2) ndarray
+    ///     A row per obstacle [m].
+    fn obstacles<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let t = number("t", t)?;
+        let mut inner = self.take(py)?;
+        let run = inner.run()?;
+        let (values, dimension) = (run.obstacles_at(t), run.snapshot().dimension);
+        let count = values.len() / dimension;
+        array2(py, values, [count, dimension])
+    }
+
+    /// The torque to hold over the next plant step, after the drives; the same until `arrive`.
+    ///
+    /// Returns
+    /// -------
+    /// (n,) ndarray
+    ///     Joint torque [N·m].
+    fn drive<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(array1(py, self.take(py)?.drive()?))
+    }
+
+    /// The law at an instant of the next plant step, for continuous control.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float
+    ///     Time [s].
+    /// q, dq : (n,) array_like
+    ///     Joint angles [rad] and velocities [rad/s].
+    ///
+    /// Returns
+    /// -------
+    /// (n,) ndarray
+    ///     Joint torque [N·m], not finite if the state is not.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If control is not continuous.
+    fn torque<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+        dq: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        if !self.continuous {
+            let sentence = "torque: control is sampled; ask for drive(), or set simulation.control = \
+                            \"continuous\"";
+            return Err(InputError::new_err(sentence));
+        }
+        let t = number("t", t)?;
+        let [q, dq] = self.state_of(q, dq)?;
+        let mut inner = self.take(py)?;
+        let run = inner.whole()?;
+        let done = attended(|| array1(py, run.torque_at(t, &q, &dq)));
+        inner.broken = done.is_err();
+        done
+    }
+
+    /// Take over the state to which the plant has come within one plant step.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, dq : (n,) array_like
+    ///     Joint angles [rad] and velocities [rad/s]. If they are not finite, or too fast, the run has
+    ///     diverged and ends before them.
+    ///
+    /// Returns
+    /// -------
+    /// bool
+    ///     Whether the run has come there: False if it diverged, or was over before.
+    fn arrive(
+        &self,
+        py: Python<'_>,
+        q: &Bound<'_, PyAny>,
+        dq: &Bound<'_, PyAny>,
+    ) -> PyResult<bool> {
+        let [q, dq] = self.state_of(q, dq)?;
+        let mut inner = self.take(py)?;
+        if inner.whole()?.is_over() {
+            return Ok(false);
+        }
+        inner.drive()?; // the drives go on, whether or not the plant has asked
+        inner.driven = None;
+        let run = inner.whole()?;
+        let before = run.snapshot().t;
+        let (done, heard) = stepwise(py, || {
+            run.arrive_at(&q, &dq);
+            run.snapshot().t
+        });
+        inner.broken = done.is_none();
+        heard?;
+        Ok(done.is_some_and(|t| t > before))
+    }
+
+    /// How the run ended, once: the record is handed over.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     As `run` returns it; ``"interrupted"`` if the run is not over.
+    fn outcome<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let mut inner = self.take(py)?;
+        let run = inner.run.take().ok_or_else(taken)?;
+        let warnings = inner.warnings.clone();
+        let wall_time = inner.begun.elapsed().as_secs_f64();
+        to_dict(py, Rollout { outcome: run.outcome(), warnings, wall_time })
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let mut inner = self.take(py)?;
+        let stands = match &mut inner.run {
+            Some(run) => format!("t = {} s", run.snapshot().t),
+            None => "its outcome has been taken".into(),
+        };
+        Ok(format!("<ExternalRun: {} joints, {stands}>", self.joints))
+    }
+}
+
+fn taken() -> PyErr {
+    InputError::new_err("run: its outcome has been taken")
+}

@@ -1,0 +1,119 @@
+//! Descriptions of spatial arms: readers, judgement, and the bundled ones.
+
+use crate::convert::{document, from_toml};
+use crate::errors::InputError;
+use pyo3::prelude::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fmt::Display;
+use vff_core::robot::description::ArmDescription;
+use vff_core::robot::models;
+use vff_core::robot::urdf::{self, Options, Tree};
+
+fn refused(error: impl Display) -> PyErr {
+    InputError::new_err(error.to_string())
+}
+
+fn typed<T: DeserializeOwned>(table: toml::Table) -> PyResult<T> {
+    T::deserialize(toml::Value::Table(table)).map_err(refused)
+}
+
+fn to_python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    from_toml(py, &toml::Value::try_from(value).map_err(refused)?)
+}
+
+/// Read the text of a URDF.
+///
+/// Parameters
+/// ----------
+/// text : str
+///     The URDF.
+/// options : dict
+///     ``tip``, ``base``, ``locked``, ``tool``, ``mount``, ``gravity``, ``armature``, ``fix_inertia`` and
+///     ``srdf`` (text), each with its default.
+///
+/// Returns
+/// -------
+/// dict
+///     ``arm``, the explicit description without ``collision``; ``geometry``, what collides on which link;
+///     ``locked``, ``merged``, ``warnings``.
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     If the text is no URDF, or what is asked for is no arm.
+#[pyfunction]
+pub fn read_urdf<'py>(
+    py: Python<'py>,
+    text: &str,
+    #[pyo3(from_py_with = document)] options: toml::Table,
+) -> PyResult<Bound<'py, PyAny>> {
+    let options: Options = typed(options)?;
+    let reading = py.detach(|| urdf::read(text, &options)).map_err(refused)?;
+    to_python(py, &reading)
+}
+
+/// The same as `read_urdf` for links and joints that another reader found.
+///
+/// Parameters
+/// ----------
+/// tree : dict
+///     ``name``, ``links``, ``joints``, ``warnings``.
+/// options : dict
+///     As in `read_urdf`.
+#[pyfunction]
+pub fn reduce_tree<'py>(
+    py: Python<'py>,
+    #[pyo3(from_py_with = document)] tree: toml::Table,
+    #[pyo3(from_py_with = document)] options: toml::Table,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (tree, options): (Tree, Options) = (typed(tree)?, typed(options)?);
+    to_python(py, &tree.reduce(&options).map_err(refused)?)
+}
+
+/// Validate the explicit description of a spatial arm.
+///
+/// Parameters
+/// ----------
+/// arm : dict
+///     The description.
+///
+/// Returns
+/// -------
+/// dict
+///     The same with every key that has a default, axes and quaternions of length 1.
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     With the path of the first value that is wrong.
+#[pyfunction]
+pub fn check_arm<'py>(
+    py: Python<'py>,
+    #[pyo3(from_py_with = document)] arm: toml::Table,
+) -> PyResult<Bound<'py, PyAny>> {
+    let arm: ArmDescription = typed(arm)?;
+    to_python(py, &arm.checked().map_err(refused)?)
+}
+
+/// The explicit description of a bundled arm.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     One of `ARMS`.
+#[pyfunction]
+pub fn arm_model<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    to_python(py, &models::named(name).map_err(refused)?)
+}
+
+/// The document of a bundled arm, with the sources of its numbers.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     One of `ARMS`.
+#[pyfunction]
+pub fn arm_text(name: &str) -> PyResult<&'static str> {
+    models::text(name).map_err(refused)
+}

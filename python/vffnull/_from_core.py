@@ -1,0 +1,28 @@
+"""What the core hands back of a run, as a result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from vffnull import _core
+from vffnull.result import Metrics, Result, Status
+from vffnull.scenario import Scenario
+
+__all__ = ["result_of"]
+
+
+def result_of(scenario: Scenario, outcome: Mapping[str, Any], plant: str = "core") -> Result:
+    """What the core hands back, as a result."""
+    return Result(
+        scenario=scenario,
+        status=Status(outcome["status"]),
+        message=outcome["message"],
+        end_time=outcome["end_time"],
+        wall_time=outcome["wall_time"],
+        warnings=tuple(outcome["warnings"]),
+        metrics=Metrics(outcome["metrics"]),
+        version=_core.__version__,
+        plant=plant,
+        **outcome["record"],
+    )

@@ -1,0 +1,245 @@
+"""The explicit description of an arm to URDF and MJCF."""
+
+from __future__ import annotations
+
+import math
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from vffnull import _core
+from vffnull.arms._frames import roll_pitch_yaw
+from vffnull.errors import ScenarioWarning
+
+__all__ = ["to_mjcf", "to_urdf"]
+
+_IDENTITY = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
+
+
+def to_urdf(arm: Mapping[str, Any]) -> str:
+    """The arm as URDF.
+
+    Read back from its base to its tip it is the same arm, to rounding. URDF has no place for gravity and
+    armature; a mount becomes a fixed joint below a link ``world``, and capsules cylinders with balls
+    at their ends.
+
+    Parameters
+    ----------
+    arm : dict
+        The explicit description.
+
+    Returns
+    -------
+    str
+        XML.
+
+    Warns
+    -----
+    vffnull.errors.ScenarioWarning
+        If something is lost: armature, hulls.
+    """
+    arm = _core.check_arm(arm)
+    robot = ET.Element("robot", name=arm.get("name", "arm"))
+    base, joints = arm["base"], arm["joints"]
+    if arm["mount"] != _IDENTITY:
+        ET.SubElement(robot, "link", name=_free("world", arm))
+    lost = []
+    if any(joint["armature"] for joint in joints):
+        lost.append("armature")
+    if any(item["shape"]["kind"] == "convex" for item in arm.get("collision", [])):
+        lost.append("convex hulls")
+    if lost:
+        warnings.warn(f"URDF cannot hold {' and '.join(lost)}: left out", ScenarioWarning, stacklevel=2)
+    _urdf_link(robot, base, None, arm)
+    for joint in joints:
+        _urdf_link(robot, joint["link"], joint, arm)
+    if arm["tip"] != joints[-1]["link"]:
+        ET.SubElement(robot, "link", name=arm["tip"])
+        _urdf_fixed(robot, f"{arm['tip']}_fixed", joints[-1]["link"], arm["tip"], arm["tool"])
+    if arm["mount"] != _IDENTITY:
+        _urdf_fixed(robot, "mount", _free("world", arm), base, arm["mount"])
+    n = len(joints)
+    limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
+    velocity, torque = (
+        arm.get("velocity_limits") or [math.inf] * n,
+        arm.get("torque_limits") or [math.inf] * n,
+    )
+    parent = base
+    for i, joint in enumerate(joints):
+        lower, upper = limits[i]
+        bounded = math.isfinite(lower) and math.isfinite(upper)
+        # A limited joint without end exists in the document only.
+        kind = joint["kind"] if joint["kind"] == "prismatic" else ("revolute" if bounded else "continuous")
+        element = ET.SubElement(robot, "joint", name=joint["name"], type=kind)
+        ET.SubElement(element, "parent", link=parent)
+        ET.SubElement(element, "child", link=joint["link"])
+        _origin(element, joint["position"], joint["orientation"])
+        ET.SubElement(element, "axis", xyz=_text(joint["axis"]))
+        limit = {key: _text([value]) for key, value in (("velocity", velocity[i]), ("effort", torque[i]))}
+        limit = {key: "0" if text == "inf" else text for key, text in limit.items()}
+        if kind != "continuous":
+            ends = (lower, upper) if bounded else (-1e9, 1e9)
+            limit |= {"lower": _text(ends[:1]), "upper": _text(ends[1:])}
+        ET.SubElement(element, "limit", limit)
+        ET.SubElement(
+            element, "dynamics", damping=_text([joint["damping"]]), friction=_text([joint["friction"]])
+        )
+        parent = joint["link"]
+    return _xml(robot)
+
+
+def _urdf_link(robot: ET.Element, name: str, joint: Mapping[str, Any] | None, arm: Mapping[str, Any]) -> None:
+    link = ET.SubElement(robot, "link", name=name)
+    if joint is not None:
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=_text(joint["com"]))
+        ET.SubElement(inertial, "mass", value=_text([joint["mass"]]))
+        keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        tensor = {key: _text([value]) for key, value in zip(keys, joint["inertia"], strict=True)}
+        ET.SubElement(inertial, "inertia", tensor)
+    for shape in _shapes(arm, name):
+        for position, orientation, tag, attributes in _urdf_forms(shape):
+            collision = ET.SubElement(link, "collision")
+            _origin(collision, position, orientation)
+            ET.SubElement(ET.SubElement(collision, "geometry"), tag, attributes)
+
+
+_Form = tuple[Sequence[float], Sequence[float], str, dict[str, str]]
+
+
+def _urdf_forms(shape: Mapping[str, Any]) -> Iterable[_Form]:
+    upright = (1.0, 0.0, 0.0, 0.0)
+    kind = shape["kind"]
+    if kind == "box":
+        yield shape["center"], shape["orientation"], "box", {"size": _text(shape["size"])}
+    elif kind == "sphere":
+        yield shape["center"], upright, "sphere", {"radius": _text([shape["radius"]])}
+    elif kind == "capsule":
+        a, b, radius = np.array(shape["a"]), np.array(shape["b"]), _text([shape["radius"]])
+        length = float(np.linalg.norm(b - a))
+        for end in (a, b):
+            yield end.tolist(), upright, "sphere", {"radius": radius}
+        if length > 0:
+            place = ((a + b) / 2).tolist()
+            yield place, _from_z((b - a) / length), "cylinder", {"radius": radius, "length": _text([length])}
+
+
+def _from_z(direction: Any) -> list[float]:
+    """The quaternion of the shortest turn that takes z to a direction."""
+    x, y, z = (float(each) for each in direction)
+    if z < -1 + 1e-12:
+        return [0.0, 1.0, 0.0, 0.0]
+    w = math.sqrt((1 + z) / 2)
+    return [w, -y / (2 * w), x / (2 * w), 0.0]
+
+
+def _urdf_fixed(robot: ET.Element, name: str, parent: str, child: str, place: Mapping[str, Any]) -> None:
+    joint = ET.SubElement(robot, "joint", name=name, type="fixed")
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    _origin(joint, place["position"], place["orientation"])
+
+
+def _origin(parent: ET.Element, position: Sequence[float], orientation: Sequence[float]) -> None:
+    ET.SubElement(parent, "origin", xyz=_text(position), rpy=_text(roll_pitch_yaw(orientation)))
+
+
+def to_mjcf(arm: Mapping[str, Any]) -> str:
+    """The arm as MJCF, with a motor for each joint.
+
+    Read back from its base to its tip it is the same arm, to rounding; MJCF has no place for limits of
+    speed.
+
+    Parameters
+    ----------
+    arm : dict
+        The explicit description.
+
+    Returns
+    -------
+    str
+        XML that MuJoCo compiles; the tip is a site.
+    """
+    arm = _core.check_arm(arm)
+    root = ET.Element("mujoco", model=arm.get("name", "arm"))
+    # Inertias and places are as they stand here: nothing is to be inferred from geoms.
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
+    ET.SubElement(root, "option", gravity=_text(arm["gravity"]))
+    asset = ET.SubElement(root, "asset")
+    body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=arm["base"])
+    body.attrib.update(_place(arm["mount"]))
+    _mjcf_geoms(body, asset, arm, arm["base"])
+    n = len(arm["joints"])
+    limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
+    for joint, (lower, upper) in zip(arm["joints"], limits, strict=True):
+        place = {"position": joint["position"], "orientation": joint["orientation"]}
+        body = ET.SubElement(body, "body", {"name": joint["link"], **_place(place)})
+        inertial = {"pos": _text(joint["com"]), "mass": _text([joint["mass"]])}
+        ET.SubElement(body, "inertial", inertial, fullinertia=_text(joint["inertia"]))
+        kind = "slide" if joint["kind"] == "prismatic" else "hinge"
+        element = ET.SubElement(body, "joint", name=joint["name"], type=kind, axis=_text(joint["axis"]))
+        for key, value in (("armature", "armature"), ("damping", "damping"), ("frictionloss", "friction")):
+            element.set(key, _text([joint[value]]))
+        if math.isfinite(lower) and math.isfinite(upper):
+            element.set("range", _text([lower, upper]))
+        _mjcf_geoms(body, asset, arm, joint["link"])
+    ET.SubElement(body, "site", {"name": arm["tip"], **_place(arm["tool"])})
+    pairs = arm.get("ignore", [])
+    if pairs:
+        contact = ET.SubElement(root, "contact")
+        for first, second in pairs:
+            ET.SubElement(contact, "exclude", body1=first, body2=second)
+    actuator = ET.SubElement(root, "actuator")
+    torque = arm.get("torque_limits") or [math.inf] * n
+    for joint, limit in zip(arm["joints"], torque, strict=True):
+        motor = ET.SubElement(actuator, "motor", name=f"{joint['name']}_motor", joint=joint["name"])
+        if math.isfinite(limit):
+            motor.set("forcerange", _text([-limit, limit]))
+    return _xml(root)
+
+
+def _mjcf_geoms(body: ET.Element, asset: ET.Element, arm: Mapping[str, Any], link: str) -> None:
+    for shape in _shapes(arm, link):
+        kind = shape["kind"]
+        if kind == "capsule" and shape["a"] != shape["b"]:
+            ends = _text([*shape["a"], *shape["b"]])
+            ET.SubElement(body, "geom", type="capsule", fromto=ends, size=_text([shape["radius"]]))
+        elif kind in ("sphere", "capsule"):
+            center = _text(shape.get("center", shape.get("a")))
+            ET.SubElement(body, "geom", type="sphere", pos=center, size=_text([shape["radius"]]))
+        elif kind == "box":
+            half = _text([x / 2 for x in shape["size"]])
+            place = _place({"position": shape["center"], "orientation": shape["orientation"]})
+            ET.SubElement(body, "geom", {"type": "box", "size": half, **place})
+        else:
+            name = f"hull_{len(asset)}"
+            ET.SubElement(asset, "mesh", name=name, vertex=_text(np.ravel(shape["vertices"])))
+            ET.SubElement(body, "geom", type="mesh", mesh=name)
+
+
+def _place(frame: Mapping[str, Any]) -> dict[str, str]:
+    return {"pos": _text(frame["position"]), "quat": _text(frame["orientation"])}
+
+
+def _shapes(arm: Mapping[str, Any], link: str) -> list[Mapping[str, Any]]:
+    return [item["shape"] for item in arm.get("collision", []) if item["link"] == link]
+
+
+def _free(name: str, arm: Mapping[str, Any]) -> str:
+    """A name that no link has."""
+    taken = {arm["base"], arm["tip"], *(joint["link"] for joint in arm["joints"])}
+    while name in taken:
+        name += "_"
+    return name
+
+
+def _text(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _xml(root: ET.Element) -> str:
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"

@@ -1,0 +1,130 @@
+"""Meshes of a model: where they are, and what is in them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from vffnull.arms._capsules import Solid
+from vffnull.errors import InputError
+
+__all__ = ["MissingMeshError", "Packages", "find", "read"]
+
+Packages = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
+
+_METRES = {"meters": 1.0, "meter": 1.0, "millimeters": 1e-3, "centimeters": 1e-2, "inches": 0.0254}
+
+
+class MissingMeshError(InputError):
+    """A mesh that is not where the model says; a model can be read without."""
+
+
+def find(file: str, folder: Path | None, packages: Packages | None) -> Path:
+    """The file of a mesh.
+
+    Parameters
+    ----------
+    file : str
+        As the model names it: ``package://name/rest``, ``model://name/rest``, ``file://``, absolute, or
+        relative.
+    folder : Path, optional
+        Of the model.
+    packages : path, list of paths, or dict, optional
+        Folders to search; with a dict the folder of each package by its name.
+
+    Raises
+    ------
+    MissingMeshError
+        With the list of places where it was looked for.
+    """
+    tried: list[Path] = []
+    for place in _places(file, folder, packages):
+        if place in tried:
+            continue
+        tried.append(place)
+        if place.is_dir():
+            raise MissingMeshError(f"mesh {file!r} is a directory: {place}")
+        if place.is_file():
+            return place
+    looked = "".join(f"\n  {place}" for place in tried) or " nowhere: the model is text without a folder"
+    raise MissingMeshError(
+        f"mesh {file!r} cannot be found; looked in{looked}\npackages= names folders to search"
+    )
+
+
+def _places(file: str, folder: Path | None, packages: Packages | None) -> Iterable[Path]:
+    scheme, separator, rest = file.partition("://")
+    named: Mapping[str, Any] = packages if isinstance(packages, Mapping) else {}
+    roots = _roots(packages)
+    if not separator or scheme == "file":
+        path = Path(unquote(rest) if separator else file).expanduser()
+        if path.is_absolute():
+            yield path
+            return
+        if folder is not None:
+            yield folder / path
+        yield from (root / path for root in [*roots, *map(Path, named.values())])
+        return
+    if scheme not in ("package", "model"):
+        raise MissingMeshError(
+            f"mesh {file!r}: {scheme}:// is not fetched; package://, file:// and paths are"
+        )
+    package, _, inside = rest.partition("/")
+    if package in named:
+        yield Path(named[package]) / inside
+    for root in roots:
+        yield root / package / inside
+        if root.name == package:
+            yield root / inside
+    for above in [folder, *folder.parents] if folder is not None else []:
+        if above.name == package:
+            yield above / inside
+        yield above / package / inside
+    for variable, share in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+        for listed in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            yield Path(listed) / share / package / inside
+
+
+def _roots(packages: Packages | None) -> list[Path]:
+    if packages is None or isinstance(packages, Mapping):
+        return []
+    if isinstance(packages, (str, os.PathLike)):
+        return [Path(packages)]
+    return [Path(each) for each in packages]
+
+
+def read(path: Path, name: str, scale: Sequence[float]) -> Solid:
+    """Vertices and triangles of a mesh in metres: STL, OBJ, PLY, DAE and what else trimesh reads.
+
+    Raises
+    ------
+    ImportError
+        If trimesh is not installed.
+    vffnull.errors.InputError
+        If the file holds no triangles, or cannot be read.
+    """
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError('meshes need trimesh: pip install "vffnull[meshes]"') from error
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        unit = _METRES.get(scene.units or "meters", 1.0) if path.suffix.lower() == ".dae" else 1.0
+        mesh = scene.to_mesh()
+        points, triangles = np.array(mesh.vertices, float), np.array(mesh.faces, np.int64)
+    except ImportError as error:
+        raise ImportError(
+            f'{path.suffix} needs another library: pip install "vffnull[meshes]" ({error})'
+        ) from error
+    except Exception as error:  # whatever a parser says of a broken file
+        raise InputError(f"mesh {path} cannot be read: {error or type(error).__name__}") from error
+    if len(triangles) == 0:
+        raise InputError(f"mesh {path} holds no triangles")
+    if not np.all(np.isfinite(points)):
+        raise InputError(f"mesh {path} has vertices that are not finite")
+    return Solid.mesh(name, points * (unit * np.asarray(scale, float)), triangles)

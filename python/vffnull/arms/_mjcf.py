@@ -1,0 +1,361 @@
+"""MJCF to the explicit description of an arm, by way of MuJoCo's own compiler."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vffnull import _core
+from vffnull.arms._frames import frame, matrix, six
+from vffnull.arms._read import Collision, finish, options, tell
+from vffnull.arms._report import Report
+from vffnull.arms._urdf import _text
+from vffnull.errors import InputError, InputTypeError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from vffnull.arms._capsules import Solid
+
+__all__ = ["from_mjcf", "read_mjcf"]
+
+Array = NDArray[np.float64]
+
+
+def from_mjcf(
+    mjcf: Any,
+    tip: str | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    tool: object = None,
+    mount: object = None,
+    gravity: ArrayLike | None = None,
+    collision: Collision = "fit",
+    srdf: str | os.PathLike[str] | None = None,
+    armature: ArrayLike | None = None,
+    fix_inertia: bool = False,
+) -> dict[str, Any]:
+    """The explicit description of a serial arm in an MJCF.
+
+    Armature, joint damping and dry friction are taken over. Bodies become links, hinges revolute (or
+    continuous, where they have no range) and slides prismatic joints; a tip may be a body or a site.
+
+    Parameters
+    ----------
+    mjcf : str, path or mujoco.MjModel
+        A file, the text itself, or a model.
+    tip, base, locked, tool, mount, collision, srdf, armature, fix_inertia
+        As in `from_urdf`; links are bodies, the root is ``world``.
+    gravity : (3,) array_like, optional
+        In the world [m/s²]; the model's by default.
+
+    Returns
+    -------
+    dict
+        The ``[arm]`` of a scenario, complete: no other file is needed.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If MuJoCo cannot compile the model, or what is asked for is no arm.
+    ImportError
+        If MuJoCo is not installed.
+
+    Warns
+    -----
+    vffnull.errors.ScenarioWarning
+        Of what is odd but allowed.
+
+    See Also
+    --------
+    from_urdf : the same for URDF, with all parameters explained.
+    """
+    asked = (tip, base, locked, tool, mount, gravity, collision, srdf, armature, fix_inertia)
+    return tell(read_mjcf(mjcf, *asked))
+
+
+def read_mjcf(
+    mjcf: Any,
+    tip: str | None = None,
+    base: str | None = None,
+    locked: Mapping[str, float] | None = None,
+    tool: object = None,
+    mount: object = None,
+    gravity: ArrayLike | None = None,
+    collision: Collision = "fit",
+    srdf: str | os.PathLike[str] | None = None,
+    armature: ArrayLike | None = None,
+    fix_inertia: bool = False,
+) -> Report:
+    """The same as `from_mjcf`, with everything that there is to say about it, and no warnings.
+
+    Parameters
+    ----------
+    mjcf, tip, base, locked, tool, mount, gravity, collision, srdf, armature, fix_inertia
+        As in `from_mjcf`.
+
+    Returns
+    -------
+    Report
+        The document, what is odd, and how tight the capsules are.
+    """
+    mujoco = _import()
+    model, source = _compiled(mujoco, mjcf)
+    reader = _Reader(mujoco, model)
+    pairs = None if srdf is None else _text("srdf", srdf)[0]
+    asked = options(
+        tip,
+        base,
+        locked,
+        tool,
+        mount,
+        model.opt.gravity if gravity is None else gravity,
+        armature,
+        fix_inertia,
+        pairs,
+    )
+    reading = _core.reduce_tree(reader.tree(), asked)
+    return finish(reading, collision, reader.mesh, source)
+
+
+def _import() -> Any:
+    try:
+        return importlib.import_module("mujoco")
+    except ImportError as error:
+        raise ImportError('mujoco is missing: pip install "vffnull[mujoco]"') from error
+
+
+def _compiled(mujoco: Any, given: Any) -> tuple[Any, str]:
+    if isinstance(given, mujoco.MjModel):
+        return given, "MjModel"
+    if not isinstance(given, (str, os.PathLike)):
+        raise InputTypeError(f"mjcf: expected a path, text or MjModel, got {type(given).__name__}")
+    text, path = _text("mjcf", given)
+    try:
+        if path is None:
+            return mujoco.MjModel.from_xml_string(text), "MJCF"
+        return mujoco.MjModel.from_xml_path(str(Path(path))), str(path)
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"{path or 'mjcf'}: MuJoCo cannot compile it: {error}") from None
+
+
+class _Reader:
+    """Links and joints of a compiled model."""
+
+    def __init__(self, mujoco: Any, model: Any) -> None:
+        self._mujoco = mujoco
+        self._model = model
+        self._warnings: list[str] = []
+
+    def tree(self) -> dict[str, Any]:
+        """What the core reduces to a chain."""
+        model = self._model
+        # Where a link's frame lies in that of its body: at the anchor of its joint.
+        anchors = np.zeros((model.nbody, 3))
+        links: list[dict[str, Any]] = [{"name": self._body(0), "geometry": self._geometry(0, anchors[0])}]
+        joints: list[dict[str, Any]] = []
+        for body in range(1, model.nbody):
+            joints += self._joints_above(body, anchors, links)
+            links.append(self._link(body, anchors[body]))
+        for site in range(model.nsite):
+            name = self._name("SITE", site)
+            if name and not any(link["name"] == name for link in links):
+                links.append({"name": name})
+                body = int(model.site_bodyid[site])
+                place = frame(model.site_pos[site] - anchors[body], model.site_quat[site])
+                joints.append(_fixed(f"site {name}", self._body(body), name, place))
+        self._odd()
+        names = [joint["name"] for joint in joints]
+        for joint in joints:
+            if names.count(joint["name"]) > 1:
+                joint["name"] += f" of {joint['child']}"
+        name = self._model.names[: self._model.names.find(b"\0")].decode()
+        return {"name": name, "links": links, "joints": joints, "warnings": self._warnings}
+
+    def mesh(self, form: Mapping[str, Any], name: str) -> Solid:
+        """The vertices of a compiled mesh, in the frame of its geom."""
+        from vffnull.arms._capsules import Solid
+
+        model, mesh = self._model, int(form["file"].partition(":")[0])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        start, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+        points = np.array(model.mesh_vert[first : first + count], float)
+        return Solid.mesh(name, points, np.array(model.mesh_face[start : start + faces], np.int64))
+
+    def _name(self, kind: str, index: int) -> str:
+        name = self._mujoco.mj_id2name(self._model, getattr(self._mujoco.mjtObj, f"mjOBJ_{kind}"), index)
+        return name or ""
+
+    def _body(self, body: int) -> str:
+        return self._name("BODY", body) or f"body {body}"
+
+    def _link(self, body: int, anchor: Array) -> dict[str, Any]:
+        model = self._model
+        rotation = matrix(model.body_iquat[body])
+        inertia = rotation @ np.diag(model.body_inertia[body]) @ rotation.T
+        return {
+            "name": self._body(body),
+            "mass": float(model.body_mass[body]),
+            "com": (model.body_ipos[body] - anchor).tolist(),
+            "inertia": six(inertia),
+            "geometry": self._geometry(body, anchor),
+        }
+
+    def _joints_above(self, body: int, anchors: Array, links: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """The joints between a body and its parent; several make massless links between them."""
+        model = self._model
+        parent = int(model.body_parentid[body])
+        name, position, rotation = self._body(body), model.body_pos[body], matrix(model.body_quat[body])
+        place = position - anchors[parent]
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        if count == 0:
+            quaternion = model.body_quat[body]
+            return [_fixed(f"fixed {name}", self._body(parent), name, frame(place, quaternion))]
+        found, above, quaternion = [], self._body(parent), model.body_quat[body]
+        for i in range(first, first + count):
+            anchor = model.jnt_pos[i]
+            last = i == first + count - 1
+            child = name if last else f"{name} after {self._name('JOINT', i) or i}"
+            if not last:
+                links.append({"name": child})
+            if i == first:
+                origin = place + rotation @ anchor
+            else:
+                origin, quaternion = anchor - model.jnt_pos[i - 1], np.array([1.0, 0.0, 0.0, 0.0])
+            found.append(self._joint(i, above, child, origin, quaternion))
+            above = child
+        anchors[body] = model.jnt_pos[first + count - 1]
+        return found
+
+    def _joint(self, i: int, parent: str, child: str, origin: Array, quaternion: Array) -> dict[str, Any]:
+        model, kinds = self._model, self._mujoco.mjtJoint
+        kind, axis = int(model.jnt_type[i]), model.jnt_axis[i]
+        address = int(model.jnt_dofadr[i])
+        joint: dict[str, Any] = {
+            "name": self._name("JOINT", i) or f"joint {i}",
+            "parent": parent,
+            "child": child,
+        }
+        if kind in (int(kinds.mjJNT_FREE), int(kinds.mjJNT_BALL)):
+            free = kind == int(kinds.mjJNT_FREE)
+            return {**joint, "kind": "floating" if free else "ball", "frame": frame(origin, quaternion)}
+        # A body's place in the file is that at qpos0, which need not be 0.
+        reference = float(model.qpos0[int(model.jnt_qposadr[i])])
+        limited = bool(model.jnt_limited[i])
+        if kind == int(kinds.mjJNT_SLIDE):
+            name = "prismatic"
+            origin = origin - matrix(quaternion) @ axis * reference
+        else:
+            name = "revolute" if limited else "continuous"
+            half = -reference / 2
+            quaternion = _product(quaternion, [np.cos(half), *(np.sin(half) * axis)])
+        return {
+            **joint,
+            "kind": name,
+            "frame": frame(origin, quaternion),
+            "axis": [float(x) for x in axis],
+            "limits": [float(x) for x in model.jnt_range[i]] if limited else None,
+            "torque": self._torque(i),
+            "armature": float(model.dof_armature[address]),
+            "damping": _scalar(model.dof_damping[address]),
+            "friction": float(model.dof_frictionloss[address]),
+        }
+
+    def _torque(self, joint: int) -> float:
+        """The largest torque of its actuators, 0 for no limit."""
+        model = self._model
+        limits = []
+        if model.jnt_actfrclimited[joint]:
+            limits.append(float(np.max(np.abs(model.jnt_actfrcrange[joint]))))
+        motors = np.flatnonzero(
+            (model.actuator_trntype == int(self._mujoco.mjtTrn.mjTRN_JOINT))
+            & (model.actuator_trnid[:, 0] == joint)
+        )
+        total = 0.0
+        for motor in motors:
+            gear = abs(float(model.actuator_gear[motor, 0]))
+            direct = int(model.actuator_biastype[motor]) == int(self._mujoco.mjtBias.mjBIAS_NONE)
+            if model.actuator_forcelimited[motor]:
+                total += gear * float(np.max(np.abs(model.actuator_forcerange[motor])))
+            elif direct and model.actuator_ctrllimited[motor]:
+                gain = abs(float(model.actuator_gainprm[motor, 0]))
+                total += gear * gain * float(np.max(np.abs(model.actuator_ctrlrange[motor])))
+            else:
+                total = 0.0
+                break
+        if total > 0:
+            limits.append(total)
+        return min(limits, default=0.0)
+
+    def _geometry(self, body: int, anchor: Array) -> list[dict[str, Any]]:
+        model, kinds = self._model, self._mujoco.mjtGeom
+        found = []
+        for geom in map(int, np.flatnonzero(model.geom_bodyid == body)):
+            if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
+                continue
+            kind, size = int(model.geom_type[geom]), [float(x) for x in model.geom_size[geom]]
+            form: dict[str, Any]
+            if kind == int(kinds.mjGEOM_SPHERE):
+                form = {"kind": "sphere", "radius": size[0]}
+            elif kind == int(kinds.mjGEOM_CAPSULE):
+                form = {"kind": "capsule", "radius": size[0], "length": 2 * size[1]}
+            elif kind == int(kinds.mjGEOM_CYLINDER):
+                form = {"kind": "cylinder", "radius": size[0], "length": 2 * size[1]}
+            elif kind in (int(kinds.mjGEOM_BOX), int(kinds.mjGEOM_ELLIPSOID)):
+                form = {"kind": "box", "size": [2 * x for x in size]}
+            elif kind == int(kinds.mjGEOM_MESH):
+                mesh = int(model.geom_dataid[geom])
+                label = f"{mesh}:{self._name('MESH', mesh)}"
+                form = {"kind": "mesh", "file": label, "scale": [1.0, 1.0, 1.0]}
+            else:
+                if body != 0:
+                    label = self._name("GEOM", geom) or f"geom {geom}"
+                    self._warnings.append(
+                        f"{label} of {self._body(body)} is a plane, height field or distance field: left out"
+                    )
+                continue
+            place = frame(model.geom_pos[geom] - anchor, model.geom_quat[geom])
+            found.append({"link": self._body(body), "frame": place, "form": form})
+        return found
+
+    def _odd(self) -> None:
+        """What a chain of rigid links cannot say."""
+        model = self._model
+        if model.neq:
+            self._warnings.append(
+                f"{model.neq} equality constraints are left out: joints that they couple are locked apart"
+            )
+        if model.ntendon:
+            self._warnings.append(f"{model.ntendon} tendons are left out")
+        if np.any(model.jnt_stiffness):
+            self._warnings.append("springs of joints are left out")
+        if np.any(model.body_gravcomp):
+            self._warnings.append("gravity compensation (gravcomp) is left out: gravity acts on all bodies")
+
+
+def _fixed(name: str, parent: str, child: str, place: dict[str, list[float]]) -> dict[str, Any]:
+    return {"name": name, "kind": "fixed", "parent": parent, "child": child, "frame": place}
+
+
+def _scalar(value: Any) -> float:
+    """The first of one or several coefficients: damping may be a polynomial of the speed."""
+    return float(np.ravel(value)[0])
+
+
+def _product(p: Any, q: Any) -> Array:
+    """Product of quaternions."""
+    (a, b, c, d), (w, x, y, z) = p, q
+    return np.array(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ]
+    )

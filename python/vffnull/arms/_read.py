@@ -1,0 +1,207 @@
+"""What all readers share: options, collision geometry to shapes, the report."""
+
+from __future__ import annotations
+
+import warnings
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from vffnull import _core
+from vffnull.arms._frames import frame, matrix
+from vffnull.arms._meshes import MissingMeshError
+from vffnull.arms._report import Report
+from vffnull.errors import InputError, InputTypeError, ScenarioWarning
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from vffnull.arms._capsules import Fit, Solid
+
+__all__ = ["Collision", "MeshReader", "finish", "options", "tell"]
+
+Collision = Literal["fit", "file", "none"]
+MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
+"""From a mesh of the model and a name for messages to its surface."""
+
+
+def options(
+    tip: str | None,
+    base: str | None,
+    locked: Mapping[str, float] | None,
+    tool: object,
+    mount: object,
+    gravity: ArrayLike | None,
+    armature: ArrayLike | Mapping[str, float] | None,
+    fix_inertia: bool,
+    srdf: str | None,
+) -> dict[str, Any]:
+    """The options of the core's reader."""
+    asked: dict[str, Any] = {"tip": tip, "base": base, "fix_inertia": bool(fix_inertia), "srdf": srdf}
+    if locked is not None:
+        if not isinstance(locked, Mapping):
+            raise InputTypeError(
+                f"locked: expected a dict from joint to position, got {type(locked).__name__}"
+            )
+        asked["locked"] = {name: _number(f"locked[{name!r}]", value) for name, value in locked.items()}
+    for name, value in (("tool", tool), ("mount", mount)):
+        if value is not None:
+            asked[name] = _placement(name, value)
+    if gravity is not None:
+        asked["gravity"] = _vector("gravity", gravity, 3)
+    if armature is not None:
+        asked["armature"] = np.atleast_1d(_floats("armature", armature)).tolist()
+    return {key: value for key, value in asked.items() if value is not None}
+
+
+def _floats(name: str, value: Any) -> Any:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise InputTypeError(f"{name}: expected numbers, got {type(value).__name__}") from None
+
+
+def _number(name: str, value: Any) -> float:
+    array = _floats(name, value)
+    if array.shape != ():
+        raise InputTypeError(f"{name}: expected a number, got an array of shape {array.shape}")
+    return float(array)
+
+
+def _vector(name: str, value: Any, n: int) -> list[float]:
+    array = _floats(name, value)
+    if array.shape != (n,):
+        raise InputError(f"{name}: expected {n} numbers, got shape {array.shape}")
+    return [float(x) for x in array]
+
+
+def _placement(name: str, value: Any) -> dict[str, list[float]]:
+    """A frame from a position, (position, quaternion), or a dict of both."""
+    if isinstance(value, Mapping):
+        unknown = set(value) - {"position", "orientation"}
+        if unknown:
+            raise InputError(f"{name}: unknown key {sorted(unknown)[0]!r}; there are position, orientation")
+        position, quaternion = value.get("position", (0, 0, 0)), value.get("orientation", (1, 0, 0, 0))
+    elif len(value) == 2:
+        position, quaternion = value
+    else:
+        position, quaternion = value, (1, 0, 0, 0)
+    return frame(_vector(f"{name}.position", position, 3), _vector(f"{name}.orientation", quaternion, 4))
+
+
+def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, source: str) -> Report:
+    """Shapes from the geometry, and the report."""
+    if collision not in ("fit", "file", "none"):
+        raise InputError(f"collision: expected 'fit', 'file' or 'none', got {collision!r}")
+    arm, odd = reading["arm"], list(reading["warnings"])
+    fits: list[Fit] = []
+    shapes: list[dict[str, Any]] = []
+    if collision == "fit":
+        fits = _fit(arm, reading["geometry"], mesh)
+        shapes = [{"link": fit.link, "shape": fit.shape} for fit in fits]
+    elif collision == "file":
+        shapes = _as_in_file(reading["geometry"], mesh, odd)
+    arm["collision"] = shapes
+    touching = []
+    if fits:
+        from vffnull.arms._touching import touching as pairs
+
+        touching = pairs(arm)
+        arm["ignore"] = [list(pair) for pair in arm.get("ignore", [])] + [list(pair) for pair in touching]
+    if collision != "none" and not shapes:
+        odd.append("nothing of it collides: obstacles and self-collision will not be noticed")
+    return Report(
+        source=source,
+        document=_core.check_arm(arm),
+        warnings=tuple(odd),
+        locked=reading["locked"],
+        merged=reading["merged"],
+        fits=tuple(fits),
+        touching=tuple(touching),
+    )
+
+
+def tell(report: Report) -> dict[str, Any]:
+    """Warn of what is odd, and hand out the document."""
+    for message in report.warnings:
+        warnings.warn(message, ScenarioWarning, stacklevel=3)
+    return report.document
+
+
+def _name(item: Mapping[str, Any]) -> str:
+    form = item["form"]
+    return f"{item['link']}: {form.get('file', form['kind'])}"
+
+
+def _solid(item: Mapping[str, Any], mesh: MeshReader) -> Solid:
+    from vffnull.arms._capsules import Solid
+
+    form, name = item["form"], _name(item)
+    kind = form["kind"]
+    if kind == "mesh":
+        solid = mesh(form, name)
+    elif kind == "box":
+        solid = Solid.box(name, form["size"])
+    elif kind == "cylinder":
+        solid = Solid.cylinder(name, form["radius"], form["length"])
+    else:
+        solid = Solid.capsule(name, form["radius"], form.get("length", 0.0))
+    return solid.moved(matrix(item["frame"]["orientation"]), np.array(item["frame"]["position"]))
+
+
+def _fit(arm: Mapping[str, Any], geometry: Sequence[Mapping[str, Any]], mesh: MeshReader) -> list[Fit]:
+    try:
+        from vffnull.arms._capsules import fit_solids
+    except ImportError as error:
+        raise ImportError('fitting capsules needs SciPy: pip install "vffnull[meshes]"') from error
+    solids: dict[str, list[Solid]] = defaultdict(list)
+    for item in geometry:
+        solids[item["on"]].append(_solid(item, mesh))
+    order = [arm["base"], *(joint["link"] for joint in arm["joints"])]
+    return [fit for link in order for fit in fit_solids(link, solids[link])]
+
+
+def _as_in_file(
+    geometry: Sequence[Mapping[str, Any]], mesh: MeshReader, odd: list[str]
+) -> list[dict[str, Any]]:
+    """The shapes of the file: meshes as hulls, cylinders as the capsule around them."""
+    from vffnull.arms._capsules import fit_solids
+
+    shapes: list[dict[str, Any]] = []
+    for item in geometry:
+        form, place = item["form"], item["frame"]
+        kind = form["kind"]
+        shape: dict[str, Any]
+        if kind == "box":
+            center, orientation = place["position"], place["orientation"]
+            shape = {"kind": "box", "center": center, "size": form["size"], "orientation": orientation}
+        elif kind == "sphere":
+            shape = {"kind": "sphere", "center": place["position"], "radius": form["radius"]}
+        else:
+            try:
+                solid = _solid(item, mesh)
+            except MissingMeshError as error:
+                odd.append(f"{error}; it is left out")
+                continue
+            if kind == "mesh":
+                shape = {"kind": "convex", "vertices": _hull_vertices(solid)}
+            elif kind == "capsule":
+                ends = solid.points.tolist()
+                shape = {"kind": "capsule", "a": ends[0], "b": ends[1], "radius": form["radius"]}
+            else:
+                (fit,) = fit_solids(item["on"], [solid])
+                shape = fit.shape
+        shapes.append({"link": item["on"], "shape": shape})
+    return shapes
+
+
+def _hull_vertices(solid: Solid) -> list[list[float]]:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        vertices = solid.points[ConvexHull(solid.points).vertices]
+    except (QhullError, ValueError) as error:
+        raise InputError(f"{solid.name} is flat: it has no hull; use collision='fit'") from error
+    return [[float(x) for x in vertex] for vertex in vertices]

@@ -1,0 +1,138 @@
+"""What was read of a model, in words and as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from vffnull.arms._capsules import Fit
+
+__all__ = ["Report", "describe"]
+
+_UNITS = {"prismatic": ("m", "m/s", "N")}
+_TURNING = ("rad", "rad/s", "N·m")
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was read, what is odd about it, and how tight the capsules are.
+
+    Attributes
+    ----------
+    source : str
+        What was read.
+    document : dict
+        The explicit description of the arm.
+    warnings : tuple of str
+        What is odd but allowed.
+    locked : dict
+        Joints that do not move, and where they stand [rad or m].
+    merged : dict
+        For each link of the arm the links of the file that became part of it.
+    fits : tuple of Fit
+        The fitted capsules.
+    touching : tuple of (str, str)
+        Pairs of links that touch in the reference posture and are therefore not measured.
+    """
+
+    source: str
+    document: dict[str, Any]
+    warnings: tuple[str, ...]
+    locked: Mapping[str, float]
+    merged: Mapping[str, Sequence[str]]
+    fits: tuple[Fit, ...]
+    touching: tuple[tuple[str, str], ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        return {
+            "source": self.source,
+            "document": self.document,
+            "warnings": list(self.warnings),
+            "locked": dict(self.locked),
+            "merged": {link: list(parts) for link, parts in self.merged.items()},
+            "fits": [
+                {
+                    "link": fit.link,
+                    "parts": list(fit.parts),
+                    "shape": fit.shape,
+                    "volume": fit.volume,
+                    "hull_volume": fit.hull_volume,
+                    "tightness": fit.tightness,
+                    "protrusion": fit.protrusion,
+                    "vertices": fit.vertices,
+                }
+                for fit in self.fits
+            ],
+            "touching": [list(pair) for pair in self.touching],
+        }
+
+    def __str__(self) -> str:
+        """The report as text."""
+        lines = [self.source, "", describe(self.document)]
+        if self.fits:
+            lines += ["", *_fits(self.fits)]
+        for link, parts in self.merged.items():
+            if len(parts) > 1:
+                rest = ", ".join(part for part in parts if part != link)
+                lines.append(f"part of {link}: {rest}")
+        pairs = self.document.get("ignore", [])
+        if pairs:
+            lines.append("not measured against each other: " + _pairs(pairs))
+        if self.touching:
+            lines.append("of these, touching in the reference posture: " + _pairs(self.touching))
+        lines += ["", *(f"odd: {message}" for message in self.warnings)] if self.warnings else []
+        return "\n".join(lines)
+
+
+def _pairs(pairs: Sequence[Sequence[str]]) -> str:
+    return ", ".join(f"{first}–{second}" for first, second in pairs)
+
+
+def _fits(fits: Sequence[Fit]) -> list[str]:
+    rows = [("capsule on", "contains", "radius [mm]", "length [mm]", "volume/hull", "outside [mm]")]
+    for fit in fits:
+        a, b = fit.shape.get("a", (0, 0, 0)), fit.shape.get("b", (0, 0, 0))
+        out = f"{max(fit.protrusion, 0.0) * 1e3:.3g}"
+        parts = [part.rsplit("/", 1)[-1] for part in fit.parts[:2]]
+        if len(fit.parts) > 2:
+            parts.append(f"{len(fit.parts) - 2} more")
+        sizes = (f"{fit.shape['radius'] * 1e3:.1f}", f"{math.dist(a, b) * 1e3:.1f}", f"{fit.tightness:.2f}")
+        rows.append((fit.link, ", ".join(parts), *sizes, out))
+    total, hull = sum(fit.volume for fit in fits), sum(fit.hull_volume for fit in fits)
+    last = f"all capsules together: {total / hull:.2f} times the hulls" if hull > 0 else ""
+    return [*_table(rows), last]
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
+
+
+def describe(arm: Mapping[str, Any]) -> str:
+    """An arm's joints, masses and limits as a table."""
+    joints = arm["joints"]
+    n = len(joints)
+    limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
+    velocity = arm.get("velocity_limits") or [math.inf] * n
+    torque = arm.get("torque_limits") or [math.inf] * n
+    rows = [("joint", "kind", "lower", "upper", "speed", "torque", "link", "mass [kg]")]
+    for i, joint in enumerate(joints):
+        units = _UNITS.get(joint["kind"], _TURNING)
+        cells = (limits[i][0], limits[i][1], velocity[i], torque[i])
+        shown = (_quantity(value, unit) for value, unit in zip(cells, (units[0], *units), strict=True))
+        rows.append((joint["name"], joint["kind"], *shown, joint["link"], f"{joint['mass']:.4g}"))
+    total = sum(joint["mass"] for joint in joints)
+    head = f"{n} joints from {arm['base']} to {arm['tip']}, {total:.4g} kg move"
+    known = [(arm.get("reach"), "reach {:.4g} m"), (arm.get("payload"), "payload {:.4g} kg")]
+    head += "".join(f", {form.format(value)}" for value, form in known if value is not None)
+    return "\n".join([head, *_table(rows)])
+
+
+def _quantity(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}" if math.isfinite(value) else "–"

@@ -1,0 +1,185 @@
+"""The commands ``arms``: bundled robot arms, and what a URDF or MJCF holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from vffnull import _core
+from vffnull.cli.common import FINE, say
+from vffnull.errors import InputError
+
+if TYPE_CHECKING:
+    from vffnull.arms import Report
+
+__all__ = ["arms"]
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def arms(context: click.Context) -> int | None:
+    """Bundled robot arms, and what a URDF or MJCF holds.
+
+    \b
+    vffnull arms                                list the bundled arms
+    vffnull arms show panda                     joints, limits, masses, and where the numbers come from
+    vffnull arms check robot.urdf --tip tool0   what was read, what is odd, how tight the capsules are
+    """
+    if context.invoked_subcommand is None:
+        return int(context.invoke(list_arms))
+    return None
+
+
+@arms.command("list")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON list.")
+def list_arms(as_json: bool = False) -> int:
+    """List the bundled arms: joints, reach, payload, limits."""
+    found = [(name, _core.arm_model(name)) for name in _core.ARMS]
+    if as_json:
+        rows = [
+            {"name": name, "joints": len(arm["joints"]), "tip": arm["tip"]}
+            | {key: arm[key] for key in ("reach", "payload")}
+            | {key: _finite(arm[key]) for key in ("joint_limits", "velocity_limits", "torque_limits")}
+            for name, arm in found
+        ]
+        click.echo(json.dumps(rows))
+        return FINE
+    click.echo("name    joints  reach    payload  moving mass  fastest    strongest  capsules  tip")
+    for name, arm in found:
+        mass = sum(joint["mass"] for joint in arm["joints"])
+        speed, torque = max(arm["velocity_limits"]), max(arm["torque_limits"])
+        click.echo(
+            f"{name:7} {len(arm['joints']):<7} {arm['reach']:<5.3g} m  {arm['payload']:<4.3g} kg  "
+            f"{mass:<8.3g} kg  {speed:<4.3g} rad/s {torque:<5.4g} N·m  "
+            f"{len(arm['collision']):<9} {arm['tip']}"
+        )
+    return FINE
+
+
+def _complete(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
+    return [CompletionItem(name) for name in _core.ARMS if name.startswith(begun)]
+
+
+@arms.command()
+@click.argument("name", shell_complete=_complete)
+@click.option("--toml", "as_toml", is_flag=True, help="Print the whole document, for a scenario of your own.")
+@click.option("--json", "as_json", is_flag=True, help="Print the whole document as JSON.")
+def show(name: str, as_toml: bool, as_json: bool) -> int:
+    """Show a bundled arm: joints, limits, masses, and where the numbers come from."""
+    from vffnull.arms import describe
+
+    text = _core.arm_text(name)
+    if as_toml:
+        click.echo(text.rstrip())
+    elif as_json:
+        click.echo(json.dumps(_finite(_core.arm_model(name)), ensure_ascii=False))
+    else:
+        head = [line[1:].strip() for line in text.splitlines() if line.startswith("#")]
+        click.echo("\n".join(head))
+        click.echo("")
+        click.echo(describe(_core.arm_model(name)))
+    return FINE
+
+
+@arms.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--tip", metavar="LINK", help="Where the arm ends; the only link without children by default.")
+@click.option("--base", metavar="LINK", help="Where it begins; the root by default.")
+@click.option(
+    "--lock", "locked", multiple=True, metavar="JOINT=VALUE", help="A joint that does not move; repeatable."
+)
+@click.option(
+    "--collision",
+    type=click.Choice(["fit", "file", "none"]),
+    default="fit",
+    show_default=True,
+    help="Fitted capsules, shapes as in the file, or none.",
+)
+@click.option(
+    "--srdf", type=click.Path(path_type=Path), metavar="FILE", help="Pairs of links that are not measured."
+)
+@click.option(
+    "--package",
+    "packages",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="A folder in which meshes are searched; repeatable.",
+)
+@click.option("--fix-inertia", is_flag=True, help="Repair impossible inertia tensors.")
+@click.option("--toml", "as_toml", is_flag=True, help="Print the explicit description for a scenario.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object: everything that was read.")
+def check(
+    file: Path,
+    tip: str | None,
+    base: str | None,
+    locked: tuple[str, ...],
+    collision: str,
+    srdf: Path | None,
+    packages: tuple[Path, ...],
+    fix_inertia: bool,
+    as_toml: bool,
+    as_json: bool,
+) -> int:
+    """Say what a URDF or MJCF (.xml) holds: what was read, what is odd, how tight the capsules are.
+
+    \b
+    vffnull arms check robot.urdf --tip tool0
+    vffnull arms check robot.urdf --tip tool0 --lock finger=0.02 --package ~/ros/src
+    """
+    options: dict[str, Any] = {
+        "tip": tip,
+        "base": base,
+        "locked": dict(_assignment(text) for text in locked),
+        "collision": collision,
+        "srdf": srdf,
+        "fix_inertia": fix_inertia,
+    }
+    report = _read(file, options, list(packages))
+    if as_json:
+        click.echo(json.dumps(_finite(report.to_dict()), ensure_ascii=False))
+    elif as_toml:
+        for message in report.warnings:
+            say(f"warning: {message}", "yellow")
+        click.echo(_core.format_toml({"arm": report.document}).rstrip())
+    else:
+        click.echo(str(report))
+    return FINE
+
+
+def _read(file: Path, options: dict[str, Any], packages: list[Path]) -> Report:
+    from vffnull import arms as models
+
+    if not file.is_file():
+        raise InputError(f"{file}: {'is a directory' if file.is_dir() else 'there is no such file'}")
+    with file.open("rb") as opened:
+        begun = opened.read(4096)
+    if b"<mujoco" in begun:
+        return models.read_mjcf(file, **options)
+    return models.read_urdf(file, packages=packages or None, **options)
+
+
+def _assignment(text: str) -> tuple[str, float]:
+    name, equals, value = text.rpartition("=")
+    try:
+        if name and equals:
+            return name, float(value)
+    except ValueError:
+        pass
+    raise click.UsageError(f"--lock {text}: expected JOINT=VALUE, as in --lock finger=0.02")
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no infinity: null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(each) for each in value]
+    return value
