@@ -1,6 +1,7 @@
 //! The parts of a robot that must not touch anything.
 
 use super::Capsule;
+use std::cmp::Ordering;
 
 /// One of them: a capsule in the world that a link carries. A link may carry any number.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,10 +21,10 @@ impl<const D: usize> Body<D> {
     }
 }
 
-/// Keeps the smaller of two values; NaN, if it is one of them.
+/// Keeps the smaller of two values; a `value` that is NaN takes its place.
 #[inline]
 pub fn keep_least(least: &mut f64, value: f64) {
-    if value < *least || value.is_nan() {
+    if value.partial_cmp(least).is_none_or(Ordering::is_lt) {
         *least = value;
     }
 }

@@ -46,7 +46,9 @@ pub fn nearest<const D: usize>(a: &Capsule<D>, b: &Capsule<D>) -> Nearest<D> {
         let gap = (inside.0 - inside.1).norm();
         if D > 2 {
             if gap < axes {
-                let normal = across(a, b, &(inside.0 - inside.1));
+                let normal = across(a, b, &(a.start - b.start));
+                // Along it, feet that are a little off do not count.
+                let gap = normal.dot(&(a.start - b.start)).max(0.0);
                 let distance = gap - a.radius - b.radius;
                 let points = [inside.0, inside.1];
                 return Nearest { points, normal, distance, slides: [true; 2] };
@@ -311,7 +313,7 @@ mod tests {
                 let cos = a.at(0.0).direction.dot(&b.at(0.0).direction);
                 (now, now.normal.dot(&(va - vb)), second, cos)
             };
-            let mut integral = 0.0;
+            let (mut integral, mut bound) = (0.0, 0.0);
             let mut changes = 0;
             let (mut last, first_rate, mut second, _) = at(0);
             let mut rate = first_rate;
@@ -322,11 +324,13 @@ mod tests {
                 prop_assume!((now.points[0] - last.points[0]).norm() < 0.05);
                 changes += u32::from(now.slides != last.slides);
                 integral += 0.5 * h * (second + next_second);
+                bound += 0.5 * h * (next_second - second).abs();
                 (last, rate, second) = (now, next_rate, next_second);
             }
             prop_assume!(changes > 0);
-            prop_assert!((rate - first_rate - integral).abs() < 2e-3 * (1.0 + rate.abs()),
-                "{} is not {integral}", rate - first_rate);
+            // Within a step d̈ lies between its values at both ends, jumps included.
+            prop_assert!((rate - first_rate - integral).abs() < bound + 1e-6,
+                "{} is not {integral} to {bound}", rate - first_rate);
         }
 
         /// Where axes nearly meet, the normal is still across both, and their distance is not negative.
@@ -339,7 +343,9 @@ mod tests {
             let offset = u.cross(&v).normalize() * f64::powf(10.0, exponent);
             let (a, b) = (Capsule::new(offset - u, offset + u, 0.1), Capsule::new(-v, v, 0.1));
             let found = nearest(&a, &b);
-            prop_assert!(found.distance >= -0.2 && (found.distance + 0.2 - offset.norm()).abs() < 1e-15);
+            // The coordinates, of size 1, are rounded to 1e-16 each.
+            prop_assert!(found.distance >= -0.2);
+            prop_assert!((found.distance + 0.2 - offset.norm()).abs() < 2e-15);
             prop_assert!((found.normal.norm() - 1.0).abs() < 1e-14);
             prop_assert!(found.normal.dot(&u).abs() < 1e-14 && found.normal.dot(&v).abs() < 1e-14);
         }

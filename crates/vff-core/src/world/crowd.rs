@@ -82,8 +82,8 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
     }
 
     /// The obstacles nearer than `reach` to a link at time `t`, in their order; if
-    /// there are none, the nearest one. They have been moved to `t`. None means that all of them
-    /// must be asked, and all have been moved.
+    /// there are none, the nearest one. They have been moved to `t`. All of them for a link that is
+    /// nowhere.
     #[inline(never)]
     pub(super) fn near(
         &mut self,
@@ -91,11 +91,14 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
         t: f64,
         link: &S::Probe,
         reach: f64,
-    ) -> Option<&[usize]> {
+    ) -> &[usize] {
         let Self { fixed, moving, in_vain, likely, met, .. } = self;
         let Some(region) = S::Hierarchy::region(link) else {
-            obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(t));
-            return None;
+            for (j, (obstacle, met)) in obstacles.iter_mut().zip(&mut *met).enumerate() {
+                obstacle.move_to(t);
+                *met = j;
+            }
+            return met;
         };
         obstacles[*likely].move_to(t);
         let mut least = f64::INFINITY.min(obstacles[*likely].distance(link));
@@ -127,7 +130,7 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
         }
         let met = &mut met[..count];
         met.sort_unstable();
-        Some(met)
+        met
     }
 }
 

@@ -109,32 +109,32 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 visit(&contact, probe, obstacle);
             }
         };
-        for (body, Body { link, shape }) in bodies.into_iter().enumerate() {
-            let probe = S::probe(&shape);
-            let near = match crowd {
-                Some(crowd) => {
-                    interrupt::spend(256);
-                    crowd.near(obstacles, *time, &probe, reach)
+        // The same is done with all as with the few that a crowd names: measured first, and only bodies with
+        // something in reach are looked at again. Two loops, for the first needs all the registers.
+        let bodies = bodies.into_iter().enumerate();
+        let Some(crowd) = crowd else {
+            for (body, Body { link, shape }) in bodies {
+                let probe = S::probe(&shape);
+                let least = least_distance(&*obstacles, &probe);
+                distance(link, least);
+                if least < reach {
+                    for (j, obstacle) in obstacles.iter().enumerate() {
+                        meet(Pair { body, link, obstacle: j }, &probe, obstacle);
+                    }
                 }
-                None => None,
-            };
-            // The same is done with the few that a crowd names as with all: measured first, and only
-            // bodies with something in reach are looked at again.
-            let obstacles = &*obstacles;
-            let least = match near {
-                None => least_distance(obstacles, &probe),
-                Some(near) => least_distance(near.iter().map(|&j| &obstacles[j]), &probe),
-            };
+            }
+            return;
+        };
+        for (body, Body { link, shape }) in bodies {
+            interrupt::spend(256);
+            let probe = S::probe(&shape);
+            let near = crowd.near(obstacles, *time, &probe, reach);
+            let least = least_distance(near.iter().map(|&j| &obstacles[j]), &probe);
             distance(link, least);
             if least < reach {
-                let mut meet =
-                    |j: usize| meet(Pair { body, link, obstacle: j }, &probe, &obstacles[j]);
-                match near {
-                    None => (0..obstacles.len()).for_each(meet),
-                    Some(near) => {
-                        interrupt::spend(64 * near.len());
-                        near.iter().for_each(|&j| meet(j));
-                    }
+                interrupt::spend(64 * near.len());
+                for &j in near {
+                    meet(Pair { body, link, obstacle: j }, &probe, &obstacles[j]);
                 }
             }
         }
