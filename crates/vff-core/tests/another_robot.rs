@@ -36,10 +36,10 @@ enum Kind {
 #[derive(Debug, Clone, Copy)]
 struct Link {
     joint: Kind,
-    /// To the next joint, along the link's own x axis [m].
+    /// To the next joint, along the link's own x axis \[m\].
     length: f64,
     mass: f64,
-    /// In the link's frame [m], and the moment of inertia about it [kg·m²].
+    /// In the link's frame \[m\], and the moment of inertia about it \[kg·m²\].
     com: V,
     inertia: f64,
     radius: f64,
@@ -53,9 +53,9 @@ struct Chain {
     limits: Limits,
 }
 
-/// How far the sliders go either way [m].
+/// How far the sliders go either way \[m\].
 const TRAVEL: f64 = 2.0;
-/// The finger: where on the last link it stands, as a share of the length, and how long it is [m].
+/// The finger: where on the last link it stands, as a share of the length, and how long it is \[m\].
 const FINGER: [f64; 2] = [0.5, 0.12];
 
 impl Chain {
@@ -593,7 +593,7 @@ fn linear(velocity: [f64; 2]) -> Motion<2> {
     Motion::Linear { velocity }
 }
 
-/// The arm holds its end effector where it is, among these obstacles, for so long [s].
+/// The arm holds its end effector where it is, among these obstacles, for so long \[s\].
 fn run(settings: &Settings, options: &Options, obstacles: &[Obstacle], duration: f64) -> Outcome {
     let mut run = prepared(settings, options, obstacles, duration);
     while run.step() {}

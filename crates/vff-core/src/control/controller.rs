@@ -38,7 +38,7 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     tank: Option<Tank>,
     /// Share of the repulsion that the tank lets through.
     share: f64,
-    /// What the tank and the torque limits change of the power into the null space [W].
+    /// What the tank and the torque limits change of the power into the null space \[W\].
     scaling: f64,
     reference: Sample<R::Pose, M>,
     error: Vector<M>,
@@ -94,12 +94,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         &self.forces
     }
 
-    /// The torque of the last command [N·m].
+    /// The torque of the last command \[N·m\].
     pub fn torque(&self) -> &Torque {
         &self.law.torque
     }
 
-    /// The secondary torque τ_sec = repulsion + posture spring, before projection [N·m].
+    /// The secondary torque τ_sec = repulsion + posture spring, before projection \[N·m\].
     pub fn secondary_torque(&self) -> &[f64] {
         &self.tau_sec
     }
@@ -125,7 +125,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.robot.pose()
     }
 
-    /// √det(J Jᵀ) at the observed state [m²]; 0 in a singularity.
+    /// √det(J Jᵀ) at the observed state \[m²\]; 0 in a singularity.
     pub fn manipulability(&self) -> f64 {
         operational_space::manipulability::<R, D, M>(&self.robot)
     }
@@ -264,7 +264,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.avoider.is_some()
     }
 
-    /// By how much the last command violates the barriers at most [m/s²]; None without barriers.
+    /// By how much the last command violates the barriers at most \[m/s²\]; None without barriers.
     pub fn slack(&self) -> Option<f64> {
         self.avoider.as_ref().and_then(|avoider| avoider.slack())
     }
@@ -294,12 +294,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
     }
 
-    /// C q̇ + g at the state of the last command [N·m].
+    /// C q̇ + g at the state of the last command \[N·m\].
     pub fn bias(&self) -> &[f64] {
         &self.law.bias
     }
 
-    /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task [m/s²] (T4).
+    /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task \[m/s²\] (T4).
     pub fn null_acceleration(&self) -> f64 {
         self.gains.metric::<D>().norm(&self.space.response(&self.law.torque.null))
     }
@@ -318,7 +318,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     }
 
     /// Powers through the ports of (T17) at the last command, and that of `applied`, the torque of the
-    /// motors [N·m].
+    /// motors \[N·m\].
     pub fn power(&self, applied: &[f64]) -> Power {
         let Self { robot, space, forces, law, .. } = self;
         let mut along_task = space.dx.dot(&space.pinv_tr_mul(&self.tau_sec));
@@ -350,7 +350,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.tank = self.gains.tank.map(Tank::new);
     }
 
-    /// Lets `dt` [s] pass under the last command: the tank fills or empties.
+    /// Lets `dt` \[s\] pass under the last command: the tank fills or empties.
     pub fn elapse(&mut self, dt: f64) {
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
@@ -364,7 +364,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         sampling::stable_period(&self.robot, &self.space, &self.gains, surroundings)
     }
 
-    /// The same for an obstacle that is still to come, at `speed` [m/s]. Allocates.
+    /// The same for an obstacle that is still to come, at `speed` \[m/s\]. Allocates.
     pub fn stable_period_against(&self, speed: f64) -> StablePeriod {
         sampling::stable_period_against(&self.robot, &self.space, &self.gains, speed)
     }
@@ -443,7 +443,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         }
     }
 
-    /// Lets `dt` [s] pass under the last command: the tank fills or empties, the look-ahead's time goes on.
+    /// Lets `dt` \[s\] pass under the last command: the tank fills or empties, the look-ahead's time goes on.
     pub fn elapse(&mut self, dt: f64) {
         if let Some(preview) = &mut self.preview {
             preview.elapse(dt);
@@ -452,7 +452,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
     }
 }
 
-/// (N q̇)ᵀτ, the power of a joint torque into the null motion [W].
+/// (N q̇)ᵀτ, the power of a joint torque into the null motion \[W\].
 fn null_power<const M: usize>(space: &OperationalSpace<M>, dq: &[f64], tau: &[f64]) -> f64 {
     dot(dq, tau) - space.dx.dot(&space.pinv_tr_mul(tau))
 }

@@ -15,9 +15,9 @@ use crate::world::{Contact, Feature};
 /// ḋ, and d̈ while q̈ = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistanceRate {
-    /// ḋ [m/s].
+    /// ḋ \[m/s\].
     pub rate: f64,
-    /// d̈ − n̂ᵀJ_c q̈ [m/s²].
+    /// d̈ − n̂ᵀJ_c q̈ \[m/s²\].
     pub bias: f64,
 }
 

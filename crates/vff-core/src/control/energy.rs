@@ -7,7 +7,7 @@ pub const ENERGIES: [&str; 3] = ["kinetic", "gravitational", "null_storage"];
 /// positive sign where energy flows in.
 pub const PORTS: [&str; 6] = ["actuators", "damping", "task", "obstacles", "approach", "scaling"];
 
-/// Energies of the arm [J].
+/// Energies of the arm \[J\].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energy {
     /// T = ½ q̇ᵀM q̇ = ½ ẋᵀΛẋ + ½ νᵀΛ_nν.
@@ -25,7 +25,7 @@ impl Energy {
     }
 }
 
-/// Powers through the ports [W].
+/// Powers through the ports \[W\].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Power {
     /// q̇ᵀτ of the motors.
@@ -48,7 +48,7 @@ impl Power {
         [self.actuators, self.damping, self.task, self.obstacles, self.approach, self.scaling]
     }
 
-    /// What flows into the storage of the null space [W].
+    /// What flows into the storage of the null space \[W\].
     pub fn into_null_space(&self) -> f64 {
         self.damping + self.task + self.obstacles + self.approach + self.scaling
     }

@@ -26,9 +26,9 @@ pub struct ExtendedJacobian {
     pub z: DMatrix<f64>,
     /// N_M = (ZᵀMZ)⁻¹ZᵀM, (r, n).
     pub n_m: DMatrix<f64>,
-    /// J_e = [J; N_M], (n, n).
+    /// J_e = \[J; N_M\], (n, n).
     pub j_e: DMatrix<f64>,
-    /// J_e⁻¹ = [J#, Z], (n, n).
+    /// J_e⁻¹ = \[J#, Z\], (n, n).
     pub j_e_inv: DMatrix<f64>,
     /// E_e = blockdiag(Λ, Λ_n), (n, n).
     pub e_e: DMatrix<f64>,

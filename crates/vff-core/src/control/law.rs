@@ -12,7 +12,7 @@ use crate::math::dot;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
-/// Joint torques of one evaluation [N·m].
+/// Joint torques of one evaluation \[N·m\].
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Torque {
     /// What the motors get: `task + null`.
@@ -51,13 +51,13 @@ impl Torque {
 pub struct Law {
     /// The result of the last evaluation.
     pub torque: Torque,
-    /// C q̇ + g at the state of the last evaluation [N·m].
+    /// C q̇ + g at the state of the last evaluation \[N·m\].
     pub bias: Vec<f64>,
-    /// ½ (N q̇)ᵀ M N q̇ [J].
+    /// ½ (N q̇)ᵀ M N q̇ \[J\].
     pub null_energy: f64,
-    /// (N q̇)ᵀ D_q N q̇ [W], `brake` included.
+    /// (N q̇)ᵀ D_q N q̇ \[W\], `brake` included.
     pub damping_power: f64,
-    /// Additional damping of the null space [1/s], 0 unless a joint is near its speed limit (T37).
+    /// Additional damping of the null space \[1/s\], 0 unless a joint is near its speed limit (T37).
     pub brake: f64,
     v: Vec<f64>,
     w: Vec<f64>,

@@ -14,7 +14,7 @@ use nalgebra::SVector;
 pub const OBJECTIVES: [&str; 6] =
     ["posture", "task", "damping", "avoidance", "compensation", "speed"];
 
-/// The share in [0, 1] that each of [`OBJECTIVES`] was granted.
+/// The share in \[0, 1\] that each of [`OBJECTIVES`] was granted.
 pub type ObjectiveScale = [f64; OBJECTIVES.len()];
 
 /// Everything, as long as no limit is in the way.
@@ -83,7 +83,7 @@ impl Parts {
     }
 }
 
-/// The largest s ∈ [0, 1] with |rest + s part| ≤ limit at every joint, if there is one.
+/// The largest s ∈ \[0, 1\] with |rest + s part| ≤ limit at every joint, if there is one.
 fn largest_share(rest: &[f64], part: &[f64], limit: &[f64]) -> Option<f64> {
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
     for ((rest, part), limit) in rest.iter().zip(part).zip(limit) {
@@ -122,7 +122,7 @@ pub fn speed_share<R: Robot<D>, const D: usize, const M: usize>(
     })
 }
 
-/// Damping of the null space [1/s] near the speed limits: from nothing at 80 % of the fastest joint's
+/// Damping of the null space \[1/s\] near the speed limits: from nothing at 80 % of the fastest joint's
 /// limit, smoothly, to its full strength at the limit (T37).
 pub fn brake(dq: &[f64], limit: &[f64]) -> f64 {
     const STRENGTH: f64 = 50.0;
@@ -132,7 +132,7 @@ pub fn brake(dq: &[f64], limit: &[f64]) -> f64 {
 }
 
 /// `out +=` the repulsion of the joint limits, each a field over the angle that is left; returns its
-/// potential [J] (T38).
+/// potential \[J\] (T38).
 pub fn add_joint_limit_torque(field: &Field, limits: &Limits, q: &[f64], out: &mut [f64]) -> f64 {
     let mut potential = 0.0;
     for ((out, q), [lower, upper]) in out.iter_mut().zip(q).zip(&limits.joint) {

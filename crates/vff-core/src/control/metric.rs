@@ -13,12 +13,12 @@ pub struct TaskMetric<const M: usize> {
 }
 
 impl<const M: usize> TaskMetric<M> {
-    /// With `length` [m] > 0 in a space of dimension `D`, whose task coordinates from the `D`-th on are angles.
+    /// With `length` \[m\] > 0 in a space of dimension `D`, whose task coordinates from the `D`-th on are angles.
     pub fn new<const D: usize>(length: f64) -> Self {
         Self { scale: SVector::from_fn(|i, _| if i < D { 1.0 } else { length }) }
     }
 
-    /// ‖S v‖ [m, or that per s or s²].
+    /// ‖S v‖ \[m, or that per s or s²\].
     #[inline]
     pub fn norm(&self, v: &SVector<f64, M>) -> f64 {
         v.component_mul(&self.scale).norm()

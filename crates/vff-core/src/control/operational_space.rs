@@ -24,7 +24,7 @@ pub struct OperationalSpace<const M: usize> {
 }
 
 impl<const M: usize> OperationalSpace<M> {
-    /// For `n` joints; damping starts when an eigenvalue of Λ⁻¹ falls below `threshold` [1/kg],
+    /// For `n` joints; damping starts when an eigenvalue of Λ⁻¹ falls below `threshold` \[1/kg\],
     /// with angles measured by `metric`.
     pub fn new(n: usize, threshold: f64, metric: TaskMetric<M>) -> Self {
         Self {
@@ -130,7 +130,7 @@ impl<const M: usize> OperationalSpace<M> {
     }
 }
 
-/// √det(J Jᵀ), Yoshikawa's manipulability [m²; m² too with an orientation]; 0 in a singularity.
+/// √det(J Jᵀ), Yoshikawa's manipulability \[m²; m² too with an orientation\]; 0 in a singularity.
 pub fn manipulability<R: Robot<D>, const D: usize, const M: usize>(robot: &R) -> f64 {
     let mut gram = SMatrix::<f64, M, M>::zeros();
     for i in 0..robot.dof() {

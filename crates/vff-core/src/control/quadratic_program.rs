@@ -442,7 +442,7 @@ mod tests {
     }
 
     /// The example of Goldfarb and Idnani's paper, easily redone by hand:
-    /// min ½xᵀ[4 −2; −2 4]x + 6x₁ with x ≥ 0 and x₁ + x₂ ≥ 2 has the minimum 6.5 at (0.5, 1.5).
+    /// min ½xᵀ\[4 −2; −2 4\]x + 6x₁ with x ≥ 0 and x₁ + x₂ ≥ 2 has the minimum 6.5 at (0.5, 1.5).
     #[test]
     fn the_example_of_the_paper() {
         let (outcome, program) = solve(

@@ -10,11 +10,11 @@ use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 /// The largest control period at which the null space is stable, and what sets it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StablePeriod {
-    /// The period [s]; infinite without damping or stiffness to hold.
+    /// The period \[s\]; infinite without damping or stiffness to hold.
     pub period: f64,
-    /// Stiffness U'' [N/m] of the contact that sets it; 0 if the null damping does.
+    /// Stiffness U'' \[N/m\] of the contact that sets it; 0 if the null damping does.
     pub stiffness: f64,
-    /// Clearance [m] of that contact; infinite if there is none.
+    /// Clearance \[m\] of that contact; infinite if there is none.
     pub clearance: f64,
 }
 
@@ -77,7 +77,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
 /// Numbers that the springs may be made of: a matrix of as many is soon decomposed.
 const MOST_NUMBERS: usize = 1 << 20;
 
-/// The largest mode of the springs together [1/s²], and the spring that has the largest part in it.
+/// The largest mode of the springs together \[1/s²\], and the spring that has the largest part in it.
 fn stiffest_mode(springs: &[Spring], n: usize) -> (f64, usize) {
     if springs.len() > n {
         return stiffest_mode_in_joints(springs, n);
@@ -134,7 +134,7 @@ fn stiffest_mode_in_joints(springs: &[Spring], n: usize) -> (f64, usize) {
     (whole.eigenvalues[mode], most.0)
 }
 
-/// The bound for an obstacle that arrives with `speed` [m/s] at the far end of a body, wherever and from
+/// The bound for an obstacle that arrives with `speed` \[m/s\] at the far end of a body, wherever and from
 /// wherever the null space yields most: there it comes nearest, and the field becomes stiffest
 /// (T29). Allocates.
 pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
@@ -186,7 +186,7 @@ fn null_compliance<R: Robot<D>, const D: usize, const M: usize>(
     out
 }
 
-/// h < 2 d/κ and h < 2/d for a mode of stiffness κ = u ᵀK_n u / uᵀΛ_n u [1/s²].
+/// h < 2 d/κ and h < 2/d for a mode of stiffness κ = u ᵀK_n u / uᵀΛ_n u \[1/s²\].
 fn bound<const M: usize>(
     n: usize,
     gains: &Gains<M>,

@@ -89,22 +89,22 @@ impl TaskKind {
 pub struct Settings {
     /// What the end effector has to do.
     pub task: TaskKind,
-    /// K [1/s²] per axis or for all, ≥ 0.
+    /// K \[1/s²\] per axis or for all, ≥ 0.
     pub stiffness: ScalarOrVec,
-    /// D [1/s] per axis or for all, ≥ 0.
+    /// D \[1/s\] per axis or for all, ≥ 0.
     pub damping: ScalarOrVec,
-    /// d [1/s] per joint or for all, ≥ 0: D_q = √d M √d.
+    /// d \[1/s\] per joint or for all, ≥ 0: D_q = √d M √d.
     pub null_damping: ScalarOrVec,
-    /// Preferred configuration q_d [rad] of the posture spring.
+    /// Preferred configuration q_d \[rad\] of the posture spring.
     pub posture: Option<Vec<f64>>,
-    /// K_v [N·m/rad] of the posture spring per joint or for all, ≥ 0.
+    /// K_v \[N·m/rad\] of the posture spring per joint or for all, ≥ 0.
     pub posture_stiffness: ScalarOrVec,
     /// The virtual force field.
     pub field: Field,
     /// What is done about links that come near each other.
     pub self_collision: SelfCollision,
     /// A field over the angle that is left to the joint limits; none by default. Its lengths are
-    /// angles [rad], its forces torques [N·m].
+    /// angles \[rad\], its forces torques \[N·m\].
     pub joint_limit_field: Option<Field>,
     /// Whether the torque and the speed limits of the arm hold for the controller.
     pub enforce_limits: bool,
@@ -120,7 +120,7 @@ pub struct Settings {
     pub yielding: Yielding,
     /// How the reference waits for the end effector; it does not by default.
     pub governor: Option<GovernorSettings>,
-    /// L [m], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
+    /// L \[m\], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
     pub characteristic_length: f64,
     /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
     /// 1/(mass of the arm), > 0.
@@ -156,9 +156,9 @@ impl Default for Settings {
 /// configuration (T31).
 #[derive(Debug, Clone, PartialEq)]
 pub enum NullDamping {
-    /// D_q = d M with d [1/s].
+    /// D_q = d M with d \[1/s\].
     Uniform(f64),
-    /// D_q = √d M √d, the diagonal √d [1/√s] one per joint.
+    /// D_q = √d M √d, the diagonal √d \[1/√s\] one per joint.
     Each(Vec<f64>),
 }
 
@@ -170,7 +170,7 @@ impl NullDamping {
         }
     }
 
-    /// d of joint `i` [1/s].
+    /// d of joint `i` \[1/s\].
     pub fn get(&self, i: usize) -> f64 {
         match self {
             Self::Uniform(d) => *d,
@@ -203,13 +203,13 @@ impl NullDamping {
 /// [`Settings`] resolved for a robot of n joints and a task of dimension `M`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains<const M: usize> {
-    /// K [1/s²].
+    /// K \[1/s²\].
     pub stiffness: SVector<f64, M>,
-    /// D [1/s].
+    /// D \[1/s\].
     pub damping: SVector<f64, M>,
     /// D_q.
     pub null_damping: NullDamping,
-    /// Posture spring: (q_d [rad], K_v [N·m/rad]) per joint, empty without posture.
+    /// Posture spring: (q_d \[rad\], K_v \[N·m/rad\]) per joint, empty without posture.
     pub posture: Vec<(f64, f64)>,
     /// The virtual force field.
     pub field: Field,
@@ -286,7 +286,7 @@ impl<const M: usize> Gains<M> {
         }
     }
 
-    /// ½ (q_d − q)ᵀ K_v (q_d − q) [J].
+    /// ½ (q_d − q)ᵀ K_v (q_d − q) \[J\].
     pub fn posture_energy(&self, q: &[f64]) -> f64 {
         q.iter().zip(&self.posture).map(|(q, (rest, k))| 0.5 * k * (rest - q) * (rest - q)).sum()
     }

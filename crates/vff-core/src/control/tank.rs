@@ -11,9 +11,9 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TankSettings {
-    /// The most that it holds [J], > 0.
+    /// The most that it holds \[J\], > 0.
     pub capacity: f64,
-    /// What it holds at the start [J], in [0, capacity]; full by default.
+    /// What it holds at the start \[J\], in \[0, capacity\]; full by default.
     #[serde(default)]
     pub initial: Option<f64>,
     /// The share of the repulsion that is left when it is empty, in (0, 1].
@@ -38,12 +38,12 @@ impl Tank {
         Self { settings, level: settings.initial.unwrap_or(settings.capacity) }
     }
 
-    /// What it holds [J].
+    /// What it holds \[J\].
     pub fn level(&self) -> f64 {
         self.level
     }
 
-    /// The share of the repulsion that is let through while it would inject `power` [W]. Continuous
+    /// The share of the repulsion that is let through while it would inject `power` \[W\]. Continuous
     /// in both the power and the level.
     pub fn share(&self, power: f64) -> f64 {
         let TankSettings { capacity, floor, .. } = self.settings;
@@ -52,7 +52,7 @@ impl Tank {
         1.0 - (1.0 - supply) * smoothstep(10.0 * power / capacity)
     }
 
-    /// Lets `dt` [s] pass with `inflow` [W]: what is dissipated less what repulsion injects.
+    /// Lets `dt` \[s\] pass with `inflow` \[W\]: what is dissipated less what repulsion injects.
     pub fn elapse(&mut self, dt: f64, inflow: f64) {
         self.level = (self.level + dt * inflow).clamp(0.0, self.settings.capacity);
     }

@@ -52,42 +52,42 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         }
     }
 
-    /// Signed surface distance from each link to the nearest obstacle [m]; ∞ without obstacles.
+    /// Signed surface distance from each link to the nearest obstacle \[m\]; ∞ without obstacles.
     pub fn clearance(&self) -> &[f64] {
         &self.clearance
     }
 
-    /// The sum of the forces of the field on each link [N].
+    /// The sum of the forces of the field on each link \[N\].
     pub fn resultant(&self) -> &[Vector<D>] {
         &self.resultant
     }
 
-    /// The magnitudes of the resultants [N].
+    /// The magnitudes of the resultants \[N\].
     pub fn magnitude(&self) -> &[f64] {
         &self.magnitude
     }
 
-    /// τ_vff = Σ J_cᵀF, the paper's virtual external torque τ_e, before projection [N·m].
+    /// τ_vff = Σ J_cᵀF, the paper's virtual external torque τ_e, before projection \[N·m\].
     pub fn torque(&self) -> &[f64] {
         &self.torque
     }
 
-    /// U, the potential of all pairs [J].
+    /// U, the potential of all pairs \[J\].
     pub fn potential(&self) -> f64 {
         self.potential
     }
 
-    /// Σ F·v_obstacle, the power that moving obstacles push in through the field [W].
+    /// Σ F·v_obstacle, the power that moving obstacles push in through the field \[W\].
     pub fn obstacle_power(&self) -> f64 {
         self.obstacle_power
     }
 
-    /// Σ F_d ḋ ≤ 0, the power that approach damping takes out [W] (T30).
+    /// Σ F_d ḋ ≤ 0, the power that approach damping takes out \[W\] (T30).
     pub fn approach_power(&self) -> f64 {
         self.approach_power
     }
 
-    /// Smallest signed surface distance of two bodies that must not touch each other [m]; ∞ where they are not
+    /// Smallest signed surface distance of two bodies that must not touch each other \[m\]; ∞ where they are not
     /// measured.
     pub fn self_clearance(&self) -> f64 {
         self.self_clearance
@@ -257,7 +257,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         robot.add_force(&mut self.wrenches, links[1], &points[1], &-force);
     }
 
-    /// c = 2 ζ √(k m_n) h(d) [N·s/m], with the mass m_n that the null space shows along the normal,
+    /// c = 2 ζ √(k m_n) h(d) \[N·s/m\], with the mass m_n that the null space shows along the normal,
     /// 1/m_n = n̂ᵀ J_c N M⁻¹ J_cᵀ n̂ (T30); `column` holds J_cᵀn̂, `mobility` is n̂ᵀ J_c M⁻¹ J_cᵀ n̂.
     fn damping<R: Robot<D, Wrench = W>, const M: usize>(
         &self,
@@ -277,7 +277,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         2.0 * ratio * (response.stiffness * mass).sqrt()
     }
 
-    /// The power of the virtual forces on the arm, q̇ᵀτ_vff [W].
+    /// The power of the virtual forces on the arm, q̇ᵀτ_vff \[W\].
     pub fn power(&self, dq: &[f64]) -> f64 {
         dot(dq, &self.torque)
     }

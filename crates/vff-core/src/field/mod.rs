@@ -14,12 +14,12 @@ const HEAD_ON: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldKind {
-    /// Khatib's potential U = ½ η (1/d − 1/d_s)², the paper's with its missing square; η [N·m³].
+    /// Khatib's potential U = ½ η (1/d − 1/d_s)², the paper's with its missing square; η \[N·m³\].
     /// C¹ in the force except for its slope at d_s.
     Khatib,
-    /// U = ⅓ η (1/d − 1/d_s)³, whose force also starts with slope zero at d_s; η [N·m⁴].
+    /// U = ⅓ η (1/d − 1/d_s)³, whose force also starts with slope zero at d_s; η \[N·m⁴\].
     Cubic,
-    /// F = η (1 − d/d_s)², never more than η [N].
+    /// F = η (1 − d/d_s)², never more than η \[N\].
     Bounded,
 }
 
@@ -40,16 +40,16 @@ pub struct Field {
     pub kind: FieldKind,
     /// Gain η, in the unit of the kind; 0 switches the field off.
     pub gain: f64,
-    /// Influence distance d_s [m], > 0: beyond it there is no force.
+    /// Influence distance d_s \[m\], > 0: beyond it there is no force.
     pub influence: f64,
-    /// Distance [m] below which the force grows linearly, keeping its slope, instead of like 1/d³;
+    /// Distance \[m\] below which the force grows linearly, keeping its slope, instead of like 1/d³;
     /// in (0, influence). Default: a tenth of the influence distance. Not for `bounded`.
     #[serde(default)]
     pub floor: Option<f64>,
     /// Damping ratio ζ ≥ 0 of the approach against the obstacle (T30), 0 by default.
     #[serde(default)]
     pub approach_damping: f64,
-    /// κ₀ ≥ 0 [N·s/m], how strongly links are turned past an obstacle that comes at them (T82), 0 by
+    /// κ₀ ≥ 0 \[N·s/m\], how strongly links are turned past an obstacle that comes at them (T82), 0 by
     /// default.
     #[serde(default)]
     pub sliding: f64,
@@ -58,11 +58,11 @@ pub struct Field {
 /// A field at one distance.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
-    /// Potential U [J].
+    /// Potential U \[J\].
     pub potential: f64,
-    /// Repulsion F = −dU/dd [N], ≥ 0.
+    /// Repulsion F = −dU/dd \[N\], ≥ 0.
     pub force: f64,
-    /// Stiffness −dF/dd [N/m], ≥ 0.
+    /// Stiffness −dF/dd \[N/m\], ≥ 0.
     pub stiffness: f64,
 }
 
@@ -77,12 +77,12 @@ impl Field {
         sliding: 0.0,
     };
 
-    /// The distance below which the force is continued linearly [m].
+    /// The distance below which the force is continued linearly \[m\].
     pub fn floor(&self) -> f64 {
         self.floor.unwrap_or(0.1 * self.influence)
     }
 
-    /// The field at the signed surface distance `d` [m]; finite for every finite `d`.
+    /// The field at the signed surface distance `d` \[m\]; finite for every finite `d`.
     #[inline]
     pub fn at(&self, d: f64) -> Response {
         if d >= self.influence {
@@ -111,7 +111,7 @@ impl Field {
         }
     }
 
-    /// The distance [m] at which the potential has taken up `energy` [J]: how near something comes that
+    /// The distance \[m\] at which the potential has taken up `energy` \[J\]: how near something comes that
     /// arrives with that much (T29). 0 if it comes to contact.
     pub fn closest_approach(&self, energy: f64) -> f64 {
         let (mut near, mut far) = (0.0, self.influence);

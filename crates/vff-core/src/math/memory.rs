@@ -3,7 +3,7 @@
 //! Systems promise more memory than they have, and end the process when it is used: whatever grows as a product of
 //! sizes that a caller gives is compared with a limit before it is allocated.
 
-/// The most that a record, a batch of them, or a set of matrices may take [bytes].
+/// The most that a record, a batch of them, or a set of matrices may take \[bytes\].
 pub const MAX_BYTES: usize = 8_000_000_000;
 
 /// More than that was asked for.

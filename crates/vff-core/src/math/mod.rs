@@ -52,13 +52,13 @@ pub type Vector<const D: usize> = SVector<f64, D>;
 /// A line segment swept by a disc (or ball): the shape of one link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Capsule<const D: usize> {
-    /// First end of the axis [m].
+    /// First end of the axis \[m\].
     pub start: Vector<D>,
     /// Unit vector from the first end to the second.
     pub direction: Vector<D>,
-    /// Distance between the ends [m], > 0.
+    /// Distance between the ends \[m\], > 0.
     pub length: f64,
-    /// Distance from the axis to the surface [m].
+    /// Distance from the axis to the surface \[m\].
     pub radius: f64,
 }
 
@@ -70,7 +70,7 @@ impl<const D: usize> Capsule<D> {
         Self { start, direction: along / length, length, radius }
     }
 
-    /// The second end of the axis [m].
+    /// The second end of the axis \[m\].
     #[inline]
     pub fn end(&self) -> Vector<D> {
         self.start + self.direction * self.length
@@ -83,7 +83,7 @@ impl<const D: usize> Capsule<D> {
         0.0 < along && along < self.length
     }
 
-    /// The point of the axis that is nearest to `point` [m].
+    /// The point of the axis that is nearest to `point` \[m\].
     #[inline]
     pub fn clamp(&self, point: &Vector<D>) -> Vector<D> {
         let along = self.direction.dot(&(point - self.start)).clamp(0.0, self.length);

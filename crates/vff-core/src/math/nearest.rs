@@ -7,11 +7,11 @@ use super::{Capsule, Vector};
 /// Moving the first by a small δ changes `distance` by `normal · δ`, outside and inside alike.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest<const D: usize> {
-    /// The point on the axis of each [m].
+    /// The point on the axis of each \[m\].
     pub points: [Vector<D>; 2],
     /// Unit vector from the second to the first.
     pub normal: Vector<D>,
-    /// Signed distance of the surfaces [m]. In the plane, where the axes cross, it is the shortest way back
+    /// Signed distance of the surfaces \[m\]. In the plane, where the axes cross, it is the shortest way back
     /// to touching axes that counts, negative. In space axes do not cross but by chance: the distance of the
     /// axes is never negative.
     pub distance: f64,
@@ -90,15 +90,15 @@ fn across<const D: usize>(a: &Capsule<D>, b: &Capsule<D>, offset: &Vector<D>) ->
 
 impl<const D: usize> Nearest<D> {
     /// What the sliding of the nearest points and the turning of the normal add to the acceleration of the
-    /// distance [m/s²]: d̈ = n̂ᵀP̈ + this, where P leads from the material point of `b` to that of `a`.
+    /// distance \[m/s²\]: d̈ = n̂ᵀP̈ + this, where P leads from the material point of `b` to that of `a`.
     ///
     /// With ρ the distance of the axes, (|Ṗ⊥|² − bᵀH⁻¹b)/ρ, where b is the rate of the gradient of ½|P|² along the
-    /// axes that are slid along. Where both are, H = [[1, −c], [−c, 1]], and Ṗ⊥ lies in their plane in space: its
+    /// axes that are slid along. Where both are, H = [\[1, −c\], \[−c, 1\]], and Ṗ⊥ lies in their plane in space: its
     /// part cancels, and nothing is divided by ρ. It may have either sign.
     ///
     /// # Arguments
-    /// * `velocity`: Ṗ [m/s].
-    /// * `turning`: the rates of the directions of the two axes [1/s].
+    /// * `velocity`: Ṗ \[m/s\].
+    /// * `turning`: the rates of the directions of the two axes \[1/s\].
     pub fn sliding(
         &self,
         [a, b]: [&Capsule<D>; 2],
@@ -227,7 +227,7 @@ mod tests {
         center: Vector<3>,
         velocity: Vector<3>,
         acceleration: Vector<3>,
-        /// Constant angular velocity [rad/s], in the world frame.
+        /// Constant angular velocity \[rad/s\], in the world frame.
         turning: Vector<3>,
         along: Vector<3>,
         radius: f64,

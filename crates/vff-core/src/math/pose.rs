@@ -10,16 +10,16 @@ pub trait Pose<const M: usize>: Copy + Debug + PartialEq {
     /// How many numbers a pose takes when it is written.
     const WIDTH: usize;
 
-    /// x ⊖ x_r: the error of this pose against `reference` [m, rad].
+    /// x ⊖ x_r: the error of this pose against `reference` \[m, rad\].
     fn error(&self, reference: &Self) -> Vector<M>;
-    /// x ⊕ δ: this pose after a small displacement [m, rad].
+    /// x ⊕ δ: this pose after a small displacement \[m, rad\].
     #[must_use]
     fn moved(&self, displacement: &Vector<M>) -> Self;
-    /// The pose as it is written: [`WIDTH`](Self::WIDTH) numbers, the position [m] before the orientation.
+    /// The pose as it is written: [`WIDTH`](Self::WIDTH) numbers, the position \[m\] before the orientation.
     fn as_slice(&self) -> &[f64];
 }
 
-/// A position [m] is a vector.
+/// A position \[m\] is a vector.
 impl Pose<2> for Vector<2> {
     const WIDTH: usize = 2;
 
@@ -38,7 +38,7 @@ impl Pose<2> for Vector<2> {
     }
 }
 
-/// A position in space [m] is a vector, too.
+/// A position in space \[m\] is a vector, too.
 impl Pose<3> for Vector<3> {
     const WIDTH: usize = 3;
 
@@ -57,7 +57,7 @@ impl Pose<3> for Vector<3> {
     }
 }
 
-/// A position in the plane [m] and an orientation [rad], which counts turns: it is not wrapped.
+/// A position in the plane \[m\] and an orientation \[rad\], which counts turns: it is not wrapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanarPose(pub Vector<3>);
 

@@ -62,7 +62,7 @@ impl UnitQuaternion {
         q.map(|x| if first < 0.0 { -x + 0.0 } else { x + 0.0 })
     }
 
-    /// The rotation by the vector `phi` [rad].
+    /// The rotation by the vector `phi` \[rad\].
     pub fn exp(phi: &Vector<3>) -> Self {
         let angle = phi.norm();
         let (sin, w) = (0.5 * angle).sin_cos();
@@ -70,7 +70,7 @@ impl UnitQuaternion {
         Self { w, v: phi * share }
     }
 
-    /// The rotation vector of the shorter way, |φ| ≤ π [rad]. For a half turn both ways are equally
+    /// The rotation vector of the shorter way, |φ| ≤ π \[rad\]. For a half turn both ways are equally
     /// long: the axis is that of the quaternion as it is stored.
     pub fn log(&self) -> Vector<3> {
         let sin = self.v.norm();
@@ -130,7 +130,7 @@ impl UnitQuaternion {
         r + t * self.w + self.v.cross(&t)
     }
 
-    /// The error e_o of this orientation R against `desired` R_d, in world axes [rad]: a measure of
+    /// The error e_o of this orientation R against `desired` R_d, in world axes \[rad\]: a measure of
     /// the rotation R R_dᵀ that leads from R_d to R, in the direction of its axis.
     ///
     /// Both forms grow steadily up to a half turn. Across it they jump to the opposite side, as
@@ -145,7 +145,7 @@ impl UnitQuaternion {
     }
 
     /// The error of the direction of this tool's z axis against that of `desired`, along the tool's
-    /// own x and y axes [rad]: a measure of the smallest rotation from the desired axis to the
+    /// own x and y axes \[rad\]: a measure of the smallest rotation from the desired axis to the
     /// actual one. Where they are opposite, the tool's x axis is taken.
     pub fn pointing_error(&self, desired: &Self, form: OrientationError) -> Vector<2> {
         let z = self.inverse().rotate(&desired.rotate(&Vector::<3>::z()));

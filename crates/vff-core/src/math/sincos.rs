@@ -2,7 +2,7 @@
 //!
 //! The C library's takes a tenth of a whole closed-loop step at n = 6. This one reduces the angle
 //! by Cody and Waite's method (π/2 split in three parts, the first two of 33 bits) and evaluates
-//! both minimax polynomials of Sun's fdlibm on [−π/4, π/4]; its error stays below one unit in the
+//! both minimax polynomials of Sun's fdlibm on \[−π/4, π/4\]; its error stays below one unit in the
 //! last place of the larger result.
 
 use std::f64::consts::FRAC_2_PI;

@@ -3,7 +3,7 @@
 use super::rotation::{OrientationError, UnitQuaternion};
 use super::{Pose, Vector};
 
-/// A position [m] and an orientation, as the seven numbers that are written: x, y, z, then the quaternion w, x, y, z
+/// A position \[m\] and an orientation, as the seven numbers that are written: x, y, z, then the quaternion w, x, y, z
 /// with w ≥ 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialPose {
@@ -12,13 +12,13 @@ pub struct SpatialPose {
 }
 
 impl SpatialPose {
-    /// The pose at a position [m] with an orientation.
+    /// The pose at a position \[m\] with an orientation.
     pub fn new(position: Vector<3>, orientation: UnitQuaternion) -> Self {
         let [w, i, j, k] = orientation.to_array();
         Self { orientation, written: [position.x, position.y, position.z, w, i, j, k] }
     }
 
-    /// Position [m].
+    /// Position \[m\].
     #[inline]
     pub fn position(&self) -> Vector<3> {
         Vector::<3>::new(self.written[0], self.written[1], self.written[2])
@@ -54,7 +54,7 @@ impl Pose<6> for SpatialPose {
     }
 }
 
-/// A position [m] and the direction of the tool's z axis: the turn about that axis is free.
+/// A position \[m\] and the direction of the tool's z axis: the turn about that axis is free.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pointing(pub SpatialPose);
 

@@ -8,17 +8,17 @@ use super::Vector;
 /// From rest it goes straight to the goal and never beyond.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThirdOrderFilter<const D: usize> {
-    /// The instant at which the goal was set [s].
+    /// The instant at which the goal was set \[s\].
     start: f64,
     goal: Vector<D>,
     /// x − goal = (c₀ + c₁τ + c₂τ²) e^(−ωτ), τ the time since `start`.
     c: [Vector<D>; 3],
-    /// ω, the pole [1/s].
+    /// ω, the pole \[1/s\].
     rate: f64,
 }
 
 impl<const D: usize> ThirdOrderFilter<D> {
-    /// From [x, ẋ, ẍ] at time `start` [s] to `goal`, most of the way within 5/`rate` [1/s].
+    /// From \[x, ẋ, ẍ\] at time `start` \[s\] to `goal`, most of the way within 5/`rate` \[1/s\].
     pub fn new(start: f64, [x, dx, ddx]: [Vector<D>; 3], goal: Vector<D>, rate: f64) -> Self {
         let c0 = x - goal;
         let c1 = dx + c0 * rate;
@@ -26,7 +26,7 @@ impl<const D: usize> ThirdOrderFilter<D> {
         Self { start, goal, c: [c0, c1, c2], rate }
     }
 
-    /// [x, ẋ, ẍ] at time `t` [s]; at rest in the state of `start` before it.
+    /// \[x, ẋ, ẍ\] at time `t` \[s\]; at rest in the state of `start` before it.
     pub fn at(&self, t: f64) -> [Vector<D>; 3] {
         let Self { goal, c: [c0, c1, c2], rate, .. } = self;
         let tau = (t - self.start).max(0.0);

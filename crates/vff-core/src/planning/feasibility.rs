@@ -29,24 +29,24 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
-/// Duration of one piece of a motion [s].
+/// Duration of one piece of a motion \[s\].
 pub const STEP: f64 = 0.05;
-/// Largest joint speed [rad/s].
+/// Largest joint speed \[rad/s\].
 pub const MAX_SPEED: f64 = 3.0;
-/// Largest change of a joint's speed from piece to piece, relative to [`STEP`] [rad/s²].
+/// Largest change of a joint's speed from piece to piece, relative to [`STEP`] \[rad/s²\].
 pub const MAX_ACCELERATION: f64 = 30.0;
-/// What a motion has to keep from every obstacle [m].
+/// What a motion has to keep from every obstacle \[m\].
 pub const CLEARANCE: f64 = 1e-3;
-/// What the search keeps at the ends and in the middle of its pieces [m].
+/// What the search keeps at the ends and in the middle of its pieces \[m\].
 pub const MARGIN: f64 = 1e-2;
-/// How far the tip may be from its reference where it is held [m].
+/// How far the tip may be from its reference where it is held \[m\].
 pub const TIP: f64 = 1e-2;
 /// How many motions the first and the second attempt follow.
 pub const WIDTHS: [usize; 2] = [64, 256];
 
 /// Continuations of every motion.
 const BRANCHES: usize = 4;
-/// How far ahead the search looks at the obstacles [s].
+/// How far ahead the search looks at the obstacles \[s\].
 const AHEAD: [f64; 3] = [0.0, 0.4, 0.8];
 /// Instants per piece at which a motion is checked.
 const CHECKS: usize = 10;
@@ -73,7 +73,7 @@ impl Verdict {
     }
 }
 
-/// The joint angles of a motion [rad], one vector per instant, [`STEP`] apart.
+/// The joint angles of a motion \[rad\], one vector per instant, [`STEP`] apart.
 pub type Motion = Vec<Vec<f64>>;
 
 /// Judges a scene; with the motion that was found.
@@ -211,7 +211,7 @@ impl Scene {
             .find(|motion| self.is_clear(motion, hold))
     }
 
-    /// Joint speeds to try next [rad/s].
+    /// Joint speeds to try next \[rad/s\].
     fn continuation(
         &self,
         random: &mut ChaCha8Rng,
@@ -297,7 +297,7 @@ impl Scene {
         })
     }
 
-    /// Positions of the joints and the tip [m].
+    /// Positions of the joints and the tip \[m\].
     fn joints(&self, q: &[f64]) -> Vec<Vector<2>> {
         let mut joints = Vec::with_capacity(q.len() + 1);
         let (mut angle, mut place) = (0.0, Vector::<2>::zeros());
@@ -316,7 +316,7 @@ impl Scene {
         capsules.enumerate().map(|(link, shape)| Body::new(link, shape))
     }
 
-    /// Smallest distance of a link to an obstacle [m].
+    /// Smallest distance of a link to an obstacle \[m\].
     fn clearance(&self, world: &mut World, joints: &[Vector<2>]) -> f64 {
         let mut least = f64::INFINITY;
         world.for_each_contact(self.bodies(joints), 0.0, |_, d| least = least.min(d), |_| {});
@@ -365,7 +365,7 @@ fn unusable(error: &crate::trajectory::TrajectoryError) -> ScenarioError {
     ScenarioError::new(format!("reference.{}", error.field()), Problem::Other(error.to_string()))
 }
 
-/// The instant after `k` of `parts` parts of a piece each [s].
+/// The instant after `k` of `parts` parts of a piece each \[s\].
 #[expect(clippy::cast_precision_loss, reason = "counts of pieces")]
 fn time(k: usize, parts: usize) -> f64 {
     STEP * k as f64 / parts as f64

@@ -29,7 +29,7 @@ pub struct Matrices<const M: usize> {
     pub velocity: DVector<f64>,
 }
 
-/// The matrices of a planar arm at (q [rad], q̇ [rad/s]).
+/// The matrices of a planar arm at (q \[rad\], q̇ \[rad/s\]).
 ///
 /// M = Σ m JᵀJ + I ωᵀω and C = Σ m JᵀJ̇ over the centres of mass; the latter is the Christoffel
 /// matrix because in the plane ω does not depend on q.

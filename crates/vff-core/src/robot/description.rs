@@ -18,10 +18,10 @@ pub struct ArmDescription {
     /// What people call it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// The maker's rated payload [kg], for information.
+    /// The maker's rated payload \[kg\], for information.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub payload: Option<f64>,
-    /// The maker's reach [m], for information.
+    /// The maker's reach \[m\], for information.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach: Option<f64>,
     /// Name of the frame that the first joint is placed in.
@@ -30,16 +30,16 @@ pub struct ArmDescription {
     /// Name of the frame at the end.
     #[serde(default = "tip")]
     pub tip: String,
-    /// Gravity [m/s²], in the world.
+    /// Gravity \[m/s²\], in the world.
     #[serde(default = "gravity")]
     pub gravity: [f64; 3],
-    /// `[lower, upper]` per joint [rad or m], infinite where there is none; empty for no limits.
+    /// `[lower, upper]` per joint \[rad or m\], infinite where there is none; empty for no limits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joint_limits: Vec<[f64; 2]>,
-    /// Largest speed per joint [rad/s or m/s], > 0; empty for no limits.
+    /// Largest speed per joint \[rad/s or m/s\], > 0; empty for no limits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub velocity_limits: Vec<f64>,
-    /// Largest torque or force per joint [N·m or N], > 0; empty for no limits.
+    /// Largest torque or force per joint \[N·m or N\], > 0; empty for no limits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub torque_limits: Vec<f64>,
     /// Pairs of links that are never measured against each other, beside neighbours.
@@ -70,11 +70,11 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Position [m] and orientation of one frame in another.
+/// Position \[m\] and orientation of one frame in another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// Of the origin [m].
+    /// Of the origin \[m\].
     #[serde(default)]
     pub position: [f64; 3],
     /// A unit quaternion `[w, x, y, z]`.
@@ -137,7 +137,7 @@ pub struct Joint {
     pub link: String,
     /// How it moves.
     pub kind: JointKind,
-    /// Origin at q = 0 in the frame of the link before [m].
+    /// Origin at q = 0 in the frame of the link before \[m\].
     #[serde(default)]
     pub position: [f64; 3],
     /// Orientation at q = 0 in the frame of the link before.
@@ -146,20 +146,20 @@ pub struct Joint {
     /// Unit vector in the joint's frame.
     #[serde(default = "z")]
     pub axis: [f64; 3],
-    /// Of the link [kg], > 0.
+    /// Of the link \[kg\], > 0.
     pub mass: f64,
-    /// Centre of mass in the link's frame [m].
+    /// Centre of mass in the link's frame \[m\].
     #[serde(default)]
     pub com: [f64; 3],
-    /// `[xx, yy, zz, xy, xz, yz]` about the centre of mass, in the link's axes [kg·m²].
+    /// `[xx, yy, zz, xy, xz, yz]` about the centre of mass, in the link's axes \[kg·m²\].
     pub inertia: [f64; 6],
-    /// Inertia of the rotor, as seen by the joint [kg·m² or kg].
+    /// Inertia of the rotor, as seen by the joint \[kg·m² or kg\].
     #[serde(default)]
     pub armature: f64,
-    /// Viscous friction [N·m·s/rad or N·s/m].
+    /// Viscous friction \[N·m·s/rad or N·s/m\].
     #[serde(default)]
     pub damping: f64,
-    /// Dry friction [N·m or N].
+    /// Dry friction \[N·m or N\].
     #[serde(default)]
     pub friction: f64,
 }
@@ -184,25 +184,25 @@ pub struct LinkShape {
 pub enum Shape {
     /// A ball.
     Sphere {
-        /// [m].
+        /// \[m\].
         center: [f64; 3],
-        /// [m], > 0.
+        /// \[m\], > 0.
         radius: f64,
     },
     /// A ball swept along a segment.
     Capsule {
-        /// One end of the segment [m].
+        /// One end of the segment \[m\].
         a: [f64; 3],
-        /// The other end [m].
+        /// The other end \[m\].
         b: [f64; 3],
-        /// [m], > 0.
+        /// \[m\], > 0.
         radius: f64,
     },
     /// A box.
     Box {
-        /// [m].
+        /// \[m\].
         center: [f64; 3],
-        /// Along the three edges [m], > 0.
+        /// Along the three edges \[m\], > 0.
         size: [f64; 3],
         /// Of the edges.
         #[serde(default = "identity")]
@@ -210,7 +210,7 @@ pub enum Shape {
     },
     /// The convex hull of points.
     Convex {
-        /// At least 4 [m].
+        /// At least 4 \[m\].
         vertices: Vec<[f64; 3]>,
     },
 }

@@ -10,13 +10,13 @@ use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Vector3};
      kg·m² break the triangle inequality {a:.3e} + {b:.3e} ≥ {c:.3e} by {excess:.3e} kg·m²"
 )]
 pub struct Impossible {
-    /// The smallest principal moment [kg·m²].
+    /// The smallest principal moment \[kg·m²\].
     pub a: f64,
-    /// The one between [kg·m²].
+    /// The one between \[kg·m²\].
     pub b: f64,
-    /// The largest [kg·m²].
+    /// The largest \[kg·m²\].
     pub c: f64,
-    /// c − a − b [kg·m²].
+    /// c − a − b \[kg·m²\].
     pub excess: f64,
 }
 
@@ -51,11 +51,11 @@ pub fn repair(inertia: &[f64; 6]) -> [f64; 6] {
 /// Mass, centre of mass and inertia about it of bodies that move as one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
-    /// [kg].
+    /// \[kg\].
     pub mass: f64,
-    /// [m].
+    /// \[m\].
     pub com: Vector3<f64>,
-    /// About the centre of mass [kg·m²].
+    /// About the centre of mass \[kg·m²\].
     pub inertia: Matrix3<f64>,
 }
 

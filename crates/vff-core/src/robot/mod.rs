@@ -42,9 +42,9 @@ pub trait Model<const D: usize>: Debug + Clone {
     fn limits(&self) -> &Limits;
     /// Advances a configuration along the joint velocity `v` for the time `dt`.
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
-    /// A distance from the base that the end effector cannot exceed [m].
+    /// A distance from the base that the end effector cannot exceed \[m\].
     fn reach(&self) -> f64;
-    /// Torques that carry the arm where it is heaviest and accelerate it there [N·m], (n).
+    /// Torques that carry the arm where it is heaviest and accelerate it there \[N·m\], (n).
     fn typical_torque(self: &Arc<Self>) -> Vec<f64>;
     /// A state of this arm at q = 0, at rest.
     fn state(self: &Arc<Self>) -> Self::State;
@@ -70,18 +70,18 @@ pub trait Robot<const D: usize> {
 
     /// The number of joints n.
     fn dof(&self) -> usize;
-    /// Moves to the state (q [rad], q̇ [rad/s]) and refreshes everything the operators need.
+    /// Moves to the state (q \[rad\], q̇ \[rad/s\]) and refreshes everything the operators need.
     fn update(&mut self, q: &[f64], dq: &[f64]);
-    /// Moves to q [rad] as far as [`pose`](Manipulator::pose), [`body`](Self::body) and the columns of J
+    /// Moves to q \[rad\] as far as [`pose`](Manipulator::pose), [`body`](Self::body) and the columns of J
     /// need it; nothing else means anything until the next [`update`](Self::update).
     fn update_positions(&mut self, q: &[f64]);
-    /// The configuration q [rad].
+    /// The configuration q \[rad\].
     fn configuration(&self) -> &[f64];
-    /// The joint velocity q̇ [rad/s].
+    /// The joint velocity q̇ \[rad/s\].
     fn velocity(&self) -> &[f64];
     /// Advances a configuration along the joint velocity `v` for the time `dt`.
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
-    /// The mass of all links [kg]: the scale of Λ.
+    /// The mass of all links \[kg\]: the scale of Λ.
     fn total_mass(&self) -> f64;
     /// What the joints can do.
     fn limits(&self) -> &Limits;
@@ -94,7 +94,7 @@ pub trait Robot<const D: usize> {
     fn coriolis_mul(&self, v: &[f64], out: &mut [f64]);
     /// `out = Cᵀ u`.
     fn coriolis_tr_mul(&self, u: &[f64], out: &mut [f64]);
-    /// `out = g(q)`, the torque that holds the arm against gravity [N·m].
+    /// `out = g(q)`, the torque that holds the arm against gravity \[N·m\].
     fn gravity_torque(&self, out: &mut [f64]);
     /// `momentum = M q̇ − Jᵀp` and `coriolis = C q̇` at the robot's velocity. With p = Λẋ the first is
     /// the momentum M N q̇ of the null motion, without a product more, because M J# = JᵀΛ.
@@ -117,28 +117,28 @@ pub trait Robot<const D: usize> {
             *out = p.dot(&self.jacobian_dot_column(i)) - *out;
         }
     }
-    /// `out = C q̇ + g` at the robot's velocity [N·m].
+    /// `out = C q̇ + g` at the robot's velocity \[N·m\].
     fn bias_torque(&self, out: &mut [f64]);
-    /// `out = M q̈ + C q̇ + g` at the robot's velocity [N·m] (T2).
+    /// `out = M q̈ + C q̇ + g` at the robot's velocity \[N·m\] (T2).
     fn inverse_dynamics(&self, ddq: &[f64], scratch: &mut [f64], out: &mut [f64]) {
         self.mass_mul(ddq, out);
         self.bias_torque(scratch);
         out.iter_mut().zip(scratch.iter()).for_each(|(out, bias)| *out += bias);
     }
-    /// `out = M⁻¹(τ − C q̇ − g)` at the robot's velocity [rad/s²] (T2).
+    /// `out = M⁻¹(τ − C q̇ − g)` at the robot's velocity \[rad/s²\] (T2).
     fn forward_dynamics(&self, tau: &[f64], scratch: &mut [f64], out: &mut [f64]) {
         self.bias_torque(scratch);
         scratch.iter_mut().zip(tau).for_each(|(rest, tau)| *rest = tau - *rest);
         self.mass_solve(scratch, out);
     }
-    /// `out = M⁻¹(τ − bias)` where the bias C q̇ + g is known already [rad/s²].
+    /// `out = M⁻¹(τ − bias)` where the bias C q̇ + g is known already \[rad/s²\].
     fn accelerate(&self, tau: &[f64], bias: &[f64], scratch: &mut [f64], out: &mut [f64]) {
         for ((rest, bias), tau) in scratch.iter_mut().zip(bias).zip(tau) {
             *rest = tau - bias;
         }
         self.mass_solve(scratch, out);
     }
-    /// The potential energy of gravity [J]; its gradient is g.
+    /// The potential energy of gravity \[J\]; its gradient is g.
     fn potential_energy(&self) -> f64;
 
     /// ẋ = J q̇, the velocity of the end effector.
@@ -205,17 +205,17 @@ pub trait Robot<const D: usize> {
     }
     /// The pairs of bodies that must not touch each other, the lower index first.
     fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]>;
-    /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` [m/s].
+    /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` \[m/s\].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.
     fn point_jacobian_tr_mul(&self, i: usize, point: &Vector<D>, f: &Vector<D>, out: &mut [f64]);
-    /// `J̇_c q̇`, the acceleration of a point of link `i` while q̈ = 0 [m/s²].
+    /// `J̇_c q̇`, the acceleration of a point of link `i` while q̈ = 0 \[m/s²\].
     fn point_bias_acceleration(&self, i: usize, point: &Vector<D>) -> Vector<D>;
-    /// `nᵀ J_c M⁻¹ J_cᵀ n`, the acceleration along `n` per unit force along `n` [1/kg].
+    /// `nᵀ J_c M⁻¹ J_cᵀ n`, the acceleration along `n` per unit force along `n` \[1/kg\].
     fn point_mobility(&self, i: usize, point: &Vector<D>, n: &Vector<D>) -> f64;
     /// Adds a force acting at `point` of link `i` to the wrench of that link.
     fn add_force(&self, wrenches: &mut [Self::Wrench], i: usize, point: &Vector<D>, f: &Vector<D>);
-    /// `out = Σ J_iᵀ F_i`, all links' wrenches in one backward sweep [N·m]. Both may end at the last
+    /// `out = Σ J_iᵀ F_i`, all links' wrenches in one backward sweep \[N·m\]. Both may end at the last
     /// link with a wrench.
     fn wrenches_tr_mul(&self, wrenches: &[Self::Wrench], out: &mut [f64]);
 

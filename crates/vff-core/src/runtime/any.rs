@@ -50,12 +50,12 @@ impl AnyRun {
         either!(self, run => run.step())
     }
 
-    /// [`ClosedLoop::drive`].
+    /// [`ClosedLoop::drive`](crate::simulation::ClosedLoop::drive).
     pub fn drive(&mut self) -> &[f64] {
         either!(self, run => run.closed_loop_mut().drive())
     }
 
-    /// [`ClosedLoop::torque_at`].
+    /// [`ClosedLoop::torque_at`](crate::simulation::ClosedLoop::torque_at).
     pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
         either!(self, run => run.closed_loop_mut().torque_at(t, q, dq))
     }
@@ -70,7 +70,7 @@ impl AnyRun {
         either!(self, run => run.is_over())
     }
 
-    /// [`ClosedLoop::restart`], without record or metrics.
+    /// [`ClosedLoop::restart`](crate::simulation::ClosedLoop::restart), without record or metrics.
     pub fn restart(&mut self) {
         either!(self, run => run.closed_loop_mut().restart());
     }
@@ -86,7 +86,7 @@ impl AnyRun {
     }
 
     /// Advances the closed loop alone, without record or metrics, under its own torque or under
-    /// `external` [N·m]. Returns false if the new state is not finite.
+    /// `external` \[N·m\]. Returns false if the new state is not finite.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
         either!(self, run => run.closed_loop_mut().advance(external))
     }
@@ -96,7 +96,7 @@ impl AnyRun {
         either!(self, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(seed)));
     }
 
-    /// [`ClosedLoop::pushes`], as points and forces, one coordinate after the other.
+    /// [`ClosedLoop::pushes`](crate::simulation::ClosedLoop::pushes), as points and forces, one coordinate after the other.
     pub fn pushes(&mut self) -> [Vec<f64>; 2] {
         either!(self, run => {
             let pushes = run.closed_loop_mut().pushes();
@@ -104,12 +104,12 @@ impl AnyRun {
         })
     }
 
-    /// The position of obstacle `j` [m].
+    /// The position of obstacle `j` \[m\].
     pub fn obstacle_position(&self, j: usize) -> Vec<f64> {
         either!(self, run => run.closed_loop().world().position(j).as_slice().to_vec())
     }
 
-    /// Where the obstacles are at time `t` [m], one coordinate after the other.
+    /// Where the obstacles are at time `t` \[m\], one coordinate after the other.
     pub fn obstacles_at(&self, t: f64) -> Vec<f64> {
         either!(self, run => {
             let world = run.closed_loop().world();
@@ -118,7 +118,7 @@ impl AnyRun {
         })
     }
 
-    /// Carries obstacle `j` to `goal` [m] from now on, with the pole `rate` [1/s]. Does not allocate.
+    /// Carries obstacle `j` to `goal` \[m\] from now on, with the pole `rate` \[1/s\]. Does not allocate.
     pub fn carry(&mut self, j: usize, goal: &[f64], rate: f64) {
         either!(self, run => {
             let goal = Vector::from_column_slice(goal);
@@ -136,12 +136,12 @@ impl AnyRun {
         either!(self, run => run.closed_loop_mut().change_world(|world| world.remove(j)));
     }
 
-    /// [`ClosedLoop::aim`]. Does not allocate.
+    /// [`ClosedLoop::aim`](crate::simulation::ClosedLoop::aim). Does not allocate.
     pub fn aim(&mut self, goal: &[f64], rate: f64) {
         either!(self, run => run.closed_loop_mut().aim(Vector::from_column_slice(goal), rate));
     }
 
-    /// Moves `goal` [m] to the position nearest to it that the end effector can take with the orientation of the
+    /// Moves `goal` \[m\] to the position nearest to it that the end effector can take with the orientation of the
     /// reference. Does not allocate.
     pub fn make_attainable(&self, goal: &mut [f64]) {
         either!(self, run => {
@@ -160,7 +160,7 @@ impl AnyRun {
         either!(self, run => run.closed_loop().arm().typical_torque())
     }
 
-    /// A distance from the base that the end effector cannot exceed [m].
+    /// A distance from the base that the end effector cannot exceed \[m\].
     pub fn reach(&self) -> f64 {
         either!(self, run => run.closed_loop().arm().reach())
     }

@@ -33,7 +33,7 @@ pub struct Rollout {
     pub outcome: Outcome,
     /// Sentences for the user.
     pub warnings: Vec<String>,
-    /// How long it took [s].
+    /// How long it took \[s\].
     pub wall_time: f64,
 }
 
@@ -57,7 +57,7 @@ pub enum BatchError {
     TooLarge {
         /// The number of scenarios.
         count: usize,
-        /// Memory for all records [GB].
+        /// Memory for all records \[GB\].
         gigabytes: f64,
     },
     /// The system does not give the threads.

@@ -34,16 +34,16 @@ pub enum Action {
 pub struct EpisodeSettings {
     /// What an action is.
     pub action: Action,
-    /// How long an action lasts [s]: a multiple of the control period, nearest to 0.01 s if not given.
+    /// How long an action lasts \[s\]: a multiple of the control period, nearest to 0.01 s if not given.
     pub period: Option<f64>,
-    /// The torque of an action of 1 [N·m], each, > 0. Default: the limits of the arm, or what carries
+    /// The torque of an action of 1 \[N·m\], each, > 0. Default: the limits of the arm, or what carries
     /// the stretched arm and accelerates each of its joints by 4 rad/s².
     pub torque: Option<ScalarOrVec>,
-    /// The start is q0, every joint up to this far from it [rad], ≥ 0.
+    /// The start is q0, every joint up to this far from it \[rad\], ≥ 0.
     pub start_noise: f64,
-    /// Every obstacle starts up to this far from its position along each axis [m], ≥ 0.
+    /// Every obstacle starts up to this far from its position along each axis \[m\], ≥ 0.
     pub obstacle_noise: f64,
-    /// Below this clearance [m] the reward falls, > 0.
+    /// Below this clearance \[m\] the reward falls, > 0.
     pub margin: f64,
     /// What counts for the reward.
     pub weights: Weights,
@@ -55,7 +55,7 @@ pub struct EpisodeSettings {
 pub struct Weights {
     /// For every step that the episode goes on.
     pub alive: f64,
-    /// Against the distance of the end effector from its reference [1/m].
+    /// Against the distance of the end effector from its reference \[1/m\].
     pub tracking: f64,
     /// Against the square of the share of `margin` that is used up.
     pub clearance: f64,
@@ -85,7 +85,7 @@ impl Default for Weights {
     }
 }
 
-/// A joint faster than this ends an episode as diverged [rad/s]; it bounds the observation.
+/// A joint faster than this ends an episode as diverged \[rad/s\]; it bounds the observation.
 const MAX_SPEED: f64 = 100.0;
 /// How often a start is drawn anew that touches an obstacle.
 const MAX_DRAWS: usize = 100;
@@ -139,9 +139,9 @@ impl Step {
 pub struct Task {
     scenario: Scenario,
     settings: EpisodeSettings,
-    /// The range of every joint [rad]; empty where there is none.
+    /// The range of every joint \[rad\]; empty where there is none.
     ranges: Vec<[f64; 2]>,
-    /// The torque of an action of 1 [N·m].
+    /// The torque of an action of 1 \[N·m\].
     torque: Vec<f64>,
     /// Control periods per step, and plant steps per control period and episode.
     periods: usize,
@@ -184,12 +184,12 @@ impl Task {
         self.torque.len()
     }
 
-    /// The torque of an action of 1 [N·m], (n).
+    /// The torque of an action of 1 \[N·m\], (n).
     pub fn torque(&self) -> &[f64] {
         &self.torque
     }
 
-    /// How long an action lasts [s].
+    /// How long an action lasts \[s\].
     #[expect(clippy::cast_precision_loss, reason = "few periods")]
     pub fn period(&self) -> f64 {
         self.periods as f64 * self.scenario.simulation.control_period()
@@ -245,7 +245,7 @@ fn validate(settings: &EpisodeSettings, n: usize) -> Result<(), ScenarioError> {
     number("weights.collision", collision, not_negative)
 }
 
-/// How many control periods of `h` [s] an action lasts.
+/// How many control periods of `h` \[s\] an action lasts.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated here")]
 fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
     let period = given.unwrap_or(0.01);
@@ -474,7 +474,7 @@ fn least(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// The error of the task at present [m], an angle as its arc at the characteristic length.
+/// The error of the task at present \[m\], an angle as its arc at the characteristic length.
 fn error_of<S: System<D, M>, const D: usize, const M: usize>(inner: &ClosedLoop<S, D, M>) -> f64 {
     let metric = inner.controller().gains().metric::<D>();
     metric.norm(&SVector::from_column_slice(inner.snapshot().error))

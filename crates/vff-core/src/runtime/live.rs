@@ -14,7 +14,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use toml::Table;
 
-/// Control periods per second [Hz].
+/// Control periods per second \[Hz\].
 pub const RATE: f64 = 1000.0;
 const PERIOD: Duration = Duration::from_millis(1);
 /// How far the loop may be behind before it gives up catching up: after a night's sleep of the machine
@@ -22,13 +22,13 @@ const PERIOD: Duration = Duration::from_millis(1);
 const PATIENCE: Duration = Duration::from_millis(100);
 /// Over which the rate is measured.
 const WINDOW: Duration = Duration::from_millis(500);
-/// Poles of what carries an obstacle and of what moves the target [1/s]. Browsers tell of a drag about
+/// Poles of what carries an obstacle and of what moves the target \[1/s\]. Browsers tell of a drag about
 /// 20 times a second; between two of them neither velocity nor acceleration may jump.
 const CARRY: f64 = 25.0;
 const AIM: f64 = 12.0;
 /// Control periods per recorded row.
 const RECORD_EVERY: u64 = 10;
-/// Rows that wait to be taken [10 s].
+/// Rows that wait to be taken \[10 s\].
 const ROWS: usize = 1000;
 
 /// How the loop is.
@@ -47,13 +47,13 @@ pub enum State {
 /// How well the clock is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoopStats {
-    /// Periods per second of late [Hz].
+    /// Periods per second of late \[Hz\].
     pub rate: f64,
     /// Periods so far.
     pub periods: u64,
     /// Of these, how many were not over when the next one should have begun.
     pub missed: u64,
-    /// The longest computation so far [s].
+    /// The longest computation so far \[s\].
     pub worst: f64,
 }
 
@@ -65,12 +65,12 @@ struct DragTarget {
 }
 
 impl DragTarget {
-    /// At `place` [m], and not going anywhere.
+    /// At `place` \[m\], and not going anywhere.
     fn at(place: Vec<f64>) -> Self {
         Self { wanted: place.clone(), goal: place }
     }
 
-    /// Goes at most `distance` [m] on; whether it has moved.
+    /// Goes at most `distance` \[m\] on; whether it has moved.
     fn advance(&mut self, distance: f64) -> bool {
         let away = |(goal, wanted): (&f64, &f64)| wanted - goal;
         let length =
@@ -97,7 +97,7 @@ pub struct Live {
     drags: Vec<Option<DragTarget>>,
     /// Where the target is being moved.
     target: Option<DragTarget>,
-    /// Smallest clearance since the start or the last reset [m].
+    /// Smallest clearance since the start or the last reset \[m\].
     min_clearance: f64,
     record: Option<Record>,
     dropped: u64,
@@ -178,7 +178,7 @@ impl Live {
         self.run.pushes()
     }
 
-    /// Smallest signed surface distance since the start or the last reset [m]; ∞ without obstacles.
+    /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.
     pub fn min_clearance(&self) -> f64 {
         self.min_clearance
     }
@@ -210,7 +210,7 @@ impl Live {
         Ok(())
     }
 
-    /// Wants obstacle `j` to be at `place` [m], where it goes at half the reach of the arm per second at
+    /// Wants obstacle `j` to be at `place` \[m\], where it goes at half the reach of the arm per second at
     /// most.
     ///
     /// # Errors
@@ -222,7 +222,7 @@ impl Live {
         Ok(())
     }
 
-    /// Wants the end effector to be at `place` [m], or as near as it can reach, where the reference goes
+    /// Wants the end effector to be at `place` \[m\], or as near as it can reach, where the reference goes
     /// at a quarter of the reach per second at most.
     pub fn aim(&mut self, place: &[f64]) {
         let Self { run, target, .. } = self;

@@ -7,7 +7,7 @@ use crate::simulation::{Control, Options, Status};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
-/// The rates that are accepted [Hz].
+/// The rates that are accepted \[Hz\].
 const RATES: std::ops::RangeInclusive<f64> = 0.1..=1e6;
 /// The most periods of one measurement.
 const MAX_PERIODS: f64 = 1e12;
@@ -33,12 +33,12 @@ pub struct Report {
     pub timing: Timing,
     /// How often the scenario began again.
     pub restarts: u64,
-    /// Smallest surface distance between a link and an obstacle [m], +∞ without obstacles.
+    /// Smallest surface distance between a link and an obstacle \[m\], +∞ without obstacles.
     pub min_clearance: f64,
 }
 
 impl RealTime {
-    /// The scenario at `rate` [Hz] of control.
+    /// The scenario at `rate` \[Hz\] of control.
     ///
     /// The step of the plant is made smaller where it does not divide the period; a continuous law
     /// is held over the period, as every law on a computer is.
@@ -64,7 +64,7 @@ impl RealTime {
         Ok(Self { run: ready.run, options, periods, rate, notes })
     }
 
-    /// The step of the plant [s].
+    /// The step of the plant \[s\].
     pub fn dt(&self) -> f64 {
         self.options.dt
     }

@@ -12,30 +12,30 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmSpec {
-    /// Link lengths [m], > 0; their number is the number of joints.
+    /// Link lengths \[m\], > 0; their number is the number of joints.
     pub lengths: ScalarOrVec,
-    /// Link masses [kg], > 0.
+    /// Link masses \[kg\], > 0.
     pub masses: ScalarOrVec,
-    /// Centres of mass [m]: distance along the link from its joint, or `[along, across]`.
+    /// Centres of mass \[m\]: distance along the link from its joint, or `[along, across]`.
     /// Default: the middle.
     #[serde(default)]
     pub com: Option<Nested>,
-    /// Moments of inertia about the centres of mass [kg·m²], ≥ 0. Default: uniform rods, m l²/12.
+    /// Moments of inertia about the centres of mass \[kg·m²\], ≥ 0. Default: uniform rods, m l²/12.
     #[serde(default)]
     pub inertias: Option<ScalarOrVec>,
-    /// Half the thickness of the links [m], ≥ 0.
+    /// Half the thickness of the links \[m\], ≥ 0.
     #[serde(default = "zero")]
     pub radius: ScalarOrVec,
-    /// Gravity [m/s²]: g acting along −y, or the vector `[x, y]`.
+    /// Gravity \[m/s²\]: g acting along −y, or the vector `[x, y]`.
     #[serde(default)]
     pub gravity: Option<Nested>,
-    /// `[lower, upper]` [rad] for all joints, or one pair each.
+    /// `[lower, upper]` \[rad\] for all joints, or one pair each.
     #[serde(default)]
     pub joint_limits: Option<Nested>,
-    /// Largest joint speeds [rad/s], > 0.
+    /// Largest joint speeds \[rad/s\], > 0.
     #[serde(default)]
     pub velocity_limits: Option<ScalarOrVec>,
-    /// Largest torques [N·m], > 0.
+    /// Largest torques \[N·m\], > 0.
     #[serde(default)]
     pub torque_limits: Option<ScalarOrVec>,
 }

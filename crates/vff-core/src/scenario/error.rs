@@ -81,17 +81,17 @@ pub enum Problem {
          from the base, reachable is {inner:.4} to {outer:.4} m"
     )]
     Unreachable {
-        /// The first time at which it does [s].
+        /// The first time at which it does \[s\].
         time: f64,
-        /// The point to be reached [m].
+        /// The point to be reached \[m\].
         x: f64,
-        /// The point to be reached [m].
+        /// The point to be reached \[m\].
         y: f64,
-        /// Its distance from the base [m].
+        /// Its distance from the base \[m\].
         distance: f64,
-        /// The smallest distance that can be reached [m].
+        /// The smallest distance that can be reached \[m\].
         inner: f64,
-        /// The largest distance that can be reached [m].
+        /// The largest distance that can be reached \[m\].
         outer: f64,
     },
     /// Anything else, in a sentence.

@@ -48,11 +48,11 @@ pub struct Scenario {
     /// One line for people.
     #[serde(default)]
     pub description: String,
-    /// Length of the run [s], > 0.
+    /// Length of the run \[s\], > 0.
     pub duration: f64,
-    /// Initial configuration [rad], one angle per joint.
+    /// Initial configuration \[rad\], one angle per joint.
     pub q0: Vec<f64>,
-    /// Initial joint velocity [rad/s]; default at rest.
+    /// Initial joint velocity \[rad/s\]; default at rest.
     #[serde(default)]
     pub dq0: Option<Vec<f64>>,
     /// The arm.

@@ -12,19 +12,19 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PlantSpec {
-    /// Link masses [kg], > 0.
+    /// Link masses \[kg\], > 0.
     pub masses: Option<ScalarOrVec>,
-    /// Centres of mass [m].
+    /// Centres of mass \[m\].
     pub com: Option<Nested>,
-    /// Moments of inertia about the centres of mass [kg·m²], ≥ 0.
+    /// Moments of inertia about the centres of mass \[kg·m²\], ≥ 0.
     pub inertias: Option<ScalarOrVec>,
-    /// Gravity [m/s²].
+    /// Gravity \[m/s²\].
     pub gravity: Option<Nested>,
-    /// Point mass at the tip [kg], ≥ 0.
+    /// Point mass at the tip \[kg\], ≥ 0.
     pub payload: f64,
-    /// Viscous friction of the joints [N·m·s/rad], each, ≥ 0.
+    /// Viscous friction of the joints \[N·m·s/rad\], each, ≥ 0.
     pub viscous_friction: ScalarOrVec,
-    /// Dry friction of the joints [N·m], each, ≥ 0.
+    /// Dry friction of the joints \[N·m\], each, ≥ 0.
     pub coulomb_friction: ScalarOrVec,
     /// Whether the joints stop at `arm.joint_limits`.
     pub joint_stops: bool,

@@ -82,7 +82,7 @@ impl Scenario {
         Ok((closed_loop, warnings))
     }
 
-    /// What the record of a whole run takes [bytes].
+    /// What the record of a whole run takes \[bytes\].
     #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
     pub fn record_bytes(&self) -> f64 {
         let (joints, task) = (self.arm.dof(), self.controller.task.dimension(2));

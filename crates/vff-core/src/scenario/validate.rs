@@ -63,7 +63,7 @@ pub fn simulation(options: &Options) -> Judged {
     Ok(())
 }
 
-/// `[measurement]` of n joints, with plant steps of `dt` [s]; `sampled` unless control is continuous.
+/// `[measurement]` of n joints, with plant steps of `dt` \[s\]; `sampled` unless control is continuous.
 pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: bool) -> Judged {
     needs_sampling(sampled, "sees every instant")?;
     let MeasurementSettings { position_noise, velocity_noise, .. } = settings;
@@ -80,7 +80,7 @@ pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: b
     Ok(())
 }
 
-/// `[perception]` by range sensors on n links, with plant steps of `dt` [s]; `sampled` unless control
+/// `[perception]` by range sensors on n links, with plant steps of `dt` \[s\]; `sampled` unless control
 /// is continuous.
 #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
 pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: bool) -> Judged {

@@ -7,7 +7,7 @@ use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, Syst
 use crate::world::plane::{Outline, World};
 
 impl Scenario {
-    /// All of it, of the loop at t = 0 and the stops of the plant [rad].
+    /// All of it, of the loop at t = 0 and the stops of the plant \[rad\].
     pub(super) fn warnings<S: System<2, M, Solid = Outline>, const M: usize>(
         &self,
         closed_loop: &ClosedLoop<S, 2, M>,
@@ -97,7 +97,7 @@ impl Scenario {
     }
 }
 
-/// Gains that a torque held over the control period `h` [s] makes unstable (T31, T32).
+/// Gains that a torque held over the control period `h` \[s\] makes unstable (T31, T32).
 pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
     let Settings { stiffness, damping, null_damping, task, .. } = settings;
     let mut warnings = vec![];

@@ -7,7 +7,7 @@ use serde::Deserialize;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ActuatorSettings {
-    /// Time constant of the first-order lag [s], each, ≥ 0; 0 is a drive without lag.
+    /// Time constant of the first-order lag \[s\], each, ≥ 0; 0 is a drive without lag.
     pub time_constant: ScalarOrVec,
 }
 
@@ -30,7 +30,7 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// The drives of `n` joints, for plant steps of `dt` [s].
+    /// The drives of `n` joints, for plant steps of `dt` \[s\].
     pub fn new(settings: &ActuatorSettings, n: usize, dt: f64) -> Self {
         let constants = (0..n).map(|i| settings.time_constant.get(i));
         let (decay, mean_decay) = constants
@@ -52,12 +52,12 @@ impl Actuator {
         self.torque.fill(0.0);
     }
 
-    /// The torque that acts now [N·m].
+    /// The torque that acts now \[N·m\].
     pub fn torque(&self) -> &[f64] {
         &self.torque
     }
 
-    /// Takes a new command [N·m]: drives without lag follow at once.
+    /// Takes a new command \[N·m\]: drives without lag follow at once.
     pub fn command(&mut self, command: &[f64]) {
         for ((torque, command), decay) in self.torque.iter_mut().zip(command).zip(&self.decay) {
             if *decay == 0.0 {
@@ -66,7 +66,7 @@ impl Actuator {
         }
     }
 
-    /// Holds a command [N·m] for one step and returns the mean of the torque over it, which is what
+    /// Holds a command \[N·m\] for one step and returns the mean of the torque over it, which is what
     /// the plant gets: the impulse of every step is exact.
     pub fn advance(&mut self, command: &[f64]) -> &[f64] {
         self.before.copy_from_slice(&self.torque);

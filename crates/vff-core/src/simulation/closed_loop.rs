@@ -137,7 +137,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
-    /// A joint speed that no arm survives [rad/s]: beyond it a run has diverged.
+    /// A joint speed that no arm survives \[rad/s\]: beyond it a run has diverged.
     pub const MAX_SPEED: f64 = 1e4;
 
     /// A closed loop at (q, q̇) at t = 0.
@@ -244,8 +244,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.control();
     }
 
-    /// Lets go of the reference and sends the end effector to `goal` [m] from now on, smoothly, with the
-    /// pole `rate` [1/s]; its orientation stays where it is.
+    /// Lets go of the reference and sends the end effector to `goal` \[m\] from now on, smoothly, with the
+    /// pole `rate` \[1/s\]; its orientation stays where it is.
     pub fn aim(&mut self, goal: Vector<D>, rate: f64) {
         let t = self.path_time().unwrap_or(self.time());
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
@@ -260,7 +260,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         world.for_each_contact(controller.robot().bodies(), f64::INFINITY, |_, _| {}, visit);
     }
 
-    /// The repulsion of every link, as the point on its axis [m] at which it acts and the force [N]: the sum
+    /// The repulsion of every link, as the point on its axis \[m\] at which it acts and the force \[N\]: the sum
     /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
     pub fn pushes(&mut self) -> Vec<[Vector<D>; 2]> {
         let ControlStack { controller, world, .. } = &mut self.stack;
@@ -295,7 +295,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         &self.arm
     }
 
-    /// The position nearest to `goal` [m] that the end effector can take with the orientation of the reference.
+    /// The position nearest to `goal` \[m\] that the end effector can take with the orientation of the reference.
     pub fn attainable(&self, goal: &Vector<D>) -> Vector<D> {
         S::attainable(&self.arm, &self.stack.controller.reference().x, goal)
     }
@@ -320,19 +320,19 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.perception.is_none()
     }
 
-    /// The true joint velocity [rad/s].
+    /// The true joint velocity \[rad/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.dq
     }
 
-    /// The true distance from each link to the nearest obstacle [m], as in the snapshot.
+    /// The true distance from each link to the nearest obstacle \[m\], as in the snapshot.
     pub fn clearance(&self) -> &[f64] {
         let perceived = || self.stack.controller.forces().clearance();
         self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
     }
 
     /// Turns a joint torque into the commanded one with its share that the null space lets through
-    /// (T4) on top [N·m].
+    /// (T4) on top \[N·m\].
     pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
         self.stack.controller.project(tau);
         tau.iter_mut().zip(&self.held.total).for_each(|(tau, held)| *tau += held);
@@ -348,7 +348,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.options.time(self.step)
     }
 
-    /// The path time σ [s] of the reference; None without a governor.
+    /// The path time σ \[s\] of the reference; None without a governor.
     fn path_time(&self) -> Option<f64> {
         self.governor.as_ref().map(|governor| governor.path_time(self.time()))
     }
@@ -415,7 +415,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
     }
 
-    /// Advances by one plant step, under the controller's torque or under `external` [N·m], held
+    /// Advances by one plant step, under the controller's torque or under `external` \[N·m\], held
     /// over the step. Returns false, and stays where it is, if the new state would not be
     /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
     /// [defined](Self::is_defined) there.
@@ -453,7 +453,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.arrive()
     }
 
-    /// The torque that the drives hold over the next plant step [N·m], for a plant elsewhere; to be asked for once per
+    /// The torque that the drives hold over the next plant step \[N·m\], for a plant elsewhere; to be asked for once per
     /// step.
     pub fn drive(&mut self) -> &[f64] {
         match &mut self.actuator {
@@ -462,7 +462,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
     }
 
-    /// The law at an instant of the next plant step, for a plant elsewhere that asks for it continuously [N·m].
+    /// The law at an instant of the next plant step, for a plant elsewhere that asks for it continuously \[N·m\].
     pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
         &self.stack.torque_at(t, [q, dq], None, None).total
     }

@@ -28,9 +28,9 @@ enum Side {
 /// The problem with its workspace. Nothing allocates after construction.
 #[derive(Debug, Clone)]
 pub struct Impulses {
-    /// Smallest impulse per joint [N·m·s], ≤ 0; may be −∞.
+    /// Smallest impulse per joint \[N·m·s\], ≤ 0; may be −∞.
     pub lower: Vec<f64>,
-    /// Largest impulse per joint [N·m·s], ≥ 0; may be ∞.
+    /// Largest impulse per joint \[N·m·s\], ≥ 0; may be ∞.
     pub upper: Vec<f64>,
     /// Kept from solution to solution: what stood still mostly goes on to do so.
     sides: Vec<Side>,
@@ -169,7 +169,7 @@ impl Impulses {
     }
 }
 
-/// A joint slower than this stands still [rad/s].
+/// A joint slower than this stands still \[rad/s\].
 const ROUNDING: f64 = 1e-14;
 
 /// The Cholesky factor of the m × m matrix whose lower triangle begins `a`, in its place. A pivot

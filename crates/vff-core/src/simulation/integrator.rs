@@ -18,7 +18,7 @@ pub struct Stepper {
 pub struct Stage {
     /// Whether this is the state where the step begins.
     pub first: bool,
-    /// Time since the step began [s].
+    /// Time since the step began \[s\].
     pub offset: f64,
 }
 

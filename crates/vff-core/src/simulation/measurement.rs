@@ -7,15 +7,15 @@ use serde::Deserialize;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MeasurementSettings {
-    /// Standard deviation of the noise of q [rad], ≥ 0.
+    /// Standard deviation of the noise of q \[rad\], ≥ 0.
     pub position_noise: ScalarOrVec,
-    /// Standard deviation of the noise of q̇ [rad/s], ≥ 0.
+    /// Standard deviation of the noise of q̇ \[rad/s\], ≥ 0.
     pub velocity_noise: ScalarOrVec,
-    /// Step of the readings of q [rad], ≥ 0.
+    /// Step of the readings of q \[rad\], ≥ 0.
     pub position_resolution: ScalarOrVec,
-    /// Step of the readings of q̇ [rad/s], ≥ 0.
+    /// Step of the readings of q̇ \[rad/s\], ≥ 0.
     pub velocity_resolution: ScalarOrVec,
-    /// Age of the readings [s], ≥ 0; rounded up to whole plant steps.
+    /// Age of the readings \[s\], ≥ 0; rounded up to whole plant steps.
     pub delay: ScalarOrVec,
 }
 
@@ -45,7 +45,7 @@ impl MeasurementSettings {
         settings.iter().all(|setting| setting.values().iter().all(|value| *value == 0.0))
     }
 
-    /// A delay in plant steps of `dt` [s], rounded up.
+    /// A delay in plant steps of `dt` \[s\], rounded up.
     pub fn steps(delay: f64, dt: f64) -> f64 {
         (delay / dt - 1e-9).ceil().max(0.0)
     }
@@ -99,7 +99,7 @@ pub(super) fn rounded(value: f64, step: f64) -> f64 {
 pub struct Measurement {
     position: Sensors,
     velocity: Sensors,
-    /// Delay per joint [steps].
+    /// Delay per joint \[steps\].
     delay: Vec<usize>,
     /// Rows of the rings, and the one that was written last.
     rows: usize,
@@ -111,7 +111,7 @@ impl Measurement {
     /// The most plant steps that a reading may be late.
     pub const MAX_DELAY: f64 = 1e4;
 
-    /// Sensors of `n` joints for plant steps of `dt` [s]; the same seed gives the same noise.
+    /// Sensors of `n` joints for plant steps of `dt` \[s\]; the same seed gives the same noise.
     pub fn new(settings: &MeasurementSettings, seed: u64, n: usize, dt: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
@@ -140,7 +140,7 @@ impl Measurement {
         self.perfect
     }
 
-    /// What the controller sees: q [rad] and q̇ [rad/s].
+    /// What the controller sees: q \[rad\] and q̇ \[rad/s\].
     pub fn seen(&self) -> [&[f64]; 2] {
         [&self.position.seen, &self.velocity.seen]
     }

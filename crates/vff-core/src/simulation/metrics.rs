@@ -152,7 +152,7 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    /// For a run of `n` joints over `duration` [s] in steps of `dt` [s].
+    /// For a run of `n` joints over `duration` \[s\] in steps of `dt` \[s\].
     pub fn new(n: usize, duration: f64, dt: f64, limits: Limits) -> Self {
         Self {
             dt,
@@ -203,7 +203,7 @@ impl Metrics {
         self.collision_time
     }
 
-    /// Smallest clearance so far [m], and the link it belongs to.
+    /// Smallest clearance so far \[m\], and the link it belongs to.
     pub fn min_clearance(&self) -> (f64, usize) {
         (self.min_clearance, self.min_clearance_link)
     }

@@ -31,7 +31,7 @@ pub enum Control {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// Step of the plant [s], > 0.
+    /// Step of the plant \[s\], > 0.
     pub dt: f64,
     /// Integrator of the plant.
     pub integrator: Integrator,
@@ -56,24 +56,24 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The number of plant steps in `duration` [s].
+    /// The number of plant steps in `duration` \[s\].
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "validated before")]
     pub fn steps(&self, duration: f64) -> usize {
         (duration / self.dt).round() as usize
     }
 
-    /// The number of recorded rows in `duration` [s].
+    /// The number of recorded rows in `duration` \[s\].
     pub fn rows(&self, duration: f64) -> usize {
         self.steps(duration) / self.record_every + 1
     }
 
-    /// The time of step `k` [s].
+    /// The time of step `k` \[s\].
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ steps")]
     pub fn time(&self, k: usize) -> f64 {
         k as f64 * self.dt
     }
 
-    /// The control period [s].
+    /// The control period \[s\].
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ steps")]
     pub fn control_period(&self) -> f64 {
         self.control_every as f64 * self.dt

@@ -16,13 +16,13 @@ const LONGEST: Duration = Duration::from_secs(100);
 /// Times of every period, in histograms of three digits.
 #[derive(Debug, Clone)]
 pub struct Timing {
-    /// From the instant at which a period should begin to when it did [ns].
+    /// From the instant at which a period should begin to when it did \[ns\].
     pub latency: Histogram<u64>,
-    /// How long the work took [ns].
+    /// How long the work took \[ns\].
     pub work: Histogram<u64>,
-    /// From the instant at which a period should begin to the end of its work [ns].
+    /// From the instant at which a period should begin to the end of its work \[ns\].
     pub response: Histogram<u64>,
-    /// How far the time between two beginnings was off the period [ns].
+    /// How far the time between two beginnings was off the period \[ns\].
     pub jitter: Histogram<u64>,
     /// Periods whose work did not end before the next one should begin.
     pub missed: u64,

@@ -17,20 +17,20 @@ pub struct PerceptionSettings {
     pub sensors: usize,
     /// Rays of every sensor, ≥ 1.
     pub rays: usize,
-    /// Angle from the first to the last ray of a sensor [rad], in [0, π).
+    /// Angle from the first to the last ray of a sensor \[rad\], in [0, π).
     pub field_of_view: f64,
-    /// The farthest reading [m], > 0.
+    /// The farthest reading \[m\], > 0.
     pub range: f64,
-    /// Scans per second [1/s], > 0; the time between two is rounded up to whole plant steps. Default:
+    /// Scans per second \[1/s\], > 0; the time between two is rounded up to whole plant steps. Default:
     /// one every step.
     pub rate: Option<f64>,
-    /// Standard deviation of the noise of a reading [m], ≥ 0.
+    /// Standard deviation of the noise of a reading \[m\], ≥ 0.
     pub noise: f64,
-    /// Step of the readings [m], ≥ 0.
+    /// Step of the readings \[m\], ≥ 0.
     pub resolution: f64,
-    /// Age of a scan when the controller gets it [s], ≥ 0; rounded up to whole plant steps.
+    /// Age of a scan when the controller gets it \[s\], ≥ 0; rounded up to whole plant steps.
     pub latency: f64,
-    /// Share of the readings that are lost, in [0, 1].
+    /// Share of the readings that are lost, in \[0, 1\].
     pub drop_outs: f64,
 }
 
@@ -73,12 +73,12 @@ impl PerceptionSettings {
         }
     }
 
-    /// Plant steps of `dt` [s] from scan to scan.
+    /// Plant steps of `dt` \[s\] from scan to scan.
     pub fn steps_per_scan(&self, dt: f64) -> f64 {
         self.rate.map_or(1.0, |rate| (1.0 / (rate * dt) - 1e-9).ceil().max(1.0))
     }
 
-    /// The age of a scan in plant steps of `dt` [s].
+    /// The age of a scan in plant steps of `dt` \[s\].
     pub fn steps_late(&self, dt: f64) -> f64 {
         (self.latency / dt - 1e-9).ceil().max(0.0)
     }
@@ -133,7 +133,7 @@ impl Perception {
     /// The most readings that may be under way.
     pub const MAX_READINGS: f64 = 1e7;
 
-    /// Sensors on an arm of `n` links for plant steps of `dt` [s]; the same seed gives the same noise.
+    /// Sensors on an arm of `n` links for plant steps of `dt` \[s\]; the same seed gives the same noise.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -174,7 +174,7 @@ impl Perception {
         }
     }
 
-    /// What the controller knows [m]: one point per ray, NaN where nothing was met.
+    /// What the controller knows \[m\]: one point per ray, NaN where nothing was met.
     pub fn seen(&self) -> &[Vector<2>] {
         &self.seen
     }

@@ -37,7 +37,7 @@ impl System<2, 3> for Plane {
     }
 }
 
-/// The position nearest to `goal` that the arm can reach with the orientation of `pose`, a little inside [m].
+/// The position nearest to `goal` that the arm can reach with the orientation of `pose`, a little inside \[m\].
 fn inside<P>(arm: &PlanarArm, pose: &P, goal: &Vector<2>) -> Vector<2>
 where
     PlanarArm: Reach<P>,
@@ -60,7 +60,7 @@ pub trait PlanarSystem<const M: usize>:
     fn pose(arm: &Arc<PlanarArm>, q: &[f64], dq: &[f64]) -> Self::Pose;
     /// Where the wrist can be.
     fn annulus(arm: &PlanarArm) -> Annulus;
-    /// Where it has to be for a pose [m].
+    /// Where it has to be for a pose \[m\].
     fn wrist(arm: &PlanarArm, pose: &Self::Pose) -> Vector<2>;
 }
 

@@ -10,11 +10,11 @@ use std::sync::Arc;
 pub struct Physics<A> {
     /// Its links; the controller's own model if there is no difference.
     pub arm: Arc<A>,
-    /// Viscous friction of the joints [N·m·s/rad].
+    /// Viscous friction of the joints \[N·m·s/rad\].
     pub viscous: Vec<f64>,
-    /// Dry friction of the joints [N·m].
+    /// Dry friction of the joints \[N·m\].
     pub coulomb: Vec<f64>,
-    /// Where the joints stop: [lower, upper] [rad].
+    /// Where the joints stop: \[lower, upper\] \[rad\].
     pub stops: Vec<[f64; 2]>,
 }
 
@@ -91,7 +91,7 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         model.accelerate(tau, bias, scratch, ddq);
     }
 
-    /// Completes a step of `dt` [s] under the torque `tau` from `before` to (q, q̇) by what does not
+    /// Completes a step of `dt` \[s\] under the torque `tau` from `before` to (q, q̇) by what does not
     /// act continuously: joints stop at their stops, without bouncing, and dry friction takes its
     /// share (T45).
     ///
@@ -154,7 +154,7 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         }
     }
 
-    /// Kinetic and potential energy [J] at the state of the last [`update`](Self::update).
+    /// Kinetic and potential energy \[J\] at the state of the last [`update`](Self::update).
     fn energies(&mut self) -> [f64; 2] {
         let Self { state, scratch, .. } = self;
         state.mass_mul(state.velocity(), scratch);

@@ -35,7 +35,7 @@ impl Sizes {
         }
     }
 
-    /// The most that one row takes [bytes].
+    /// The most that one row takes \[bytes\].
     pub fn row_bytes(self) -> usize {
         let mut empty = Record { sizes: self, ..Record::default() };
         8 * empty.columns(None).iter().map(|column| column.width()).sum::<usize>()
@@ -112,7 +112,7 @@ pub use crate::math::memory::MAX_BYTES;
 pub struct RecordTooLarge {
     /// Rows asked for.
     pub rows: usize,
-    /// Memory they need [GB].
+    /// Memory they need \[GB\].
     pub gigabytes: f64,
 }
 

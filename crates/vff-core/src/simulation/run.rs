@@ -41,7 +41,7 @@ pub struct Outcome {
     pub status: Status,
     /// One sentence that says why.
     pub message: String,
-    /// When it ended [s].
+    /// When it ended \[s\].
     pub end_time: f64,
     /// What it is validated by.
     pub metrics: Vec<(&'static Metric, Value)>,
@@ -62,7 +62,7 @@ pub struct Run<S: System<D, M>, const D: usize, const M: usize> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
-    /// Prepares a run over `duration` [s], recorded or not.
+    /// Prepares a run over `duration` \[s\], recorded or not.
     ///
     /// # Errors
     /// If the record does not fit into memory.

@@ -8,57 +8,57 @@ use crate::world::Positions;
 pub struct Snapshot<'a> {
     /// Dimension of the space, 2 or 3: how many of the error's entries are of position.
     pub dimension: usize,
-    /// Time [s].
+    /// Time \[s\].
     pub t: f64,
-    /// Configuration q [rad], (n).
+    /// Configuration q \[rad\], (n).
     pub q: &'a [f64],
-    /// Joint velocity q̇ [rad/s], (n).
+    /// Joint velocity q̇ \[rad/s\], (n).
     pub dq: &'a [f64],
     /// What the controller takes them for; empty without `[measurement]`.
     pub q_measured: &'a [f64],
     /// See `q_measured`.
     pub dq_measured: &'a [f64],
-    /// What the controller knows of the obstacles, NaN for a ray that met nothing [m]; `None` without
+    /// What the controller knows of the obstacles, NaN for a ray that met nothing \[m\]; `None` without
     /// sensors of `[perception]`.
     pub sensed: Option<&'a dyn Positions>,
-    /// Torque that is commanded from now on [N·m], (n) each.
+    /// Torque that is commanded from now on \[N·m\], (n) each.
     pub torque: &'a Torque,
-    /// Torque of the drives at this instant [N·m]; empty without `[actuator]`.
+    /// Torque of the drives at this instant \[N·m\]; empty without `[actuator]`.
     pub tau_applied: &'a [f64],
-    /// Σ JᵀF of the virtual forces, unprojected [N·m], (n).
+    /// Σ JᵀF of the virtual forces, unprojected \[N·m\], (n).
     pub tau_vff: &'a [f64],
-    /// Pose of the end effector as it is written [m, rad].
+    /// Pose of the end effector as it is written \[m, rad\].
     pub x: &'a [f64],
-    /// Its rate [m/s, rad/s], (m).
+    /// Its rate \[m/s, rad/s\], (m).
     pub dx: &'a [f64],
     /// Reference, written likewise, after the governor if there is one.
     pub x_ref: &'a [f64],
-    /// Path time σ [s]; `None` without a governor.
+    /// Path time σ \[s\]; `None` without a governor.
     pub path_time: Option<f64>,
-    /// x ⊖ x_ref [m, rad], (m), position before orientation.
+    /// x ⊖ x_ref \[m, rad\], (m), position before orientation.
     pub error: &'a [f64],
-    /// Magnitude of the repulsion on each link [N], (n).
+    /// Magnitude of the repulsion on each link \[N\], (n).
     pub force: &'a [f64],
-    /// Signed surface distance from each link to the nearest obstacle [m], (n).
+    /// Signed surface distance from each link to the nearest obstacle \[m\], (n).
     pub clearance: &'a [f64],
     /// The obstacles.
     pub obstacles: &'a dyn Positions,
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
     /// evaluated.
     pub null_acceleration: f64,
-    /// Energies [J].
+    /// Energies \[J\].
     pub energy: Energy,
-    /// Powers [W] of the torque that acts, and into the null space.
+    /// Powers \[W\] of the torque that acts, and into the null space.
     pub power: Power,
     /// What the limits let through of each objective of the torque that acts; `None` without limits.
     pub objective_scale: Option<&'a ObjectiveScale>,
-    /// Energy in the tank [J]; `None` without one.
+    /// Energy in the tank \[J\]; `None` without one.
     pub tank: Option<f64>,
-    /// Smallest surface distance of two links that share no joint [m]; `None` where not measured.
+    /// Smallest surface distance of two links that share no joint \[m\]; `None` where not measured.
     pub self_clearance: Option<f64>,
-    /// √det(J Jᵀ) [m²].
+    /// √det(J Jᵀ) \[m²\].
     pub manipulability: f64,
-    /// By how much the barriers are broken at most [m/s²]; `None` without barriers (`cbf`).
+    /// By how much the barriers are broken at most \[m/s²\]; `None` without barriers (`cbf`).
     pub slack: Option<f64>,
     /// Whether the end effector may give way, by whatever law.
     pub yields: bool,

@@ -20,7 +20,7 @@ pub trait System<const D: usize, const M: usize>: Debug + Clone {
     /// What the controller may see of the obstacles instead of knowing them.
     type Perception: Perceive<Self::Solid, D> + Clone + Debug;
 
-    /// The position nearest to `goal` [m], or close to it, that the end effector can take with the orientation of
+    /// The position nearest to `goal` \[m\], or close to it, that the end effector can take with the orientation of
     /// `pose`.
     fn attainable(arm: &Self::Arm, pose: &Self::Pose, goal: &Vector<D>) -> Vector<D>;
 }

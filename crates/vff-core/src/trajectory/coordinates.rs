@@ -83,7 +83,7 @@ impl<const M: usize> Curve<M> {
         }))
     }
 
-    /// The coordinates at time `t` [s].
+    /// The coordinates at time `t` \[s\].
     #[inline]
     pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         match &self.0 {
@@ -101,7 +101,7 @@ impl<const M: usize> Curve<M> {
         }
     }
 
-    /// From where it is at time `t` [s] on to the point whose first coordinates are `goal`.
+    /// From where it is at time `t` \[s\] on to the point whose first coordinates are `goal`.
     pub(super) fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
         let Coordinates { x, dx, ddx } = self.at(t);
         let end = Vector::from_fn(|axis, _| goal.get(axis).copied().unwrap_or(x[axis]));

@@ -38,9 +38,9 @@ pub enum TrajectoryError {
     TimesNotIncreasing {
         /// Index of the time.
         index: usize,
-        /// The time before it [s].
+        /// The time before it \[s\].
         previous: f64,
-        /// The time [s].
+        /// The time \[s\].
         given: f64,
     },
     /// The task controls the orientation and the reference does not say which.
@@ -49,13 +49,13 @@ pub enum TrajectoryError {
     /// An orientation for a task that does not control it.
     #[error("expected no angle because the task controls the position only, given {given} rad")]
     UnexpectedOrientation {
-        /// The orientation [rad].
+        /// The orientation \[rad\].
         given: f64,
     },
     /// A duration that is not positive.
     #[error("expected a positive duration, given {given} s")]
     Duration {
-        /// The duration [s].
+        /// The duration \[s\].
         given: f64,
     },
 }

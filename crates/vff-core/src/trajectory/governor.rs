@@ -11,11 +11,11 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GovernorSettings {
-    /// e₁ [m] ≥ 0: up to this error the path is followed at full speed.
+    /// e₁ \[m\] ≥ 0: up to this error the path is followed at full speed.
     pub inner: f64,
-    /// e₂ [m] > e₁: from this error on it is followed at the slowest.
+    /// e₂ \[m\] > e₁: from this error on it is followed at the slowest.
     pub outer: f64,
-    /// ω [1/s] > 0: how fast the speed changes.
+    /// ω \[1/s\] > 0: how fast the speed changes.
     pub rate: f64,
     /// φ in [0, 1): the share of the speed that is always left.
     pub floor: f64,
@@ -30,11 +30,11 @@ impl Default for GovernorSettings {
 /// How far the clock of the reference is behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Delay {
-    /// t − σ [s].
+    /// t − σ \[s\].
     lag: f64,
-    /// Its rate r = 1 − σ̇, in [0, 1].
+    /// Its rate r = 1 − σ̇, in \[0, 1\].
     rate: f64,
-    /// What the rate follows, in [0, 1].
+    /// What the rate follows, in \[0, 1\].
     lead: f64,
 }
 
@@ -44,9 +44,9 @@ struct Delay {
 pub struct Governor {
     /// None if it does not slow down any more.
     settings: Option<GovernorSettings>,
-    /// ω, the pole of what it does [1/s].
+    /// ω, the pole of what it does \[1/s\].
     pole: f64,
-    /// The beginning of the period [s], and the delay then.
+    /// The beginning of the period \[s\], and the delay then.
     start: f64,
     delay: Delay,
     /// The rate of the delay that is wanted in this period.
@@ -56,7 +56,7 @@ pub struct Governor {
 }
 
 impl Governor {
-    /// A clock that is on time at `start` [s].
+    /// A clock that is on time at `start` \[s\].
     pub fn new(settings: GovernorSettings, start: f64) -> Self {
         let delay = Delay { lag: 0.0, rate: 0.0, lead: 0.0 };
         let before = (start, delay, 0.0);
@@ -71,7 +71,7 @@ impl Governor {
         self.settings = settings;
     }
 
-    /// The delay at `t` [s], not before the present period, and r' [1/s]: two first-order lags in a row behind
+    /// The delay at `t` \[s\], not before the present period, and r' \[1/s\]: two first-order lags in a row behind
     /// what is wanted, solved exactly (T75).
     fn at(&self, t: f64) -> (Delay, f64) {
         let Self { pole, wanted, delay: Delay { lag, rate, lead }, .. } = *self;
@@ -89,12 +89,12 @@ impl Governor {
         (delay, pole * (lead - rate - lead_left * phase) * decay)
     }
 
-    /// The path time σ [s] at `t` [s].
+    /// The path time σ \[s\] at `t` \[s\].
     pub fn path_time(&self, t: f64) -> f64 {
         t - self.at(t).0.lag
     }
 
-    /// The reference at `t` [s], were the error to stay (T74).
+    /// The reference at `t` \[s\], were the error to stay (T74).
     pub fn sample<P: Guided<M>, const M: usize>(
         &self,
         trajectory: &Trajectory<P, M>,
@@ -110,7 +110,7 @@ impl Governor {
         }
     }
 
-    /// Begins the control period at `t` [s].
+    /// Begins the control period at `t` \[s\].
     pub fn begin(&mut self, t: f64) {
         if t > self.start {
             self.before = (self.start, self.delay, self.wanted);
@@ -119,14 +119,14 @@ impl Governor {
         }
     }
 
-    /// Takes back the beginning of a control period after `t` [s].
+    /// Takes back the beginning of a control period after `t` \[s\].
     pub fn undo(&mut self, t: f64) {
         if t < self.start {
             (self.start, self.delay, self.wanted) = self.before;
         }
     }
 
-    /// Tells it the distance of the end effector from the reference [m] at the beginning of the period (T76).
+    /// Tells it the distance of the end effector from the reference \[m\] at the beginning of the period (T76).
     pub fn hear(&mut self, error: f64) {
         self.wanted =
             self.settings.map_or(0.0, |GovernorSettings { inner, outer, floor, .. }| {

@@ -11,7 +11,7 @@ pub(super) struct Line<const M: usize> {
 }
 
 impl<const M: usize> Line<M> {
-    /// From `start` to `end` in `duration` [s].
+    /// From `start` to `end` in `duration` \[s\].
     pub(super) fn new(
         start: Vector<M>,
         end: Vector<M>,

@@ -28,9 +28,9 @@ use std::fmt::Debug;
 pub struct Sample<P, const M: usize> {
     /// Pose x_r.
     pub x: P,
-    /// Velocity ẋ_r [m/s, rad/s].
+    /// Velocity ẋ_r \[m/s, rad/s\].
     pub dx: Vector<M>,
-    /// Acceleration ẍ_r [m/s², rad/s²].
+    /// Acceleration ẍ_r \[m/s², rad/s²\].
     pub ddx: Vector<M>,
 }
 
@@ -40,7 +40,7 @@ impl<P: Pose<M>, const M: usize> Sample<P, M> {
         Self { x, dx: Vector::zeros(), ddx: Vector::zeros() }
     }
 
-    /// The reference `ahead` [s] later, were its velocity to stay.
+    /// The reference `ahead` \[s\] later, were its velocity to stay.
     #[must_use]
     pub fn carried_on(&self, ahead: f64) -> Self {
         Self { x: self.x.moved(&(self.dx * ahead)), dx: self.dx, ddx: Vector::zeros() }
@@ -57,10 +57,10 @@ pub trait Guided<const M: usize>: Pose<M> {
     /// # Errors
     /// See [`Trajectory::new`].
     fn curve(reference: &Reference, start: &Self) -> Result<Self::Curve, TrajectoryError>;
-    /// The reference at time `t` [s]. Does not allocate.
+    /// The reference at time `t` \[s\]. Does not allocate.
     fn at(curve: &Self::Curve, t: f64) -> Sample<Self, M>;
-    /// The curve that leaves `curve` at time `t` [s] for the position `goal` [m], smoothly, with the pole `rate`
-    /// [1/s]; the orientation comes to rest where it is.
+    /// The curve that leaves `curve` at time `t` \[s\] for the position `goal` \[m\], smoothly, with the pole `rate`
+    /// \[1/s\]; the orientation comes to rest where it is.
     fn aim(curve: &Self::Curve, t: f64, goal: &[f64], rate: f64) -> Self::Curve;
 }
 
@@ -83,12 +83,12 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
         Ok(Self { curve: P::curve(reference, start)? })
     }
 
-    /// Leaves the reference at time `t` [s] for the position `goal` [m], see [`Guided::aim`].
+    /// Leaves the reference at time `t` \[s\] for the position `goal` \[m\], see [`Guided::aim`].
     pub fn aim(&mut self, t: f64, goal: &[f64], rate: f64) {
         self.curve = P::aim(&self.curve, t, goal, rate);
     }
 
-    /// The reference at time `t` [s]. Does not allocate.
+    /// The reference at time `t` \[s\]. Does not allocate.
     #[inline]
     pub fn at(&self, t: f64) -> Sample<P, M> {
         P::at(&self.curve, t)

@@ -7,7 +7,7 @@ use crate::math::Vector;
 /// A polynomial with `K` coefficients between any two neighbouring knots.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Piecewise<const M: usize, const K: usize> {
-    /// Instants of the knots [s].
+    /// Instants of the knots \[s\].
     times: Vec<f64>,
     /// One for each interval, in the time since its first knot.
     pieces: Vec<[Vector<M>; K]>,

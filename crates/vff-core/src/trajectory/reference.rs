@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 /// The path and timing of the end effector.
 ///
-/// Points have one entry per task axis: x, y [m] and, when the task controls it, the
-/// orientation φ [rad].
+/// Points have one entry per task axis: x, y \[m\] and, when the task controls it, the
+/// orientation φ \[rad\].
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Reference {
@@ -16,7 +16,7 @@ pub enum Reference {
     },
     /// A polynomial in t for each axis, for all t.
     Polynomial {
-        /// One list per axis: factors of 1, t, t², … [m, m/s, m/s², …].
+        /// One list per axis: factors of 1, t, t², … \[m, m/s, m/s², …\].
         coefficients: Vec<Vec<f64>>,
     },
     /// A straight line from rest at t = 0 to rest at `duration`, then a hold. The travelled
@@ -27,36 +27,36 @@ pub enum Reference {
         start: Option<Vec<f64>>,
         /// Last point.
         end: Vec<f64>,
-        /// Time from the first to the last point [s], positive.
+        /// Time from the first to the last point \[s\], positive.
         duration: f64,
     },
     /// A circle at constant speed, for all t.
     Circle {
-        /// Centre [m].
+        /// Centre \[m\].
         center: [f64; 2],
-        /// Radius [m].
+        /// Radius \[m\].
         radius: f64,
-        /// Angular velocity [rad/s], counter-clockwise when positive.
+        /// Angular velocity \[rad/s\], counter-clockwise when positive.
         angular_velocity: f64,
-        /// Angle from the x axis at t = 0 [rad]. Default 0.
+        /// Angle from the x axis at t = 0 \[rad\]. Default 0.
         #[serde(default)]
         phase: f64,
-        /// Constant orientation [rad]: given if and only if the task controls it.
+        /// Constant orientation \[rad\]: given if and only if the task controls it.
         #[serde(default)]
         orientation: Option<f64>,
     },
     /// `center` + `amplitude` · sin(`angular_frequency` · t + `phase`) on each axis, for all t.
     Lissajous {
-        /// Centre [m].
+        /// Centre \[m\].
         center: [f64; 2],
-        /// Amplitude of each axis [m].
+        /// Amplitude of each axis \[m\].
         amplitude: [f64; 2],
-        /// Angular frequency of each axis [rad/s].
+        /// Angular frequency of each axis \[rad/s\].
         angular_frequency: [f64; 2],
-        /// Phase of each axis at t = 0 [rad]. Default 0.
+        /// Phase of each axis at t = 0 \[rad\]. Default 0.
         #[serde(default)]
         phase: [f64; 2],
-        /// Constant orientation [rad]: given if and only if the task controls it.
+        /// Constant orientation \[rad\]: given if and only if the task controls it.
         #[serde(default)]
         orientation: Option<f64>,
     },
@@ -64,7 +64,7 @@ pub enum Reference {
     /// holds before and after. Quintic between the points. At an interior point velocity and
     /// acceleration are those of the parabola through the point and its two neighbours.
     Waypoints {
-        /// Instants [s], strictly increasing, at least two.
+        /// Instants \[s\], strictly increasing, at least two.
         times: Vec<f64>,
         /// The point at each instant.
         points: Vec<Vec<f64>>,
@@ -72,7 +72,7 @@ pub enum Reference {
     /// A smooth path (C²) through dense samples: the natural cubic spline. Holds the position
     /// before and after, so the velocity jumps there unless the samples begin and end at rest.
     Table {
-        /// Instants [s], strictly increasing, at least two.
+        /// Instants \[s\], strictly increasing, at least two.
         times: Vec<f64>,
         /// The point at each instant.
         points: Vec<Vec<f64>>,

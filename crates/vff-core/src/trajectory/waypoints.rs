@@ -27,7 +27,7 @@ pub(super) fn through<const M: usize>(times: &[f64], points: &[Vector<M>]) -> Pi
     })
 }
 
-/// The quintic of duration `h` [s] between two states [x, ẋ, ẍ].
+/// The quintic of duration `h` \[s\] between two states \[x, ẋ, ẍ\].
 fn quintic<const M: usize>(
     [x0, dx0, ddx0]: [Vector<M>; 3],
     [x1, dx1, ddx1]: [Vector<M>; 3],

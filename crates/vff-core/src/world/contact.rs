@@ -14,17 +14,17 @@ pub struct Contact<const D: usize> {
     pub link: usize,
     /// Index of the obstacle.
     pub obstacle: usize,
-    /// Signed distance between the two surfaces [m], negative when they overlap.
+    /// Signed distance between the two surfaces \[m\], negative when they overlap.
     pub distance: f64,
     /// Unit vector from the obstacle towards the link: the shortest way out.
     pub normal: Vector<D>,
-    /// Point of the link's axis nearest to the obstacle [m]: where a repulsion acts.
+    /// Point of the link's axis nearest to the obstacle \[m\]: where a repulsion acts.
     pub point: Vector<D>,
-    /// Point of the obstacle's surface nearest to the link [m].
+    /// Point of the obstacle's surface nearest to the link \[m\].
     pub witness: Vector<D>,
-    /// Velocity of the obstacle at the witness [m/s].
+    /// Velocity of the obstacle at the witness \[m/s\].
     pub velocity: Vector<D>,
-    /// Acceleration of the obstacle at the witness [m/s²].
+    /// Acceleration of the obstacle at the witness \[m/s²\].
     pub acceleration: Vector<D>,
     /// What meets what: how the normal turns when the two move.
     pub feature: Feature,
@@ -57,12 +57,12 @@ pub enum Feature {
     /// The inside of the axis and a point of the obstacle (a centre or a corner): the normal turns
     /// with the link.
     Side {
-        /// Signed distance of the axis from that point [m].
+        /// Signed distance of the axis from that point \[m\].
         distance: f64,
     },
     /// An end of the axis and a point of the obstacle: the normal points from one to the other.
     End {
-        /// Their distance [m], > 0.
+        /// Their distance \[m\], > 0.
         distance: f64,
     },
     /// An end of the axis and a flat face of the obstacle: the normal is that of the face.

@@ -16,9 +16,9 @@ use crate::math::Vector;
 pub(super) struct Crowd<S: Solid<D>, const D: usize> {
     fixed: Tree<S::Hierarchy>,
     moving: Tree<S::Hierarchy>,
-    /// When the boxes of the moving obstacles are valid [s].
+    /// When the boxes of the moving obstacles are valid \[s\].
     valid: [f64; 2],
-    /// The length of that time [s].
+    /// The length of that time \[s\].
     span: f64,
     /// Moving obstacles measured in vain since then.
     in_vain: usize,
@@ -33,7 +33,7 @@ pub(super) struct Crowd<S: Solid<D>, const D: usize> {
 /// From so many obstacles on, asking the hierarchy is faster than asking all.
 pub(super) const LEAST: usize = 20;
 
-/// Bounds of the span [s]: what no run will notice, and what it can still recover from.
+/// Bounds of the span \[s\]: what no run will notice, and what it can still recover from.
 const SPAN: [f64; 2] = [1e-6, 1e6];
 
 /// The obstacles drift apart; after so many renewals those that are neighbours now are grouped anew.
@@ -60,7 +60,7 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
         }
     }
 
-    /// Makes the boxes hold their obstacles at `now` [s], which comes after `before`.
+    /// Makes the boxes hold their obstacles at `now` \[s\], which comes after `before`.
     pub(super) fn update(&mut self, obstacles: &[Placed<S, D>], before: f64, now: f64) {
         let [first, last] = self.valid;
         if self.moving.members.is_empty() || first <= now && now <= last {
@@ -134,7 +134,7 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
     }
 }
 
-/// Coordinates beyond this [m] are cut off, so that nothing that is made of boxes overflows. A box
+/// Coordinates beyond this \[m\] are cut off, so that nothing that is made of boxes overflows. A box
 /// that is cut off comes no further away from what lies within.
 pub const HORIZON: f64 = 1e120;
 
@@ -142,7 +142,7 @@ pub const HORIZON: f64 = 1e120;
 /// below all that matters.
 pub(super) const MARGIN: f64 = 1e-9;
 
-/// The box around an obstacle from `t0` to `t1` [s].
+/// The box around an obstacle from `t0` to `t1` \[s\].
 fn box_of<S: Solid<D>, const D: usize>(
     obstacle: &Placed<S, D>,
     [t0, t1]: [f64; 2],
@@ -185,7 +185,7 @@ impl<H> Tree<H> {
         tree
     }
 
-    /// Makes the boxes hold their obstacles over a time [s].
+    /// Makes the boxes hold their obstacles over a time \[s\].
     fn renew<S: Solid<D, Hierarchy = H>, const D: usize>(
         &mut self,
         obstacles: &[Placed<S, D>],

@@ -34,7 +34,7 @@ pub struct World<S: Solid<D>, const D: usize> {
     moving: Vec<usize>,
     /// The most barriers that one link can have.
     barriers: usize,
-    /// The present instant [s].
+    /// The present instant \[s\].
     time: f64,
     /// Which obstacles may be near, where they are too many to ask each.
     crowd: Option<Crowd<S, D>>,
@@ -46,7 +46,7 @@ struct Placed<S: Solid<D>, const D: usize> {
     description: S::Obstacle,
     solid: S,
     state: MotionState<D>,
-    /// The instant that the state belongs to [s]; any, if the obstacle is static.
+    /// The instant that the state belongs to \[s\]; any, if the obstacle is static.
     time: f64,
 }
 
@@ -60,19 +60,19 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         }
     }
 
-    /// Whether the state is that at time `t` [s]. Compared as bits: only the very same instant is.
+    /// Whether the state is that at time `t` \[s\]. Compared as bits: only the very same instant is.
     #[inline]
     fn is_at(&self, t: f64) -> bool {
         self.time.to_bits() == t.to_bits() || self.description.motion().is_static()
     }
 
-    /// The state at time `t` [s].
+    /// The state at time `t` \[s\].
     #[inline]
     fn state_at(&self, t: f64) -> MotionState<D> {
         if self.is_at(t) { self.state } else { self.moved_to(t) }
     }
 
-    /// Keeps the state at time `t` [s].
+    /// Keeps the state at time `t` \[s\].
     #[inline]
     fn move_to(&mut self, t: f64) {
         if !self.is_at(t) {
@@ -85,7 +85,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         self.description.motion().at(t, self.description.position())
     }
 
-    /// The distance between the surfaces of obstacle and link [m], bit for bit that of their contact.
+    /// The distance between the surfaces of obstacle and link \[m\], bit for bit that of their contact.
     #[inline(always)]
     fn distance(&self, link: &S::Probe) -> f64 {
         self.solid.distance(link, &self.state.position)
@@ -121,7 +121,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.obstacles.is_empty()
     }
 
-    /// Moves all obstacles to time `t` [s]. Free of cost when they are there already.
+    /// Moves all obstacles to time `t` \[s\]. Free of cost when they are there already.
     ///
     /// In a crowd only the obstacles that may be near are moved, when they are asked for.
     pub fn update(&mut self, t: f64) {
@@ -135,7 +135,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.time = t;
     }
 
-    /// The instant of the last update [s]; 0 before the first.
+    /// The instant of the last update \[s\]; 0 before the first.
     pub fn time(&self) -> f64 {
         self.time
     }
@@ -145,19 +145,19 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         &self.obstacles[j].description
     }
 
-    /// Position of obstacle `j` [m].
+    /// Position of obstacle `j` \[m\].
     #[inline]
     pub fn position(&self, j: usize) -> Vector<D> {
         self.obstacles[j].state_at(self.time).position
     }
 
-    /// Where obstacle `j` is at time `t` [m]; moves nothing.
+    /// Where obstacle `j` is at time `t` \[m\]; moves nothing.
     pub fn position_at(&self, j: usize, t: f64) -> Vector<D> {
         self.obstacles[j].state_at(t).position
     }
 
-    /// Lets go of the motion of obstacle `j` and carries it to `goal` [m] from now on, smoothly, with
-    /// the pole `rate` [1/s].
+    /// Lets go of the motion of obstacle `j` and carries it to `goal` \[m\] from now on, smoothly, with
+    /// the pole `rate` \[1/s\].
     ///
     /// Drags change a motion at any time, which the hierarchy of a crowd is not made for: from
     /// then on every obstacle is asked.
@@ -195,13 +195,13 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         }
     }
 
-    /// Velocity of obstacle `j` [m/s].
+    /// Velocity of obstacle `j` \[m/s\].
     #[inline]
     pub fn velocity(&self, j: usize) -> Vector<D> {
         self.obstacles[j].state_at(self.time).velocity
     }
 
-    /// Acceleration of obstacle `j` [m/s²].
+    /// Acceleration of obstacle `j` \[m/s²\].
     #[inline]
     pub fn acceleration(&self, j: usize) -> Vector<D> {
         self.obstacles[j].state_at(self.time).acceleration

@@ -14,18 +14,18 @@ pub enum Motion<const D: usize> {
     Static {},
     /// Constant velocity from the initial position at t = 0.
     Linear {
-        /// Velocity [m/s].
+        /// Velocity \[m/s\].
         #[serde(deserialize_with = "Point::read")]
         velocity: [f64; D],
     },
     /// Initial position + `amplitude` · sin(`angular_frequency` · t + `phase`).
     Sinusoid {
-        /// Amplitude along each axis [m].
+        /// Amplitude along each axis \[m\].
         #[serde(deserialize_with = "Point::read")]
         amplitude: [f64; D],
-        /// Angular frequency [rad/s].
+        /// Angular frequency \[rad/s\].
         angular_frequency: f64,
-        /// Phase at t = 0 [rad].
+        /// Phase at t = 0 \[rad\].
         #[serde(default)]
         phase: f64,
     },
@@ -33,9 +33,9 @@ pub enum Motion<const D: usize> {
     /// position of the obstacle is not used. Waits at the first point before `times[0]` and
     /// at the last one after the last time.
     Waypoints {
-        /// Instants [s], strictly increasing.
+        /// Instants \[s\], strictly increasing.
         times: Vec<f64>,
-        /// Position at each instant [m].
+        /// Position at each instant \[m\].
         #[serde(deserialize_with = "Point::read_list")]
         points: Vec<[f64; D]>,
     },
@@ -47,16 +47,16 @@ pub enum Motion<const D: usize> {
 /// Where an obstacle is and how it moves at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionState<const D: usize> {
-    /// Position [m].
+    /// Position \[m\].
     pub position: Vector<D>,
-    /// Velocity [m/s]; from the right where it jumps.
+    /// Velocity \[m/s\]; from the right where it jumps.
     pub velocity: Vector<D>,
-    /// Acceleration [m/s²]; zero where the velocity jumps.
+    /// Acceleration \[m/s²\]; zero where the velocity jumps.
     pub acceleration: Vector<D>,
 }
 
 impl<const D: usize> MotionState<D> {
-    /// At rest at `position` [m].
+    /// At rest at `position` \[m\].
     fn at_rest(position: Vector<D>) -> Self {
         Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros() }
     }
@@ -74,7 +74,7 @@ impl<const D: usize> Motion<D> {
         matches!(self, Self::Static {})
     }
 
-    /// A speed that the obstacle never exceeds [m/s].
+    /// A speed that the obstacle never exceeds \[m/s\].
     pub fn top_speed(&self) -> f64 {
         match self {
             Self::Static {} => 0.0,
@@ -93,7 +93,7 @@ impl<const D: usize> Motion<D> {
         }
     }
 
-    /// The state at time `t` [s] of an obstacle whose initial position is `position0` [m].
+    /// The state at time `t` \[s\] of an obstacle whose initial position is `position0` \[m\].
     pub fn at(&self, t: f64, position0: Vector<D>) -> MotionState<D> {
         match self {
             Self::Static {} => MotionState::at_rest(position0),
@@ -122,8 +122,8 @@ impl<const D: usize> Motion<D> {
         }
     }
 
-    /// Opposite corners of a box that holds the obstacle from `t0` to `t1` [s], `t0` ≤ `t1`: every
-    /// position that [`at`](Self::at) returns, rounding included [m].
+    /// Opposite corners of a box that holds the obstacle from `t0` to `t1` \[s\], `t0` ≤ `t1`: every
+    /// position that [`at`](Self::at) returns, rounding included \[m\].
     pub fn extent(&self, t0: f64, t1: f64, position0: Vector<D>) -> [Vector<D>; 2] {
         let ends = [self.at(t0, position0).position, self.at(t1, position0).position];
         match self {

@@ -10,8 +10,8 @@ pub trait CollisionQuery<const D: usize> {
     /// The most contacts that one body can have.
     fn obstacle_count(&self) -> usize;
 
-    /// Calls `visit` with the contacts nearer than `reach` [m], and `distance`, body by body,
-    /// with the index of the link and the signed distance to whatever is nearest, however far [m].
+    /// Calls `visit` with the contacts nearer than `reach` \[m\], and `distance`, body by body,
+    /// with the index of the link and the signed distance to whatever is nearest, however far \[m\].
     fn for_each_contact(
         &mut self,
         bodies: impl IntoIterator<Item = Body<D>>,
@@ -25,7 +25,7 @@ pub trait CollisionQuery<const D: usize> {
         self.obstacle_count()
     }
 
-    /// Calls `visit` with all distances nearer than `reach` [m] that must be kept so that every contact is:
+    /// Calls `visit` with all distances nearer than `reach` \[m\] that must be kept so that every contact is:
     /// the contacts themselves, or, where nearest features change at once, each feature that may be next.
     fn for_each_barrier(
         &mut self,
@@ -36,7 +36,7 @@ pub trait CollisionQuery<const D: usize> {
         self.for_each_contact(bodies, reach, |_, _| {}, visit);
     }
 
-    /// The contact of body number `index` with `obstacle`, were that carried on for `after` [s], or back for −`after`, at
+    /// The contact of body number `index` with `obstacle`, were that carried on for `after` \[s\], or back for −`after`, at
     /// its present velocity.
     fn contact_after(
         &self,
@@ -51,7 +51,7 @@ pub trait CollisionQuery<const D: usize> {
 pub trait Positions {
     /// How many points there are.
     fn count(&self) -> usize;
-    /// Appends the coordinates of all of them [m].
+    /// Appends the coordinates of all of them \[m\].
     fn append_to(&self, out: &mut Vec<f64>);
 }
 
@@ -80,8 +80,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         obstacle.solid.contact(pair, &S::probe(&body.shape), state)
     }
 
-    /// The distance [m] from `origin` along the unit vector `direction` to the first obstacle within
-    /// `range` [m]; 0 inside one. The obstacles stand where the last [`update`](Self::update) put them.
+    /// The distance \[m\] from `origin` along the unit vector `direction` to the first obstacle within
+    /// `range` \[m\]; 0 inside one. The obstacles stand where the last [`update`](Self::update) put them.
     pub fn cast(&self, origin: Vector<D>, direction: Vector<D>, range: f64) -> Option<f64> {
         let hit = |obstacle: &Placed<S, D>| {
             let position = obstacle.state_at(self.time).position;
@@ -208,7 +208,7 @@ impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
     }
 }
 
-/// The distance between the surfaces of a body and the nearest of these obstacles [m]; ∞ if there are none.
+/// The distance between the surfaces of a body and the nearest of these obstacles \[m\]; ∞ if there are none.
 #[inline(always)] // discs, by far the most frequent, stay within the loop over the bodies
 fn least_distance<'a, S: Solid<D> + 'a, const D: usize>(
     obstacles: impl IntoIterator<Item = &'a Placed<S, D>>,

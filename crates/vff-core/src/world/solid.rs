@@ -10,7 +10,7 @@ use std::fmt::Debug;
 
 /// What is said of an obstacle: a shape, where it starts and how it moves.
 pub trait Description<const D: usize>: Clone + Debug {
-    /// Initial position [m].
+    /// Initial position \[m\].
     fn position(&self) -> Vector<D>;
     /// Motion from the initial position.
     fn motion(&self) -> &Motion<D>;
@@ -34,7 +34,7 @@ pub trait Solid<const D: usize>: Clone + Debug {
     /// Makes a body ready.
     fn probe(body: &Capsule<D>) -> Self::Probe;
 
-    /// The signed distance between the surfaces of an obstacle at `position` and a body [m], bit for bit
+    /// The signed distance between the surfaces of an obstacle at `position` and a body \[m\], bit for bit
     /// that of their [`contact`](Self::contact).
     fn distance(&self, body: &Self::Probe, position: &Vector<D>) -> f64;
 
@@ -53,10 +53,10 @@ pub trait Solid<const D: usize>: Clone + Debug {
         visit: impl FnMut(&Contact<D>),
     );
 
-    /// Opposite corners of a box around it, the lower ones first [m].
+    /// Opposite corners of a box around it, the lower ones first \[m\].
     fn extent(&self) -> [Vector<D>; 2];
 
-    /// The distance [m] from `origin` along the unit vector `direction` to its surface, if that is within
+    /// The distance \[m\] from `origin` along the unit vector `direction` to its surface, if that is within
     /// `range`; 0 inside.
     fn cast(&self, origin: &Vector<D>, direction: &Vector<D>, range: f64) -> Option<f64>;
 }
@@ -66,7 +66,7 @@ pub trait Hierarchy<P, const D: usize>: Clone + Debug {
     /// Where a body is, made ready for the questions of many boxes.
     type Region;
 
-    /// A box is given by its lower and its upper corner [m], each within ±[`HORIZON`](super::HORIZON).
+    /// A box is given by its lower and its upper corner \[m\], each within ±[`HORIZON`](super::HORIZON).
     fn new(boxes: &[[Vector<D>; 2]]) -> Self;
 
     /// Puts other boxes in place of the present ones; those that are neighbours now are grouped anew if
@@ -76,7 +76,7 @@ pub trait Hierarchy<P, const D: usize>: Clone + Debug {
     /// None for a body that is nowhere, or beyond the horizon.
     fn region(body: &P) -> Option<Self::Region>;
 
-    /// Calls `measure` with every box that comes within `limit` [m] of the body's surface, rounding allowed
+    /// Calls `measure` with every box that comes within `limit` \[m\] of the body's surface, rounding allowed
     /// for; it returns the limit from then on. Returns how many there were.
     fn for_each_within(
         &self,

@@ -16,10 +16,10 @@ use crate::math::dot;
 use crate::robot::Robot;
 use crate::world::Contact;
 
-/// k where it is not given [1/s].
+/// k where it is not given \[1/s\].
 pub const RATE: f64 = 40.0;
 
-/// k [1/s].
+/// k \[1/s\].
 pub fn rate(settings: &Yielding) -> f64 {
     settings.rate.unwrap_or(RATE)
 }
@@ -41,7 +41,7 @@ pub struct Barrier {
     normals: Vec<f64>,
     bounds: Vec<f64>,
     softness: Vec<f64>,
-    /// Largest speed of every joint [rad/s].
+    /// Largest speed of every joint \[rad/s\].
     speed: Vec<f64>,
 }
 
@@ -79,7 +79,7 @@ impl Barrier {
         self.program.reserve(rows);
     }
 
-    /// Adds M y to the torque and returns the largest δ of a pair [m/s²].
+    /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].
     pub fn act<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         settings: &Yielding,

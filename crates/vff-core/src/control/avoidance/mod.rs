@@ -22,24 +22,24 @@ use serde::Deserialize;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Yielding {
-    /// δ [m] > 0, the distance that `priority` and `cbf` keep.
+    /// δ \[m\] > 0, the distance that `priority` and `cbf` keep.
     pub margin: f64,
-    /// k [1/s] > 0, how fast a distance may fall to the margin (T65): by default [`priority::RATE`] or
+    /// k \[1/s\] > 0, how fast a distance may fall to the margin (T65): by default [`priority::RATE`] or
     /// [`barrier::RATE`].
     pub rate: Option<f64>,
-    /// d₁ [m] ≥ 0: below this distance the task gives way altogether, in `relaxed` and `priority`.
+    /// d₁ \[m\] ≥ 0: below this distance the task gives way altogether, in `relaxed` and `priority`.
     pub inner: f64,
-    /// d₂ [m] > d₁: from this distance on it does not give way.
+    /// d₂ \[m\] > d₁: from this distance on it does not give way.
     pub outer: f64,
-    /// e_max [m] > 0: a larger error pulls no harder than this one, in `relaxed`.
+    /// e_max \[m\] > 0: a larger error pulls no harder than this one, in `relaxed`.
     pub saturation: f64,
-    /// Pairs nearer than this [m], > 0, are rows of the quadratic program (QP) of `cbf`.
+    /// Pairs nearer than this \[m\], > 0, are rows of the quadratic program (QP) of `cbf`.
     pub activation: f64,
-    /// W_x > 0 [kg], the weight of the end effector's acceleration in `cbf`.
+    /// W_x > 0 \[kg\], the weight of the end effector's acceleration in `cbf`.
     pub task_weight: f64,
     /// ρ > 0, the weight of a violated row.
     pub slack_price: f64,
-    /// Largest joint speed [rad/s], > 0, in `cbf`, where the arm has no velocity limits of its own.
+    /// Largest joint speed \[rad/s\], > 0, in `cbf`, where the arm has no velocity limits of its own.
     pub speed: f64,
     /// Look-ahead on top of `cbf`; none by default.
     pub preview: Option<PreviewSettings>,
@@ -63,7 +63,7 @@ impl Default for Yielding {
 }
 
 impl Yielding {
-    /// Largest speed of every joint [rad/s]: that of the arm, or else `speed`.
+    /// Largest speed of every joint \[rad/s\]: that of the arm, or else `speed`.
     fn joint_speeds<R: Robot<D>, const D: usize>(&self, robot: &R) -> Vec<f64> {
         let limits = &robot.limits().velocity;
         if limits.is_empty() { vec![self.speed; robot.dof()] } else { limits.clone() }
@@ -111,7 +111,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         }))
     }
 
-    /// By how much the last command violates the barriers at most [m/s²]; None if there are none.
+    /// By how much the last command violates the barriers at most \[m/s²\]; None if there are none.
     pub fn slack(&self) -> Option<f64> {
         matches!(self.strategy, Strategy::Barrier(_)).then_some(self.slack)
     }
@@ -152,7 +152,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         }
     }
 
-    /// The error that the stiffness of the task is to act on, at these distances of the links [m].
+    /// The error that the stiffness of the task is to act on, at these distances of the links \[m\].
     pub fn pull(&self, clearance: &[f64], e: Vector<M>) -> Vector<M> {
         match self.strategy {
             Strategy::Relaxed => {

@@ -8,7 +8,7 @@ use crate::math::{dot, smoothstep};
 use crate::robot::Robot;
 use crate::world::Contact;
 
-/// k where it is not given [1/s]: the torque changes with k², and no QP limits it.
+/// k where it is not given \[1/s\]: the torque changes with k², and no QP limits it.
 pub const RATE: f64 = 20.0;
 
 /// Workspace of the law.
@@ -18,7 +18,7 @@ pub struct Priority {
     response: Vec<f64>,
     acceleration: Vec<f64>,
     scratch: Vec<f64>,
-    /// Mobility along n̂ [1/kg] below which a point counts as hardly movable.
+    /// Mobility along n̂ \[1/kg\] below which a point counts as hardly movable.
     threshold: f64,
 }
 

@@ -7,15 +7,15 @@ use crate::robot::Limits;
 /// The physical parameters of one link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
-    /// Distance from this joint to the next [m], > 0.
+    /// Distance from this joint to the next \[m\], > 0.
     pub length: f64,
-    /// Mass [kg], > 0.
+    /// Mass \[kg\], > 0.
     pub mass: f64,
-    /// Centre of mass in the link's frame (x along the link) [m].
+    /// Centre of mass in the link's frame (x along the link) \[m\].
     pub com: Vector<2>,
-    /// Moment of inertia about the centre of mass [kg·m²], ≥ 0.
+    /// Moment of inertia about the centre of mass \[kg·m²\], ≥ 0.
     pub inertia: f64,
-    /// Half the thickness of the link [m], ≥ 0.
+    /// Half the thickness of the link \[m\], ≥ 0.
     pub radius: f64,
 }
 
@@ -31,7 +31,7 @@ impl Link {
         }
     }
 
-    /// The same link with a point mass [kg] at its far end.
+    /// The same link with a point mass \[kg\] at its far end.
     #[must_use]
     pub fn with_payload(self, payload: f64) -> Self {
         let tip = Vector::<2>::new(self.length, 0.0);
@@ -56,20 +56,20 @@ pub struct PlanarArm {
 /// What the recursions need of a link and of the mass it carries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Composite {
-    /// `m_i c_i + l_i Σ_{k>i} m_k` in the link's frame [kg·m].
+    /// `m_i c_i + l_i Σ_{k>i} m_k` in the link's frame \[kg·m\].
     pub(super) moment: Vector<2>,
-    /// `I_i + m_i|c_i|² + l_i² Σ_{k>i} m_k` [kg·m²].
+    /// `I_i + m_i|c_i|² + l_i² Σ_{k>i} m_k` \[kg·m²\].
     pub(super) diagonal: f64,
-    /// `I_i + m_i|c_i|²` [kg·m²].
+    /// `I_i + m_i|c_i|²` \[kg·m²\].
     pub(super) about_joint: f64,
-    /// Length [m] and mass [kg] of the link, and the mass that it carries at its far end [kg].
+    /// Length \[m\] and mass \[kg\] of the link, and the mass that it carries at its far end \[kg\].
     pub(super) length: f64,
     pub(super) mass: f64,
     pub(super) carried: f64,
 }
 
 impl PlanarArm {
-    /// An arm of at least one link. `gravity` is the acceleration of free fall [m/s²].
+    /// An arm of at least one link. `gravity` is the acceleration of free fall \[m/s²\].
     ///
     /// The values are taken as they are; `scenario` validates user input.
     pub fn new(links: Vec<Link>, gravity: Vector<2>) -> Self {
@@ -106,7 +106,7 @@ impl PlanarArm {
         &self.links
     }
 
-    /// The acceleration of free fall [m/s²].
+    /// The acceleration of free fall \[m/s²\].
     pub fn gravity(&self) -> Vector<2> {
         self.gravity
     }

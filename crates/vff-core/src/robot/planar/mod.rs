@@ -28,10 +28,10 @@ use std::sync::Arc;
 /// What depends on (q, q̇) at one joint and its link.
 #[derive(Debug, Clone, Copy, Default)]
 struct Joint {
-    /// Absolute angle [rad] and rate [rad/s] of the link.
+    /// Absolute angle \[rad\] and rate \[rad/s\] of the link.
     angle: f64,
     rate: f64,
-    /// Position [m] and velocity [m/s] of the joint, and its acceleration while q̈ = 0: −Σ w² l.
+    /// Position \[m\] and velocity \[m/s\] of the joint, and its acceleration while q̈ = 0: −Σ w² l.
     position: Vector<2>,
     velocity: Vector<2>,
     acceleration: Vector<2>,
@@ -40,9 +40,9 @@ struct Joint {
     /// Vector to the next joint, and composite first moment, in the world frame.
     l: Vector<2>,
     b: Vector<2>,
-    /// A_ii [kg·m²].
+    /// A_ii \[kg·m²\].
     diagonal: f64,
-    /// Articulated-body factorisation: coupling h/D [1/m] and 1/D [1/(kg·m²)].
+    /// Articulated-body factorisation: coupling h/D \[1/m\] and 1/D \[1/(kg·m²)\].
     h: Vector<2>,
     d_inv: f64,
 }
@@ -66,7 +66,7 @@ impl PlanarState {
         &self.arm
     }
 
-    /// The position of joint `i` [m]; `i = n` is the tip.
+    /// The position of joint `i` \[m\]; `i = n` is the tip.
     pub fn joint_position(&self, i: usize) -> Vector<2> {
         self.joints.get(i).map_or(self.tip, |joint| joint.position)
     }
@@ -76,7 +76,7 @@ impl PlanarState {
         capsule(&self.joints[i], &self.arm.links[i])
     }
 
-    /// The absolute angle of link `i` [rad].
+    /// The absolute angle of link `i` \[rad\].
     pub fn link_angle(&self, i: usize) -> f64 {
         self.joints[i].angle
     }
@@ -568,12 +568,12 @@ impl Robot<2> for PlanarState {
     }
 }
 
-/// A planar force [N] and its moment about the joint of the link it acts on [N·m].
+/// A planar force \[N\] and its moment about the joint of the link it acts on \[N·m\].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PlanarWrench {
-    /// Force [N].
+    /// Force \[N\].
     pub force: Vector<2>,
-    /// Moment about the link's joint [N·m].
+    /// Moment about the link's joint \[N·m\].
     pub moment: f64,
 }
 

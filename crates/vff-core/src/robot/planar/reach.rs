@@ -7,9 +7,9 @@ use crate::robot::Model;
 /// An annulus around the base.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Annulus {
-    /// Smallest distance from the base [m].
+    /// Smallest distance from the base \[m\].
     pub inner: f64,
-    /// Largest distance from the base [m].
+    /// Largest distance from the base \[m\].
     pub outer: f64,
 }
 
@@ -17,7 +17,7 @@ pub struct Annulus {
 pub trait Reach<P> {
     /// Where the far end of all links that are free to take any angle can be.
     fn wrist_annulus(&self) -> Annulus;
-    /// Where that end is relative to the end effector, for a pose [m].
+    /// Where that end is relative to the end effector, for a pose \[m\].
     fn wrist(&self, pose: &P) -> Vector<2>;
 }
 

@@ -11,9 +11,9 @@ use wide::f64x2;
 /// wrench is a moment about the origin and a force. Accelerations and momenta likewise.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Spatial {
-    /// Angular velocity [rad/s], or moment about the origin [N·m].
+    /// Angular velocity \[rad/s\], or moment about the origin \[N·m\].
     pub angular: Vector<3>,
-    /// Velocity of the point at the origin [m/s], or force [N].
+    /// Velocity of the point at the origin \[m/s\], or force \[N\].
     pub linear: Vector<3>,
 }
 
@@ -185,11 +185,11 @@ impl Symmetric {
 /// The inertia of one body about the origin.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Inertia {
-    /// Mass [kg].
+    /// Mass \[kg\].
     pub mass: f64,
-    /// First moment m c [kg·m].
+    /// First moment m c \[kg·m\].
     pub moment: Vector<3>,
-    /// Second moments J about the origin [kg·m²].
+    /// Second moments J about the origin \[kg·m²\].
     pub tensor: Symmetric,
 }
 

@@ -12,21 +12,21 @@ use std::sync::Arc;
 /// How a joint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum JointKind {
-    /// Turns about its axis [rad].
+    /// Turns about its axis \[rad\].
     #[default]
     Revolute,
-    /// Turns about its axis without an end [rad].
+    /// Turns about its axis without an end \[rad\].
     Continuous,
-    /// Slides along its axis [m].
+    /// Slides along its axis \[m\].
     Prismatic,
 }
 
 /// Where a frame is in another one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// Position of its origin [m].
+    /// Position of its origin \[m\].
     pub position: Vector<3>,
-    /// Its orientation as a unit quaternion [w, x, y, z].
+    /// Its orientation as a unit quaternion \[w, x, y, z\].
     pub orientation: [f64; 4],
 }
 
@@ -49,13 +49,13 @@ pub struct Joint {
     pub placement: Placement,
     /// Unit vector of its axis, in its own frame.
     pub axis: Vector<3>,
-    /// Mass of the link [kg], > 0.
+    /// Mass of the link \[kg\], > 0.
     pub mass: f64,
-    /// Centre of mass in the link's frame [m].
+    /// Centre of mass in the link's frame \[m\].
     pub com: Vector<3>,
-    /// Inertia about the centre of mass in the link's axes: xx, yy, zz, xy, xz, yz [kg·m²].
+    /// Inertia about the centre of mass in the link's axes: xx, yy, zz, xy, xz, yz \[kg·m²\].
     pub inertia: [f64; 6],
-    /// Inertia of the drive as the joint feels it, ≥ 0 [kg·m², of a prismatic joint kg].
+    /// Inertia of the drive as the joint feels it, ≥ 0 \[kg·m², of a prismatic joint kg\].
     pub armature: f64,
 }
 
@@ -64,11 +64,11 @@ pub struct Joint {
 pub struct Body {
     /// Index of the link.
     pub link: usize,
-    /// First end of the axis in the link's frame [m].
+    /// First end of the axis in the link's frame \[m\].
     pub a: Vector<3>,
-    /// Second end [m].
+    /// Second end \[m\].
     pub b: Vector<3>,
-    /// Distance from the axis to the surface [m], ≥ 0.
+    /// Distance from the axis to the surface \[m\], ≥ 0.
     pub radius: f64,
 }
 
@@ -81,7 +81,7 @@ pub struct Description {
     pub mount: Placement,
     /// Where the tool is in the frame of the last link.
     pub tool: Placement,
-    /// The acceleration of free fall in the world [m/s²].
+    /// The acceleration of free fall in the world \[m/s²\].
     pub gravity: Vector<3>,
     /// What the joints can do; a joint without an end has infinite limits of position.
     pub limits: Limits,
@@ -212,12 +212,12 @@ impl SpatialArm {
         self.description.joints.iter().map(|joint| joint.link.as_str())
     }
 
-    /// The mass of all links that move [kg].
+    /// The mass of all links that move \[kg\].
     pub fn total_mass(&self) -> f64 {
         self.total_mass
     }
 
-    /// The acceleration of free fall [m/s²].
+    /// The acceleration of free fall \[m/s²\].
     pub fn gravity(&self) -> Vector<3> {
         self.description.gravity
     }
@@ -227,7 +227,7 @@ impl SpatialArm {
         &self.description.limits
     }
 
-    /// The position of the base in the world [m].
+    /// The position of the base in the world \[m\].
     #[inline]
     pub(super) fn base(&self) -> &Vector<3> {
         &self.description.mount.position

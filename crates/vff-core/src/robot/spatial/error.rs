@@ -45,7 +45,7 @@ pub enum ArmError {
     Mass {
         /// The link.
         link: String,
-        /// Its mass as given [kg].
+        /// Its mass as given \[kg\].
         mass: f64,
     },
     /// A principal moment below zero.
@@ -55,7 +55,7 @@ pub enum ArmError {
     NegativeInertia {
         /// The link.
         link: String,
-        /// The smallest principal moment [kg·m²].
+        /// The smallest principal moment \[kg·m²\].
         moment: f64,
     },
     /// Principal moments that no distribution of mass has.
@@ -66,7 +66,7 @@ pub enum ArmError {
     TriangleInequality {
         /// The link.
         link: String,
-        /// The principal moments about the centre of mass, ascending [kg·m²].
+        /// The principal moments about the centre of mass, ascending \[kg·m²\].
         moments: [f64; 3],
     },
     /// A joint that moves nothing that resists it.
@@ -84,7 +84,7 @@ pub enum ArmError {
     Armature {
         /// The joint.
         joint: String,
-        /// Its armature as given [kg·m², kg].
+        /// Its armature as given \[kg·m², kg\].
         armature: f64,
     },
     /// A list of limits of another length.
@@ -142,7 +142,7 @@ pub enum ArmError {
     BodyRadius {
         /// The index of the body.
         body: usize,
-        /// Its radius as given [m].
+        /// Its radius as given \[m\].
         radius: f64,
     },
 }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 impl SpatialArm {
-    /// The origins of all joints, then the tool, in the world: n + 1 points [m].
+    /// The origins of all joints, then the tool, in the world: n + 1 points \[m\].
     pub fn forward_kinematics(self: &Arc<Self>, q: &[f64]) -> Vec<Vector<3>> {
         let state = self.placed(q);
         (0..=self.dof()).map(|i| state.joint_position(i)).collect()
@@ -27,7 +27,7 @@ impl SpatialArm {
             .collect()
     }
 
-    /// Position [m] and orientation of the tool in the world.
+    /// Position \[m\] and orientation of the tool in the world.
     pub fn pose(self: &Arc<Self>, q: &[f64]) -> (Vector<3>, UnitQuaternion) {
         let state = self.placed(q);
         (state.position(), state.orientation())
@@ -46,7 +46,7 @@ impl SpatialArm {
         TaskMatrix::<6>::from_columns(&columns)
     }
 
-    /// A distance from the base [m] that the tool cannot exceed: all placements in one line, and
+    /// A distance from the base \[m\] that the tool cannot exceed: all placements in one line, and
     /// prismatic joints at their limits; infinite where such a joint has none.
     pub fn reach_bound(&self) -> f64 {
         let description = self.description();
@@ -62,7 +62,7 @@ impl SpatialArm {
         links + description.tool.position.norm()
     }
 
-    /// The greatest distance of the tool from the base [m] among `samples` configurations within
+    /// The greatest distance of the tool from the base \[m\] among `samples` configurations within
     /// the limits, spread evenly and the same in every call. Never more than
     /// [`reach_bound`](Self::reach_bound). Joints that turn without limits are taken all around,
     /// those that slide without limits are left at 0.

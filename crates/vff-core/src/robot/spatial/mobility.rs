@@ -18,7 +18,7 @@ pub struct Mobility {
 
 impl Mobility {
     /// `nᵀ J_c M⁻¹ J_cᵀ n` for the point of this link that is now at `point` of the world, the
-    /// acceleration along `n` per unit force along `n` [1/kg].
+    /// acceleration along `n` per unit force along `n` \[1/kg\].
     pub fn along(&self, point: &Vector<3>, n: &Vector<3>) -> f64 {
         let w = Spatial::at(&(point - self.base), *n, Vector::zeros());
         self.mul(&w).dot(&w)

@@ -572,7 +572,7 @@ mod tests {
             }
         }
 
-        /// C is Christoffel's: Ṁ = C + Cᵀ, v ᵀ(Ṁ − 2C) v = 0, C v = ¼[h(q̇ + v) − h(q̇ − v)] and
+        /// C is Christoffel's: Ṁ = C + Cᵀ, v ᵀ(Ṁ − 2C) v = 0, C v = ¼\[h(q̇ + v) − h(q̇ − v)\] and
         /// Cᵀv = Ṁ v − C v, where h = C q̇ comes from the bias, which knows nothing of C.
         #[test]
         fn coriolis_is_christoffel(c in case(1usize..13)) {

@@ -83,7 +83,7 @@ impl SpatialState {
         &self.arm
     }
 
-    /// The position of the tool in the world [m].
+    /// The position of the tool in the world \[m\].
     pub fn position(&self) -> Vector<3> {
         self.arm.base() + self.tool.position
     }
@@ -98,7 +98,7 @@ impl SpatialState {
         &self.tool.rotation
     }
 
-    /// The position of the origin of joint `i` in the world [m]; `i = n` is the tool.
+    /// The position of the origin of joint `i` in the world \[m\]; `i = n` is the tool.
     pub fn joint_position(&self, i: usize) -> Vector<3> {
         self.arm.base() + self.joints.get(i).map_or(self.tool.position, |joint| joint.position)
     }

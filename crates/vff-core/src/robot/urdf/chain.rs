@@ -18,14 +18,14 @@ pub struct Options {
     pub base: Option<String>,
     /// The link where it ends; the only link without children by default.
     pub tip: Option<String>,
-    /// Joints that do not move, and where they stand [rad or m]. Those off the chain are locked
+    /// Joints that do not move, and where they stand \[rad or m\]. Those off the chain are locked
     /// anyway, at 0 unless they are named here.
     pub locked: BTreeMap<String, f64>,
     /// The tip in the frame of the link `tip`.
     pub tool: Frame,
     /// The base in the world.
     pub mount: Frame,
-    /// In the world [m/s²]; −9.81 along z by default.
+    /// In the world \[m/s²\]; −9.81 along z by default.
     pub gravity: Option<[f64; 3]>,
     /// Inertias of the rotors, instead of those in the file: one for all, or one per moving joint.
     pub armature: Vec<f64>,

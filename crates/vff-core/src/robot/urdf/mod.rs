@@ -17,7 +17,7 @@ pub use parse::parse;
 pub use srdf::disabled_pairs;
 pub use tree::{Form, Geometry, Kind, Link, Mimic, Tree, TreeJoint};
 
-/// The longest text that is read [bytes]; the largest published robots have 200 kB.
+/// The longest text that is read \[bytes\]; the largest published robots have 200 kB.
 pub const MAX_BYTES: usize = 16 << 20;
 
 /// Reads URDF.

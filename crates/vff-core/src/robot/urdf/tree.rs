@@ -25,13 +25,13 @@ pub struct Tree {
 pub struct Link {
     /// Of the link.
     pub name: String,
-    /// [kg].
+    /// \[kg\].
     #[serde(default)]
     pub mass: f64,
-    /// Centre of mass in the link's frame [m].
+    /// Centre of mass in the link's frame \[m\].
     #[serde(default)]
     pub com: [f64; 3],
-    /// `[xx, yy, zz, xy, xz, yz]` about the centre of mass, in the link's axes [kg·m²].
+    /// `[xx, yy, zz, xy, xz, yz]` about the centre of mass, in the link's axes \[kg·m²\].
     #[serde(default)]
     pub inertia: [f64; 6],
     /// What collides.
@@ -58,26 +58,26 @@ pub struct Geometry {
 pub enum Form {
     /// About the origin, edges along the axes.
     Box {
-        /// Lengths of the edges [m].
+        /// Lengths of the edges \[m\].
         size: [f64; 3],
     },
     /// About the origin, along z.
     Cylinder {
-        /// [m].
+        /// \[m\].
         radius: f64,
-        /// [m].
+        /// \[m\].
         length: f64,
     },
     /// About the origin, along z.
     Capsule {
-        /// [m].
+        /// \[m\].
         radius: f64,
-        /// Between the centres of the caps [m].
+        /// Between the centres of the caps \[m\].
         length: f64,
     },
     /// About the origin.
     Sphere {
-        /// [m].
+        /// \[m\].
         radius: f64,
     },
     /// A file of triangles.
@@ -142,22 +142,22 @@ pub struct TreeJoint {
     /// Unit vector in the joint's frame.
     #[serde(default)]
     pub axis: [f64; 3],
-    /// `[lower, upper]` [rad or m].
+    /// `[lower, upper]` \[rad or m\].
     #[serde(default)]
     pub limits: Option<[f64; 2]>,
-    /// Largest speed [rad/s or m/s]; 0 or less for none.
+    /// Largest speed \[rad/s or m/s\]; 0 or less for none.
     #[serde(default)]
     pub velocity: f64,
-    /// Largest torque or force [N·m or N]; 0 or less for none.
+    /// Largest torque or force \[N·m or N\]; 0 or less for none.
     #[serde(default)]
     pub torque: f64,
-    /// Inertia of the rotor [kg·m² or kg].
+    /// Inertia of the rotor \[kg·m² or kg\].
     #[serde(default)]
     pub armature: f64,
-    /// Viscous friction [N·m·s/rad or N·s/m].
+    /// Viscous friction \[N·m·s/rad or N·s/m\].
     #[serde(default)]
     pub damping: f64,
-    /// Dry friction [N·m or N].
+    /// Dry friction \[N·m or N\].
     #[serde(default)]
     pub friction: f64,
     /// Another joint that drives it.
@@ -173,6 +173,6 @@ pub struct Mimic {
     pub joint: String,
     /// Of the driver's position.
     pub multiplier: f64,
-    /// [rad or m].
+    /// \[rad or m\].
     pub offset: f64,
 }

@@ -7,7 +7,7 @@ use crate::math::Capsule;
 #[derive(Debug, Clone, Copy)]
 pub struct Probe {
     pub(super) axis: Axis,
-    /// Radius of the link [m].
+    /// Radius of the link \[m\].
     pub(super) radius: f64,
 }
 

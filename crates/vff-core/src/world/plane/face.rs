@@ -8,7 +8,7 @@ pub(super) struct Face {
     pub(super) start: Vec2,
     /// Unit vector, outward.
     pub(super) normal: Vec2,
-    /// Length of the edge, positive [m].
+    /// Length of the edge, positive \[m\].
     pub(super) length: f64,
 }
 

@@ -15,7 +15,7 @@ pub struct Region {
     high: Vec2,
     start: Vec2,
     left: Vec2,
-    /// Its radius and the margin [m].
+    /// Its radius and the margin \[m\].
     radius: f64,
 }
 
@@ -35,7 +35,7 @@ impl Region {
         })
     }
 
-    /// Whether every obstacle in the box of `node` is further away than `distance` [m].
+    /// Whether every obstacle in the box of `node` is further away than `distance` \[m\].
     #[inline]
     fn is_beyond(&self, node: &BvhNode, distance: f64) -> bool {
         // Where the axis and the box overlap, the bodies may do so by any depth.

@@ -10,10 +10,10 @@ use serde::Deserialize;
 pub struct Obstacle {
     /// Outline in the obstacle's own frame.
     pub shape: Shape,
-    /// Initial position [m]: where the origin of the own frame lies. Default (0, 0).
+    /// Initial position \[m\]: where the origin of the own frame lies. Default (0, 0).
     #[serde(default)]
     pub position: [f64; 2],
-    /// Angle of the own frame [rad], constant. Default 0.
+    /// Angle of the own frame \[rad\], constant. Default 0.
     #[serde(default)]
     pub angle: f64,
     /// Motion from the initial position. Default: none.

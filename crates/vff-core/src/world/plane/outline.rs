@@ -27,7 +27,7 @@ impl Description<2> for Obstacle {
 #[derive(Debug, Clone)]
 pub struct Outline {
     pub(super) core: Core,
-    /// To be subtracted from the distance to the core [m].
+    /// To be subtracted from the distance to the core \[m\].
     pub(super) radius: f64,
 }
 
@@ -140,7 +140,7 @@ impl Outline {
         }
     }
 
-    /// The contact of a link of this `radius` [m] at these points of its axis and the core.
+    /// The contact of a link of this `radius` \[m\] at these points of its axis and the core.
     #[inline]
     pub(super) fn contact_of(
         &self,

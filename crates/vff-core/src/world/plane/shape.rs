@@ -12,26 +12,26 @@ use serde::Deserialize;
 pub enum Shape {
     /// A disc around the origin.
     Circle {
-        /// Radius [m], positive.
+        /// Radius \[m\], positive.
         radius: f64,
     },
     /// A segment swept by a disc.
     Capsule {
-        /// First end of the segment [m].
+        /// First end of the segment \[m\].
         a: [f64; 2],
-        /// Second end of the segment [m].
+        /// Second end of the segment \[m\].
         b: [f64; 2],
-        /// Radius of the disc [m], not negative.
+        /// Radius of the disc \[m\], not negative.
         radius: f64,
     },
     /// A rectangle centred on the origin, its sides along the axes.
     Box {
-        /// Full width and full height [m], both positive.
+        /// Full width and full height \[m\], both positive.
         size: [f64; 2],
     },
     /// A convex polygon.
     Polygon {
-        /// Corners in order [m], strictly convex (see [`is_convex`]), in either sense.
+        /// Corners in order \[m\], strictly convex (see [`is_convex`]), in either sense.
         vertices: Vec<[f64; 2]>,
     },
 }
@@ -48,7 +48,7 @@ impl Shape {
     }
 }
 
-/// Whether `vertices` (in order, either sense, [m]) bound a strictly convex polygon: at
+/// Whether `vertices` (in order, either sense, \[m\]) bound a strictly convex polygon: at
 /// least three corners, none repeated, none on the line through two neighbours.
 ///
 /// Every corner turns the same way, and so does every triangle of the first corner and two neighbours: the corners
@@ -74,7 +74,7 @@ pub fn counter_clockwise(vertices: &[[f64; 2]]) -> Vec<[f64; 2]> {
     ordered
 }
 
-/// Area enclosed by the polygon [m²], positive when its corners run counter-clockwise.
+/// Area enclosed by the polygon \[m²\], positive when its corners run counter-clockwise.
 fn signed_area(vertices: &[[f64; 2]]) -> f64 {
     // Measured from the first corner: a polygon far from the origin loses no digits.
     let Some((&first, rest)) = vertices.split_first() else {

@@ -7,7 +7,7 @@ use crate::math::Noise;
 const MISSING: f64 = 100.0;
 const RELEASE: f64 = 4.0;
 
-/// A motion of the next seconds: one joint velocity [rad/s] for some time, then another.
+/// A motion of the next seconds: one joint velocity \[rad/s\] for some time, then another.
 #[derive(Debug, Clone)]
 pub struct Candidate {
     /// Whether the end effector keeps to its task; the joint velocities then act within the null space.
@@ -16,7 +16,7 @@ pub struct Candidate {
     pub first: Vec<f64>,
     /// The second.
     pub then: Vec<f64>,
-    /// When the second begins [s from the beginning of the planning cycle].
+    /// When the second begins \[s from the beginning of the planning cycle\].
     pub switch: f64,
 }
 
@@ -40,7 +40,7 @@ impl Candidate {
         self.then.fill(0.0);
     }
 
-    /// The joint velocity `s` [s] after the beginning of the planning cycle.
+    /// The joint velocity `s` \[s\] after the beginning of the planning cycle.
     pub fn at(&self, s: f64) -> &[f64] {
         if s < self.switch { &self.first } else { &self.then }
     }
@@ -64,7 +64,7 @@ impl Candidate {
         self.switch = (self.switch + 0.2 * noise.draw()).max(0.0);
     }
 
-    /// Stays within these joint speeds [rad/s].
+    /// Stays within these joint speeds \[rad/s\].
     pub fn limit(&mut self, speed: &[f64]) {
         for joints in [&mut self.first, &mut self.then] {
             joints
@@ -78,9 +78,9 @@ impl Candidate {
 /// What a roll-out predicts.
 #[derive(Debug, Clone, Copy)]
 pub struct Forecast {
-    /// Smallest distance [m].
+    /// Smallest distance \[m\].
     pub distance: f64,
-    /// Mean error of the task [m], angles times the characteristic length.
+    /// Mean error of the task \[m\], angles times the characteristic length.
     pub error: f64,
 }
 

@@ -11,7 +11,7 @@ use crate::control::{Gains, ReactiveController};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 
-/// Longest step [s], and the largest product of a step and a rate of the law.
+/// Longest step \[s\], and the largest product of a step and a rate of the law.
 const STEP: f64 = 0.01;
 const STEP_TIMES_RATE: f64 = 0.4;
 
@@ -21,7 +21,7 @@ const CONTACT: f64 = 0.5;
 /// The most steps: what a control step may have to do at once is bounded, whatever the settings.
 const MOST_STEPS: f64 = 4096.0;
 
-/// The fastest rate [1/s] that a closed-loop rollout over `duration` [s] has steps enough for; none if it is too long
+/// The fastest rate \[1/s\] that a closed-loop rollout over `duration` \[s\] has steps enough for; none if it is too long
 /// for any.
 pub fn fastest_rate(duration: f64) -> Option<f64> {
     (duration <= MOST_STEPS * STEP).then(|| STEP_TIMES_RATE * MOST_STEPS / duration)
@@ -35,17 +35,17 @@ pub struct ClosedLoopRollout<R: Manipulator<D, M>, const D: usize, const M: usiz
     dq: Vec<f64>,
     ddq: Vec<f64>,
     scratch: Vec<f64>,
-    /// Duration of a step [s].
+    /// Duration of a step \[s\].
     step: f64,
     /// How many steps have been done, and how many make a whole roll-out.
     done: usize,
     count: usize,
-    /// The smallest distance that is no contact [m].
+    /// The smallest distance that is no contact \[m\].
     least: f64,
 }
 
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRollout<R, D, M> {
-    /// Of the law with these gains on `robot`, over `duration` [s].
+    /// Of the law with these gains on `robot`, over `duration` \[s\].
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -99,7 +99,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         self.done
     }
 
-    /// Goes on up to this share of the whole and returns whether there was a contact. It began `ago` [s] before the
+    /// Goes on up to this share of the whole and returns whether there was a contact. It began `ago` \[s\] before the
     /// present, for which `surroundings` and `reference`, in so many seconds, speak.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn go_on(

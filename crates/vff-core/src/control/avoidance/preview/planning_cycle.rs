@@ -17,7 +17,7 @@ use crate::trajectory::Sample;
 /// The stream of random numbers that candidates are drawn from.
 const STREAM: u64 = 4;
 
-/// How fast the nominal motion changes over to another candidate [1/s].
+/// How fast the nominal motion changes over to another candidate \[1/s\].
 const BLEND: f64 = 60.0;
 
 /// Roll-outs at the beginning of a cycle: of the law as it is, and of the candidate that is being followed.
@@ -33,10 +33,10 @@ pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     margin: f64,
     seed: u64,
     noise: Noise,
-    /// Time since the beginning of the cycle, and since the last control step [s]; infinite before the first.
+    /// Time since the beginning of the cycle, and since the last control step \[s\]; infinite before the first.
     elapsed: f64,
     since: f64,
-    /// What the law as it is leads to, how long ago that began [s], and whether the last one was hit.
+    /// What the law as it is leads to, how long ago that began \[s\], and whether the last one was hit.
     closed_loop: ClosedLoopRollout<R, D, M>,
     begun: f64,
     hit: bool,
@@ -48,7 +48,7 @@ pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     tried: usize,
     count: usize,
     /// The nominal motion, which follows the candidate with a lag, so that no torque jumps: the joint
-    /// velocity that is aimed at [rad/s], and how far, from 0 to 1, the end effector holds its task and the
+    /// velocity that is aimed at \[rad/s\], and how far, from 0 to 1, the end effector holds its task and the
     /// candidate counts.
     aim: Vec<f64>,
     hold: f64,
@@ -97,7 +97,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         self.best.make_idle();
     }
 
-    /// Lets `dt` [s] pass.
+    /// Lets `dt` \[s\] pass.
     pub fn elapse(&mut self, dt: f64) {
         self.elapsed += dt;
         self.since += dt;

@@ -10,10 +10,10 @@ pub trait Prediction<const D: usize> {
     /// How many obstacles there are.
     fn count(&self) -> usize;
 
-    /// Adds to `found` the obstacles nearer than `reach` [m] to a body, each once.
+    /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
     fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>);
 
-    /// The contact of body number `index` with `obstacle`, predicted for `after` [s] from now at its present velocity.
+    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity.
     fn predicted_contact(
         &self,
         index: usize,
@@ -59,7 +59,7 @@ pub struct Later<'a, const D: usize> {
     pub surroundings: &'a dyn Prediction<D>,
     /// Those that are meant.
     pub obstacles: &'a [usize],
-    /// How much later [s].
+    /// How much later \[s\].
     pub after: f64,
 }
 

@@ -12,19 +12,19 @@ use crate::trajectory::Sample;
 use crate::world::Contact;
 use nalgebra::{SMatrix, SVector};
 
-/// Obstacles farther away than this [m] are left out of a planning cycle.
+/// Obstacles farther away than this \[m\] are left out of a planning cycle.
 const REACH: f64 = 4.0;
 
-/// Pairs nearer than this [m] limit the velocity in a roll-out.
+/// Pairs nearer than this \[m\] limit the velocity in a roll-out.
 pub const NEAR: f64 = 0.5;
 
-/// How fast the arm takes up the joint velocity of a candidate [1/s].
+/// How fast the arm takes up the joint velocity of a candidate \[1/s\].
 pub const RATE: f64 = 10.0;
 
-/// How fast a roll-out returns to the reference [1/s].
+/// How fast a roll-out returns to the reference \[1/s\].
 const PULL: f64 = 3.0;
 
-/// Damping of the task's inverse inertia [1/kg]: where only the end effector can give way, it does.
+/// Damping of the task's inverse inertia \[1/kg\]: where only the end effector can give way, it does.
 const DAMPING: f64 = 0.02;
 
 /// The arm as a chain without mass that follows a candidate, pushed aside like the real one by the constraints of
@@ -44,7 +44,7 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     columns: Vec<SVector<f64, M>>,
     /// 1/M_ii at the beginning: how easily a joint gives way.
     inverse_inertia: Vec<f64>,
-    /// Largest joint speeds [rad/s].
+    /// Largest joint speeds \[rad/s\].
     pub(super) speed: Vec<f64>,
     /// The obstacles that are near at the beginning.
     pub(super) obstacles: Vec<usize>,
@@ -52,10 +52,10 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// The bodies one step before, and of every body and obstacle, how much nearer they can come before they matter.
     bodies: Vec<Body<D>>,
     apart: Vec<Apart>,
-    /// Pairs farther apart than this [m] do not matter.
+    /// Pairs farther apart than this \[m\] do not matter.
     pub(super) reach: f64,
     reference: Vec<Sample<R::Pose, M>>,
-    /// Duration of a step [s], and the share of the velocity error that it removes.
+    /// Duration of a step \[s\], and the share of the velocity error that it removes.
     pub(super) step: f64,
     follow: f64,
     margin: f64,
@@ -65,9 +65,9 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
 /// A pair that is too far apart to matter.
 #[derive(Debug, Clone, Copy, Default)]
 struct Apart {
-    /// By how much it is, at least [m].
+    /// By how much it is, at least \[m\].
     room: f64,
-    /// How far the obstacle goes in one step [m].
+    /// How far the obstacle goes in one step \[m\].
     drift: f64,
 }
 
@@ -144,7 +144,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.obstacles.retain(|j| *j < count);
     }
 
-    /// What a candidate leads to that began `ago` [s] before the present: up to the horizon, or until
+    /// What a candidate leads to that began `ago` \[s\] before the present: up to the horizon, or until
     /// `enough(forecast, s)` holds after s seconds.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn forecast(
@@ -177,7 +177,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         forecast
     }
 
-    /// The smallest distance to the obstacles predicted for `after` [s] from now, as far as it is within reach;
+    /// The smallest distance to the obstacles predicted for `after` \[s\] from now, as far as it is within reach;
     /// gathers the pairs that are near.
     fn measure(&mut self, surroundings: &dyn Prediction<D>, after: f64) -> f64 {
         let Self { scout, obstacles, pairs, bodies, apart, reach, step, .. } = self;

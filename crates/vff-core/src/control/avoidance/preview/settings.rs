@@ -6,20 +6,20 @@ use serde::Deserialize;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PreviewSettings {
-    /// Duration of a planning cycle [s], > 0, rounded up to whole control steps.
+    /// Duration of a planning cycle \[s\], > 0, rounded up to whole control steps.
     pub period: f64,
-    /// How far ahead a roll-out goes [s], > 0.
+    /// How far ahead a roll-out goes \[s\], > 0.
     pub horizon: f64,
-    /// A contact predicted within this time [s], > 0 and at most `horizon`, triggers the search for a motion that
+    /// A contact predicted within this time \[s\], > 0 and at most `horizon`, triggers the search for a motion that
     /// avoids it.
     pub trigger: f64,
     /// Steps of a roll-out, ≥ 1.
     pub steps: usize,
     /// Candidates per planning cycle, ≥ 1.
     pub candidates: usize,
-    /// Distance [m], > 0: a larger one makes a candidate no better.
+    /// Distance \[m\], > 0: a larger one makes a candidate no better.
     pub clearance: f64,
-    /// Standard deviation of the joint velocities of the candidates [rad/s], > 0.
+    /// Standard deviation of the joint velocities of the candidates \[rad/s\], > 0.
     pub speed: f64,
 }
 
