@@ -33,8 +33,8 @@ pub struct VirtualForces<W, const D: usize> {
 }
 
 impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
-    /// For an arm of `n` links.
-    pub fn new(n: usize) -> Self {
+    /// For an arm of `n` links with so many bodies.
+    pub fn new(n: usize, bodies: usize) -> Self {
         Self {
             clearance: vec![f64::INFINITY; n],
             resultant: vec![Vector::zeros(); n],
@@ -43,7 +43,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             wrenches: vec![W::default(); n],
             column: vec![0.0; n],
             scratch: vec![0.0; n],
-            bodies: Vec::new(),
+            bodies: Vec::with_capacity(bodies),
             self_clearance: f64::INFINITY,
             potential: 0.0,
             obstacle_power: 0.0,
@@ -345,7 +345,7 @@ mod tests {
             acceleration: Vector::<2>::zeros(),
             feature: Feature::End { distance: 0.3 },
         };
-        let mut forces = VirtualForces::new(4);
+        let mut forces = VirtualForces::new(4, 4);
         let settings = Settings { field, ..Settings::default() };
         forces.refresh(&state, &space, &Gains::new(&settings), &mut Only(contact));
         assert!(forces.resultant()[0].norm() > field.at(0.3).force);
