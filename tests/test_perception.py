@@ -189,7 +189,5 @@ def test_bad_input_is_named(keys: dict[str, Any], message: str) -> None:
 def test_where_it_does_not_fit() -> None:
     with pytest.raises(vff.errors.ScenarioError, match=r"perception: needs a sampled controller.*hold"):
         vff.simulate(SCENE, sensed() | {"simulation.control": "continuous"})
-    with pytest.raises(vff.errors.ScenarioError, match="perception: MuJoCo as the plant has none"):
-        vff.simulate(SCENE, sensed(), plant="mujoco")
     short = {"duration": 0.02, "perception.kind": "ideal"}
     assert vff.simulate(SCENE, short, plant="mujoco").status == "completed"

@@ -95,8 +95,9 @@ pub struct Live {
     state: State,
     /// Where the obstacles are being carried, one per obstacle; None for what moves by itself.
     drags: Vec<Option<DragTarget>>,
-    /// Where the target is being moved.
-    target: Option<DragTarget>,
+    /// Where the target is being moved, if it is.
+    target: DragTarget,
+    aims: bool,
     /// Smallest clearance since the start or the last reset \[m\].
     min_clearance: f64,
     record: Option<Record>,
@@ -119,7 +120,8 @@ impl Live {
         notes.extend(ready.warnings);
         let mut this = Self {
             drags: vec![None; scenario.obstacles.len()],
-            target: None,
+            target: DragTarget::at(vec![0.0; ready.run.snapshot().dimension]),
+            aims: false,
             run: ready.run,
             state: State::Running,
             min_clearance: f64::INFINITY,
@@ -142,7 +144,7 @@ impl Live {
     pub fn reset(&mut self) -> Result<(), ScenarioError> {
         let Live { run, drags, notes, .. } = Self::new(&self.scenario)?;
         (self.run, self.drags, self.notes) = (run, drags, notes);
-        (self.state, self.target, self.min_clearance) = (State::Running, None, f64::INFINITY);
+        (self.state, self.aims, self.min_clearance) = (State::Running, false, f64::INFINITY);
         let count = self.snapshot().obstacles.count();
         self.record = self.record.take().filter(|record| record.sizes.obstacles == count);
         self.observe();
@@ -225,10 +227,13 @@ impl Live {
     /// Wants the end effector to be at `place` \[m\], or as near as it can reach, where the reference goes
     /// at a quarter of the reach per second at most.
     pub fn aim(&mut self, place: &[f64]) {
-        let Self { run, target, .. } = self;
+        let Self { run, target, aims, .. } = self;
         let s = run.snapshot();
-        let now = || DragTarget::at(s.x_ref[..s.dimension].to_vec());
-        let wanted = &mut target.get_or_insert_with(now).wanted;
+        if !*aims {
+            target.goal.copy_from_slice(&s.x_ref[..s.dimension]);
+            *aims = true;
+        }
+        let wanted = &mut target.wanted;
         wanted.copy_from_slice(place);
         run.make_attainable(wanted);
     }
@@ -297,7 +302,7 @@ impl Live {
 
     /// Moves what people drag and takes the steps of one control period; false if it cannot go on.
     fn advance(&mut self) -> bool {
-        let Self { run, drags, target, scenario, .. } = self;
+        let Self { run, drags, target, aims, scenario, .. } = self;
         let step = 0.5 * run.reach() / RATE;
         for (j, drag) in drags.iter_mut().enumerate() {
             if let Some(drag) = drag
@@ -306,10 +311,8 @@ impl Live {
                 run.carry(j, &drag.goal, CARRY);
             }
         }
-        if let Some(drag) = target
-            && drag.advance(0.5 * step)
-        {
-            run.aim(&drag.goal, AIM);
+        if *aims && target.advance(0.5 * step) {
+            run.aim(&target.goal, AIM);
         }
         (0..scenario.simulation.control_every).all(|_| run.advance(None))
     }
