@@ -7,6 +7,7 @@ import importlib.util
 import json
 import math
 import re
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -321,7 +322,15 @@ def test_metadata() -> None:
 def test_the_library_is_stripped() -> None:
     """No symbols, no line tables: they were six parts of seven."""
     library = Path(vff._core.__file__).read_bytes()
-    assert b".debug_line" not in library and b".symtab" not in library and len(library) < 6_000_000
+    assert len(library) < 6_000_000
+    if library.startswith(b"\x7fELF\x02"):
+        # The names of the sections, from the section that holds them; code that reads line tables names them, too.
+        (table,) = struct.unpack_from("<Q", library, 0x28)
+        size, _, index = struct.unpack_from("<HHH", library, 0x3A)
+        start, length = struct.unpack_from("<QQ", library, table + index * size + 0x18)
+        names = library[start : start + length].split(b"\0")
+        assert b".text" in names
+        assert not [name for name in names if name.startswith(b".debug") or name == b".symtab"]
 
 
 def test_extras_contain_what_the_documentation_executes() -> None:

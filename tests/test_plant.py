@@ -461,8 +461,6 @@ def test_sensors_and_drives_need_a_sampled_controller(table: str) -> None:
         vff.errors.ScenarioError, match=f"{table}: needs a sampled controller.*hold.*predictor"
     ):
         vff.simulate("sweep-through", {"simulation.control": "continuous", table: {}})
-    with pytest.raises(vff.errors.ScenarioError, match=f"{table}: MuJoCo as the plant has none"):
-        vff.simulate("sweep-through", {table: {}}, plant="mujoco")
 
 
 def test_keyword_arguments_of_a_scenario() -> None:
