@@ -324,7 +324,7 @@ def test_the_library_is_stripped() -> None:
     library = Path(vff._core.__file__).read_bytes()
     assert len(library) < 6_000_000
     if library.startswith(b"\x7fELF\x02"):
-        # The names of the sections, from the section that holds them; code that reads line tables names them, too.
+        # The names of the sections: the text of the code may contain the same words.
         (table,) = struct.unpack_from("<Q", library, 0x28)
         size, _, index = struct.unpack_from("<HHH", library, 0x3A)
         start, length = struct.unpack_from("<QQ", library, table + index * size + 0x18)
