@@ -93,7 +93,7 @@ def interrupted(setup: str, call: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("name", LONG)
 def test_long_calls_answer(name: str) -> None:
-    """A call that takes minutes ends with what Ctrl-C raises. (How soon: benches/interrupt.py.)"""
+    """A call that takes minutes ends with what Ctrl-C raises."""
     setup, call = LONG[name]
     done = interrupted(setup, call)
     # A run that is interrupted is a result; its status says so.

@@ -14,6 +14,7 @@ from bokeh.resources import Resources
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vffnull import _core
+from vffnull._outcome import readable
 from vffnull.plotting.primitives import drawable
 from vffnull.plotting.style import prefixed
 from vffnull.report import figures, motion
@@ -107,12 +108,7 @@ def _metrics(results: list[Result]) -> Iterator[tuple[str, list[str], str, str]]
     """Rows of the table: name, the value in every run, unit, meaning."""
     for name in results[0].metrics:
         unit, meaning = _core.METRICS.get(name, ("", ""))
-        yield name, [_readable(run.metrics.get(name)) for run in results], unit, meaning
-
-
-def _readable(value: float | int | None) -> str:
-    """A metric with as many digits as one reads; a dash if it does not apply."""
-    return "–" if value is None else f"{value:d}" if isinstance(value, int) else f"{value:.4g}"
+        yield name, [readable(run.metrics.get(name)) for run in results], unit, meaning
 
 
 def _differences(results: list[Result]) -> Iterator[tuple[str, list[str]]]:
