@@ -4,6 +4,7 @@ use super::{Perception, System};
 use crate::math::{PlanarPose, Vector};
 use crate::robot::planar::{Annulus, Reach};
 use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
+use crate::trajectory::{Guided, Reference};
 use crate::world::plane::Outline;
 use std::sync::Arc;
 
@@ -54,7 +55,14 @@ where
 
 /// What the plane knows of a task of dimension `M` beyond every [`System`]: the reach in closed form.
 pub trait PlanarSystem<const M: usize>:
-    System<2, M, Arm = PlanarArm, Solid = Outline, Perception = Perception>
+    System<
+        2,
+        M,
+        Pose: Guided<M, Reference = Reference>,
+        Arm = PlanarArm,
+        Solid = Outline,
+        Perception = Perception,
+    >
 {
     /// The pose of the end effector at (q, q̇).
     fn pose(arm: &Arc<PlanarArm>, q: &[f64], dq: &[f64]) -> Self::Pose;

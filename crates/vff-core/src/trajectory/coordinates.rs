@@ -1,11 +1,6 @@
-//! References whose poses are vectors of coordinates, each of which follows a curve of its own.
+//! Vectors of coordinates that move, each of which follows a curve of its own.
 
-use super::line::Line;
-use super::piecewise::{self, Piecewise};
-use super::planar::{Circle, Lissajous};
-use super::polynomial::Polynomial;
-use super::{Reference, TrajectoryError, table, vector, waypoints};
-use crate::math::{ThirdOrderFilter, Vector};
+use crate::math::Vector;
 
 /// Coordinates with their derivatives at one instant; angles are not wrapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,92 +14,5 @@ impl<const M: usize> Coordinates<M> {
     /// At rest at `x`.
     pub(super) fn at_rest(x: Vector<M>) -> Self {
         Self { x, dx: Vector::zeros(), ddx: Vector::zeros() }
-    }
-}
-
-/// A curve through coordinates.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Curve<const M: usize>(Kind<M>);
-
-#[derive(Debug, Clone, PartialEq)]
-enum Kind<const M: usize> {
-    Setpoint(Vector<M>),
-    Polynomial(Polynomial<M>),
-    Line(Line<M>),
-    Circle(Circle<M>),
-    Lissajous(Lissajous<M>),
-    Waypoints(Piecewise<M, 6>),
-    Table(Piecewise<M, 4>),
-    Filtered(ThirdOrderFilter<M>),
-}
-
-impl<const M: usize> Curve<M> {
-    /// The curve of `reference`, from `start` where it says nothing else. `pose` makes coordinates of a point of
-    /// the plane and an orientation.
-    pub(super) fn new(
-        reference: &Reference,
-        start: Vector<M>,
-        pose: impl Fn([f64; 2], Option<f64>) -> Result<Vector<M>, TrajectoryError>,
-    ) -> Result<Self, TrajectoryError> {
-        Ok(Self(match reference {
-            Reference::Setpoint { point } => Kind::Setpoint(vector("point", point)?),
-            Reference::Polynomial { coefficients } => {
-                Kind::Polynomial(Polynomial::new(coefficients)?)
-            }
-            Reference::Line { start: given, end, duration } => {
-                let start = match given {
-                    Some(given) => vector("start", given)?,
-                    None => start,
-                };
-                Kind::Line(Line::new(start, vector("end", end)?, *duration)?)
-            }
-            Reference::Circle { center, radius, angular_velocity, phase, orientation } => {
-                Kind::Circle(Circle {
-                    center: pose(*center, *orientation)?,
-                    radius: *radius,
-                    angular_velocity: *angular_velocity,
-                    phase: *phase,
-                })
-            }
-            Reference::Lissajous { center, amplitude, angular_frequency, phase, orientation } => {
-                Kind::Lissajous(Lissajous {
-                    center: pose(*center, *orientation)?,
-                    amplitude: *amplitude,
-                    angular_frequency: *angular_frequency,
-                    phase: *phase,
-                })
-            }
-            Reference::Waypoints { times, points } => {
-                Kind::Waypoints(waypoints::through(times, &piecewise::knots(times, points)?))
-            }
-            Reference::Table { times, points } => {
-                Kind::Table(table::through(times, &piecewise::knots(times, points)?))
-            }
-        }))
-    }
-
-    /// The coordinates at time `t` \[s\].
-    #[inline]
-    pub(super) fn at(&self, t: f64) -> Coordinates<M> {
-        match &self.0 {
-            Kind::Setpoint(point) => Coordinates::at_rest(*point),
-            Kind::Polynomial(polynomial) => polynomial.at(t),
-            Kind::Line(line) => line.at(t),
-            Kind::Circle(circle) => circle.at(t),
-            Kind::Lissajous(lissajous) => lissajous.at(t),
-            Kind::Waypoints(quintics) => quintics.at(t),
-            Kind::Table(cubics) => cubics.at(t),
-            Kind::Filtered(filter) => {
-                let [x, dx, ddx] = filter.at(t);
-                Coordinates { x, dx, ddx }
-            }
-        }
-    }
-
-    /// From where it is at time `t` \[s\] on to the point whose first coordinates are `goal`.
-    pub(super) fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
-        let Coordinates { x, dx, ddx } = self.at(t);
-        let end = Vector::from_fn(|axis, _| goal.get(axis).copied().unwrap_or(x[axis]));
-        Self(Kind::Filtered(ThirdOrderFilter::new(t, [x, dx, ddx], end, rate)))
     }
 }

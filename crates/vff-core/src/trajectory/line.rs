@@ -1,6 +1,7 @@
 //! A straight line from rest to rest.
 
-use super::{Coordinates, TrajectoryError};
+use super::TrajectoryError;
+use super::coordinates::Coordinates;
 use crate::math::Vector;
 
 #[derive(Debug, Clone, PartialEq)]

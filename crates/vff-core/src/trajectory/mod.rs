@@ -1,26 +1,24 @@
 //! What the end effector has to do: references x_r(t) with exact ẋ_r and ẍ_r.
 //!
-//! A scenario describes a [`Reference`]; [`Trajectory::new`] checks it against the task and prepares it;
-//! [`Trajectory::at`] evaluates it without allocating. What a reference means for a kind of pose is said by
-//! [`Guided`]: `planar` has the poses of the plane.
+//! A scenario describes a reference; [`Trajectory::new`] checks it against the task and prepares it;
+//! [`Trajectory::at`] evaluates it without allocating. What a reference is for a kind of pose is said by
+//! [`Guided`]: [`plane`] has the poses of the plane.
 
 mod coordinates;
 mod error;
 mod governor;
 mod line;
 mod piecewise;
-mod planar;
+pub mod plane;
 mod polynomial;
-mod reference;
 mod table;
 mod waypoints;
 
 pub use error::TrajectoryError;
 pub use governor::{Governor, GovernorSettings};
-pub use reference::Reference;
+pub use plane::Reference;
 
 use crate::math::{Pose, Vector};
-use coordinates::Coordinates;
 use std::fmt::Debug;
 
 /// The reference at one instant.
@@ -49,6 +47,8 @@ impl<P: Pose<M>, const M: usize> Sample<P, M> {
 
 /// A kind of pose that references lead.
 pub trait Guided<const M: usize>: Pose<M> {
+    /// A reference, as it is described in a scenario.
+    type Reference;
     /// A reference, ready to be evaluated.
     type Curve: Clone + Debug + PartialEq;
 
@@ -56,7 +56,7 @@ pub trait Guided<const M: usize>: Pose<M> {
     ///
     /// # Errors
     /// See [`Trajectory::new`].
-    fn curve(reference: &Reference, start: &Self) -> Result<Self::Curve, TrajectoryError>;
+    fn curve(reference: &Self::Reference, start: &Self) -> Result<Self::Curve, TrajectoryError>;
     /// The reference at time `t` \[s\]. Does not allocate.
     fn at(curve: &Self::Curve, t: f64) -> Sample<Self, M>;
     /// The curve that leaves `curve` at time `t` \[s\] for the position `goal` \[m\], smoothly, with the pole `rate`
@@ -79,7 +79,7 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
     /// # Errors
     /// When a list does not fit the task or another list, when an orientation is missing or of no use, when
     /// times or a duration are unusable. That numbers are finite is not checked here.
-    pub fn new(reference: &Reference, start: &P) -> Result<Self, TrajectoryError> {
+    pub fn new(reference: &P::Reference, start: &P) -> Result<Self, TrajectoryError> {
         Ok(Self { curve: P::curve(reference, start)? })
     }
 

@@ -1,7 +1,8 @@
 //! Piecewise polynomials between knots, held outside: what waypoints and tables become.
 
+use super::coordinates::Coordinates;
 use super::polynomial::horner;
-use super::{Coordinates, TrajectoryError, vector};
+use super::{TrajectoryError, vector};
 use crate::math::Vector;
 
 /// A polynomial with `K` coefficients between any two neighbouring knots.

@@ -1,6 +1,7 @@
 //! Polynomials in time.
 
-use super::{Coordinates, TrajectoryError};
+use super::TrajectoryError;
+use super::coordinates::Coordinates;
 use crate::math::Vector;
 
 /// A polynomial for each axis; all axes are evaluated together.

@@ -1,11 +1,18 @@
 //! References in the plane; circles and Lissajous figures with a constant orientation.
 
-use super::coordinates::{Coordinates, Curve};
-use super::{Guided, Reference, Sample, TrajectoryError};
+mod curve;
+mod reference;
+
+use super::coordinates::Coordinates;
+use super::{Guided, Sample, TrajectoryError};
 use crate::math::{PlanarPose, Vector, sin_cos};
+use curve::Curve;
+
+pub use reference::Reference;
 
 /// A position in the plane.
 impl Guided<2> for Vector<2> {
+    type Reference = Reference;
     type Curve = Curve<2>;
 
     fn curve(reference: &Reference, start: &Self) -> Result<Curve<2>, TrajectoryError> {
@@ -28,6 +35,7 @@ impl Guided<2> for Vector<2> {
 
 /// A position and an orientation in the plane.
 impl Guided<3> for PlanarPose {
+    type Reference = Reference;
     type Curve = Curve<3>;
 
     fn curve(reference: &Reference, start: &Self) -> Result<Curve<3>, TrajectoryError> {
