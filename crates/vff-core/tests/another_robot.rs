@@ -12,7 +12,8 @@ use vff_core::field::{Field, FieldKind};
 use vff_core::math::{Body, Capsule, Vector};
 use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot};
 use vff_core::simulation::{
-    ClosedLoop, Control, Options, Outcome, Perception, Physics, Reality, Run, Status, System, Value,
+    ClosedLoop, Control, Options, Outcome, Perception, Physics, Reality, Run, Setting, Status,
+    System, Value,
 };
 use vff_core::trajectory::{Reference, Sample, Trajectory};
 use vff_core::world::plane::{Obstacle, Outline, Shape, World};
@@ -274,6 +275,10 @@ impl Model<2> for Chain {
         self.links.iter().map(one).sum()
     }
 
+    fn characteristic_length(&self) -> f64 {
+        1.0
+    }
+
     fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
         let (mass, reach) = (self.links.iter().map(|link| link.mass).sum::<f64>(), self.reach());
         let one = |link: &Link| match link.joint {
@@ -499,12 +504,15 @@ impl Robot<2> for ChainState {
 #[derive(Debug, Clone, Copy)]
 struct Sliding;
 
-impl System<2, 2> for Sliding {
-    type Pose = V;
+impl Setting<2> for Sliding {
     type State = ChainState;
     type Arm = Chain;
     type Solid = Outline;
     type Perception = Perception;
+}
+
+impl System<2, 2> for Sliding {
+    type Pose = V;
 
     fn attainable(arm: &Chain, _: &V, goal: &V) -> V {
         goal * (arm.reach() / goal.norm()).min(1.0)

@@ -154,7 +154,7 @@ fn no_step_allocates_in_a_crowd() {
         for j in 0..1000 {
             let (x, y) = (f64::from(j % 40), f64::from(j / 40));
             let velocity = [0.4 * (y - 12.0), 0.3 * (20.0 - x)];
-            scenario.obstacles.push(Obstacle {
+            scenario.scene.plane_mut().unwrap().obstacles.push(Obstacle {
                 shape: Shape::Circle { radius: 0.02 },
                 position: [0.5 * (x - 20.0), 0.5 * (y - 12.0)],
                 angle: 0.0,

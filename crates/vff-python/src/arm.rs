@@ -112,7 +112,7 @@ impl Arm {
 #[pyfunction]
 pub fn plant(py: Python<'_>, document: &Bound<'_, PyAny>) -> PyResult<Arm> {
     let document = crate::convert::document(document)?;
-    let arm = prepared(py, &document, |scenario: Scenario| scenario.plant_arm())?;
+    let arm = prepared(py, &document, |scenario: Scenario| scenario.planar_plant())?;
     let list = |values: &mut dyn Iterator<Item = Value>| Value::Array(values.collect());
     let pair = |v: nalgebra::Vector2<f64>| Value::Array(vec![Value::Float(v.x), Value::Float(v.y)]);
     let links = || arm.links().iter();

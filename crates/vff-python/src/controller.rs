@@ -223,7 +223,7 @@ pub fn read_world(given: &[Bound<'_, PyAny>]) -> PyResult<World> {
             obstacle.py().check_signals()?;
         }
         let name = format!("obstacles[{j}]");
-        scenario::read_obstacle(&named_document(&name, obstacle)?)
+        scenario::read_obstacle::<Plane, 2>(&named_document(&name, obstacle)?)
             .map_err(|error| errors::scenario(&error.inside(&name)))
     };
     Ok(World::new(given.iter().enumerate().map(read).collect::<PyResult<_>>()?))
@@ -253,7 +253,7 @@ impl Controller {
         let arm = arm.cast::<Arm>().map_err(|_| wrong_type("arm: expected an Arm", arm))?.get();
         let n = arm.arm.dof();
         let settings = settings.map(document).transpose()?.unwrap_or_default();
-        let settings = scenario::read_settings(&settings, &arm.arm)
+        let settings = scenario::read_settings(&settings, arm.arm.limits(), [arm.arm.dof(), 2])
             .map_err(|error| errors::scenario(&error))?;
         if let Some(period) = period {
             let period = number("period", period)?;
@@ -261,7 +261,11 @@ impl Controller {
                 let message = format!("period must be finite and greater than 0, got {period}");
                 return Err(InputError::new_err(message));
             }
-            for warning in scenario::sampling_bounds(&settings, period) {
+            for warning in scenario::sampling_bounds(
+                &settings,
+                settings.task.dimension(2).unwrap_or_default(),
+                period,
+            ) {
                 errors::warn(py, &warning)?;
             }
         }
@@ -269,6 +273,7 @@ impl Controller {
         let law = match settings.task {
             TaskKind::Position => Law::Position(Shared::new(state, n, &settings)),
             TaskKind::Pose => Law::Pose(Shared::new(state, n, &settings)),
+            TaskKind::Pointing => unreachable!("validated: no task of the plane"),
         };
         Ok(Self { law, strict })
     }
@@ -416,6 +421,7 @@ impl Controller {
         let task = match settings.task {
             TaskKind::Position => "position",
             TaskKind::Pose => "pose",
+            TaskKind::Pointing => "pointing",
         };
         let avoidance = match settings.avoidance {
             Avoidance::NullSpace => "null_space",

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{mem, process};
 use vff_core::runtime::live::{self, LoopStats, State};
-use vff_core::scenario::{self, Scenario};
+use vff_core::scenario::Scenario;
 use vff_core::simulation::RecordTooLarge;
 
 /// A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
@@ -209,9 +209,8 @@ impl Live {
     /// Add an obstacle, the last one from now on. Ends a recording.
     fn add(&self, py: Python<'_>, obstacle: &Bound<'_, PyAny>) -> PyResult<()> {
         let table = named_document("obstacle", obstacle)?;
-        let obstacle = scenario::read_obstacle(&table)
-            .map_err(|error| errors::scenario(&error.inside("obstacle")))?;
-        self.with(py, |live| live.add(&obstacle))
+        self.with(py, |live| live.add(&table))?
+            .map_err(|error| errors::scenario(&error.inside("obstacle")))
     }
 
     /// Take an obstacle away; those behind it move up. Ends a recording.

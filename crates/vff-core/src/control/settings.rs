@@ -5,7 +5,7 @@ use super::metric::TaskMetric;
 use super::tank::TankSettings;
 use crate::field::Field;
 use crate::math::ScalarOrVec;
-use crate::robot::Robot;
+use crate::robot::{Model, Robot};
 use crate::trajectory::GovernorSettings;
 use nalgebra::SVector;
 use serde::Deserialize;
@@ -62,23 +62,27 @@ pub enum SelfCollision {
     Avoid,
 }
 
-/// The dimension of the task.
+/// What the end effector has to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskKind {
-    /// Position of the end effector, M = 2.
+    /// Position of the end effector.
     #[default]
     Position,
-    /// Position and orientation, M = 3.
+    /// Position and orientation.
     Pose,
+    /// In space, position and the direction of the tool's z axis: the turn about it is free.
+    Pointing,
 }
 
 impl TaskKind {
-    /// The number m of task coordinates in `space` dimensions: those of a position, and of a rotation.
-    pub fn dimension(self, space: usize) -> usize {
-        match self {
-            Self::Position => space,
-            Self::Pose => space * (space + 1) / 2,
+    /// The number m of task coordinates in `space` dimensions; none if there is no such task.
+    pub fn dimension(self, space: usize) -> Option<usize> {
+        match (self, space) {
+            (Self::Position, _) => Some(space),
+            (Self::Pose, _) => Some(space * (space + 1) / 2),
+            (Self::Pointing, 3) => Some(5),
+            (Self::Pointing, _) => None,
         }
     }
 }
@@ -121,7 +125,8 @@ pub struct Settings {
     /// How the reference waits for the end effector; it does not by default.
     pub governor: Option<GovernorSettings>,
     /// L \[m\], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
-    pub characteristic_length: f64,
+    /// Default: [`Model::characteristic_length`](crate::robot::Model::characteristic_length).
+    pub characteristic_length: Option<f64>,
     /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
     /// 1/(mass of the arm), > 0.
     pub singularity: f64,
@@ -146,7 +151,7 @@ impl Default for Settings {
             avoidance: Avoidance::NullSpace,
             yielding: Yielding::default(),
             governor: None,
-            characteristic_length: 1.0,
+            characteristic_length: None,
             singularity: 3e-2,
         }
     }
@@ -262,10 +267,18 @@ impl<const M: usize> Gains<M> {
             avoidance: settings.avoidance,
             yielding: settings.yielding.clone(),
             governor: settings.governor,
-            characteristic_length: settings.characteristic_length,
+            characteristic_length: settings.characteristic_length.unwrap_or(1.0),
             singularity: settings.singularity,
             seed: 0,
         }
+    }
+
+    /// The same with the characteristic length of `arm`, where the settings leave it open.
+    #[must_use]
+    pub fn of_arm<A: Model<D>, const D: usize>(self, settings: &Settings, arm: &A) -> Self {
+        let characteristic_length =
+            settings.characteristic_length.unwrap_or_else(|| arm.characteristic_length());
+        Self { characteristic_length, ..self }
     }
 
     /// The same with random numbers from `seed`.

@@ -118,15 +118,19 @@ impl Scene {
             let problem = Problem::Other("can be assessed for the task position only".into());
             return Err(ScenarioError::new("controller.task", problem));
         }
-        let arm = scenario.arm.build().map_err(|error| error.inside("arm"))?;
+        let Some(planar) = scenario.scene.plane() else {
+            let problem = Problem::Other("can be assessed in the plane only".into());
+            return Err(ScenarioError::new("arm", problem));
+        };
+        let arm = planar.arm.build().map_err(|error| error.inside("arm"))?;
         let mut scene = Self {
             lengths: arm.links().iter().map(|link| link.length).collect(),
             radii: arm.links().iter().map(|link| link.radius).collect(),
             start: scenario.q0.clone(),
             pieces: 0,
-            trajectory: Trajectory::new(&scenario.reference, &Vector::zeros())
+            trajectory: Trajectory::new(&planar.reference, &Vector::zeros())
                 .map_err(|error| unusable(&error))?,
-            world: World::new(scenario.obstacles.clone()),
+            world: World::new(planar.obstacles.clone()),
         };
         #[expect(
             clippy::cast_possible_truncation,
@@ -143,7 +147,7 @@ impl Scene {
         scene.pieces = pieces;
         let tip = *scene.joints(&scene.start).last().expect("an arm has a tip");
         scene.trajectory =
-            Trajectory::new(&scenario.reference, &tip).map_err(|error| unusable(&error))?;
+            Trajectory::new(&planar.reference, &tip).map_err(|error| unusable(&error))?;
         Ok(scene)
     }
 

@@ -44,6 +44,8 @@ pub trait Model<const D: usize>: Debug + Clone {
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
     /// A distance from the base that the end effector cannot exceed \[m\].
     fn reach(&self) -> f64;
+    /// The radius at which an angle of the task counts as much as its arc, where nothing else is said \[m\].
+    fn characteristic_length(&self) -> f64;
     /// Torques that carry the arm where it is heaviest and accelerate it there \[N·m\], (n).
     fn typical_torque(self: &Arc<Self>) -> Vec<f64>;
     /// A state of this arm at q = 0, at rest.

@@ -3,9 +3,10 @@
 use crate::control::{Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::{Limits, Model};
-use crate::scenario::{self, Part, Problem, Scenario, ScenarioError};
-use crate::simulation::{Outcome, PlanarSystem, Plane, Run, Snapshot};
-use crate::world::plane::Obstacle;
+use crate::scenario::{
+    self, AnyScene, Described, Part, Prepared, Problem, Scenario, ScenarioError, Scene,
+};
+use crate::simulation::{Outcome, Plane, Run, Snapshot, System};
 use std::time::Duration;
 use toml::Table;
 
@@ -93,7 +94,11 @@ impl AnyRun {
 
     /// Changes the gains, which must be for the same task. Allocates.
     pub fn configure(&mut self, settings: &Settings, seed: u64) {
-        either!(self, run => run.closed_loop_mut().set_gains(&Gains::new(settings).with_seed(seed)));
+        either!(self, run => {
+            let inner = run.closed_loop_mut();
+            let gains = Gains::new(settings).of_arm(settings, &**inner.arm()).with_seed(seed);
+            inner.set_gains(&gains);
+        });
     }
 
     /// [`ClosedLoop::pushes`](crate::simulation::ClosedLoop::pushes), as points and forces, one coordinate after the other.
@@ -126,9 +131,12 @@ impl AnyRun {
         });
     }
 
-    /// Adds an obstacle, the last one from now on. Allocates.
-    pub fn add(&mut self, obstacle: &Obstacle) {
-        either!(self, run => run.closed_loop_mut().change_world(|world| world.add(obstacle.clone())));
+    /// Adds the obstacle of a document, the last one from now on. Allocates.
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault of the document.
+    pub fn add(&mut self, document: &Table) -> Result<(), ScenarioError> {
+        either!(self, run => add(run, document))
     }
 
     /// Takes obstacle `j` away.
@@ -155,6 +163,12 @@ impl AnyRun {
         either!(self, run => run.closed_loop().limits())
     }
 
+    /// The number of joints n and the dimension of the space.
+    pub fn sizes(&self) -> [usize; 2] {
+        let s = self.snapshot();
+        [s.q.len(), s.dimension]
+    }
+
     /// [`Model::typical_torque`].
     pub fn typical_torque(&self) -> Vec<f64> {
         either!(self, run => run.closed_loop().arm().typical_torque())
@@ -164,6 +178,15 @@ impl AnyRun {
     pub fn reach(&self) -> f64 {
         either!(self, run => run.closed_loop().arm().reach())
     }
+}
+
+fn add<S: Described<D> + System<D, M>, const D: usize, const M: usize>(
+    run: &mut Run<S, D, M>,
+    document: &Table,
+) -> Result<(), ScenarioError> {
+    let obstacle = scenario::read_obstacle::<S, D>(document)?;
+    run.closed_loop_mut().change_world(|world| world.add(obstacle.clone()));
+    Ok(())
 }
 
 impl Scenario {
@@ -181,18 +204,25 @@ impl Scenario {
     /// # Errors
     /// As [`prepare`](Self::prepare).
     pub fn prepare_recorded(&self, recorded: bool) -> Result<Ready, ScenarioError> {
-        match self.controller.task {
-            TaskKind::Position => self.prepare_for::<Plane, 2>(recorded, AnyRun::PlanarPosition),
-            TaskKind::Pose => self.prepare_for::<Plane, 3>(recorded, AnyRun::PlanarPose),
+        use TaskKind::{Pointing, Pose, Position};
+        match (&self.scene, self.controller.task) {
+            (AnyScene::Plane(scene), Position) => {
+                self.prepare_for::<Plane, 2, 2>(scene, recorded, AnyRun::PlanarPosition)
+            }
+            (AnyScene::Plane(scene), Pose) => {
+                self.prepare_for::<Plane, 2, 3>(scene, recorded, AnyRun::PlanarPose)
+            }
+            (AnyScene::Plane(_), Pointing) => unreachable!("validated: no task of the plane"),
         }
     }
 
-    fn prepare_for<S: PlanarSystem<M>, const M: usize>(
+    fn prepare_for<S: Prepared<D, M>, const D: usize, const M: usize>(
         &self,
+        scene: &Scene<S, D>,
         recorded: bool,
-        wrap: impl Fn(Box<Run<S, 2, M>>) -> AnyRun,
+        wrap: impl Fn(Box<Run<S, D, M>>) -> AnyRun,
     ) -> Result<Ready, ScenarioError> {
-        let (closed_loop, warnings) = self.closed_loop::<S, M>()?;
+        let (closed_loop, warnings) = self.closed_loop::<S, D, M>(scene)?;
         let run =
             Run::new(closed_loop, &self.simulation, self.duration, recorded).map_err(|error| {
                 ScenarioError::new(

@@ -7,10 +7,10 @@ use super::any::{AnyRun, either};
 use crate::math::Pose;
 use crate::math::ScalarOrVec;
 use crate::robot::Robot;
-use crate::scenario::arm::{each, not_negative, number, positive};
 use crate::scenario::{self, Scenario, ScenarioError};
+use crate::scenario::{each, not_negative, number, positive};
 use crate::simulation::{ClosedLoop, System};
-use crate::world::{Motion, Positions};
+use crate::world::Positions;
 use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -217,14 +217,7 @@ impl Task {
                 *q = q.clamp(*lower, *upper);
             }
         }
-        for obstacle in &mut scenario.obstacles {
-            let shift = [(); 2].map(|()| obstacle_noise * uniform(random));
-            let moved = |[x, y]: [f64; 2]| [x + shift[0], y + shift[1]];
-            obstacle.position = moved(obstacle.position);
-            if let Motion::Waypoints { points, .. } = &mut obstacle.motion {
-                points.iter_mut().for_each(|point| *point = moved(*point));
-            }
-        }
+        scenario.scene.shift_obstacles(|| obstacle_noise * uniform(random));
         scenario.seed = random.next_u64();
         scenario
     }
@@ -263,11 +256,10 @@ fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
 /// What an observation of this scenario consists of.
 fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
     let s = run.snapshot();
-    let (d, n, m, k) = (s.dimension, s.q.len(), s.error.len(), scenario.obstacles.len());
+    let (d, n, m, k) = (s.dimension, s.q.len(), s.error.len(), scenario.scene.obstacle_count());
     let reach = run.reach();
     let far = 2.0 * reach;
-    let motions = scenario.obstacles.iter().map(|obstacle| obstacle.motion.top_speed());
-    let top_speed = motions.fold(1.0, f64::max);
+    let top_speed = scenario.scene.top_speed().max(1.0);
     let part = |name, shape, bound| Part { name, shape, bound };
     let mut parts = vec![
         part("cos_q", [n, 1], 1.0),

@@ -7,7 +7,6 @@ use crate::control::Settings;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
-use crate::world::plane::Obstacle;
 use std::mem;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -119,7 +118,7 @@ impl Live {
         let ready = scenario.prepare_recorded(false)?;
         notes.extend(ready.warnings);
         let mut this = Self {
-            drags: vec![None; scenario.obstacles.len()],
+            drags: vec![None; scenario.scene.obstacle_count()],
             target: DragTarget::at(vec![0.0; ready.run.snapshot().dimension]),
             aims: false,
             run: ready.run,
@@ -190,7 +189,7 @@ impl Live {
     /// # Errors
     /// If they are wrong, do not fit, or ask for another task.
     pub fn configure_as(&mut self, table: &Table) -> Result<(), ScenarioError> {
-        let settings = scenario::read_settings(table, &self.scenario.arm.build()?)
+        let settings = scenario::read_settings(table, self.run.limits(), self.run.sizes())
             .map_err(|error| error.inside("controller"))?;
         self.configure(settings)
     }
@@ -243,11 +242,15 @@ impl Live {
         self.run.snapshot().dimension
     }
 
-    /// Adds an obstacle that has been validated, the last one from now on. Ends a recording.
-    pub fn add(&mut self, obstacle: &Obstacle) {
-        self.run.add(obstacle);
+    /// Adds the obstacle of a document, the last one from now on. Ends a recording.
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault of the document.
+    pub fn add(&mut self, document: &Table) -> Result<(), ScenarioError> {
+        self.run.add(document)?;
         self.record = None;
         self.drags.push(None);
+        Ok(())
     }
 
     /// Takes obstacle `j` away; those behind it move up. Ends a recording.
@@ -541,8 +544,8 @@ mod tests {
     #[test]
     fn obstacles_come_and_go() {
         let mut live = live();
-        let disc = world(&live).obstacle(0).clone();
-        live.add(&Obstacle { position: [3.0, 3.0], ..disc });
+        let disc = "shape = { kind = 'circle', radius = 0.15 }\nposition = [3.0, 3.0]";
+        live.add(&disc.parse().unwrap()).unwrap();
         live.carry(1, &[4.0, 3.0]).unwrap();
         ticks(&mut live, 3000);
         live.remove(0).unwrap();

@@ -4,29 +4,33 @@
 //! [`Scenario::from_document`] read it; `prepare` checks everything that needs more than one value and
 //! builds the closed loop, which [`runtime`](crate::runtime) runs.
 
-pub mod arm;
 mod document;
 mod error;
 mod json_schema;
-pub mod plant;
+mod numbers;
+pub mod plane;
 mod prepare;
+mod scene;
+mod tables;
 mod validate;
 mod warnings;
 
-pub use arm::ArmSpec;
 pub use error::{Problem, ScenarioError};
 pub use json_schema::json_schema;
-pub use plant::PlantSpec;
+pub(crate) use numbers::{each, not_negative, number, positive};
+pub use plane::{ArmSpec, PlanarScene, PlantSpec};
+pub use scene::{AnyScene, Described, ObstacleOf, Prepared, Scene};
 pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
 use crate::math::memory;
-use crate::robot::{Model, PlanarArm};
+use crate::robot::{Limits, Model, PlanarArm};
 use crate::simulation::{
-    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings,
+    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings, Plane,
 };
 use crate::trajectory::Reference;
-use crate::world::plane::Obstacle;
+use crate::world::Solid;
+use scene::on_scene;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
@@ -39,49 +43,31 @@ pub const SCHEMA: &str = include_str!("schema.md");
 const MAX_STEPS: f64 = 1e12;
 
 /// A whole scenario.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
     /// A name for people.
-    #[serde(default)]
     pub name: String,
     /// One line for people.
-    #[serde(default)]
     pub description: String,
     /// Length of the run \[s\], > 0.
     pub duration: f64,
-    /// Initial configuration \[rad\], one angle per joint.
+    /// Initial configuration \[rad, of a sliding joint m\], one number per joint.
     pub q0: Vec<f64>,
-    /// Initial joint velocity \[rad/s\]; default at rest.
-    #[serde(default)]
+    /// Initial joint velocity \[rad/s or m/s\]; default at rest.
     pub dq0: Option<Vec<f64>>,
-    /// The arm.
-    pub arm: ArmSpec,
+    /// The arm, what its end effector has to do, and what is in the way.
+    pub scene: AnyScene,
     /// The controller.
-    #[serde(default)]
     pub controller: Settings,
-    /// What the end effector shall do.
-    pub reference: Reference,
-    /// What is in the way.
-    #[serde(default)]
-    pub obstacles: Vec<Obstacle>,
     /// How time advances.
-    #[serde(default)]
     pub simulation: Options,
-    /// The physical arm, where it is not the controller's model.
-    #[serde(default)]
-    pub plant: PlantSpec,
     /// The sensors; none if the controller knows the state.
-    #[serde(default)]
     pub measurement: Option<MeasurementSettings>,
     /// The sensors of the obstacles; none if the controller knows them.
-    #[serde(default)]
     pub perception: Option<PerceptionSettings>,
     /// The drives; none if the torque acts as commanded.
-    #[serde(default)]
     pub actuator: Option<ActuatorSettings>,
     /// Where the random numbers come from.
-    #[serde(default)]
     pub seed: u64,
 }
 
@@ -112,8 +98,8 @@ pub fn check(part: Part, document: &Table) -> Result<(), ScenarioError> {
         Part::Arm => read_arm(document).map(drop),
         Part::Controller => validate::controller(&read(document)?, None),
         Part::Field => validate::field(&read(document)?),
-        Part::Obstacle => read_obstacle(document).map(drop),
-        Part::Motion => validate::motion(&read(document)?),
+        Part::Obstacle => read_obstacle::<Plane, 2>(document).map(drop),
+        Part::Motion => validate::motion::<2>(&read(document)?),
         Part::Reference => read::<Reference>(document).map(drop),
         Part::Simulation => validate::simulation(&read(document)?),
     }
@@ -156,18 +142,22 @@ impl Part {
 /// # Errors
 /// With the name of the first parameter that is wrong.
 pub fn read_arm(document: &Table) -> Result<PlanarArm, ScenarioError> {
-    read::<ArmSpec>(document)?.build()
+    Plane::arm(&read(document)?)
 }
 
-/// Reads and validates the settings of a controller for an arm.
+/// Reads and validates the settings of a controller for an arm of n joints in so many dimensions.
 ///
 /// # Errors
 /// With the name of the first setting that is wrong.
-pub fn read_settings(document: &Table, arm: &PlanarArm) -> Result<Settings, ScenarioError> {
+pub fn read_settings(
+    document: &Table,
+    limits: &Limits,
+    [n, dimension]: [usize; 2],
+) -> Result<Settings, ScenarioError> {
     let settings = read(document)?;
-    validate::controller(&settings, Some(arm.dof()))?;
-    validate::controller_of(&settings, arm.limits())?;
-    validate::size(&settings, arm.dof(), 0, 1)?;
+    validate::controller(&settings, Some((n, dimension)))?;
+    validate::controller_of(&settings, limits)?;
+    validate::size(&settings, n, 0, 1)?;
     Ok(settings)
 }
 
@@ -183,9 +173,11 @@ pub fn validate_size(settings: &Settings, n: usize, barriers: usize) -> Result<(
 ///
 /// # Errors
 /// With the dotted path of the first fault.
-pub fn read_obstacle(document: &Table) -> Result<Obstacle, ScenarioError> {
+pub fn read_obstacle<S: Described<D>, const D: usize>(
+    document: &Table,
+) -> Result<ObstacleOf<S, D>, ScenarioError> {
     let obstacle = read(document)?;
-    validate::obstacle(&obstacle)?;
+    S::validate_obstacle(&obstacle)?;
     Ok(obstacle)
 }
 
@@ -203,20 +195,27 @@ impl Scenario {
     /// # Errors
     /// With the dotted path of the first fault.
     pub fn from_document(document: &Table) -> Result<Self, ScenarioError> {
-        let scenario: Self = read(document)?;
+        let scenario = tables::read(document)?;
         scenario.validate()?;
         Ok(scenario)
     }
 
     pub(crate) fn validate(&self) -> Result<(), ScenarioError> {
-        let n = self.arm.dof();
-        arm::number("duration", self.duration, arm::positive)?;
-        let model = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
-        arm::length("q0", self.q0.len(), n)?;
+        on_scene!(&self.scene, scene => self.validate_with(scene))
+    }
+
+    fn validate_with<S: Described<D>, const D: usize>(
+        &self,
+        scene: &Scene<S, D>,
+    ) -> Result<(), ScenarioError> {
+        number("duration", self.duration, positive)?;
+        let model = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
+        let n = model.dof();
+        numbers::length("q0", self.q0.len(), n)?;
         if let Some(dq0) = &self.dq0 {
-            arm::length("dq0", dq0.len(), n)?;
+            numbers::length("dq0", dq0.len(), n)?;
         }
-        validate::controller(&self.controller, Some(n))
+        validate::controller(&self.controller, Some((n, D)))
             .and_then(|()| validate::controller_of(&self.controller, model.limits()))
             .map_err(|error| error.inside("controller"))?;
         let Settings { tank, governor, .. } = &self.controller;
@@ -240,17 +239,18 @@ impl Scenario {
             let requirement = format!("at least one step of {} s", self.simulation.dt);
             return Err(ScenarioError::out_of_range("duration", &requirement, self.duration));
         }
-        if self.reality(&model)?.plant.has_impulses() {
+        if self.reality(scene, &model)?.plant.has_impulses() {
             memory::fits(n.saturating_mul(n)).map_err(|error| {
                 let problem = format!("stops and dry friction of {n} joints take {error}");
                 ScenarioError::new("plant", Problem::Other(problem))
             })?;
         }
-        for (j, obstacle) in self.obstacles.iter().enumerate() {
-            validate::obstacle(obstacle)
+        let mut barriers = 0;
+        for (j, obstacle) in scene.obstacles.iter().enumerate() {
+            S::validate_obstacle(obstacle)
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
+            barriers += S::Solid::new(obstacle).barriers();
         }
-        let barriers = self.obstacles.iter().map(|obstacle| obstacle.shape.barriers()).sum();
         let copies = if self.simulation.control == Control::Predictor { 2 } else { 1 };
         validate::size(&self.controller, n, barriers, copies)
             .map_err(|error| error.inside("controller"))

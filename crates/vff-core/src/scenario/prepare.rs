@@ -1,37 +1,38 @@
 //! A scenario made ready to run: everything that needs more than one value is checked here.
 
+use super::scene::{Described, Prepared, Scene};
 use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
-use crate::interrupt;
-use crate::robot::planar::Annulus;
-use crate::robot::{Model, PlanarArm};
+use crate::robot::{Manipulator, Model, PlanarArm, Robot};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, PlanarSystem, Reality,
-    Sizes,
+    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Reality, Sizes,
 };
 use crate::trajectory::Trajectory;
-use crate::world::plane::World;
+use crate::world::World;
 use std::sync::Arc;
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.
-    pub(super) fn reality(
+    pub(super) fn reality<S: Described<D>, const D: usize>(
         &self,
-        model: &Arc<PlanarArm>,
-    ) -> Result<Reality<PlanarArm, Perception>, ScenarioError> {
+        scene: &Scene<S, D>,
+        model: &Arc<S::Arm>,
+    ) -> Result<Reality<S::Arm, S::Perception>, ScenarioError> {
         let (n, dt) = (model.dof(), self.simulation.dt);
-        let plant = self.plant.build(&self.arm, model).map_err(|error| error.inside("plant"))?;
+        let plant =
+            S::plant(&scene.plant, &scene.arm, model).map_err(|error| error.inside("plant"))?;
         let sampled = self.simulation.control != Control::Continuous;
         if let Some(settings) = &self.measurement {
             validate::measurement(settings, n, dt, sampled)
                 .map_err(|error| error.inside("measurement"))?;
         }
-        let perception =
-            self.perception.as_ref().filter(|given| given.kind == PerceptionKind::Range);
-        if let Some(settings) = perception {
-            validate::perception(settings, n, dt, sampled)
-                .map_err(|error| error.inside("perception"))?;
-        }
+        let perception = self
+            .perception
+            .as_ref()
+            .filter(|given| given.kind == PerceptionKind::Range)
+            .map(|given| S::perception(given, n, self.seed, &self.simulation))
+            .transpose()
+            .map_err(|error| error.inside("perception"))?;
         if let Some(settings) = &self.actuator {
             validate::actuator(settings, n, sampled).map_err(|error| error.inside("actuator"))?;
         }
@@ -39,7 +40,7 @@ impl Scenario {
         Ok(Reality {
             plant,
             measurement: measurement.map(|given| Measurement::new(given, self.seed, n, dt)),
-            perception: perception.map(|given| Perception::new(given, self.seed, n, dt)),
+            perception,
             actuator: self.actuator.as_ref().map(|given| Actuator::new(given, n, dt)),
         })
     }
@@ -47,84 +48,61 @@ impl Scenario {
     /// The physical arm, payload included.
     ///
     /// # Errors
-    /// With the dotted path of the first fault.
-    pub fn plant_arm(&self) -> Result<Arc<PlanarArm>, ScenarioError> {
-        let model = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
-        Ok(self.reality(&model)?.plant.arm)
+    /// If it is not in the plane; with the dotted path of the first fault.
+    pub fn planar_plant(&self) -> Result<Arc<PlanarArm>, ScenarioError> {
+        let Some(scene) = self.scene.plane() else {
+            return Err(ScenarioError::new("arm", Problem::Other("is no planar arm".into())));
+        };
+        let model = Arc::new(scene.arm.build().map_err(|error| error.inside("arm"))?);
+        Ok(self.reality(scene, &model)?.plant.arm)
     }
 
     /// The closed loop at t = 0 for a task of dimension `M`, and what is odd about it, in sentences.
     ///
     /// # Errors
     /// If the reference does not fit the task or leaves the reach of the arm.
-    pub(crate) fn closed_loop<S: PlanarSystem<M>, const M: usize>(
+    pub(crate) fn closed_loop<S: Prepared<D, M>, const D: usize, const M: usize>(
         &self,
-    ) -> Result<(ClosedLoop<S, 2, M>, Vec<String>), ScenarioError> {
-        let arm = Arc::new(self.arm.build().map_err(|error| error.inside("arm"))?);
-        let n = arm.dof();
-        let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; n]);
-        let start = S::pose(&arm, &self.q0, &dq0);
-        let trajectory = Trajectory::new(&self.reference, &start).map_err(|error| {
+        scene: &Scene<S, D>,
+    ) -> Result<(ClosedLoop<S, D, M>, Vec<String>), ScenarioError> {
+        let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
+        let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; arm.dof()]);
+        let mut state = arm.state();
+        state.update(&self.q0, &dq0);
+        let trajectory = Trajectory::new(&scene.reference, &state.pose()).map_err(|error| {
             ScenarioError::new(
                 format!("reference.{}", error.field()),
                 Problem::Other(error.to_string()),
             )
         })?;
-        self.reachable::<S, M>(&arm, &trajectory)?;
-        let gains = Gains::<M>::new(&self.controller).with_seed(self.seed);
-        let world = World::new(self.obstacles.clone());
+        S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration)?;
+        let gains =
+            Gains::<M>::new(&self.controller).of_arm(&self.controller, &*arm).with_seed(self.seed);
+        let world = World::new(scene.obstacles.clone());
         let options = self.simulation.clone();
-        let reality = self.reality(&arm)?;
+        let reality = self.reality(scene, &arm)?;
         let stops = reality.plant.stops.clone();
         let start = [self.q0.clone(), dq0];
         let closed_loop = ClosedLoop::new(&arm, gains, world, trajectory, options, reality, start);
-        let warnings = self.warnings(&closed_loop, &stops);
+        let warnings = self.warnings(&scene.obstacles, &closed_loop, &stops);
         Ok((closed_loop, warnings))
     }
 
     /// What the record of a whole run takes \[bytes\].
     #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
     pub fn record_bytes(&self) -> f64 {
-        let (joints, task) = (self.arm.dof(), self.controller.task.dimension(2));
+        let (joints, dimension) = (self.q0.len(), self.scene.dimension());
+        let task = self.controller.task.dimension(dimension).unwrap_or_default();
+        // In space an orientation is written as a quaternion.
+        let pose = if dimension == 3 && task > 3 { 7 } else { task };
         let sizes = Sizes {
-            dimension: 2,
+            dimension,
             joints,
             task,
-            pose: task,
-            obstacles: self.obstacles.len(),
+            pose,
+            obstacles: self.scene.obstacle_count(),
             rays: self.perception.as_ref().map_or(0, |given| given.rays_of(joints)),
         };
         self.simulation.rows(self.duration) as f64 * sizes.row_bytes() as f64
-    }
-
-    /// The whole reference lies where the arm can put its end effector.
-    fn reachable<S: PlanarSystem<M>, const M: usize>(
-        &self,
-        arm: &PlanarArm,
-        trajectory: &Trajectory<S::Pose, M>,
-    ) -> Result<(), ScenarioError> {
-        let Annulus { inner, outer } = S::annulus(arm);
-        let slack = 1e-9 * outer.max(arm.links()[arm.dof() - 1].length);
-        let point = |t: f64| {
-            interrupt::spend(64);
-            S::wrist(arm, &trajectory.at(t).x)
-        };
-        let inside = |t: f64| {
-            let distance = point(t).norm();
-            inner - slack <= distance && distance <= outer + slack
-        };
-        let samples = self.simulation.steps(self.duration).clamp(1, 100_000);
-        #[expect(clippy::cast_precision_loss, reason = "at most 100 000")]
-        let time = |k: usize| self.duration * (k as f64 / samples as f64);
-        let Some(k) = (0..=samples).find(|&k| !inside(time(k))) else { return Ok(()) };
-        let (mut before, mut after) = (time(k.saturating_sub(1)), time(k));
-        for _ in 0..60 {
-            let middle = 0.5 * (before + after);
-            if inside(middle) { before = middle } else { after = middle }
-        }
-        let at = point(after);
-        let (x, y, distance) = (at.x, at.y, at.norm());
-        let problem = Problem::Unreachable { time: after, x, y, distance, inner, outer };
-        Err(ScenarioError::new("reference", problem))
     }
 }

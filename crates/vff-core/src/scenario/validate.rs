@@ -2,8 +2,8 @@
 //!
 //! Types, unknown and missing keys have been validated by [`super::document`]; here are the values.
 
-use super::arm::{each, length, not_negative, number, positive};
 use super::error::{Problem, ScenarioError};
+use super::numbers::{each, length, not_negative, number, positive};
 use crate::control::avoidance::barrier;
 use crate::control::avoidance::preview::PreviewSettings;
 use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
@@ -18,13 +18,12 @@ use crate::simulation::{
 };
 use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
-use crate::world::plane::{Obstacle, Shape, is_convex};
 use toml::Value;
 
-type Judged = Result<(), ScenarioError>;
+type Validated = Result<(), ScenarioError>;
 
 /// Every number of the document is finite.
-pub fn finite(value: &Value) -> Judged {
+pub fn finite(value: &Value) -> Validated {
     match value {
         Value::Float(x) if !x.is_finite() => {
             Err(ScenarioError::out_of_range("", "a finite number", x))
@@ -43,7 +42,7 @@ pub fn finite(value: &Value) -> Judged {
 }
 
 /// `[simulation]`.
-pub fn simulation(options: &Options) -> Judged {
+pub fn simulation(options: &Options) -> Validated {
     number("dt", options.dt, positive)?;
     for (path, value) in
         [("control_every", options.control_every), ("record_every", options.record_every)]
@@ -64,7 +63,7 @@ pub fn simulation(options: &Options) -> Judged {
 }
 
 /// `[measurement]` of n joints, with plant steps of `dt` \[s\]; `sampled` unless control is continuous.
-pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: bool) -> Judged {
+pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: bool) -> Validated {
     needs_sampling(sampled, "sees every instant")?;
     let MeasurementSettings { position_noise, velocity_noise, .. } = settings;
     each("position_noise", position_noise, n, not_negative)?;
@@ -83,7 +82,7 @@ pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: b
 /// `[perception]` by range sensors on n links, with plant steps of `dt` \[s\]; `sampled` unless control
 /// is continuous.
 #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
-pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: bool) -> Judged {
+pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: bool) -> Validated {
     needs_sampling(sampled, "sees every instant")?;
     for (path, count) in [("sensors", settings.sensors), ("rays", settings.rays)] {
         if count == 0 {
@@ -123,12 +122,12 @@ pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: boo
 }
 
 /// `[actuator]` of n joints; `sampled` unless control is continuous.
-pub fn actuator(settings: &ActuatorSettings, n: usize, sampled: bool) -> Judged {
+pub fn actuator(settings: &ActuatorSettings, n: usize, sampled: bool) -> Validated {
     needs_sampling(sampled, "acts at every instant")?;
     each("time_constant", &settings.time_constant, n, not_negative)
 }
 
-fn needs_sampling(sampled: bool, otherwise: &str) -> Judged {
+fn needs_sampling(sampled: bool, otherwise: &str) -> Validated {
     if sampled {
         return Ok(());
     }
@@ -139,11 +138,11 @@ fn needs_sampling(sampled: bool, otherwise: &str) -> Judged {
     Err(ScenarioError::new("", problem))
 }
 
-/// `[controller]` on its own, for n joints where the arm is known.
-pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
-    let m = settings.task.dimension(2);
-    each("stiffness", &settings.stiffness, m, not_negative)?;
-    each("damping", &settings.damping, m, not_negative)?;
+/// `[controller]` on its own, for the arm of n joints in `dimension` dimensions where that is known.
+pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated {
+    let n = arm.map(|(n, _)| n);
+    let dimensions = arm.map_or(vec![2, 3], |(_, dimension)| vec![dimension]);
+    task(settings, &dimensions)?;
     let joints = |given: &crate::math::ScalarOrVec| n.unwrap_or(given.values().len());
     each("null_damping", &settings.null_damping, joints(&settings.null_damping), not_negative)?;
     let stiffness = &settings.posture_stiffness;
@@ -157,7 +156,9 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
         }
         None => {}
     }
-    number("characteristic_length", settings.characteristic_length, positive)?;
+    if let Some(length) = settings.characteristic_length {
+        number("characteristic_length", length, positive)?;
+    }
     number("singularity", settings.singularity, positive)?;
     yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
     if settings.avoidance == Avoidance::Cbf {
@@ -175,8 +176,23 @@ pub fn controller(settings: &Settings, n: Option<usize>) -> Judged {
     field(&settings.field).map_err(|error| error.inside("field"))
 }
 
+/// The task and what has a value per axis of it, in one of these `dimensions`.
+fn task(settings: &Settings, dimensions: &[usize]) -> Validated {
+    let Settings { task, stiffness, damping, .. } = settings;
+    let axes: Vec<usize> = dimensions.iter().filter_map(|d| task.dimension(*d)).collect();
+    let Some(first) = axes.first() else {
+        let problem = "needs an arm in space: in the plane a pose has one angle, take \"pose\"";
+        return Err(ScenarioError::new("task", Problem::Other(problem.into())));
+    };
+    for (path, given) in [("stiffness", stiffness), ("damping", damping)] {
+        let fitting = axes.iter().find(|m| **m == given.values().len());
+        each(path, given, *fitting.unwrap_or(first), not_negative)?;
+    }
+    Ok(())
+}
+
 /// `[controller.yielding]`.
-fn yielding(yielding: &Yielding) -> Judged {
+fn yielding(yielding: &Yielding) -> Validated {
     let Yielding { margin, rate, inner, outer, saturation, activation, .. } = yielding;
     let Yielding { task_weight, slack_price, speed, .. } = yielding;
     number("inner", *inner, not_negative)?;
@@ -204,7 +220,7 @@ fn yielding(yielding: &Yielding) -> Judged {
 }
 
 /// `[controller.yielding.preview]`.
-fn preview(settings: &PreviewSettings) -> Judged {
+fn preview(settings: &PreviewSettings) -> Validated {
     let PreviewSettings { period, horizon, trigger, clearance, speed, .. } = settings;
     for (path, value) in [
         ("period", period),
@@ -229,7 +245,7 @@ fn preview(settings: &PreviewSettings) -> Judged {
 
 /// What look-ahead has to do in one control step: bounded, because its closed loop takes steps as short as the fastest
 /// rate of the law demands.
-fn look_ahead(settings: &Settings) -> Judged {
+fn look_ahead(settings: &Settings) -> Validated {
     const MOST: usize = 100_000;
     let Some(preview) = &settings.yielding.preview else { return Ok(()) };
     let inside = |error: ScenarioError| error.inside("yielding.preview");
@@ -259,7 +275,7 @@ fn look_ahead(settings: &Settings) -> Judged {
 }
 
 /// What a controller of n joints that knows `barriers` distances per link keeps in memory, and `copies` of it.
-pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Judged {
+pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Validated {
     let per_pair = n.saturating_mul(barriers);
     let square = n.saturating_mul(n);
     let (path, numbers) = match (settings.avoidance, settings.formulation) {
@@ -282,7 +298,7 @@ pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Ju
 }
 
 /// `[controller.tank]`.
-fn tank(tank: &TankSettings) -> Judged {
+fn tank(tank: &TankSettings) -> Validated {
     number("capacity", tank.capacity, positive)?;
     if let Some(initial) = tank.initial
         && !(0.0..=tank.capacity).contains(&initial)
@@ -294,7 +310,7 @@ fn tank(tank: &TankSettings) -> Judged {
 }
 
 /// `[controller.governor]`.
-fn governor(governor: &GovernorSettings) -> Judged {
+fn governor(governor: &GovernorSettings) -> Validated {
     let GovernorSettings { inner, outer, rate, floor } = *governor;
     number("inner", inner, not_negative)?;
     if outer <= inner {
@@ -306,7 +322,7 @@ fn governor(governor: &GovernorSettings) -> Judged {
 }
 
 /// What a controller needs of the limits of its arm.
-pub fn controller_of(settings: &Settings, limits: &Limits) -> Judged {
+pub fn controller_of(settings: &Settings, limits: &Limits) -> Validated {
     if settings.joint_limit_field.is_some() && limits.joint.is_empty() {
         let problem = Problem::Other("needs `arm.joint_limits`, the angles it keeps to".into());
         return Err(ScenarioError::new("joint_limit_field", problem));
@@ -320,7 +336,7 @@ pub fn controller_of(settings: &Settings, limits: &Limits) -> Judged {
 }
 
 /// `[controller.field]`.
-pub fn field(field: &Field) -> Judged {
+pub fn field(field: &Field) -> Validated {
     number("gain", field.gain, not_negative)?;
     number("influence", field.influence, positive)?;
     number("approach_damping", field.approach_damping, not_negative)?;
@@ -337,43 +353,20 @@ pub fn field(field: &Field) -> Judged {
     }
 }
 
-/// One of `[[obstacles]]`.
-pub fn obstacle(obstacle: &Obstacle) -> Judged {
-    shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
-    motion(&obstacle.motion).map_err(|error| error.inside("motion"))?;
-    match &obstacle.motion {
-        Motion::Waypoints { points, .. } if !same(points[0], obstacle.position) => {
-            let requirement = format!("the obstacle's position {:?}", obstacle.position);
+/// The motion of an obstacle whose initial position is `position` \[m\].
+pub fn motion_from<const D: usize>(motion: &Motion<D>, position: [f64; D]) -> Validated {
+    self::motion(motion).map_err(|error| error.inside("motion"))?;
+    match motion {
+        Motion::Waypoints { points, .. } if !same(&points[0], &position) => {
+            let requirement = format!("the obstacle's position {position:?}");
             Err(ScenarioError::out_of_range("motion.points[0]", &requirement, points[0]))
         }
         _ => Ok(()),
     }
 }
 
-fn shape(shape: &Shape) -> Judged {
-    match shape {
-        Shape::Circle { radius } => number("radius", *radius, positive),
-        Shape::Capsule { a, b, radius } => {
-            number("radius", *radius, not_negative)?;
-            if same(*a, *b) {
-                return Err(ScenarioError::out_of_range("b", "another point than a", b));
-            }
-            Ok(())
-        }
-        Shape::Box { size } => {
-            number("size[0]", size[0], positive)?;
-            number("size[1]", size[1], positive)
-        }
-        Shape::Polygon { vertices } if !is_convex(vertices) => {
-            let requirement = "the corners of a convex polygon in order";
-            Err(ScenarioError::out_of_range("vertices", requirement, vertices))
-        }
-        Shape::Polygon { .. } => Ok(()),
-    }
-}
-
 /// The motion of an obstacle.
-pub fn motion(motion: &Motion<2>) -> Judged {
+pub fn motion<const D: usize>(motion: &Motion<D>) -> Validated {
     let Motion::Waypoints { times, points } = motion else { return Ok(()) };
     if times.is_empty() {
         return Err(ScenarioError::out_of_range("times", "at least one instant", times));
@@ -382,7 +375,8 @@ pub fn motion(motion: &Motion<2>) -> Judged {
     let speed =
         |i: usize, axis: usize| (points[i][axis] - points[i - 1][axis]) / (times[i] - times[i - 1]);
     for i in 1..times.len() {
-        if times[i] <= times[i - 1] || !(speed(i, 0) + speed(i, 1)).is_finite() {
+        let total = (0..D).map(|axis| speed(i, axis)).sum::<f64>();
+        if times[i] <= times[i - 1] || !total.is_finite() {
             let requirement = format!("later than {}", times[i - 1]);
             return Err(ScenarioError::out_of_range(format!("times[{i}]"), &requirement, times[i]));
         }
@@ -392,6 +386,6 @@ pub fn motion(motion: &Motion<2>) -> Judged {
 
 /// Whether two points are the same to the last digit, as copied numbers are.
 #[expect(clippy::float_cmp, reason = "copies, not results")]
-fn same(a: [f64; 2], b: [f64; 2]) -> bool {
+pub fn same<const D: usize>(a: &[f64; D], b: &[f64; D]) -> bool {
     a == b
 }

@@ -1,27 +1,28 @@
 //! What is allowed but probably not meant.
 
 use super::Scenario;
-use crate::control::{Controller, Settings};
-use crate::robot::Manipulator;
+use super::scene::ObstacleOf;
+use crate::control::Settings;
 use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
-use crate::world::plane::{Outline, World};
+use crate::world::{Description, World};
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant \[rad\].
-    pub(super) fn warnings<S: System<2, M, Solid = Outline>, const M: usize>(
+    pub(super) fn warnings<S: System<D, M>, const D: usize, const M: usize>(
         &self,
-        closed_loop: &ClosedLoop<S, 2, M>,
+        obstacles: &[ObstacleOf<S, D>],
+        closed_loop: &ClosedLoop<S, D, M>,
         stops: &[[f64; 2]],
     ) -> Vec<String> {
         let mut warnings = self.oddities(&closed_loop.snapshot(), stops);
         if self.simulation.control != Control::Continuous {
             let period = self.simulation.control_period();
             warnings.extend(
-                sampling_bounds(&self.controller, period)
+                sampling_bounds(&self.controller, M, period)
                     .into_iter()
                     .map(|warning| format!("controller.{warning}")),
             );
-            warnings.extend(self.field_bound(closed_loop.controller()));
+            warnings.extend(self.field_bound(obstacles, closed_loop));
         }
         warnings
     }
@@ -69,16 +70,18 @@ impl Scenario {
 
     /// A field too stiff for the control period: where the obstacles stand at the start, or at the
     /// clearance that the fastest of them is to be expected to come to (T29, T34).
-    fn field_bound<R: Manipulator<2, M> + Clone, const M: usize>(
+    fn field_bound<S: System<D, M>, const D: usize, const M: usize>(
         &self,
-        controller: &Controller<R, 2, M>,
+        obstacles: &[ObstacleOf<S, D>],
+        closed_loop: &ClosedLoop<S, D, M>,
     ) -> Option<String> {
         if self.controller.field.gain == 0.0 {
             return None;
         }
+        let controller = closed_loop.controller();
         let h = self.simulation.control_period();
-        let speed = self.obstacles.iter().map(|o| o.motion.top_speed()).fold(0.0, f64::max);
-        let now = controller.stable_period(&mut World::new(self.obstacles.clone()));
+        let speed = obstacles.iter().map(|o| o.motion().top_speed()).fold(0.0, f64::max);
+        let now = controller.stable_period(&mut World::<S::Solid, D>::new(obstacles.to_vec()));
         let (worst, when) = match controller.stable_period_against(speed) {
             coming if speed > 0.0 && coming.period < now.period => {
                 (coming, "which is to be expected")
@@ -97,9 +100,9 @@ impl Scenario {
     }
 }
 
-/// Gains that a torque held over the control period `h` \[s\] makes unstable (T31, T32).
-pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
-    let Settings { stiffness, damping, null_damping, task, .. } = settings;
+/// Gains of a task of dimension `m` that a torque held over the control period `h` \[s\] makes unstable (T31, T32).
+pub fn sampling_bounds(settings: &Settings, m: usize, h: f64) -> Vec<String> {
+    let Settings { stiffness, damping, null_damping, .. } = settings;
     let mut warnings = vec![];
     let strongest = null_damping.values().iter().copied().fold(0.0, f64::max);
     if strongest * h >= 2.0 {
@@ -109,7 +112,7 @@ pub fn sampling_bounds(settings: &Settings, h: f64) -> Vec<String> {
             2.0 / h
         ));
     }
-    let axis = (0..task.dimension(2)).map(|i| (stiffness.get(i), damping.get(i)));
+    let axis = (0..m).map(|i| (stiffness.get(i), damping.get(i)));
     if let Some((k, d)) = axis.into_iter().find(|(k, d)| *k > 0.0 && 0.5 * h * k >= *d) {
         warnings.push(format!(
             "damping: {d} 1/s is too little for a stiffness of {k} 1/s² at a control period of {h} s; \

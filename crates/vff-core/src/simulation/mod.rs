@@ -28,4 +28,4 @@ pub use plant::Physics;
 pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes};
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
-pub use system::System;
+pub use system::{Setting, System};

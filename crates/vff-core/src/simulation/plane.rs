@@ -1,24 +1,26 @@
 //! The plane: which types fit together there.
 
-use super::{Perception, System};
+use super::{Perception, Setting, System};
 use crate::math::{PlanarPose, Vector};
 use crate::robot::planar::{Annulus, Reach};
-use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot};
+use crate::robot::{PlanarArm, PlanarState};
 use crate::trajectory::{Guided, Reference};
 use crate::world::plane::Outline;
-use std::sync::Arc;
 
 /// Planar arms among planar obstacles.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane;
 
-/// A task of position.
-impl System<2, 2> for Plane {
-    type Pose = Vector<2>;
+impl Setting<2> for Plane {
     type State = PlanarState;
     type Arm = PlanarArm;
     type Solid = Outline;
     type Perception = Perception;
+}
+
+/// A task of position.
+impl System<2, 2> for Plane {
+    type Pose = Vector<2>;
 
     fn attainable(arm: &PlanarArm, pose: &Vector<2>, goal: &Vector<2>) -> Vector<2> {
         inside(arm, pose, goal)
@@ -28,10 +30,6 @@ impl System<2, 2> for Plane {
 /// A task of position and orientation.
 impl System<2, 3> for Plane {
     type Pose = PlanarPose;
-    type State = PlanarState;
-    type Arm = PlanarArm;
-    type Solid = Outline;
-    type Perception = Perception;
 
     fn attainable(arm: &PlanarArm, pose: &PlanarPose, goal: &Vector<2>) -> Vector<2> {
         inside(arm, pose, goal)
@@ -55,17 +53,8 @@ where
 
 /// What the plane knows of a task of dimension `M` beyond every [`System`]: the reach in closed form.
 pub trait PlanarSystem<const M: usize>:
-    System<
-        2,
-        M,
-        Pose: Guided<M, Reference = Reference>,
-        Arm = PlanarArm,
-        Solid = Outline,
-        Perception = Perception,
-    >
+    System<2, M, Pose: Guided<M, Reference = Reference>>
 {
-    /// The pose of the end effector at (q, q̇).
-    fn pose(arm: &Arc<PlanarArm>, q: &[f64], dq: &[f64]) -> Self::Pose;
     /// Where the wrist can be.
     fn annulus(arm: &PlanarArm) -> Annulus;
     /// Where it has to be for a pose \[m\].
@@ -73,12 +62,6 @@ pub trait PlanarSystem<const M: usize>:
 }
 
 impl PlanarSystem<2> for Plane {
-    fn pose(arm: &Arc<PlanarArm>, q: &[f64], dq: &[f64]) -> Self::Pose {
-        let mut state = arm.state();
-        state.update(q, dq);
-        Manipulator::<2, 2>::pose(&state)
-    }
-
     fn annulus(arm: &PlanarArm) -> Annulus {
         Reach::<Vector<2>>::wrist_annulus(arm)
     }
@@ -89,12 +72,6 @@ impl PlanarSystem<2> for Plane {
 }
 
 impl PlanarSystem<3> for Plane {
-    fn pose(arm: &Arc<PlanarArm>, q: &[f64], dq: &[f64]) -> Self::Pose {
-        let mut state = arm.state();
-        state.update(q, dq);
-        Manipulator::<2, 3>::pose(&state)
-    }
-
     fn annulus(arm: &PlanarArm) -> Annulus {
         Reach::<PlanarPose>::wrist_annulus(arm)
     }

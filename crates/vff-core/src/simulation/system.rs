@@ -2,23 +2,29 @@
 
 use super::perception::Perceive;
 use crate::math::Vector;
-use crate::robot::{Manipulator, Model};
+use crate::robot::{Manipulator, Model, Robot};
 use crate::trajectory::Guided;
 use crate::world::Solid;
 use std::fmt::Debug;
 
-/// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.
-pub trait System<const D: usize, const M: usize>: Debug + Clone {
-    /// What the task means by a pose.
-    type Pose: Guided<M>;
+/// Which arms and which obstacles meet in `D` dimensions.
+pub trait Setting<const D: usize>: Debug + Clone {
     /// The arm at one instant.
-    type State: Manipulator<D, M, Pose = Self::Pose> + Clone + Debug;
+    type State: Robot<D> + Clone + Debug;
     /// What is immutable of the arm.
     type Arm: Model<D, State = Self::State>;
     /// What obstacles are made of.
     type Solid: Solid<D>;
     /// What the controller may see of the obstacles instead of knowing them.
     type Perception: Perceive<Self::Solid, D> + Clone + Debug;
+}
+
+/// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.
+pub trait System<const D: usize, const M: usize>:
+    Setting<D, State: Manipulator<D, M, Pose = Self::Pose>>
+{
+    /// What the task means by a pose.
+    type Pose: Guided<M>;
 
     /// The position nearest to `goal` \[m\], or close to it, that the end effector can take with the orientation of
     /// `pose`.

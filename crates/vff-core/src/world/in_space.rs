@@ -20,6 +20,10 @@ impl Description<3> for Ball {
         self.center
     }
 
+    fn set_position(&mut self, position: Vector<3>) {
+        self.center = position;
+    }
+
     fn motion(&self) -> &Motion<3> {
         &self.motion
     }

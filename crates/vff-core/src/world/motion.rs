@@ -69,6 +69,16 @@ impl<const D: usize> Default for Motion<D> {
 }
 
 impl<const D: usize> Motion<D> {
+    /// The same motion elsewhere: where it names points, they are displaced by `shift` \[m\].
+    #[must_use]
+    pub fn shifted(&self, shift: &Vector<D>) -> Self {
+        let mut this = self.clone();
+        if let Self::Waypoints { points, .. } = &mut this {
+            points.iter_mut().for_each(|point| *point = (Vector::from(*point) + shift).into());
+        }
+        this
+    }
+
     /// Whether the obstacle stays where it is for ever.
     pub fn is_static(&self) -> bool {
         matches!(self, Self::Static {})

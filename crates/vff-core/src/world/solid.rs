@@ -12,6 +12,8 @@ use std::fmt::Debug;
 pub trait Description<const D: usize>: Clone + Debug {
     /// Initial position \[m\].
     fn position(&self) -> Vector<D>;
+    /// Puts it elsewhere \[m\].
+    fn set_position(&mut self, position: Vector<D>);
     /// Motion from the initial position.
     fn motion(&self) -> &Motion<D>;
     /// Lets it move otherwise.

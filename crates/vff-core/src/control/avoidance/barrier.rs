@@ -265,13 +265,14 @@ mod tests {
     fn loop_of(
         scenario: &Scenario,
     ) -> (Controller<PlanarState, 2, 2>, World, Trajectory<Vector<2>, 2>) {
-        let arm = Arc::new(scenario.arm.build().unwrap());
+        let scene = scenario.scene.plane().unwrap();
+        let arm = Arc::new(scene.arm.build().unwrap());
         let mut start = arm.state();
         start.update(&scenario.q0, &vec![0.0; arm.dof()]);
         let trajectory =
-            Trajectory::new(&scenario.reference, &Manipulator::<2, 2>::pose(&start)).unwrap();
+            Trajectory::new(&scene.reference, &Manipulator::<2, 2>::pose(&start)).unwrap();
         let controller = Controller::new(arm.state(), Gains::new(&scenario.controller));
-        (controller, World::new(scenario.obstacles.clone()), trajectory)
+        (controller, World::new(scene.obstacles.clone()), trajectory)
     }
 
     /// The QPs of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
@@ -281,7 +282,8 @@ mod tests {
         for torque in [None, Some(40.0)] {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
-            scenario.arm.torque_limits = torque.map(crate::math::ScalarOrVec::Uniform);
+            scenario.scene.plane_mut().unwrap().arm.torque_limits =
+                torque.map(crate::math::ScalarOrVec::Uniform);
             let (mut controller, mut world, trajectory) = loop_of(&scenario);
             let mut run = scenario.prepare().unwrap().run;
             let (mut solved, mut at_limit) = (0, 0);

@@ -183,6 +183,11 @@ impl Model<2> for PlanarArm {
         self.annulus(self.dof()).outer
     }
 
+    /// 1 m: planar arms are drawn at that scale.
+    fn characteristic_length(&self) -> f64 {
+        1.0
+    }
+
     /// Stretched out, every joint accelerates at 4 rad/s².
     fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
         const ACCELERATION: f64 = 4.0;

@@ -70,6 +70,11 @@ impl Model<3> for SpatialArm {
         self.reach_bound()
     }
 
+    /// A sixth of the reach: about the size of a hand of that arm.
+    fn characteristic_length(&self) -> f64 {
+        self.reach_bound() / 6.0
+    }
+
     /// At q = 0, every joint accelerates at 4 rad/s² (or m/s²) against all of gravity.
     fn typical_torque(self: &Arc<Self>) -> Vec<f64> {
         const ACCELERATION: f64 = 4.0;

@@ -6,7 +6,9 @@
 mod text;
 mod trace;
 
-use super::{SCHEMA, Scenario};
+use super::SCHEMA;
+use super::tables::Tables;
+use crate::simulation::Plane;
 use serde_json::{Map, Value, json};
 use text::{Row, Rows};
 use trace::{Fault, Key, Kind, Required, trace};
@@ -24,7 +26,7 @@ pub fn json_schema() -> String {
 }
 
 fn schema_of_scenario() -> Result<Value, Fault> {
-    let kind = trace::<Scenario>()?;
+    let kind = trace::<Tables<Plane, 2>>()?;
     let mut schema = schema(&kind, "", &text::rows(SCHEMA));
     schema["$schema"] = "http://json-schema.org/draft-07/schema#".into();
     schema["title"] = "vffnull scenario".into();
@@ -174,7 +176,7 @@ mod tests {
     /// `schema.md` explains the keys that the types have, all of them, and no others.
     #[test]
     fn every_key_is_explained() {
-        let kind = trace::<Scenario>().unwrap();
+        let kind = trace::<Tables<Plane, 2>>().unwrap();
         let (rows, mut found) = (text::rows(SCHEMA), BTreeSet::new());
         paths(&kind, "", &mut found);
         // Tables have sections of their own.
@@ -209,7 +211,7 @@ mod tests {
                 _ => {}
             }
         }
-        compare(&trace::<Scenario>().unwrap(), "", &text::rows(SCHEMA));
+        compare(&trace::<Tables<Plane, 2>>().unwrap(), "", &text::rows(SCHEMA));
     }
 
     #[test]

@@ -13,6 +13,10 @@ impl Description<2> for Obstacle {
         Vector::from(self.position)
     }
 
+    fn set_position(&mut self, position: Vector<2>) {
+        self.position = position.into();
+    }
+
     #[inline]
     fn motion(&self) -> &Motion<2> {
         &self.motion

@@ -1,7 +1,8 @@
 //! The `[plant]` table: what the physical arm is where it differs from `[arm]`, the controller's model.
 
-use super::arm::{ArmSpec, Nested, each, not_negative, number};
-use super::error::ScenarioError;
+use super::super::error::ScenarioError;
+use super::super::numbers::{each, not_negative, number};
+use super::{ArmSpec, Nested};
 use crate::math::ScalarOrVec;
 use crate::robot::{Model, PlanarArm};
 use crate::simulation::Physics;

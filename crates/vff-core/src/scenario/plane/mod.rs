@@ -1,0 +1,117 @@
+//! Scenarios in the plane.
+
+mod arm;
+mod plant;
+
+pub use arm::{ArmSpec, Nested};
+pub use plant::PlantSpec;
+
+use super::error::{Problem, ScenarioError};
+use super::numbers::{not_negative, number, positive};
+use super::scene::{Described, Prepared, Scene};
+use super::validate;
+use crate::interrupt;
+use crate::robot::planar::Annulus;
+use crate::robot::{Model, PlanarArm};
+use crate::simulation::{
+    Control, Options, Perception, PerceptionSettings, Physics, PlanarSystem, Plane,
+};
+use crate::trajectory::{Reference, Trajectory};
+use crate::world::plane::{Obstacle, Shape, is_convex};
+use std::sync::Arc;
+
+/// The tables of a scenario in the plane that depend on its dimension.
+pub type PlanarScene = Scene<Plane, 2>;
+
+impl Described<2> for Plane {
+    type ArmTable = ArmSpec;
+    type PlantTable = PlantSpec;
+    type Reference = Reference;
+
+    fn arm(table: &ArmSpec) -> Result<PlanarArm, ScenarioError> {
+        table.build()
+    }
+
+    fn plant(
+        table: &PlantSpec,
+        arm: &ArmSpec,
+        model: &Arc<PlanarArm>,
+    ) -> Result<Physics<PlanarArm>, ScenarioError> {
+        table.build(arm, model)
+    }
+
+    fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
+        shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
+        validate::motion_from(&obstacle.motion, obstacle.position)
+    }
+
+    fn perception(
+        settings: &PerceptionSettings,
+        n: usize,
+        seed: u64,
+        options: &Options,
+    ) -> Result<Perception, ScenarioError> {
+        let (dt, sampled) = (options.dt, options.control != Control::Continuous);
+        validate::perception(settings, n, dt, sampled)?;
+        Ok(Perception::new(settings, seed, n, dt))
+    }
+}
+
+impl<const M: usize> Prepared<2, M> for Plane
+where
+    Plane: PlanarSystem<M>,
+{
+    fn reachable(
+        arm: &Arc<PlanarArm>,
+        trajectory: &Trajectory<Self::Pose, M>,
+        _: &[f64],
+        options: &Options,
+        duration: f64,
+    ) -> Result<(), ScenarioError> {
+        let Annulus { inner, outer } = Self::annulus(arm);
+        let slack = 1e-9 * outer.max(arm.links()[arm.dof() - 1].length);
+        let point = |t: f64| {
+            interrupt::spend(64);
+            Self::wrist(arm, &trajectory.at(t).x)
+        };
+        let inside = |t: f64| {
+            let distance = point(t).norm();
+            inner - slack <= distance && distance <= outer + slack
+        };
+        let samples = options.steps(duration).clamp(1, 100_000);
+        #[expect(clippy::cast_precision_loss, reason = "at most 100 000")]
+        let time = |k: usize| duration * (k as f64 / samples as f64);
+        let Some(k) = (0..=samples).find(|&k| !inside(time(k))) else { return Ok(()) };
+        let (mut before, mut after) = (time(k.saturating_sub(1)), time(k));
+        for _ in 0..60 {
+            let middle = 0.5 * (before + after);
+            if inside(middle) { before = middle } else { after = middle }
+        }
+        let at = point(after);
+        let (x, y, distance) = (at.x, at.y, at.norm());
+        let problem = Problem::Unreachable { time: after, x, y, distance, inner, outer };
+        Err(ScenarioError::new("reference", problem))
+    }
+}
+
+fn shape(shape: &Shape) -> Result<(), ScenarioError> {
+    match shape {
+        Shape::Circle { radius } => number("radius", *radius, positive),
+        Shape::Capsule { a, b, radius } => {
+            number("radius", *radius, not_negative)?;
+            if validate::same(a, b) {
+                return Err(ScenarioError::out_of_range("b", "another point than a", b));
+            }
+            Ok(())
+        }
+        Shape::Box { size } => {
+            number("size[0]", size[0], positive)?;
+            number("size[1]", size[1], positive)
+        }
+        Shape::Polygon { vertices } if !is_convex(vertices) => {
+            let requirement = "the corners of a convex polygon in order";
+            Err(ScenarioError::out_of_range("vertices", requirement, vertices))
+        }
+        Shape::Polygon { .. } => Ok(()),
+    }
+}
