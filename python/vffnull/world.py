@@ -1,4 +1,7 @@
-"""What stands in the arm's way: shapes, where they are, and how they move."""
+"""What stands in the arm's way: shapes, where they are, and how they move.
+
+In the plane points have two coordinates, in space three: the length of a point decides where an obstacle is.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ class Motion:
 
         Parameters
         ----------
-        velocity : (2,) array_like
+        velocity : (2,) or (3,) array_like
             Velocity [m/s].
         """
         return _motion("linear", velocity=velocity)
@@ -64,7 +67,7 @@ class Motion:
 
         Parameters
         ----------
-        amplitude : (2,) array_like
+        amplitude : (2,) or (3,) array_like
             Largest displacement from the obstacle's position [m].
         angular_frequency : float
             Angular frequency [rad/s].
@@ -81,7 +84,7 @@ class Motion:
         ----------
         times : (k,) array_like
             Increasing instants [s].
-        points : (k, 2) array_like
+        points : (k, 2) or (k, 3) array_like
             Where the obstacle's position is then [m]; the first one must be the obstacle's position.
         """
         return _motion("waypoints", times=times, points=points)
@@ -101,18 +104,20 @@ def _motion(kind: str, **parameters: object) -> Motion:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid body in the plane; made by `circle`, `capsule`, `box` or `polygon`.
+    """A solid body, made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, `capsule` or `box` in both.
 
     Attributes
     ----------
     kind : str
-        ``"circle"``, ``"capsule"``, ``"box"`` or ``"polygon"``.
+        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"capsule"`` or ``"box"``.
     dimensions : tuple of (str, value)
         The shape in the obstacle's own frame, in a form that can be compared and hashed.
-    position : (float, float)
-        Origin of the obstacle's frame at rest [m].
+    position : tuple of float
+        Origin of the obstacle's frame at rest [m], two coordinates in the plane and three in space.
     angle : float
-        Orientation of the obstacle's frame [rad].
+        Orientation of the obstacle's frame in the plane [rad].
+    orientation : tuple of float or None
+        Orientation of the obstacle's frame in space, a unit quaternion ``(w, x, y, z)``; None is not turned.
     motion : Motion or None
         How the position changes with time; None stays.
 
@@ -124,9 +129,10 @@ class Obstacle:
 
     kind: str
     dimensions: tuple[tuple[str, Any], ...]
-    position: tuple[float, float]
+    position: tuple[float, ...]
     angle: float = 0.0
     motion: Motion | None = None
+    orientation: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         _core.check("obstacle", self.to_dict())
@@ -147,12 +153,42 @@ class Obstacle:
         return _obstacle("circle", center, motion=motion, radius=radius)
 
     @staticmethod
+    def sphere(center: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
+        """A ball in space.
+
+        Parameters
+        ----------
+        center : (3,) array_like
+            Centre at rest [m].
+        radius : float
+            Radius [m], positive.
+        motion : Motion, optional
+            How it moves.
+        """
+        return _obstacle("sphere", center, motion=motion, radius=radius)
+
+    @staticmethod
+    def half_space(point: ArrayLike, normal: ArrayLike, motion: Motion | None = None) -> Obstacle:
+        """Everything behind a plane: a floor, a wall, a ceiling.
+
+        Parameters
+        ----------
+        point : (3,) array_like
+            A point of the surface at rest [m].
+        normal : (3,) array_like
+            Unit vector out of the solid.
+        motion : Motion, optional
+            How it moves.
+        """
+        return _obstacle("half_space", point, motion=motion, normal=normal)
+
+    @staticmethod
     def capsule(a: ArrayLike, b: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
         """All points nearer than `radius` to the segment from `a` to `b`; its position is the midpoint.
 
         Parameters
         ----------
-        a, b : (2,) array_like
+        a, b : (2,) or (3,) array_like
             Ends of the segment at rest [m].
         radius : float
             Radius [m], positive.
@@ -167,21 +203,30 @@ class Obstacle:
         return _obstacle("capsule", middle, motion=motion, a=a, b=b, radius=radius)
 
     @staticmethod
-    def box(center: ArrayLike, size: ArrayLike, angle: float = 0.0, motion: Motion | None = None) -> Obstacle:
-        """A rectangle.
+    def box(
+        center: ArrayLike,
+        size: ArrayLike,
+        angle: float = 0.0,
+        motion: Motion | None = None,
+        *,
+        orientation: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A rectangle, in space a cuboid.
 
         Parameters
         ----------
-        center : (2,) array_like
+        center : (2,) or (3,) array_like
             Centre at rest [m].
-        size : (2,) array_like
-            Width and height [m] in the box's own frame.
+        size : (2,) or (3,) array_like
+            Lengths of the edges [m] in the box's own frame.
         angle : float, optional
-            Rotation of the box [rad].
+            Rotation of the box in the plane [rad].
         motion : Motion, optional
             How it moves.
+        orientation : (4,) array_like, optional
+            Rotation of the box in space, a unit quaternion ``[w, x, y, z]``.
         """
-        return _obstacle("box", center, angle=angle, motion=motion, size=size)
+        return _obstacle("box", center, angle=angle, motion=motion, orientation=orientation, size=size)
 
     @staticmethod
     def polygon(vertices: ArrayLike, motion: Motion | None = None) -> Obstacle:
@@ -210,6 +255,8 @@ class Obstacle:
         document: Document = {"shape": self.shape, "position": list(self.position)}
         if self.angle:
             document["angle"] = self.angle
+        if self.orientation is not None:
+            document["orientation"] = list(self.orientation)
         if self.motion is not None:
             document["motion"] = plain(self.motion)
         return document
@@ -219,24 +266,33 @@ class Obstacle:
         parts.append(f"position={self.position!r}")
         if self.angle:
             parts.append(f"angle={self.angle!r}")
+        if self.orientation is not None:
+            parts.append(f"orientation={self.orientation!r}")
         if self.motion is not None:
             parts.append(f"motion={self.motion!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
 
 
 def _points(given: object) -> NDArray[np.float64] | None:
-    """Points as an array (k, 2), or None if they are none."""
+    """Points as an array (k, 2) or (k, 3), or None if they are none."""
     import numpy as np
 
     try:
         points = np.asarray(given, dtype=float)
     except (TypeError, ValueError):
         return None
-    return points if points.ndim == 2 and points.shape[1] == 2 and len(points) else None
+    return points if points.ndim == 2 and points.shape[1] in (2, 3) and len(points) else None
 
 
 def _obstacle(
-    kind: str, position: ArrayLike, *, angle: float = 0.0, motion: Motion | None, **dimensions: object
+    kind: str,
+    position: ArrayLike,
+    *,
+    angle: float = 0.0,
+    motion: Motion | None,
+    orientation: ArrayLike | None = None,
+    **dimensions: object,
 ) -> Obstacle:
     shape = tuple((name, frozen(value)) for name, value in dimensions.items())
-    return Obstacle(kind, shape, frozen(position), frozen(angle), motion)
+    turned = None if orientation is None else frozen(orientation)
+    return Obstacle(kind, shape, frozen(position), frozen(angle), motion, turned)

@@ -214,17 +214,29 @@ pub fn arrays(py: Python<'_>, record: Record) -> PyResult<Bound<'_, PyDict>> {
 
 /// Validate a scenario document, or a part of one, and return warnings.
 ///
+/// Parameters
+/// ----------
+/// kind : str
+///     Which part: ``"scenario"``, ``"arm"``, ``"obstacle"``, …
+/// document : dict
+///     The part.
+/// dimension : int, optional
+///     Of the space, 2 or 3; by default the part itself says which, as far as it does.
+///
 /// Raises
 /// ------
 /// vffnull.errors.ScenarioError
 ///     If it cannot be used; the message names the key, what was given, and what is allowed.
 #[pyfunction]
+#[pyo3(signature = (kind, document, dimension=None))]
 pub fn check(
     py: Python<'_>,
     kind: &str,
     #[pyo3(from_py_with = document)] document: toml::Table,
+    dimension: Option<usize>,
 ) -> PyResult<Vec<String>> {
-    interruptible(py, || Part::named(kind).and_then(|part| runtime::any::check(part, &document)))?
+    let check = |part| runtime::any::check(part, &document, dimension);
+    interruptible(py, || Part::named(kind).and_then(check))?
         .map_err(|error| errors::scenario(&error))
 }
 

@@ -4,7 +4,8 @@
 //! the base to the tip; link `i` is the body that joint `i` moves, and its frame is the frame of that
 //! joint. Units are SI, angles radians, quaternions `[w, x, y, z]`.
 
-use super::inertia;
+use super::spatial::{self, ArmError, Placement, SpatialArm};
+use super::{Limits, inertia};
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -272,6 +273,25 @@ pub enum DescriptionProblem {
     NoInertia(String),
 }
 
+/// Why a description is no model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// A shape that links cannot carry.
+    #[error(
+        "collision[{index}]: link `{link}` carries a box or a convex body; links are spheres and \
+         capsules so far (collision = \"fit\" puts capsules around them)"
+    )]
+    Shape {
+        /// Where it stands.
+        index: usize,
+        /// On which link.
+        link: String,
+    },
+    /// A value that the model refuses.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+}
+
 type Checked = Result<(), DescriptionError>;
 
 fn fault(path: impl Into<String>, problem: DescriptionProblem) -> DescriptionError {
@@ -402,6 +422,78 @@ pub fn six(m: &Matrix3<f64>) -> [f64; 6] {
 }
 
 impl ArmDescription {
+    /// An arm of these joints that stands at the origin, without limits and shapes.
+    pub fn of(joints: Vec<Joint>) -> Self {
+        Self {
+            name: None,
+            payload: None,
+            reach: None,
+            base: base(),
+            tip: tip(),
+            gravity: gravity(),
+            joint_limits: vec![],
+            velocity_limits: vec![],
+            torque_limits: vec![],
+            ignore: vec![],
+            mount: Frame::default(),
+            tool: Frame::default(),
+            joints,
+            collision: vec![],
+        }
+    }
+
+    /// The model of the arm. Shapes of the base, which does not move, are left out.
+    ///
+    /// # Errors
+    /// If a link carries something else than spheres and capsules, or the model refuses a value.
+    pub fn build(&self) -> Result<SpatialArm, BuildError> {
+        let place = |frame: &Frame| Placement {
+            position: frame.position.into(),
+            orientation: frame.orientation,
+        };
+        let mut bodies = vec![];
+        for (i, LinkShape { link, shape }) in self.collision.iter().enumerate() {
+            let Some(index) = self.joints.iter().position(|joint| joint.link == *link) else {
+                continue;
+            };
+            let (a, b, radius) = match shape {
+                Shape::Sphere { center, radius } => (*center, *center, *radius),
+                Shape::Capsule { a, b, radius } => (*a, *b, *radius),
+                Shape::Box { .. } | Shape::Convex { .. } => {
+                    return Err(BuildError::Shape { index: i, link: link.clone() });
+                }
+            };
+            bodies.push(spatial::Body { link: index, a: a.into(), b: b.into(), radius });
+        }
+        let joint = |joint: &Joint| spatial::Joint {
+            name: joint.name.clone(),
+            link: joint.link.clone(),
+            kind: match joint.kind {
+                JointKind::Revolute => spatial::JointKind::Revolute,
+                JointKind::Continuous => spatial::JointKind::Continuous,
+                JointKind::Prismatic => spatial::JointKind::Prismatic,
+            },
+            placement: place(&joint.origin()),
+            axis: joint.axis.into(),
+            mass: joint.mass,
+            com: joint.com.into(),
+            inertia: joint.inertia,
+            armature: joint.armature,
+        };
+        Ok(SpatialArm::new(spatial::Description {
+            joints: self.joints.iter().map(joint).collect(),
+            mount: place(&self.mount),
+            tool: place(&self.tool),
+            gravity: self.gravity.into(),
+            limits: Limits {
+                joint: self.joint_limits.clone(),
+                velocity: self.velocity_limits.clone(),
+                torque: self.torque_limits.clone(),
+            },
+            bodies,
+        })?)
+    }
+
     /// Number of moving joints.
     pub fn dof(&self) -> usize {
         self.joints.len()

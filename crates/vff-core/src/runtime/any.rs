@@ -6,7 +6,7 @@ use crate::robot::{Limits, Model};
 use crate::scenario::{
     self, AnyScene, Described, Part, Prepared, Problem, Scenario, ScenarioError, Scene,
 };
-use crate::simulation::{Outcome, Plane, Run, Snapshot, System};
+use crate::simulation::{Outcome, Plane, Run, Snapshot, Space, System};
 use std::time::Duration;
 use toml::Table;
 
@@ -26,6 +26,12 @@ pub enum AnyRun {
     PlanarPosition(Box<Run<Plane, 2, 2>>),
     /// In the plane, position and orientation.
     PlanarPose(Box<Run<Plane, 2, 3>>),
+    /// In space, position.
+    SpatialPosition(Box<Run<Space, 3, 3>>),
+    /// In space, position and direction of the tool.
+    SpatialPointing(Box<Run<Space, 3, 5>>),
+    /// In space, position and orientation.
+    SpatialPose(Box<Run<Space, 3, 6>>),
 }
 
 /// Does the same with whatever run it is.
@@ -34,6 +40,9 @@ macro_rules! either {
         match $run {
             AnyRun::PlanarPosition($inner) => $body,
             AnyRun::PlanarPose($inner) => $body,
+            AnyRun::SpatialPosition($inner) => $body,
+            AnyRun::SpatialPointing($inner) => $body,
+            AnyRun::SpatialPose($inner) => $body,
         }
     };
 }
@@ -212,6 +221,15 @@ impl Scenario {
             (AnyScene::Plane(scene), Pose) => {
                 self.prepare_for::<Plane, 2, 3>(scene, recorded, AnyRun::PlanarPose)
             }
+            (AnyScene::Space(scene), Position) => {
+                self.prepare_for::<Space, 3, 3>(scene, recorded, AnyRun::SpatialPosition)
+            }
+            (AnyScene::Space(scene), Pointing) => {
+                self.prepare_for::<Space, 3, 5>(scene, recorded, AnyRun::SpatialPointing)
+            }
+            (AnyScene::Space(scene), Pose) => {
+                self.prepare_for::<Space, 3, 6>(scene, recorded, AnyRun::SpatialPose)
+            }
             (AnyScene::Plane(_), Pointing) => unreachable!("validated: no task of the plane"),
         }
     }
@@ -238,10 +256,14 @@ impl Scenario {
 ///
 /// # Errors
 /// With the dotted path of the first fault.
-pub fn check(part: Part, document: &Table) -> Result<Vec<String>, ScenarioError> {
+pub fn check(
+    part: Part,
+    document: &Table,
+    dimension: Option<usize>,
+) -> Result<Vec<String>, ScenarioError> {
     if part == Part::Scenario {
         return Scenario::from_document(document)?.prepare().map(|ready| ready.warnings);
     }
-    scenario::check(part, document)?;
+    scenario::check(part, document, dimension)?;
     Ok(vec![])
 }

@@ -11,6 +11,7 @@ mod numbers;
 pub mod plane;
 mod prepare;
 mod scene;
+pub mod space;
 mod tables;
 mod validate;
 mod warnings;
@@ -20,15 +21,15 @@ pub use json_schema::json_schema;
 pub(crate) use numbers::{each, not_negative, number, positive};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
 pub use scene::{AnyScene, Described, ObstacleOf, Prepared, Scene};
+pub use space::{SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
 use crate::math::memory;
 use crate::robot::{Limits, Model, PlanarArm};
 use crate::simulation::{
-    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings, Plane,
+    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings, Plane, Space,
 };
-use crate::trajectory::Reference;
 use crate::world::Solid;
 use scene::on_scene;
 use serde::Deserialize;
@@ -90,18 +91,32 @@ pub(crate) fn read<T: DeserializeOwned>(document: &Table) -> Result<T, ScenarioE
 
 /// Reads and validates one part of a scenario on its own; of the whole, each of its parts.
 ///
+/// # Arguments
+/// * `dimension`: of the space, 2 or 3; if it is not given, the part itself says which, as far as it does.
+///
 /// # Errors
 /// With the dotted path of the first fault.
-pub fn check(part: Part, document: &Table) -> Result<(), ScenarioError> {
+pub fn check(part: Part, document: &Table, dimension: Option<usize>) -> Result<(), ScenarioError> {
+    match (part, dimension.unwrap_or_else(|| tables::dimension_of(part, document))) {
+        (Part::Scenario, _) => Scenario::from_document(document).map(drop),
+        (Part::Simulation, _) => validate::simulation(&read(document)?),
+        (Part::Field, _) => validate::field(&read(document)?),
+        (Part::Controller, _) => validate::controller(&read(document)?, None),
+        (_, 3) => check_in::<Space, 3>(part, document),
+        _ => check_in::<Plane, 2>(part, document),
+    }
+}
+
+/// A part that has the dimension of its arm.
+fn check_in<S: Described<D>, const D: usize>(
+    part: Part,
+    document: &Table,
+) -> Result<(), ScenarioError> {
     match part {
-        Part::Scenario => Scenario::from_document(document).map(drop),
-        Part::Arm => read_arm(document).map(drop),
-        Part::Controller => validate::controller(&read(document)?, None),
-        Part::Field => validate::field(&read(document)?),
-        Part::Obstacle => read_obstacle::<Plane, 2>(document).map(drop),
-        Part::Motion => validate::motion::<2>(&read(document)?),
-        Part::Reference => read::<Reference>(document).map(drop),
-        Part::Simulation => validate::simulation(&read(document)?),
+        Part::Arm => S::arm(&read(document)?).map(drop),
+        Part::Obstacle => read_obstacle::<S, D>(document).map(drop),
+        Part::Motion => validate::motion::<D>(&read(document)?),
+        _ => read::<S::Reference>(document).map(drop),
     }
 }
 

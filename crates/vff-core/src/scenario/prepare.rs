@@ -6,6 +6,7 @@ use crate::control::Gains;
 use crate::robot::{Manipulator, Model, PlanarArm, Robot};
 use crate::simulation::{
     Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Reality, Sizes,
+    orientation_width,
 };
 use crate::trajectory::Trajectory;
 use crate::world::World;
@@ -93,13 +94,14 @@ impl Scenario {
     pub fn record_bytes(&self) -> f64 {
         let (joints, dimension) = (self.q0.len(), self.scene.dimension());
         let task = self.controller.task.dimension(dimension).unwrap_or_default();
-        // In space an orientation is written as a quaternion.
-        let pose = if dimension == 3 && task > 3 { 7 } else { task };
+        let width = if dimension == 3 && task > 3 { 7 } else { task };
+        let orientation = orientation_width(dimension, width);
         let sizes = Sizes {
             dimension,
             joints,
             task,
-            pose,
+            pose: width - orientation,
+            orientation,
             obstacles: self.scene.obstacle_count(),
             rays: self.perception.as_ref().map_or(0, |given| given.rays_of(joints)),
         };

@@ -2,6 +2,7 @@
 
 use super::ScenarioError;
 use super::plane::PlanarScene;
+use super::space::SpatialScene;
 use crate::math::Vector;
 use crate::simulation::{Options, PerceptionSettings, Physics, Setting, System};
 use crate::trajectory::{Guided, Trajectory};
@@ -93,6 +94,8 @@ pub struct Scene<S: Described<D>, const D: usize> {
 pub enum AnyScene {
     /// In the plane.
     Plane(PlanarScene),
+    /// In space.
+    Space(SpatialScene),
 }
 
 /// Does the same with whatever scene it is.
@@ -100,6 +103,7 @@ macro_rules! on_scene {
     ($scene:expr, $inner:ident => $body:expr) => {
         match $scene {
             $crate::scenario::AnyScene::Plane($inner) => $body,
+            $crate::scenario::AnyScene::Space($inner) => $body,
         }
     };
 }
@@ -111,6 +115,7 @@ impl AnyScene {
     pub fn dimension(&self) -> usize {
         match self {
             Self::Plane(_) => 2,
+            Self::Space(_) => 3,
         }
     }
 
@@ -140,6 +145,7 @@ impl AnyScene {
     pub fn plane(&self) -> Option<&PlanarScene> {
         match self {
             Self::Plane(scene) => Some(scene),
+            Self::Space(_) => None,
         }
     }
 
@@ -147,6 +153,7 @@ impl AnyScene {
     pub fn plane_mut(&mut self) -> Option<&mut PlanarScene> {
         match self {
             Self::Plane(scene) => Some(scene),
+            Self::Space(_) => None,
         }
     }
 }

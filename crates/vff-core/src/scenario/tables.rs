@@ -2,11 +2,9 @@
 
 use super::document;
 use super::scene::{AnyScene, Described, ObstacleOf, Scene};
-use super::{Scenario, ScenarioError, validate};
+use super::{Part, Scenario, ScenarioError, validate};
 use crate::control::Settings;
-use crate::simulation::{
-    ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane,
-};
+use crate::simulation::{ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane, Space};
 use serde::Deserialize;
 use toml::{Table, Value};
 
@@ -46,7 +44,39 @@ pub(super) struct Tables<S: Described<D>, const D: usize> {
 pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
     let value = Value::Table(document.clone());
     validate::finite(&value)?;
-    document::read::<Tables<Plane, 2>>(&value).map(|tables| tables.into_scenario(AnyScene::Plane))
+    match dimension_of(Part::Scenario, document) {
+        2 => document::read::<Tables<Plane, 2>>(&value)
+            .map(|tables| tables.into_scenario(AnyScene::Plane)),
+        _ => document::read::<Tables<Space, 3>>(&value)
+            .map(|tables| tables.into_scenario(AnyScene::Space)),
+    }
+}
+
+/// The keys of `[arm]` by one of which an arm in space is known.
+pub(super) const SPATIAL_KEYS: [&str; 3] = ["model", "urdf", "joints"];
+
+/// The dimension of the space that a part of a scenario is about, as far as it says so; otherwise 2.
+pub(super) fn dimension_of(part: Part, document: &Table) -> usize {
+    let inside = |key: &str| document.get(key).and_then(Value::as_table);
+    let spatial = match part {
+        Part::Arm => SPATIAL_KEYS.iter().any(|key| document.contains_key(*key)),
+        Part::Scenario => inside("arm").is_some_and(|arm| dimension_of(Part::Arm, arm) == 3),
+        Part::Obstacle => document.get("position").is_some_and(has_three_coordinates),
+        Part::Motion => ["velocity", "amplitude", "points"]
+            .iter()
+            .any(|key| document.get(*key).is_some_and(has_three_coordinates)),
+        _ => false,
+    };
+    if spatial { 3 } else { 2 }
+}
+
+/// Of a point, or of the first of several.
+fn has_three_coordinates(value: &Value) -> bool {
+    value.as_array().is_some_and(|values| match values.first() {
+        Some(first @ Value::Array(_)) => has_three_coordinates(first),
+        Some(_) => values.len() == 3,
+        None => false,
+    })
 }
 
 impl<S: Described<D>, const D: usize> Tables<S, D> {

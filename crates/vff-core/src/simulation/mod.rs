@@ -15,6 +15,7 @@ mod plant;
 mod recorder;
 mod run;
 mod snapshot;
+mod space;
 mod system;
 
 pub use actuator::{Actuator, ActuatorSettings};
@@ -25,7 +26,8 @@ pub use options::{Control, Integrator, Options};
 pub use perception::{Kind as PerceptionKind, Perceive, Perception, PerceptionSettings};
 pub use plane::{PlanarSystem, Plane};
 pub use plant::Physics;
-pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes};
+pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes, orientation_width};
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
+pub use space::{Space, Unsensed};
 pub use system::{Setting, System};

@@ -14,8 +14,10 @@ pub struct Sizes {
     pub joints: usize,
     /// Task dimension m.
     pub task: usize,
-    /// Numbers p of a pose.
+    /// Numbers p of a pose: of its position, and in the plane its angle.
     pub pose: usize,
+    /// Numbers r of a pose in space that are its orientation: 4, a quaternion, or 0.
+    pub orientation: usize,
     /// Number of obstacles k.
     pub obstacles: usize,
     /// Number of rays r of the range sensors.
@@ -29,7 +31,8 @@ impl Sizes {
             dimension: s.dimension,
             joints: s.q.len(),
             task: s.error.len(),
-            pose: s.x.len(),
+            pose: s.x.len() - orientation_width(s.dimension, s.x.len()),
+            orientation: orientation_width(s.dimension, s.x.len()),
             obstacles: s.obstacles.count(),
             rays: s.sensed.map_or(0, Positions::count),
         }
@@ -40,6 +43,11 @@ impl Sizes {
         let mut empty = Record { sizes: self, ..Record::default() };
         8 * empty.columns(None).iter().map(|column| column.width()).sum::<usize>()
     }
+}
+
+/// How many of the `width` numbers that a pose takes are a quaternion.
+pub const fn orientation_width(dimension: usize, width: usize) -> usize {
+    if dimension == 3 && width > 3 { 4 } else { 0 }
 }
 
 /// Every recorded quantity, one row per recorded instant (units as in [`Snapshot`]). One that the run
@@ -66,10 +74,14 @@ pub struct Record {
     pub tau_vff: Vec<f64>,
     /// (T, p).
     pub x: Vec<f64>,
+    /// (T, 4) of poses in space, or empty.
+    pub orientation: Vec<f64>,
     /// (T, m).
     pub dx: Vec<f64>,
     /// (T, p).
     pub x_ref: Vec<f64>,
+    /// (T, 4) of poses in space, or empty.
+    pub orientation_ref: Vec<f64>,
     /// (T, m).
     pub error: Vec<f64>,
     /// (T, n).
@@ -177,7 +189,7 @@ impl Record {
 
     /// The one list of arrays: as long as those of a run like `s`, or of one that has everything.
     fn columns(&mut self, s: Option<&Snapshot<'_>>) -> Vec<Column<'_>> {
-        let Sizes { dimension: d, joints: n, task: m, pose, obstacles, rays } = self.sizes;
+        let Sizes { dimension: d, joints: n, task: m, pose, orientation, obstacles, rays } = self.sizes;
         let column = |name, values, shape: &[usize]| Column {
             name,
             values,
@@ -207,6 +219,8 @@ impl Record {
             column("energy", &mut self.energy, &[energy::ENERGIES.len()]),
             column("power", &mut self.power, &[energy::PORTS.len()]),
             column("manipulability", &mut self.manipulability, &[]),
+            optional("orientation", &mut self.orientation, &[orientation], |_| true),
+            optional("orientation_ref", &mut self.orientation_ref, &[orientation], |_| true),
             optional("q_measured", &mut self.q_measured, &[n], |s| !s.q_measured.is_empty()),
             optional("dq_measured", &mut self.dq_measured, &[n], |s| !s.dq_measured.is_empty()),
             optional("tau_applied", &mut self.tau_applied, &[n], |s| !s.tau_applied.is_empty()),
@@ -256,9 +270,12 @@ impl Record {
         self.tau_task.extend_from_slice(&s.torque.task);
         self.tau_null.extend_from_slice(&s.torque.null);
         self.tau_vff.extend_from_slice(s.tau_vff);
-        self.x.extend_from_slice(s.x);
+        let [x, x_ref] = [s.x, s.x_ref].map(|pose| pose.split_at(self.sizes.pose));
+        self.x.extend_from_slice(x.0);
+        self.orientation.extend_from_slice(x.1);
         self.dx.extend_from_slice(s.dx);
-        self.x_ref.extend_from_slice(s.x_ref);
+        self.x_ref.extend_from_slice(x_ref.0);
+        self.orientation_ref.extend_from_slice(x_ref.1);
         self.error.extend_from_slice(s.error);
         self.force.extend_from_slice(s.force);
         self.clearance.extend_from_slice(s.clearance);

@@ -229,7 +229,7 @@ impl SpatialArm {
 
     /// The position of the base in the world \[m\].
     #[inline]
-    pub(super) fn base(&self) -> &Vector<3> {
+    pub fn base(&self) -> &Vector<3> {
         &self.description.mount.position
     }
 

@@ -8,9 +8,10 @@ mod trace;
 
 use super::SCHEMA;
 use super::tables::Tables;
-use crate::simulation::Plane;
+use super::tables::SPATIAL_KEYS;
+use crate::simulation::{Plane, Space};
 use serde_json::{Map, Value, json};
-use text::{Row, Rows};
+use text::{Row, Rows, SPACE};
 use trace::{Fault, Key, Kind, Required, trace};
 
 /// The JSON Schema (draft 7) of a scenario.
@@ -26,12 +27,21 @@ pub fn json_schema() -> String {
 }
 
 fn schema_of_scenario() -> Result<Value, Fault> {
-    let kind = trace::<Tables<Plane, 2>>()?;
-    let mut schema = schema(&kind, "", &text::rows(SCHEMA));
-    schema["$schema"] = "http://json-schema.org/draft-07/schema#".into();
-    schema["title"] = "vffnull scenario".into();
-    schema["description"] = "Units are SI, angles are in radians.".into();
-    Ok(schema)
+    let rows = text::rows(SCHEMA);
+    let plane = schema(&trace::<Tables<Plane, 2>>()?, "", &rows);
+    let space = schema(&trace::<Tables<Space, 3>>()?, SPACE, &rows);
+    let has = |key: &str| json!({ "required": [key] });
+    let spatial = json!({ "anyOf": SPATIAL_KEYS.map(has) });
+    Ok(json!({
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "vffnull scenario",
+        "description": "Units are SI, angles are in radians.",
+        "type": "object",
+        "required": ["arm"],
+        "if": { "properties": { "arm": spatial } },
+        "then": space,
+        "else": plane,
+    }))
 }
 
 /// What may stand at `path`.
@@ -54,6 +64,7 @@ fn schema(kind: &Kind, path: &str, rows: &Rows) -> Value {
             "maxItems": length,
         }),
         Kind::Table(keys) => table(keys, path, rows, None),
+        Kind::AnyTable => json!({ "type": "object", "required": ["kind"] }),
         Kind::Choice { variants, .. } if variants.iter().all(|(_, kind)| *kind == Kind::Unit) => {
             let names: Vec<_> = variants.iter().map(|(name, _)| *name).collect();
             json!({ "type": "string", "enum": names })
@@ -95,8 +106,13 @@ fn table(keys: &[Key], path: &str, rows: &Rows, variant: Option<&str>) -> Value 
     })
 }
 
-/// The row of a key. A field over the angle to the joint limits has the keys of any field.
+/// The row of a key: in space that of its own, or the same as in the plane. A field over the angle to the joint limits has
+/// the keys of any field.
 fn row_of<'a>(path: &str, rows: &'a Rows) -> Option<&'a Row> {
+    if let Some(row) = rows.get(path) {
+        return Some(row);
+    }
+    let path = path.strip_prefix(SPACE).unwrap_or(path);
     rows.get(path).or_else(|| {
         let key = path.strip_prefix("controller.joint_limit_field.")?;
         rows.get(&format!("controller.field.{key}"))
@@ -176,9 +192,9 @@ mod tests {
     /// `schema.md` explains the keys that the types have, all of them, and no others.
     #[test]
     fn every_key_is_explained() {
-        let kind = trace::<Tables<Plane, 2>>().unwrap();
         let (rows, mut found) = (text::rows(SCHEMA), BTreeSet::new());
-        paths(&kind, "", &mut found);
+        paths(&trace::<Tables<Plane, 2>>().unwrap(), "", &mut found);
+        paths(&trace::<Tables<Space, 3>>().unwrap(), SPACE, &mut found);
         // Tables have sections of their own.
         let is_table =
             |path: &str| found.iter().any(|other| other.starts_with(&format!("{path}.")));
@@ -212,18 +228,19 @@ mod tests {
             }
         }
         compare(&trace::<Tables<Plane, 2>>().unwrap(), "", &text::rows(SCHEMA));
+        compare(&trace::<Tables<Space, 3>>().unwrap(), SPACE, &text::rows(SCHEMA));
     }
 
     #[test]
     fn types_ranges_defaults_and_units_arrive() {
-        let schema = schema_of_scenario().unwrap();
+        let schema = schema_of_scenario().unwrap()["else"].clone();
         let controller = &schema["properties"]["controller"]["properties"];
         let margin = &controller["yielding"]["properties"]["margin"];
         assert_eq!(margin["type"], "number");
         assert_eq!(margin["exclusiveMinimum"], 0);
         assert_eq!(margin["default"], 0.02);
         assert!(margin["description"].as_str().unwrap().ends_with("[m]"), "{margin}");
-        assert_eq!(controller["task"]["enum"], json!(["position", "pose"]));
+        assert_eq!(controller["task"]["enum"], json!(["position", "pose", "pointing"]));
         assert_eq!(controller["task"]["default"], "position");
         let com = &schema["properties"]["arm"]["properties"]["com"];
         assert_eq!(com["anyOf"][1]["items"]["anyOf"][1]["items"]["type"], "number");

@@ -15,6 +15,9 @@ pub struct Row {
     pub note: String,
 }
 
+/// What the paths of rows begin with that hold for arms in space alone: their sections are called so.
+pub const SPACE: &str = "space.";
+
 /// Rows by the path of their key, such as `controller.field.gain` or `reference.line.end`.
 pub type Rows = BTreeMap<String, Row>;
 
@@ -28,8 +31,13 @@ pub fn rows(text: &str) -> Rows {
     let (mut columns, mut last): (Vec<usize>, Option<String>) = (vec![], None);
     for line in text.lines() {
         if let Some(heading) = line.strip_prefix("## ") {
+            let (heading, space) = match heading.strip_suffix(" in space") {
+                Some(heading) => (heading, SPACE),
+                None => (heading, ""),
+            };
             let path = heading.trim_matches(|c| c == '[' || c == ']');
-            table = if heading.starts_with('[') { format!("{path}.") } else { String::new() };
+            table =
+                if heading.starts_with('[') { format!("{space}{path}.") } else { String::new() };
             section.clone_from(&table);
         } else if let Some(heading) = line.strip_prefix("### ") {
             // `kind = "line"`, or `shape.kind = "circle"`

@@ -1,0 +1,98 @@
+//! Scenarios in space.
+
+mod arm;
+mod plant;
+
+pub use arm::SpatialArmSpec;
+pub use plant::{PayloadSpec, SpatialPlantSpec};
+
+use super::error::{Problem, ScenarioError};
+use super::numbers::{not_negative, number, positive};
+use super::scene::{Described, Prepared, Scene};
+use super::validate;
+use crate::math::Vector;
+use crate::math::rotation::UnitQuaternion;
+use crate::robot::SpatialArm;
+use crate::simulation::{Options, PerceptionSettings, Physics, Space, System, Unsensed};
+use crate::trajectory::{Guided, SpatialReference, Trajectory};
+use crate::world::space::{Obstacle, Shape};
+use std::sync::Arc;
+
+/// The tables of a scenario in space that depend on its dimension.
+pub type SpatialScene = Scene<Space, 3>;
+
+impl Described<3> for Space {
+    type ArmTable = SpatialArmSpec;
+    type PlantTable = SpatialPlantSpec;
+    type Reference = SpatialReference;
+
+    fn arm(table: &SpatialArmSpec) -> Result<SpatialArm, ScenarioError> {
+        table.build()
+    }
+
+    fn plant(
+        table: &SpatialPlantSpec,
+        arm: &SpatialArmSpec,
+        model: &Arc<SpatialArm>,
+    ) -> Result<Physics<SpatialArm>, ScenarioError> {
+        table.build(arm, model)
+    }
+
+    fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
+        shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
+        UnitQuaternion::new(obstacle.orientation).map_err(|error| {
+            ScenarioError::new("orientation", Problem::Other(error.to_string()))
+        })?;
+        validate::motion_from(&obstacle.motion, obstacle.position)
+    }
+
+    fn perception(
+        _: &PerceptionSettings,
+        _: usize,
+        _: u64,
+        _: &Options,
+    ) -> Result<Unsensed, ScenarioError> {
+        let problem = "range sensors belong to planar arms so far; the controller of an arm in space \
+                       knows the obstacles (kind = \"ideal\")";
+        Err(ScenarioError::new("kind", Problem::Other(problem.into())))
+    }
+}
+
+fn shape(shape: &Shape) -> Result<(), ScenarioError> {
+    match shape {
+        Shape::Sphere { radius } => number("radius", *radius, positive),
+        Shape::Capsule { a, b, radius } => {
+            number("radius", *radius, not_negative)?;
+            if validate::same(a, b) {
+                return Err(ScenarioError::out_of_range("b", "another point than a", b));
+            }
+            Ok(())
+        }
+        Shape::Box { size } => (0..3)
+            .try_for_each(|axis| number(&format!("size[{axis}]"), size[axis], positive)),
+        Shape::HalfSpace { normal } => {
+            let norm = Vector::from(*normal).norm();
+            if (norm - 1.0).abs() <= crate::math::rotation::UNIT_TOLERANCE {
+                return Ok(());
+            }
+            let requirement = format!("a vector of norm 1, not {norm}");
+            Err(ScenarioError::out_of_range("normal", &requirement, normal))
+        }
+    }
+}
+
+impl<const M: usize> Prepared<3, M> for Space
+where
+    Space: System<3, M, Pose: Guided<M, Reference = SpatialReference>>,
+{
+    fn reachable(
+        arm: &Arc<SpatialArm>,
+        trajectory: &Trajectory<Self::Pose, M>,
+        q0: &[f64],
+        options: &Options,
+        duration: f64,
+    ) -> Result<(), ScenarioError> {
+        let _ = (arm, trajectory, q0, options, duration);
+        Ok(())
+    }
+}
