@@ -53,6 +53,14 @@ impl UnitQuaternion {
         }
     }
 
+    /// The rotation of a quaternion `[w, x, y, z]` of any length but 0.
+    #[inline]
+    pub(crate) fn normalised([w, x, y, z]: [f64; 4]) -> Self {
+        let v = Vector::<3>::new(x, y, z);
+        let norm = (w * w + v.norm_squared()).sqrt();
+        Self { w: w / norm, v: v / norm }
+    }
+
     /// `[w, x, y, z]` with w ≥ 0; of a half turn, whose w is 0, the one whose first component that
     /// is not 0 is positive.
     pub fn to_array(&self) -> [f64; 4] {

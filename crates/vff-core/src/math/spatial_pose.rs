@@ -58,6 +58,52 @@ impl Pose<6> for SpatialPose {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pointing(pub SpatialPose);
 
+impl Pointing {
+    /// Rates of a reference at this pose, of its position and, along its own x and y axes, of its direction z:
+    /// z × ż. What turns about z has no part in them.
+    #[inline]
+    pub(crate) fn velocity(&self, linear: &Vector<3>, omega: &Vector<3>) -> Vector<5> {
+        let w = self.0.orientation.inverse().rotate(omega);
+        Vector::<5>::new(linear.x, linear.y, linear.z, w.x, w.y)
+    }
+
+    /// The same of second order: z × z̈, which is α across z plus (ω·z) z × ω (T103).
+    #[inline]
+    pub(crate) fn acceleration(
+        &self,
+        linear: &Vector<3>,
+        omega: &Vector<3>,
+        alpha: &Vector<3>,
+    ) -> Vector<5> {
+        let own = self.0.orientation.inverse();
+        let (w, a) = (own.rotate(omega), own.rotate(alpha));
+        Vector::<5>::new(linear.x, linear.y, linear.z, a.x - w.z * w.y, a.y + w.z * w.x)
+    }
+
+    /// ẋ_r and ẍ_r of a reference at this pose, which has them in its own axes, as what a law commands to `tool`,
+    /// in the tool's, while that turns with `omega` in world axes (T105).
+    #[inline]
+    pub fn resolve(
+        &self,
+        tool: &Self,
+        omega: &Vector<3>,
+        dx: &Vector<5>,
+        ddx: &Vector<5>,
+    ) -> [Vector<5>; 2] {
+        let to_tool = tool.0.orientation.inverse();
+        let between = to_tool * self.0.orientation;
+        let w_r = between.rotate(&Vector::<3>::new(dx[3], dx[4], 0.0));
+        let a_r = between.rotate(&Vector::<3>::new(ddx[3], ddx[4], 0.0));
+        let w = to_tool.rotate(omega);
+        let own = 2.0 * w_r.z - w.z;
+        let mut out = [*dx, *ddx];
+        (out[0][3], out[0][4]) = (w_r.x, w_r.y);
+        out[1][3] = a_r.x - own * w.y + w_r.z * w_r.y;
+        out[1][4] = a_r.y + own * w.x - w_r.z * w_r.x;
+        out
+    }
+}
+
 /// Angular components are those along the x and y axes of the tool itself, as the rows of its Jacobian.
 impl Pose<5> for Pointing {
     const WIDTH: usize = 7;

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// Why a [`Reference`](super::Reference) cannot be prepared.
+/// Why a [`Reference`](super::Reference) or a [`SpatialReference`](super::SpatialReference) cannot be prepared.
 ///
 /// The message says what was expected and what was given. It does not name the field, so
 /// that a caller can put the whole dotted path, ending in [`TrajectoryError::field`], before
@@ -52,6 +52,43 @@ pub enum TrajectoryError {
         /// The orientation \[rad\].
         given: f64,
     },
+    /// Not as many orientations as times.
+    #[error("expected {times} orientations, one per entry of `times`, given {given}")]
+    OrientationCount {
+        /// Number of times.
+        times: usize,
+        /// Number of orientations.
+        given: usize,
+    },
+    /// A quaternion whose norm is not 1.
+    #[error("expected a unit quaternion [w, x, y, z], given one of norm {norm}")]
+    Orientation {
+        /// Name of the quaternion, such as `orientations[3]`.
+        field: String,
+        /// Its norm.
+        norm: f64,
+    },
+    /// Orientations so far apart that a smooth curve through them would spin round.
+    #[error(
+        "expected smaller turns from one orientation to the next, given one with no smooth way to it: \
+         put orientations in between"
+    )]
+    OrientationsApart {
+        /// Index of the orientation that the curve comes to.
+        index: usize,
+    },
+    /// A field that says something of the orientation, for a task that does not control it.
+    #[error("expected no `{field}` because the task controls the position only")]
+    UselessOrientation {
+        /// Name of the field.
+        field: &'static str,
+    },
+    /// The normal of a circle that has no direction.
+    #[error("expected a direction [x, y, z], given {given:?}")]
+    Normal {
+        /// What was given.
+        given: [f64; 3],
+    },
     /// A duration that is not positive.
     #[error("expected a positive duration, given {given} s")]
     Duration {
@@ -64,7 +101,11 @@ impl TrajectoryError {
     /// The field of the reference that is wrong, such as `duration`, `times[2]`, `points[3]`.
     pub fn field(&self) -> String {
         match self {
-            Self::Dimension { field, .. } => field.clone(),
+            Self::Dimension { field, .. } | Self::Orientation { field, .. } => field.clone(),
+            Self::UselessOrientation { field } => (*field).into(),
+            Self::OrientationCount { .. } => "orientations".into(),
+            Self::OrientationsApart { index } => format!("orientations[{index}]"),
+            Self::Normal { .. } => "normal".into(),
             Self::PointCount { .. } => "points".into(),
             Self::TooFewTimes { .. } => "times".into(),
             Self::TimesNotIncreasing { index, .. } => format!("times[{index}]"),

@@ -2,21 +2,24 @@
 //!
 //! A scenario describes a reference; [`Trajectory::new`] checks it against the task and prepares it;
 //! [`Trajectory::at`] evaluates it without allocating. What a reference is for a kind of pose is said by
-//! [`Guided`]: [`plane`] has the poses of the plane.
+//! [`Guided`]: [`plane`] and [`space`] have theirs.
 
 mod coordinates;
 mod error;
 mod governor;
 mod line;
+mod lissajous;
 mod piecewise;
 pub mod plane;
 mod polynomial;
+pub mod space;
 mod table;
 mod waypoints;
 
 pub use error::TrajectoryError;
 pub use governor::{Governor, GovernorSettings};
 pub use plane::Reference;
+pub use space::SpatialReference;
 
 use crate::math::{Pose, Vector};
 use std::fmt::Debug;

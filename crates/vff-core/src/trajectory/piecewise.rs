@@ -19,7 +19,7 @@ pub(super) struct Piecewise<const M: usize, const K: usize> {
 }
 
 impl<const M: usize, const K: usize> Piecewise<M, K> {
-    /// Through `points` (checked by [`knots`]) at `times`, with the polynomial `piece(i)`
+    /// Through `points` (checked by [`check`]) at `times`, with the polynomial `piece(i)`
     /// between the knots i and i + 1.
     pub(super) fn new(
         times: &[f64],
@@ -50,17 +50,13 @@ impl<const M: usize, const K: usize> Piecewise<M, K> {
     }
 }
 
-/// The points as vectors, after checking that there are at least two, one for each time, and
-/// that the times increase.
-pub(super) fn knots<const M: usize>(
-    times: &[f64],
-    points: &[Vec<f64>],
-) -> Result<Vec<Vector<M>>, TrajectoryError> {
+/// Checks that there are at least two times, as many points, and that the times increase.
+pub(super) fn check(times: &[f64], points: usize) -> Result<(), TrajectoryError> {
     if times.len() < 2 {
         return Err(TrajectoryError::TooFewTimes { given: times.len() });
     }
-    if points.len() != times.len() {
-        return Err(TrajectoryError::PointCount { times: times.len(), points: points.len() });
+    if points != times.len() {
+        return Err(TrajectoryError::PointCount { times: times.len(), points });
     }
     for (i, pair) in times.windows(2).enumerate() {
         let increasing = pair[0] < pair[1]; // false for NaN
@@ -72,6 +68,15 @@ pub(super) fn knots<const M: usize>(
             });
         }
     }
+    Ok(())
+}
+
+/// The points as vectors, after [`check`].
+pub(super) fn knots<const M: usize>(
+    times: &[f64],
+    points: &[Vec<f64>],
+) -> Result<Vec<Vector<M>>, TrajectoryError> {
+    check(times, points.len())?;
     points.iter().enumerate().map(|(i, point)| vector(format!("points[{i}]"), point)).collect()
 }
 

@@ -3,7 +3,7 @@
 use super::piecewise::Piecewise;
 use crate::math::Vector;
 
-/// Cubics through `points` at `times` (checked by [`super::piecewise::knots`]): C², without
+/// Cubics through `points` at `times` (checked by [`super::piecewise::check`]): C², without
 /// curvature at both ends.
 pub(super) fn through<const M: usize>(times: &[f64], points: &[Vector<M>]) -> Piecewise<M, 4> {
     let duration = |i: usize| times[i + 1] - times[i];

@@ -3,7 +3,7 @@
 use super::piecewise::Piecewise;
 use crate::math::Vector;
 
-/// Quintics through `points` at `times` (checked by [`super::piecewise::knots`]).
+/// Quintics through `points` at `times` (checked by [`super::piecewise::check`]).
 ///
 /// At rest at both ends. At an interior point, velocity and acceleration are those of the
 /// parabola through it and its two neighbours (three-point differences; for the velocity the

@@ -4,6 +4,7 @@ mod curve;
 mod reference;
 
 use super::coordinates::Coordinates;
+use super::lissajous::oscillation;
 use super::{Guided, Sample, TrajectoryError};
 use crate::math::{PlanarPose, Vector, sin_cos};
 use curve::Curve;
@@ -97,10 +98,7 @@ impl<const M: usize> Lissajous<M> {
     #[inline]
     pub(super) fn at(&self, t: f64) -> Coordinates<M> {
         let [[x, dx, ddx], [y, dy, ddy]] = [0, 1].map(|axis| {
-            let omega = self.angular_frequency[axis];
-            let (sin, cos) = sin_cos(omega * t + self.phase[axis]);
-            let (sin, cos) = (self.amplitude[axis] * sin, self.amplitude[axis] * cos);
-            [sin, omega * cos, -omega * omega * sin]
+            oscillation(self.amplitude[axis], self.angular_frequency[axis], self.phase[axis], t)
         });
         Coordinates {
             x: self.center + extend([x, y], 0.0),

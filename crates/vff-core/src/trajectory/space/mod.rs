@@ -1,0 +1,130 @@
+//! References in space: a curve of positions and one of orientations (T100–T103).
+
+mod orientation;
+mod position;
+mod reference;
+#[cfg(test)]
+mod tests;
+
+use super::coordinates::Coordinates;
+use super::{Guided, Sample, TrajectoryError};
+use crate::math::{Pointing, SpatialPose, Vector};
+use orientation::{Orientation, Turning};
+use position::Position;
+
+pub use reference::SpatialReference;
+
+/// A curve of positions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PositionCurve(Position);
+
+/// A curve of positions and orientations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseCurve {
+    position: Position,
+    orientation: Orientation,
+}
+
+impl PoseCurve {
+    fn new(reference: &SpatialReference, start: &SpatialPose) -> Result<Self, TrajectoryError> {
+        Ok(Self {
+            position: Position::new(reference, start.position())?,
+            orientation: Orientation::new(reference, start.orientation())?,
+        })
+    }
+
+    fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
+        Self {
+            position: self.position.aim(t, goal, rate),
+            orientation: self.orientation.rest(t, rate),
+        }
+    }
+}
+
+/// A position in space. An orientation is of no use.
+impl Guided<3> for Vector<3> {
+    type Reference = SpatialReference;
+    type Curve = PositionCurve;
+
+    fn curve(reference: &SpatialReference, start: &Self) -> Result<PositionCurve, TrajectoryError> {
+        match Orientation::spoken_of(reference) {
+            Some(field) => Err(TrajectoryError::UselessOrientation { field }),
+            None => Ok(PositionCurve(Position::new(reference, *start)?)),
+        }
+    }
+
+    #[inline]
+    fn at(curve: &PositionCurve, t: f64) -> Sample<Self, 3> {
+        let Coordinates { x, dx, ddx } = curve.0.at(t);
+        Sample { x, dx, ddx }
+    }
+
+    fn aim(curve: &PositionCurve, t: f64, goal: &[f64], rate: f64) -> PositionCurve {
+        PositionCurve(curve.0.aim(t, goal, rate))
+    }
+}
+
+/// A position and the direction of the tool; see [`Sample::in_world_axes`] for the derivatives.
+impl Guided<5> for Pointing {
+    type Reference = SpatialReference;
+    type Curve = PoseCurve;
+
+    fn curve(reference: &SpatialReference, start: &Self) -> Result<PoseCurve, TrajectoryError> {
+        PoseCurve::new(reference, &start.0)
+    }
+
+    #[inline]
+    fn at(curve: &PoseCurve, t: f64) -> Sample<Self, 5> {
+        let Coordinates { x, dx, ddx } = curve.position.at(t);
+        let Turning { orientation, omega, alpha } = curve.orientation.at(t);
+        let x = Self(SpatialPose::new(x, orientation));
+        Sample { x, dx: x.velocity(&dx, &omega), ddx: x.acceleration(&ddx, &omega, &alpha) }
+    }
+
+    fn aim(curve: &PoseCurve, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
+        curve.aim(t, goal, rate)
+    }
+}
+
+/// A position and an orientation in space; derivatives are linear, then ω and α, in world axes.
+impl Guided<6> for SpatialPose {
+    type Reference = SpatialReference;
+    type Curve = PoseCurve;
+
+    fn curve(reference: &SpatialReference, start: &Self) -> Result<PoseCurve, TrajectoryError> {
+        PoseCurve::new(reference, start)
+    }
+
+    #[inline]
+    fn at(curve: &PoseCurve, t: f64) -> Sample<Self, 6> {
+        let Coordinates { x, dx, ddx } = curve.position.at(t);
+        let Turning { orientation, omega, alpha } = curve.orientation.at(t);
+        Sample {
+            x: Self::new(x, orientation),
+            dx: stacked(&dx, &omega),
+            ddx: stacked(&ddx, &alpha),
+        }
+    }
+
+    fn aim(curve: &PoseCurve, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
+        curve.aim(t, goal, rate)
+    }
+}
+
+impl Sample<Pointing, 5> {
+    /// From derivatives as others have them: linear, then angular, in world axes. What turns about the tool's z axis
+    /// is left out of them.
+    pub fn in_world_axes(x: SpatialPose, dx: &Vector<6>, ddx: &Vector<6>) -> Self {
+        let [[v, omega], [a, alpha]] = [dx, ddx].map(|rate| {
+            [rate.fixed_rows::<3>(0).into_owned(), rate.fixed_rows::<3>(3).into_owned()]
+        });
+        let x = Pointing(x);
+        Self { x, dx: x.velocity(&v, &omega), ddx: x.acceleration(&a, &omega, &alpha) }
+    }
+}
+
+/// Linear components, then angular ones.
+#[inline]
+fn stacked(linear: &Vector<3>, angular: &Vector<3>) -> Vector<6> {
+    Vector::<6>::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+}
