@@ -4,7 +4,7 @@ use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
 use crate::interrupt;
 use crate::robot::planar::Annulus;
-use crate::robot::{Model, PlanarArm};
+use crate::robot::{Model, PlanarArm, Robot};
 use crate::simulation::{
     Actuator, ClosedLoop, Control, Measurement, Perception, PerceptionKind, PlanarSystem, Reality,
     Sizes,
@@ -20,6 +20,7 @@ impl Scenario {
         model: &Arc<PlanarArm>,
     ) -> Result<Reality<PlanarArm, Perception>, ScenarioError> {
         let (n, dt) = (model.dof(), self.simulation.dt);
+        let state = model.state();
         let plant = self.plant.build(&self.arm, model).map_err(|error| error.inside("plant"))?;
         let sampled = self.simulation.control != Control::Continuous;
         if let Some(settings) = &self.measurement {
@@ -29,7 +30,7 @@ impl Scenario {
         let perception =
             self.perception.as_ref().filter(|given| given.kind == PerceptionKind::Range);
         if let Some(settings) = perception {
-            validate::perception(settings, n, dt, sampled)
+            validate::perception(settings, state.body_count(), dt, sampled)
                 .map_err(|error| error.inside("perception"))?;
         }
         if let Some(settings) = &self.actuator {
@@ -39,7 +40,7 @@ impl Scenario {
         Ok(Reality {
             plant,
             measurement: measurement.map(|given| Measurement::new(given, self.seed, n, dt)),
-            perception: perception.map(|given| Perception::new(given, self.seed, n, dt)),
+            perception: perception.map(|given| Perception::new(given, self.seed, &state, dt)),
             actuator: self.actuator.as_ref().map(|given| Actuator::new(given, n, dt)),
         })
     }
