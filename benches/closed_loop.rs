@@ -7,7 +7,7 @@
 mod scene;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use scene::{EULER, STEPS, alarmed, barriers, beside, furnished, grid, prepare, preview, scene};
+use scene::{EULER, STEPS, barriers, beside, furnished, grid, prepare, preview, scene, searching};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use vff_core::scenario::Scenario;
@@ -82,9 +82,9 @@ fn closed_loop(c: &mut Criterion) {
         measure("euler-hold-cbf/discs", discs, &barriers(6, discs));
     }
     for discs in [1, 8] {
-        // What a look costs is in the average.
+        // What a planning cycle costs is in the average.
         measure("euler-hold-preview/discs", discs, &preview(6, discs));
-        measure("euler-hold-preview-alarmed/discs", discs, &alarmed(6, discs));
+        measure("euler-hold-preview-searching/discs", discs, &searching(6, discs));
     }
     for obstacles in [1, 10, 100] {
         measure("euler-hold/obstacles", obstacles, &scene(6, obstacles, EULER));

@@ -90,7 +90,7 @@ def per_step(program: Path, n: int) -> dict[str, float]:
     return {function: cost / (LONG - SHORT) for function, cost in costs.most_common() if cost}
 
 
-def judge(counts: dict[str, float]) -> bool:
+def compare(counts: dict[str, float]) -> bool:
     """Print the counts beside the baseline; whether none has grown by more than is allowed."""
     baseline = json.loads(BASELINE.read_text(encoding="utf-8"))
     fine = True
@@ -174,7 +174,7 @@ def main() -> None:
         update(counts)
     elif arguments.profile:
         write_section(ROOT / "docs" / "speed.md", "profile", profile(costs))
-    elif not judge(counts):
+    elif not compare(counts):
         sys.exit(1)
 
 

@@ -107,7 +107,7 @@ pub fn preview(n: usize, discs: usize) -> Scenario {
 }
 
 /// And searching all the time: one of the discs is at the base, where no candidate avoids it.
-pub fn alarmed(n: usize, discs: usize) -> Scenario {
+pub fn searching(n: usize, discs: usize) -> Scenario {
     let places = |joints: &[[f64; 2]]| {
         let beside = beside(joints).into_iter();
         std::iter::once([-0.05, 0.0]).chain(beside).take(discs).collect()

@@ -4,7 +4,7 @@
 
 mod scene;
 
-use scene::{EULER, STEPS, alarmed, barriers, prepare, preview, scene};
+use scene::{EULER, STEPS, barriers, prepare, preview, scene, searching};
 use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::Instant;
@@ -59,7 +59,7 @@ fn main() {
             ("1 disc, cbf", barriers(n, 1)),
             ("8 discs, cbf", barriers(n, 8)),
             ("8 discs, cbf + preview", preview(n, 8)),
-            ("8 discs, cbf + preview, searching", alarmed(n, 8)),
+            ("8 discs, cbf + preview, searching", searching(n, 8)),
         ] {
             table.push((format!("{n} joints, {what}"), times(&scenario, runs)));
         }

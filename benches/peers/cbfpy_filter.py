@@ -26,7 +26,7 @@ from peers.avoidance import Array, Filter, Reference, Way
 
 jax.config.update("jax_enable_x64", True)
 
-EVERY = 4  # steps of 1 ms between programmes
+EVERY = 4  # steps of 1 ms between QPs
 PAIRS = 12
 MARGIN = 0.03  # m
 

@@ -2,7 +2,7 @@
 
 As in mink's own examples, its configuration is integrated by itself, and a servo follows: joint torque by the
 exact model, M(q) (Kp (q_mink - q) + Kd (dq_mink - dq)) + C dq, at 1 kHz, critically damped at 50 rad/s. Where
-the programme has no solution, the configuration stands still for a period. mink is told where obstacles are,
+the QP has no solution, the configuration stands still for a period. mink is told where obstacles are,
 not how fast they move: it has no place for that. By default its limit only forbids to approach, so that an
 obstacle that comes is waited for; a negative `bound_relaxation` makes links retreat at that speed.
 """
@@ -20,7 +20,7 @@ from peers.avoidance import Array, Filter, Reference, Way
 from vffnull import Scenario
 from vffnull.export import to_mjcf
 
-EVERY = 5  # steps of 1 ms between programmes
+EVERY = 5  # steps of 1 ms between QPs
 SERVO = 50.0  # rad/s
 
 

@@ -106,7 +106,7 @@ def fitting(loop: Loop) -> int:
 
 
 def report(everybody: list[Peer], times: Times, deviations: dict[str, dict[int, float]]) -> str:
-    """The tables, and what one needs to judge them."""
+    """The tables, and what one needs to assess them."""
     ours = times[everybody[0].name]
     sizes = [n for n in TABLE if n in ours]
     head = [f"n = {n}" for n in sizes]

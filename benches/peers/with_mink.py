@@ -1,6 +1,6 @@
 """mink: differential inverse kinematics with its collision-avoidance limit. Other work than ours.
 
-One quadratic programme a step finds joint velocities, which are integrated; there are no torques, no
+One quadratic program (QP) a step finds joint velocities, which are integrated; there are no torques, no
 inertia and no plant. The tip follows the same circle and the arm keeps away from the same disc.
 """
 

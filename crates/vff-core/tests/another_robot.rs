@@ -12,8 +12,8 @@ use vff_core::field::{Field, FieldKind};
 use vff_core::math::{Body, Capsule, Vector};
 use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot};
 use vff_core::simulation::{
-    ClosedLoop, Control, Options, Outcome, Perception, Physics, Reality, Run, Setting, Status,
-    System, Value,
+    ClosedLoop, Control, Options, Outcome, Perceive, Perception, PerceptionKind,
+    PerceptionSettings, Physics, Reality, Run, Setting, Status, System, Value,
 };
 use vff_core::trajectory::{Reference, Sample, Trajectory};
 use vff_core::world::plane::{Obstacle, Outline, Shape, World};
@@ -614,11 +614,22 @@ fn prepared(
     obstacles: &[Obstacle],
     duration: f64,
 ) -> Run<Sliding, 2, 2> {
+    perceived(settings, options, obstacles, duration, None)
+}
+
+/// The same, where the controller knows of the obstacles only what `perception` tells it.
+fn perceived(
+    settings: &Settings,
+    options: &Options,
+    obstacles: &[Obstacle],
+    duration: f64,
+    perception: Option<Perception>,
+) -> Run<Sliding, 2, 2> {
     let chain = Chain::on_a_rail();
     let tip = start().tip;
     let reference = Reference::Setpoint { point: vec![tip.x, tip.y] };
     let reality =
-        Reality { plant: Physics::of(&chain), measurement: None, perception: None, actuator: None };
+        Reality { plant: Physics::of(&chain), measurement: None, perception, actuator: None };
     let closed_loop = ClosedLoop::new(
         &chain,
         Gains::new(settings).with_seed(3),
@@ -790,4 +801,62 @@ fn a_link_may_carry_two_bodies() {
     let expected = pushing().at(0.07).force;
     let resultant = controller.forces().resultant()[3];
     assert!(resultant.dot(&finger.shape.direction) < -expected, "{resultant}");
+}
+
+/// Range sensors sit on every body, on the finger, too, whose disc no other body sees.
+#[test]
+fn every_body_has_range_sensors() {
+    let robot = start();
+    let (finger, upper) = (robot.body(4).shape, robot.body(3).shape);
+    let settings = PerceptionSettings {
+        kind: PerceptionKind::Range,
+        sensors: 1,
+        rays: 1,
+        range: 0.15,
+        ..PerceptionSettings::default()
+    };
+    let middle = finger.start + finger.direction * (0.5 * finger.length);
+    let at = middle + upper.direction * 0.12;
+    let world = World::new(vec![disc(0.05, at, Motion::default())]);
+    let mut perception = Perception::new(&settings, 7, &robot, 1e-3);
+    perception.start(&robot, &world);
+    assert_eq!(perception.seen().len(), 2 * robot.body_count());
+    let met = |point: &V| !point.x.is_nan();
+    let bodies: Vec<usize> =
+        (0..10).filter(|k| met(&perception.seen()[*k])).map(|k| k / 2).collect();
+    assert_eq!(bodies, [4]);
+    let mut found = vec![];
+    perception.for_each_contact(robot.bodies(), 0.045, |_, _| {}, |c| found.push(*c));
+    assert!(found.iter().any(|c| (c.body, c.link) == (4, 3)), "{found:?}");
+    let touched = found.iter().find(|c| c.body == 4).unwrap();
+    assert!((touched.distance - 0.04).abs() < 1e-12, "{}", touched.distance);
+}
+
+/// With range sensors alone the arm takes its finger out of the way of a disc.
+#[test]
+fn the_loop_runs_on_range_sensors() {
+    const DURATION: f64 = 1.5;
+    let robot = start();
+    let (finger, upper) = (robot.body(4).shape, robot.body(3).shape);
+    let away = finger.end() + upper.direction * 0.35;
+    let slow = linear((upper.direction * -0.2).into());
+    let coming = [disc(0.05, away, slow)];
+    let settings = PerceptionSettings {
+        kind: PerceptionKind::Range,
+        range: 0.5,
+        ..PerceptionSettings::default()
+    };
+    let options = Options { dt: 2e-3, ..Options::default() };
+    let run = |field: Field| {
+        let perception = Perception::new(&settings, 7, &robot, options.dt);
+        let settings = Settings { field, ..Settings::default() };
+        let mut run = perceived(&settings, &options, &coming, DURATION, Some(perception));
+        while run.step() {}
+        run.outcome()
+    };
+    let still = run(Field::OFF);
+    assert_eq!(still.status, Status::Collided, "{}", still.message);
+    let moved = run(pushing());
+    assert_eq!(moved.status, Status::Completed, "{}", moved.message);
+    assert!(metric(&moved, "min_clearance") > 0.01);
 }

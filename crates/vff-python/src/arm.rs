@@ -1,4 +1,4 @@
-//! `Arm`: the planar arm and its matrices.
+//! `Arm`: an arm and its matrices.
 
 use crate::convert::{
     array1, array2, finite, float_array, load_numpy, matrix, misshapen, number, table_to_dict,
@@ -7,18 +7,15 @@ use crate::convert::{
 use crate::errors::{self, InputError};
 use crate::run::prepared;
 use crate::watch::interruptible;
-use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::Arc;
 use toml::{Table, Value};
 use vff_core::control::extended_jacobian;
 use vff_core::interrupt;
 use vff_core::math::memory;
-use vff_core::robot::planar::Link;
-use vff_core::robot::{Matrices, Model, PlanarArm, PlanarState, Robot};
-use vff_core::scenario::{self, Scenario};
+use vff_core::runtime::{AnyArm, AnyState};
+use vff_core::scenario::Scenario;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
@@ -62,7 +59,7 @@ type Array2<'py> = Bound<'py, PyArray2<f64>>;
 /// array([6., 0.])
 #[pyclass(frozen, module = "vffnull")]
 pub struct Arm {
-    pub arm: Arc<PlanarArm>,
+    pub arm: AnyArm,
     document: Table,
 }
 
@@ -70,36 +67,35 @@ impl Arm {
     /// Reads an arm from its part of a scenario.
     fn read(py: Python<'_>, document: Table) -> PyResult<Self> {
         load_numpy(py)?;
-        let arm = scenario::read_arm(&document).map_err(|error| errors::arm(&error))?;
-        Ok(Self { arm: Arc::new(arm), document })
+        let arm = AnyArm::read(&document).map_err(|error| errors::arm(&error))?;
+        Ok(Self { arm, document })
     }
 
     fn n(&self) -> usize {
         self.arm.dof()
     }
 
-    fn at(&self, q: &Bound<'_, PyAny>) -> PyResult<PlanarState> {
-        let mut state = self.arm.state();
-        state.update(&vector("q", q, self.n())?, &vec![0.0; self.n()]);
-        Ok(state)
+    fn at(&self, q: &Bound<'_, PyAny>) -> PyResult<AnyState> {
+        let n = self.n();
+        Ok(self.arm.at(&vector("q", q, n)?, &vec![0.0; n]))
     }
 
-    /// The dense matrices at a state, with the GIL released; some of the `count` that the caller makes of this size.
-    fn matrices(&self, py: Python<'_>, state: &PlanarState, count: usize) -> PyResult<Matrices<2>> {
+    fn moving(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<AnyState> {
+        let n = self.n();
+        Ok(self.arm.at(&vector("q", q, n)?, &vector("dq", dq, n)?))
+    }
+
+    /// What is made of dense matrices, with the GIL released; some of the `count` that it takes of this size.
+    fn dense<T: Send>(
+        &self,
+        py: Python<'_>,
+        count: usize,
+        make: impl FnOnce() -> T + Send,
+    ) -> PyResult<T> {
         let n = self.n();
         memory::fits(count.saturating_mul(n).saturating_mul(n))
             .map_err(|error| InputError::new_err(format!("matrices of {n} joints: {error}")))?;
-        interruptible(py, || state.matrices())
-    }
-
-    fn moving(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<PlanarState> {
-        let mut state = self.arm.state();
-        state.update(&vector("q", q, self.n())?, &vector("dq", dq, self.n())?);
-        Ok(state)
-    }
-
-    fn per_link<'py>(&self, py: Python<'py>, value: impl Fn(&Link) -> f64) -> Array1<'py> {
-        PyArray1::from_iter(py, self.arm.links().iter().map(value))
+        interruptible(py, make)
     }
 }
 
@@ -112,16 +108,9 @@ impl Arm {
 #[pyfunction]
 pub fn plant(py: Python<'_>, document: &Bound<'_, PyAny>) -> PyResult<Arm> {
     let document = crate::convert::document(document)?;
-    let arm = prepared(py, &document, |scenario: Scenario| scenario.planar_plant())?;
-    let list = |values: &mut dyn Iterator<Item = Value>| Value::Array(values.collect());
-    let pair = |v: nalgebra::Vector2<f64>| Value::Array(vec![Value::Float(v.x), Value::Float(v.y)]);
-    let links = || arm.links().iter();
-    let mut given = document["arm"].as_table().cloned().unwrap_or_default();
-    given.insert("masses".into(), list(&mut links().map(|link| Value::Float(link.mass))));
-    given.insert("com".into(), list(&mut links().map(|link| pair(link.com))));
-    given.insert("inertias".into(), list(&mut links().map(|link| Value::Float(link.inertia))));
-    given.insert("gravity".into(), pair(arm.gravity()));
-    Ok(Arm { arm, document: given })
+    let (arm, document) =
+        prepared(py, &document, |scenario: Scenario| AnyArm::plant(&scenario, &document))?;
+    Ok(Arm { arm, document })
 }
 
 #[pymethods]
@@ -210,38 +199,37 @@ impl Arm {
     /// Lengths of the links, (n,) [m].
     #[getter]
     fn lengths<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        self.per_link(py, |link| link.length)
+        array1(py, &self.arm.lengths())
     }
 
     /// Masses of the links, (n,) [kg].
     #[getter]
     fn masses<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        self.per_link(py, |link| link.mass)
+        array1(py, &self.arm.masses())
     }
 
     /// Centres of mass in the links' frames, (n, 2) [m].
     #[getter]
     fn com<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        let values = self.arm.links().iter().flat_map(|link| [link.com.x, link.com.y]);
-        array2(py, values.collect(), [self.n(), 2])
+        array2(py, self.arm.centres_of_mass(), [self.n(), self.arm.dimension()])
     }
 
     /// Moments of inertia about the centres of mass, (n,) [kg·m²].
     #[getter]
     fn inertias<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        self.per_link(py, |link| link.inertia)
+        array1(py, &self.arm.inertias())
     }
 
     /// Radii of the links, (n,) [m].
     #[getter]
     fn radius<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        self.per_link(py, |link| link.radius)
+        array1(py, &self.arm.radii())
     }
 
     /// Acceleration of free fall, (2,) [m/s²].
     #[getter]
     fn gravity<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, self.arm.gravity().as_slice())
+        array1(py, &self.arm.gravity())
     }
 
     /// Positions of the joints; the last row is the tip.
@@ -256,7 +244,7 @@ impl Arm {
     /// (n+1, 2) or (T, n+1, 2) ndarray
     ///     Positions [m].
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (py, n) = (q.py(), self.n());
+        let (py, n, d) = (q.py(), self.n(), self.arm.dimension());
         let array = float_array("q", q)?;
         let rows = match *array.shape() {
             [last] if last == n => None,
@@ -275,23 +263,20 @@ impl Arm {
             for row in angles.chunks_exact(n) {
                 interrupt::spend(32 * n);
                 state.update_positions(row);
-                for i in 0..=n {
-                    positions.extend_from_slice(state.joint_position(i).as_slice());
-                }
+                state.append_joint_positions(&mut positions);
             }
             positions
         })?;
         let positions = PyArray1::from_vec(py, positions);
         match rows {
-            None => Ok(positions.reshape([n + 1, 2])?.into_any()),
-            Some(rows) => Ok(positions.reshape([rows, n + 1, 2])?.into_any()),
+            None => Ok(positions.reshape([n + 1, d])?.into_any()),
+            Some(rows) => Ok(positions.reshape([rows, n + 1, d])?.into_any()),
         }
     }
 
     /// Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper).
     fn jacobian<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array2<'py>> {
-        let state = self.at(q)?;
-        matrix(q.py(), &DMatrix::from_fn(2, self.n(), |i, k| state.jacobian_column::<2>(k)[i]))
+        matrix(q.py(), &self.at(q)?.jacobian())
     }
 
     /// Time derivative of the Jacobian, (2, n).
@@ -300,14 +285,13 @@ impl Arm {
         q: &Bound<'py, PyAny>,
         dq: &Bound<'py, PyAny>,
     ) -> PyResult<Array2<'py>> {
-        let state = self.moving(q, dq)?;
-        matrix(q.py(), &DMatrix::from_fn(2, self.n(), |i, k| state.jacobian_dot_column::<2>(k)[i]))
+        matrix(q.py(), &self.moving(q, dq)?.jacobian_dot())
     }
 
     /// Mass matrix M, (n, n) [kg·m²]; symmetric and positive definite.
     fn mass_matrix<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array2<'py>> {
         let state = self.at(q)?;
-        matrix(q.py(), &self.matrices(q.py(), &state, 4)?.mass)
+        matrix(q.py(), &self.dense(q.py(), 4, || state.mass_matrix())?)
     }
 
     /// Coriolis matrix C by Christoffel symbols, (n, n) [N·m·s]: Ṁ = C + Cᵀ.
@@ -317,14 +301,12 @@ impl Arm {
         dq: &Bound<'py, PyAny>,
     ) -> PyResult<Array2<'py>> {
         let state = self.moving(q, dq)?;
-        matrix(q.py(), &self.matrices(q.py(), &state, 4)?.coriolis)
+        matrix(q.py(), &self.dense(q.py(), 4, || state.coriolis_matrix())?)
     }
 
     /// Torque g that holds the arm against gravity, (n,) [N·m].
     fn gravity_torque<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array1<'py>> {
-        let mut out = vec![0.0; self.n()];
-        self.at(q)?.gravity_torque(&mut out);
-        Ok(array1(q.py(), &out))
+        Ok(array1(q.py(), &self.at(q)?.gravity_torque()))
     }
 
     /// Torque of a motion, M q̈ + C q̇ + g, (n,) [N·m].
@@ -340,9 +322,8 @@ impl Arm {
         ddq: &Bound<'py, PyAny>,
     ) -> PyResult<Array1<'py>> {
         let state = self.moving(q, dq)?;
-        let (mut scratch, mut out) = (vec![0.0; self.n()], vec![0.0; self.n()]);
-        state.inverse_dynamics(&vector("ddq", ddq, self.n())?, &mut scratch, &mut out);
-        Ok(array1(q.py(), &out))
+        let ddq = vector("ddq", ddq, self.n())?;
+        Ok(array1(q.py(), &state.inverse_dynamics(&ddq)))
     }
 
     /// Acceleration under a torque, M⁻¹(τ − C q̇ − g), (n,) [rad/s²], in O(n).
@@ -358,17 +339,13 @@ impl Arm {
         tau: &Bound<'py, PyAny>,
     ) -> PyResult<Array1<'py>> {
         let state = self.moving(q, dq)?;
-        let (mut scratch, mut out) = (vec![0.0; self.n()], vec![0.0; self.n()]);
-        state.forward_dynamics(&vector("tau", tau, self.n())?, &mut scratch, &mut out);
-        Ok(array1(q.py(), &out))
+        let tau = vector("tau", tau, self.n())?;
+        Ok(array1(q.py(), &state.forward_dynamics(&tau)))
     }
 
     /// Kinetic energy ½ q̇ᵀM q̇ [J].
     fn kinetic_energy(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<f64> {
-        let state = self.moving(q, dq)?;
-        let mut momentum = vec![0.0; self.n()];
-        state.mass_mul(state.velocity(), &mut momentum);
-        Ok(0.5 * state.velocity().iter().zip(&momentum).map(|(v, p)| v * p).sum::<f64>())
+        Ok(self.moving(q, dq)?.kinetic_energy())
     }
 
     /// Potential energy in gravity [J]; 0 with every centre of mass at the height of joint 1.
@@ -388,8 +365,7 @@ impl Arm {
         dq: &Bound<'_, PyAny>,
     ) -> PyResult<ExtendedJacobian> {
         let state = self.moving(q, dq)?;
-        let m = self.matrices(q.py(), &state, extended_jacobian::MATRICES)?;
-        interruptible(q.py(), || extended_jacobian::ExtendedJacobian::new(&m))?
+        self.dense(q.py(), extended_jacobian::MATRICES, || state.extended_jacobian())?
             .map(|inner| ExtendedJacobian { inner })
             .ok_or_else(|| {
                 InputError::new_err(

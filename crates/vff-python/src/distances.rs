@@ -1,17 +1,14 @@
 //! `distances`: every pair of link and obstacle, with the derivatives of its distance.
 
 use crate::arm::Arm;
-use crate::controller::{read_world, sequence};
+use crate::controller::{read_obstacles, sequence};
 use crate::convert::{float_array, misshapen, values, wrong_type};
 use crate::errors::InputError;
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use vff_core::control::distance::DistanceRate;
-use vff_core::interrupt;
 use vff_core::math::memory;
-use vff_core::robot::{Model, Robot};
-use vff_core::world::CollisionQuery;
+use vff_core::runtime::DistanceTable;
 
 type Indices = Py<PyArray1<i64>>;
 type Values = Py<PyArrayDyn<f64>>;
@@ -123,73 +120,33 @@ pub fn distances(
         }
     };
     let given = sequence(obstacles)?;
-    let mut world = read_world(&given)?;
-
-    let (states, pairs) = (batch.unwrap_or(1), n.saturating_mul(given.len()));
-    // Seven numbers, three pairs of coordinates counted singly, and a gradient, of every pair.
-    let numbers = states.saturating_mul(pairs).saturating_mul(9 + n).saturating_add(2 * pairs);
-    memory::fits(numbers).map_err(|error| {
+    let read = read_obstacles(arm.arm.no_obstacles(), &given)?;
+    let states = batch.unwrap_or(1);
+    memory::fits(DistanceTable::numbers(&arm.arm, states, given.len())).map_err(|error| {
         InputError::new_err(format!(
             "distances of {states} states, {n} links and {} obstacles: {error}",
             given.len()
         ))
     })?;
-    let (mut link, mut obstacle) = (Vec::with_capacity(pairs), Vec::with_capacity(pairs));
-    for i in 0..n {
-        for j in 0..given.len() {
-            link.push(i64::try_from(i)?);
-            obstacle.push(i64::try_from(j)?);
-        }
-    }
-    let room = |width: usize| Vec::with_capacity(states * pairs * width);
-    let [mut distance, mut rate, mut bias] = [room(1), room(1), room(1)];
-    let [mut normal, mut point, mut witness] = [room(2), room(2), room(2)];
-    let mut gradient = vec![0.0; states * pairs * n];
-    interruptible(py, || {
-        let mut state = arm.arm.state();
-        let mut rows = gradient.chunks_exact_mut(n);
-        for (b, (q, dq)) in angles.chunks_exact(n).zip(speeds.chunks_exact(n)).enumerate() {
-            state.update(q, dq);
-            world.update(times[b % times.len()]);
-            let bodies = state.bodies();
-            world.for_each_contact(
-                bodies,
-                f64::INFINITY,
-                |_, _| (),
-                |contact| {
-                    interrupt::spend(64 + n);
-                    let motion = DistanceRate::new(&state, contact);
-                    distance.push(contact.distance);
-                    rate.push(motion.rate);
-                    bias.push(motion.bias);
-                    normal.extend_from_slice(contact.normal.as_slice());
-                    point.extend_from_slice(contact.point.as_slice());
-                    witness.extend_from_slice(contact.witness.as_slice());
-                    if let Some(row) = rows.next() {
-                        state.point_jacobian_tr_mul(
-                            contact.link,
-                            &contact.point,
-                            &contact.normal,
-                            row,
-                        );
-                    }
-                },
-            );
-        }
-    })?;
+    let found = interruptible(py, || arm.arm.distances(read, &angles, &speeds, &times))?;
+    let (pairs, d) = (found.pairs.len(), arm.arm.dimension());
+    let column = |of: usize| -> PyResult<Indices> {
+        let numbers = found.pairs.iter().map(|pair| i64::try_from(pair[of]));
+        Ok(PyArray1::from_vec(py, numbers.collect::<Result<_, _>>()?).unbind())
+    };
     let array = |values: Vec<f64>, width: Option<usize>| -> PyResult<Values> {
         let shape: Vec<usize> = batch.into_iter().chain([pairs]).chain(width).collect();
         Ok(PyArray1::from_vec(py, values).reshape(shape)?.unbind())
     };
     Ok(Distances {
-        link: PyArray1::from_vec(py, link).unbind(),
-        obstacle: PyArray1::from_vec(py, obstacle).unbind(),
-        distance: array(distance, None)?,
-        gradient: array(gradient, Some(n))?,
-        rate: array(rate, None)?,
-        bias: array(bias, None)?,
-        normal: array(normal, Some(2))?,
-        point: array(point, Some(2))?,
-        witness: array(witness, Some(2))?,
+        link: column(0)?,
+        obstacle: column(1)?,
+        distance: array(found.distance, None)?,
+        gradient: array(found.gradient, Some(n))?,
+        rate: array(found.rate, None)?,
+        bias: array(found.bias, None)?,
+        normal: array(found.normal, Some(d))?,
+        point: array(found.point, Some(d))?,
+        witness: array(found.witness, Some(d))?,
     })
 }

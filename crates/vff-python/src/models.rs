@@ -1,4 +1,4 @@
-//! Descriptions of spatial arms: readers, judgement, and the bundled ones.
+//! Descriptions of spatial arms: readers, validation, and the bundled ones.
 
 use crate::convert::{document, from_toml};
 use crate::errors::InputError;

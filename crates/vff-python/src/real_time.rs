@@ -76,7 +76,7 @@ pub fn real_time<'py>(
                 (report, refused)
             });
             while is_over.recv_timeout(SIGNALS) == Err(mpsc::RecvTimeoutError::Timeout) {
-                if !watch.look(done.load(Ordering::Relaxed), count) {
+                if !watch.is_wanted(done.load(Ordering::Relaxed), count) {
                     stop.store(true, Ordering::Relaxed);
                 }
             }

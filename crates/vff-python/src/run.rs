@@ -141,15 +141,15 @@ pub fn run_many<'py>(
         },
     )?;
     let mut watch = Watch::new(progress);
-    let look = |finished| watch.look(finished as u64, total as u64);
-    let rollouts = py.detach(|| batch.run(SIGNALS, look));
+    let go_on = |finished| watch.is_wanted(finished as u64, total as u64);
+    let rollouts = py.detach(|| batch.run(SIGNALS, go_on));
     let is_over = |rollout: &&Rollout| rollout.outcome.status != Status::Interrupted;
     let done = rollouts.iter().filter(is_over).count();
     watch.end(py, done as u64, total as u64)?;
     rollouts.into_iter().map(|rollout| to_dict(py, rollout)).collect()
 }
 
-/// Judge by a planner whether a scenario can be survived, with the GIL released.
+/// Find by a planner whether a collision-free motion exists, with the GIL released.
 ///
 /// Parameters
 /// ----------

@@ -54,11 +54,11 @@ impl Inner {
         let (steps, left) = (0, 0);
         let (collided, diverged, broken) = (false, false, false);
         let mut this = Self { scenario, run, steps, left, collided, diverged, broken };
-        this.look();
+        this.refresh();
         Ok(this)
     }
 
-    fn look(&mut self) {
+    fn refresh(&mut self) {
         self.collided |= self.run.snapshot().clearance.iter().any(|d| *d < 0.0);
     }
 
@@ -80,7 +80,7 @@ impl Inner {
             self.diverged = !self.run.advance(tau);
             self.steps += usize::from(!self.diverged);
             self.left -= 1;
-            self.look();
+            self.refresh();
         }
         if self.diverged {
             self.left = 0;

@@ -31,7 +31,7 @@ impl<T> Turns<T> {
         Self { value: Mutex::new(value), owner: AtomicU64::new(NOBODY), name }
     }
 
-    /// Waits for the calling thread's turn. What a panic may have left behind is for the caller to judge.
+    /// Waits for the calling thread's turn. What a panic may have left behind is for the caller to check.
     ///
     /// # Errors
     /// If it has it already: a signal handler interrupts what the thread is doing, and would wait for ever.

@@ -107,7 +107,7 @@ pub fn abandonable<T: Send + 'static>(
     }
 }
 
-/// Looks on for the calling thread, which has released the GIL.
+/// Watches for the calling thread, which has released the GIL.
 pub struct Watch {
     progress: Option<Py<PyAny>>,
     told: Instant,
@@ -121,8 +121,8 @@ impl Watch {
         Self { progress, told: Instant::now(), fault: None }
     }
 
-    /// Whether the work shall go on.
-    pub fn look(&mut self, done: u64, total: u64) -> bool {
+    /// Whether the work must go on.
+    pub fn is_wanted(&mut self, done: u64, total: u64) -> bool {
         if self.fault.is_none() {
             let heard = Python::attach(|py| {
                 py.check_signals()?;

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
+from vffnull._figures import FIGURE_ENDINGS
 from vffnull._files import replacing
 from vffnull.errors import InputError
 from vffnull.plotting import joints, links, overview, sensed, strobe, style, tracking
@@ -39,8 +40,8 @@ def draw(result: Result) -> dict[str, Figure]:
 
 def save(result: Result, directory: Path, ending: str = ".png") -> list[Path]:
     """Draw every figure and write each to a file of its name: PNG, PDF or SVG; returns the files."""
-    if ending not in style.ENDINGS:
-        raise InputError(f"figures are written as {', '.join(style.ENDINGS)}, not {ending}")
+    if ending not in FIGURE_ENDINGS:
+        raise InputError(f"figures are written as {', '.join(FIGURE_ENDINGS)}, not {ending}")
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, figure in _figures(result):

@@ -18,11 +18,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from vffnull._figures import FIGURE_ENDINGS
-
-ENDINGS = FIGURE_ENDINGS
-"""What a figure is written as."""
-
 COLUMN = 3.5
 """Width of a printed column [in]."""
 PAGE = 7.2

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
+from vffnull._figures import FIGURE_ENDINGS
 from vffnull._files import replacing
 from vffnull.errors import InputError
 from vffnull.plotting import style
@@ -34,8 +35,8 @@ def draw(report: Timing) -> Figure:
 
 def save(report: Timing, path: Path) -> Path:
     """Draw it into a file."""
-    if path.suffix not in style.ENDINGS:
-        raise InputError(f"{path}: a figure is written as {', '.join(style.ENDINGS)}")
+    if path.suffix not in FIGURE_ENDINGS:
+        raise InputError(f"{path}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
     with style.look(), replacing(path) as draft:
         _figure(report).savefig(draft)
     return path

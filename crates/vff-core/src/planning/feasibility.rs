@@ -76,7 +76,7 @@ impl Verdict {
 /// The joint angles of a motion \[rad\], one vector per instant, [`STEP`] apart.
 pub type Motion = Vec<Vec<f64>>;
 
-/// Judges a scene; with the motion that was found.
+/// Assesses a scene; with the motion that was found.
 ///
 /// # Errors
 /// If the task is not a position, or its reference is unusable.

@@ -20,7 +20,7 @@ pub struct Impossible {
     pub excess: f64,
 }
 
-/// Judges `[xx, yy, zz, xy, xz, yz]` of a body.
+/// Checks `[xx, yy, zz, xy, xz, yz]` of a body.
 ///
 /// What rounding to six digits explains is allowed, as is what a body of this mass and 30 µm would have.
 ///

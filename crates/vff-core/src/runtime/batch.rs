@@ -16,7 +16,7 @@ use std::sync::{Arc, mpsc};
 use std::time::{Duration, Instant};
 use toml::Table;
 
-/// How often a rollout looks whether it shall stop.
+/// How often a rollout checks whether to stop.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Rollouts that are ready to start, and the threads that will do it.
@@ -150,7 +150,7 @@ fn fit<'a>(scenarios: impl Iterator<Item = &'a Scenario>) -> Result<(), BatchErr
     Ok(())
 }
 
-/// One rollout until it is over or shall stop.
+/// One rollout until it is over or told to stop.
 fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
     let Ready { mut run, warnings } = ready;
     let start = Instant::now();

@@ -31,7 +31,7 @@ impl Scenario {
             .perception
             .as_ref()
             .filter(|given| given.kind == PerceptionKind::Range)
-            .map(|given| S::perception(given, n, self.seed, &self.simulation))
+            .map(|given| S::perception(given, &model.state(), self.seed, &self.simulation))
             .transpose()
             .map_err(|error| error.inside("perception"))?;
         if let Some(settings) = &self.actuator {

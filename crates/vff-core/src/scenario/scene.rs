@@ -47,13 +47,13 @@ pub trait Described<const D: usize>:
     /// With the dotted path of the first fault.
     fn validate_obstacle(obstacle: &ObstacleOf<Self, D>) -> Result<(), ScenarioError>;
 
-    /// Sensors on an arm of `n` joints that is sampled as `options` say; the same seed gives the same noise.
+    /// Sensors on the bodies of `robot`, which is sampled as `options` say; the same seed gives the same noise.
     ///
     /// # Errors
     /// If there are none of that kind, or with the name of the first setting that is wrong.
     fn perception(
         settings: &PerceptionSettings,
-        n: usize,
+        robot: &Self::State,
         seed: u64,
         options: &Options,
     ) -> Result<Self::Perception, ScenarioError>;

@@ -79,10 +79,15 @@ pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: b
     Ok(())
 }
 
-/// `[perception]` by range sensors on n links, with plant steps of `dt` \[s\]; `sampled` unless control
+/// `[perception]` by range sensors on so many bodies, with plant steps of `dt` \[s\]; `sampled` unless control
 /// is continuous.
 #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
-pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: bool) -> Validated {
+pub fn perception(
+    settings: &PerceptionSettings,
+    bodies: usize,
+    dt: f64,
+    sampled: bool,
+) -> Validated {
     needs_sampling(sampled, "sees every instant")?;
     for (path, count) in [("sensors", settings.sensors), ("rays", settings.rays)] {
         if count == 0 {
@@ -113,7 +118,7 @@ pub fn perception(settings: &PerceptionSettings, n: usize, dt: f64, sampled: boo
         return Err(ScenarioError::out_of_range("latency", &requirement, settings.latency));
     }
     let scans = settings.steps_late(dt) / settings.steps_per_scan(dt) + 3.0;
-    if settings.rays_of(n) as f64 * scans > Perception::MAX_READINGS {
+    if settings.rays_of(bodies) as f64 * scans > Perception::MAX_READINGS {
         let requirement =
             format!("so few that at most {:e} readings are under way", Perception::MAX_READINGS);
         return Err(ScenarioError::out_of_range("sensors", &requirement, settings.sensors));

@@ -154,7 +154,7 @@ impl Measurement {
             }
         }
         self.row = 0;
-        self.look();
+        self.refresh();
     }
 
     /// Reads the state (q, q̇) one plant step later.
@@ -162,17 +162,17 @@ impl Measurement {
         self.row = (self.row + 1) % self.rows;
         self.position.read(q, self.row);
         self.velocity.read(dq, self.row);
-        self.look();
+        self.refresh();
     }
 
     /// Takes the last step back.
     pub fn undo(&mut self) {
         self.row = (self.row + self.rows - 1) % self.rows;
-        self.look();
+        self.refresh();
     }
 
     /// Fetches the readings that have arrived by now.
-    fn look(&mut self) {
+    fn refresh(&mut self) {
         let n = self.delay.len();
         for (i, delay) in self.delay.iter().enumerate() {
             let row = (self.row + self.rows - delay) % self.rows;

@@ -63,12 +63,12 @@ impl Default for PerceptionSettings {
 }
 
 impl PerceptionSettings {
-    /// The number of rays on an arm of `n` links.
-    pub fn rays_of(&self, n: usize) -> usize {
+    /// The number of rays on an arm of so many bodies.
+    pub fn rays_of(&self, bodies: usize) -> usize {
         match self.kind {
             Kind::Ideal => 0,
             Kind::Range => {
-                n.saturating_mul(2).saturating_mul(self.sensors).saturating_mul(self.rays)
+                bodies.saturating_mul(2).saturating_mul(self.sensors).saturating_mul(self.rays)
             }
         }
     }
@@ -84,13 +84,13 @@ impl PerceptionSettings {
     }
 }
 
-/// A ray relative to its link.
+/// A ray relative to the body that it is mounted on.
 #[derive(Debug, Clone, Copy)]
 struct Mount {
-    link: usize,
-    /// Where along the link, as a share of its length.
+    body: usize,
+    /// Where along the body, as a share of its length.
     along: f64,
-    /// +1 on the left side of the link, −1 on the right.
+    /// +1 on the left side of the body, −1 on the right.
     side: f64,
     /// Direction: along the axis and outward.
     direction: [f64; 2],
@@ -133,26 +133,27 @@ impl Perception {
     /// The most readings that may be under way.
     pub const MAX_READINGS: f64 = 1e7;
 
-    /// Sensors on an arm of `n` links for plant steps of `dt` \[s\]; the same seed gives the same noise.
+    /// Sensors on every body of `robot` for plant steps of `dt` \[s\]; the same seed gives the same noise.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         clippy::cast_precision_loss,
         reason = "validated before"
     )]
-    pub fn new(settings: &PerceptionSettings, seed: u64, n: usize, dt: f64) -> Self {
+    pub fn new(settings: &PerceptionSettings, seed: u64, robot: &impl Robot<2>, dt: f64) -> Self {
+        let bodies = robot.body_count();
         let (every, late) =
             (settings.steps_per_scan(dt) as usize, settings.steps_late(dt) as usize);
         let middle = 0.5 * (settings.rays as f64 - 1.0);
-        let mut mounts = Vec::with_capacity(settings.rays_of(n));
-        for link in 0..n {
+        let mut mounts = Vec::with_capacity(settings.rays_of(bodies));
+        for body in 0..bodies {
             for place in 0..settings.sensors {
                 let along = (place as f64 + 0.5) / settings.sensors as f64;
                 for side in [1.0, -1.0] {
                     for ray in 0..settings.rays {
                         let share = (ray as f64 - middle) / (2.0 * middle).max(1.0);
                         let (sin, cos) = (share * settings.field_of_view).sin_cos();
-                        mounts.push(Mount { link, along, side, direction: [sin, cos * side] });
+                        mounts.push(Mount { body, along, side, direction: [sin, cos * side] });
                     }
                 }
             }
@@ -180,20 +181,20 @@ impl Perception {
     }
 
     /// Reads every sensor (T80).
-    fn scan(&mut self, link: impl Fn(usize) -> Capsule<2>, world: &World, row: usize) {
+    fn scan(&mut self, body: impl Fn(usize) -> Capsule<2>, world: &World, row: usize) {
         let Self { settings, mounts, noise, losses, scans, .. } = self;
         let row = &mut scans[row * mounts.len()..][..mounts.len()];
         for (mount, point) in mounts.iter().zip(row) {
             // Drawn for every ray, so that no reading depends on what the others have met.
             let (error, lost) =
                 (settings.noise * noise.draw(), losses.share() < settings.drop_outs);
-            let link = link(mount.link);
-            let across = perp(link.direction);
-            let origin = link.start
-                + link.direction * (mount.along * link.length)
-                + across * (mount.side * link.radius);
+            let body = body(mount.body);
+            let across = perp(body.direction);
+            let origin = body.start
+                + body.direction * (mount.along * body.length)
+                + across * (mount.side * body.radius);
             let [forward, outward] = mount.direction;
-            let direction = link.direction * forward + across * outward;
+            let direction = body.direction * forward + across * outward;
             let reading = world
                 .cast(origin, direction, settings.range)
                 .map(|distance| rounded(distance + error, settings.resolution).max(0.0))
@@ -249,12 +250,12 @@ impl Positions for Perception {
 }
 
 impl CollisionQuery<2> for Perception {
-    /// One on either side of a link.
+    /// One on either side of a body.
     fn obstacle_count(&self) -> usize {
         2
     }
 
-    /// For every link the nearest of the points to its left and of those to its right, each at rest
+    /// For every body the nearest of the points to its left and of those to its right, each at rest
     /// (T81); `obstacle` counts the sides.
     fn for_each_contact(
         &mut self,
@@ -355,7 +356,7 @@ mod tests {
     }
 
     fn started(settings: &PerceptionSettings, world: &World) -> Perception {
-        let mut perception = Perception::new(settings, 7, 1, 1e-3);
+        let mut perception = Perception::new(settings, 7, &robot(), 1e-3);
         perception.start(&robot(), world);
         perception
     }

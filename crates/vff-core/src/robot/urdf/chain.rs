@@ -279,7 +279,7 @@ impl TreeJoint {
 }
 
 impl Link {
-    /// Its mass, judged, and mended where that is wished.
+    /// Its mass, checked, and mended where that is wished.
     fn body(&self, fix: bool, warnings: &mut Vec<String>) -> Result<Body, UrdfError> {
         let mut six = self.inertia;
         if let Err(problem) = inertia::check(&six, self.mass) {

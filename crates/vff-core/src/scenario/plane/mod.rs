@@ -12,7 +12,7 @@ use super::scene::{Described, Prepared, Scene};
 use super::validate;
 use crate::interrupt;
 use crate::robot::planar::Annulus;
-use crate::robot::{Model, PlanarArm};
+use crate::robot::{Model, PlanarArm, PlanarState, Robot};
 use crate::simulation::{
     Control, Options, Perception, PerceptionSettings, Physics, PlanarSystem, Plane,
 };
@@ -47,13 +47,13 @@ impl Described<2> for Plane {
 
     fn perception(
         settings: &PerceptionSettings,
-        n: usize,
+        robot: &PlanarState,
         seed: u64,
         options: &Options,
     ) -> Result<Perception, ScenarioError> {
         let (dt, sampled) = (options.dt, options.control != Control::Continuous);
-        validate::perception(settings, n, dt, sampled)?;
-        Ok(Perception::new(settings, seed, n, dt))
+        validate::perception(settings, robot.body_count(), dt, sampled)?;
+        Ok(Perception::new(settings, seed, robot, dt))
     }
 }
 

@@ -12,7 +12,7 @@ use super::scene::{Described, Prepared, Scene};
 use super::validate;
 use crate::math::Vector;
 use crate::math::rotation::UnitQuaternion;
-use crate::robot::SpatialArm;
+use crate::robot::{SpatialArm, SpatialState};
 use crate::simulation::{Options, PerceptionSettings, Physics, Space, System, Unsensed};
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
 use crate::world::space::{Obstacle, Shape};
@@ -48,7 +48,7 @@ impl Described<3> for Space {
 
     fn perception(
         _: &PerceptionSettings,
-        _: usize,
+        _: &SpatialState,
         _: u64,
         _: &Options,
     ) -> Result<Unsensed, ScenarioError> {

@@ -1,0 +1,330 @@
+//! The law in somebody else's loop: any arm with any task, in slices of numbers.
+
+use super::arm::AnyArm;
+use super::obstacles::AnyObstacles;
+use crate::control::energy::{ENERGIES, PORTS};
+use crate::control::{
+    Avoidance, Controller, Gains, ObjectiveScale, Settings, StablePeriod, Tank, TaskKind,
+};
+use crate::math::Vector;
+use crate::robot::{Manipulator, Model, PlanarState, Robot};
+use crate::scenario::{self, ScenarioError};
+use crate::simulation::{Plane, System};
+use crate::trajectory::Sample;
+use crate::world::{CollisionQuery, Solid, World};
+use nalgebra::DMatrix;
+use std::sync::Arc;
+use toml::Table;
+
+/// A reference of the end effector in numbers. How many each has is said by [`AnyController::widths`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target<'a> {
+    /// The pose, position \[m\] before orientation.
+    pub x: &'a [f64],
+    /// Its velocity \[m/s, rad/s\].
+    pub dx: &'a [f64],
+    /// Its acceleration \[m/s², rad/s²\].
+    pub ddx: &'a [f64],
+}
+
+/// A robot that is told in numbers where its end effector has to be.
+pub trait Commanded<const D: usize, const M: usize>: Manipulator<D, M> {
+    /// How many numbers a pose, a velocity and an acceleration have.
+    const WIDTHS: [usize; 3];
+
+    /// Whether the numbers, which are finite, are a reference.
+    ///
+    /// # Errors
+    /// With a sentence, if they are not.
+    fn check(target: &Target<'_>) -> Result<(), String>;
+    /// What the numbers mean for the task of this robot at its present state.
+    fn sample(&self, target: &Target<'_>) -> Sample<Self::Pose, M>;
+}
+
+/// Positions and planar poses are vectors, and so are their rates.
+impl<const M: usize> Commanded<2, M> for PlanarState
+where
+    Self: Manipulator<2, M, Pose: From<Vector<M>>>,
+{
+    const WIDTHS: [usize; 3] = [M; 3];
+
+    fn check(_: &Target<'_>) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn sample(&self, target: &Target<'_>) -> Sample<Self::Pose, M> {
+        let [x, dx, ddx] = [target.x, target.dx, target.ddx].map(Vector::<M>::from_column_slice);
+        Sample { x: x.into(), dx, ddx }
+    }
+}
+
+/// The parts of the torque at one state, as they are shown to people.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Terms {
+    /// Joint torque, (n).
+    pub tau: Vec<f64>,
+    /// What serves the task, and what makes it give way, (n).
+    pub tau_task: Vec<f64>,
+    /// What acts in the null space, (n).
+    pub tau_null: Vec<f64>,
+    /// Repulsion before its projection, (n).
+    pub tau_vff: Vec<f64>,
+    /// Magnitude of the repulsion on each link \[N\], (n).
+    pub force: Vec<f64>,
+    /// Signed distance of each link from the nearest obstacle \[m\], (n).
+    pub clearance: Vec<f64>,
+    /// By how much barriers are violated at most \[m/s²\]; None without barriers.
+    pub slack: Option<f64>,
+    /// The null-space projector, (n, n).
+    pub projector: DMatrix<f64>,
+    /// [`ENERGIES`] \[J\].
+    pub energy: [f64; ENERGIES.len()],
+    /// [`PORTS`] \[W\].
+    pub power: [f64; PORTS.len()],
+    /// What the limits let through of each objective.
+    pub objective_scale: ObjectiveScale,
+    /// Energy in the tank \[J\]; None without one.
+    pub tank: Option<f64>,
+    /// Signed distance of the nearest two bodies that must not touch \[m\].
+    pub self_clearance: f64,
+    /// √det(J Jᵀ).
+    pub manipulability: f64,
+    /// Whether the task force is damped because of a singularity.
+    pub singular: bool,
+    /// ‖J M⁻¹ τ_null‖ \[m/s²\].
+    pub null_acceleration: f64,
+}
+
+/// A controller of any arm with any task in a loop that is not ours: the list of all that there are.
+#[derive(Debug, Clone)]
+pub enum AnyController {
+    /// In the plane, position.
+    PlanarPosition(Box<Standalone<Plane, 2, 2>>),
+    /// In the plane, position and orientation.
+    PlanarPose(Box<Standalone<Plane, 2, 3>>),
+}
+
+/// Does the same with whatever controller it is.
+macro_rules! either {
+    ($controller:expr, $inner:ident => $body:expr) => {
+        match $controller {
+            AnyController::PlanarPosition($inner) => $body,
+            AnyController::PlanarPose($inner) => $body,
+        }
+    };
+}
+
+impl AnyController {
+    /// A controller for `arm` with the settings of a `[controller]` table, among no obstacles.
+    ///
+    /// # Errors
+    /// With the name of the first setting that is wrong or does not suit the arm.
+    pub fn new(arm: &AnyArm, settings: &Table) -> Result<Self, ScenarioError> {
+        match arm {
+            AnyArm::Planar(arm) => {
+                let settings = scenario::read_settings(settings, arm.limits(), [arm.dof(), 2])?;
+                Ok(match settings.task {
+                    TaskKind::Position => {
+                        Self::PlanarPosition(Box::new(Standalone::new(arm, settings)))
+                    }
+                    TaskKind::Pose => Self::PlanarPose(Box::new(Standalone::new(arm, settings))),
+                    TaskKind::Pointing => unreachable!("validated: no task of the plane"),
+                })
+            }
+        }
+    }
+
+    /// The number of joints n.
+    pub fn dof(&self) -> usize {
+        either!(self, inner => inner.controller.robot().dof())
+    }
+
+    /// The settings in use.
+    pub fn settings(&self) -> &Settings {
+        either!(self, inner => &inner.settings)
+    }
+
+    /// How many numbers a pose, a velocity and an acceleration of the reference have.
+    pub fn widths(&self) -> [usize; 3] {
+        fn of<S: System<D, M, State: Commanded<D, M>>, const D: usize, const M: usize>(
+            _: &Standalone<S, D, M>,
+        ) -> [usize; 3] {
+            S::State::WIDTHS
+        }
+        either!(self, inner => of(inner))
+    }
+
+    /// What a torque held over `period` \[s\] makes unstable, in sentences: see [`scenario::sampling_bounds`].
+    pub fn sampling_bounds(&self, period: f64) -> Vec<String> {
+        fn of<S: System<D, M>, const D: usize, const M: usize>(
+            inner: &Standalone<S, D, M>,
+            period: f64,
+        ) -> Vec<String> {
+            scenario::sampling_bounds(&inner.settings, M, period)
+        }
+        either!(self, inner => of(inner, period))
+    }
+
+    /// Puts it among these obstacles, from now on.
+    ///
+    /// # Errors
+    /// If the controller has no room for so many.
+    ///
+    /// # Panics
+    /// If the obstacles are not those of the arm's space.
+    pub fn surround(&mut self, obstacles: AnyObstacles) -> Result<(), ScenarioError> {
+        match (self, obstacles) {
+            (Self::PlanarPosition(inner), AnyObstacles::Plane(given)) => inner.surround(given),
+            (Self::PlanarPose(inner), AnyObstacles::Plane(given)) => inner.surround(given),
+        }
+    }
+
+    /// Forgets the past and the obstacles.
+    pub fn begin_anew(&mut self) {
+        either!(self, inner => {
+            inner.reset();
+            inner.world = World::new(vec![]);
+        });
+    }
+
+    /// The joint torque at (q, q̇) and time `t` \[s\] \[N·m, N\]. An energy tank fills or empties by the time
+    /// since the last call. After a torque that is not finite the controller is as new.
+    ///
+    /// # Errors
+    /// With a sentence, if the target is no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn torque(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        target: &Target<'_>,
+        t: f64,
+    ) -> Result<&[f64], String> {
+        either!(self, inner => inner.torque(q, dq, target, t))
+    }
+
+    /// The parts of the last torque. Allocates.
+    pub fn terms(&self) -> Terms {
+        either!(self, inner => inner.terms())
+    }
+
+    /// How long a torque may be held at q and time `t` \[s\], at rest, before the null space oscillates (T34).
+    /// Allocates.
+    pub fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod {
+        either!(self, inner => inner.stable_period(q, t))
+    }
+
+    /// A few words on it.
+    pub fn summary(&self) -> String {
+        let (n, settings) = (self.dof(), self.settings());
+        let task = match settings.task {
+            TaskKind::Position => "position",
+            TaskKind::Pose => "pose",
+            TaskKind::Pointing => "pointing",
+        };
+        let avoidance = match settings.avoidance {
+            Avoidance::NullSpace => "null_space",
+            Avoidance::Relaxed => "relaxed",
+            Avoidance::Priority => "priority",
+            Avoidance::Cbf => "cbf",
+        };
+        let joints = if n == 1 { "joint" } else { "joints" };
+        format!("{n} {joints}, {task} task, avoidance {avoidance}")
+    }
+}
+
+/// A controller that is called from outside, and what is around it.
+#[derive(Debug, Clone)]
+pub struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
+    controller: Controller<S::State, D, M>,
+    settings: Settings,
+    world: World<S::Solid, D>,
+    /// The instant of the last call \[s\].
+    last: Option<f64>,
+    /// Whether the last call came to no good: it was broken off, or its torque is not finite.
+    spoilt: bool,
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
+    fn new(arm: &Arc<S::Arm>, settings: Settings) -> Self {
+        let (robot, gains) = (arm.state(), Gains::new(&settings).of_arm(&settings, &**arm));
+        let controller = Controller::new(robot, gains);
+        Self { controller, settings, world: World::new(vec![]), last: None, spoilt: false }
+    }
+
+    fn surround(
+        &mut self,
+        obstacles: Vec<<S::Solid as Solid<D>>::Obstacle>,
+    ) -> Result<(), ScenarioError> {
+        let world = World::<S::Solid, D>::new(obstacles);
+        let n = self.controller.robot().dof();
+        scenario::validate_size(&self.settings, n, world.barrier_count())?;
+        self.world = world;
+        Ok(())
+    }
+
+    fn reset(&mut self) {
+        let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
+        self.controller = Controller::new(robot, gains);
+        (self.last, self.spoilt) = (None, false);
+    }
+
+    fn torque(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        target: &Target<'_>,
+        t: f64,
+    ) -> Result<&[f64], String>
+    where
+        S::State: Commanded<D, M, Pose = S::Pose>,
+    {
+        S::State::check(target)?;
+        if self.spoilt {
+            self.reset();
+        }
+        self.spoilt = true;
+        let Self { controller, world, .. } = self;
+        world.update(t);
+        controller.elapse(self.last.replace(t).map_or(0.0, |last| (t - last).max(0.0)));
+        controller.observe(q, dq, world);
+        let reference = controller.robot().sample(target);
+        controller.look_ahead(world, |ahead| reference.carried_on(ahead));
+        let total = controller.command(&reference).total.as_slice();
+        self.spoilt = !total.iter().all(|tau| tau.is_finite());
+        Ok(total)
+    }
+
+    fn terms(&self) -> Terms {
+        let law = &self.controller;
+        Terms {
+            tau: law.torque().total.clone(),
+            tau_task: law.torque().task.clone(),
+            tau_null: law.torque().null.clone(),
+            tau_vff: law.forces().torque().to_vec(),
+            force: law.forces().magnitude().to_vec(),
+            clearance: law.forces().clearance().to_vec(),
+            slack: law.slack(),
+            projector: law.null_projector(),
+            energy: law.energy().values(),
+            power: law.power(&law.torque().total).values(),
+            objective_scale: *law.objective_scale(),
+            tank: law.tank().map(Tank::level),
+            self_clearance: law.forces().self_clearance(),
+            manipulability: law.manipulability(),
+            singular: law.space().singular,
+            null_acceleration: law.null_acceleration(),
+        }
+    }
+
+    fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod {
+        if self.spoilt {
+            self.reset();
+        }
+        self.world.update(t);
+        self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
+        self.controller.stable_period(&mut self.world)
+    }
+}
