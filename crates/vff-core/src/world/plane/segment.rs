@@ -2,7 +2,8 @@
 
 use super::axis::{Axis, Meets, Nearest};
 use super::face::Face;
-use super::{TOUCHING, Vec2};
+use super::Vec2;
+use crate::world::TOUCHING;
 
 impl Axis {
     /// Signed distance to a segment: [`to_convex`](Self::to_convex) for a polygon with two edges,

@@ -1,0 +1,71 @@
+//! An axis and a segment: the core of a capsule.
+
+use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, perpendicular, within};
+use crate::math::Vector;
+use crate::world::{Feature, TOUCHING};
+
+/// The nearest points of two segments.
+struct Feet {
+    /// Where they are along each \[m\].
+    along: [f64; 2],
+    /// From that of the second to that of the first.
+    between: Vector<3>,
+    /// Cross product of the two directions.
+    cross: Vector<3>,
+    distance: f64,
+}
+
+/// The nearest points of the lines, the first cut off at the ends of its segment, the second below its foot and then the
+/// first below that (Ericson, Real-Time Collision Detection, 5.1.9). Where the two are nearly parallel the place is
+/// ill-conditioned, but the distance is not.
+#[inline(always)]
+fn feet(a: &Probe, b: &Probe) -> Feet {
+    let (u, v, offset) = (&a.direction, &b.direction, a.start - b.start);
+    let cross = u.cross(v);
+    let (sin_squared, cos) = (cross.norm_squared(), u.dot(v));
+    let (along_a, along_b) = (u.dot(&offset), v.dot(&offset));
+    let free = -offset.cross(v).dot(&cross) / sin_squared;
+    let s = if sin_squared > 0.0 { within(free, a.length) } else { 0.0 };
+    let t = within(along_b + s * cos, b.length);
+    let s = within(t * cos - along_a, a.length);
+    let between = offset + u * s - v * t;
+    let inside = is_inside(s, a.length) && is_inside(t, b.length);
+    let distance = if inside { across(&cross, &between) } else { between.norm() };
+    Feet { along: [s, t], between, cross, distance }
+}
+
+#[inline(always)]
+fn is_inside(along: f64, length: f64) -> bool {
+    0.0 < along && along < length
+}
+
+/// Distance to a segment: never negative, because only by chance do the two meet.
+#[inline]
+pub(super) fn to_segment(axis: &Probe, core: &Probe) -> Nearest {
+    let Feet { along: [s, t], between, cross, distance } = feet(axis, core);
+    let point = axis.start + axis.direction * s;
+    let edge = core.direction;
+    let sin = cross.norm();
+    let inside = [is_inside(s, axis.length), is_inside(t, core.length)];
+    if inside == [true; 2] && sin > PARALLEL {
+        let normal = across_normal(&cross, &between);
+        return Nearest { distance, normal, point, feature: Feature::Crossing { edge, distance } };
+    }
+    if distance > TOUCHING {
+        let feature = match inside {
+            [_, true] => Feature::Edge { edge, distance },
+            [true, false] => Feature::Side { distance },
+            [false, false] => Feature::End { distance },
+        };
+        return Nearest { distance, normal: between / between.norm(), point, feature };
+    }
+    // They touch at an end, or are nowhere (NaN): every way across both is as good.
+    let normal = if sin > PARALLEL { cross / sin } else { perpendicular(&axis.direction) };
+    Nearest { distance, normal, point, feature: Feature::Face }
+}
+
+/// The distance of [`to_segment`], bit for bit.
+#[inline]
+pub(super) fn distance_to_segment(axis: &Probe, core: &Probe) -> f64 {
+    feet(axis, core).distance
+}
