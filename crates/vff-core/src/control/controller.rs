@@ -191,22 +191,23 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
             None => self.error,
         };
+        let [dx_r, ddx_r] = robot.resolve(&reference.x, &reference.dx, &reference.ddx);
         let speed = &robot.limits().velocity;
         self.law.brake = 0.0;
         if gains.enforce_limits && !speed.is_empty() {
             // The task velocity that K and D ask for: ẍ_c = ẍ_r − D (ẋ − ẋ_d).
             let pull = gains.stiffness.component_mul(&error).component_div(&gains.damping);
-            let dx_d = reference.dx - pull;
+            let dx_d = dx_r - pull;
             let share = limits::speed_share(robot, space, &dx_d);
             let brake = limits::brake(robot.velocity(), speed);
             self.law.brake = brake;
             if share < 1.0 || brake > 0.0 {
                 self.objective_scale[limits::SPEED] = share;
                 let damping = gains.damping.add_scalar(brake);
-                return reference.ddx * share - damping.component_mul(&(space.dx - dx_d * share));
+                return ddx_r * share - damping.component_mul(&(space.dx - dx_d * share));
             }
         }
-        task::commanded_acceleration(gains, reference, error, space.dx - reference.dx)
+        task::commanded_acceleration(gains, &ddx_r, error, space.dx - dx_r)
     }
 
     /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).

@@ -29,6 +29,16 @@ impl SpatialPose {
     pub fn orientation(&self) -> UnitQuaternion {
         self.orientation
     }
+
+    /// ẋ_r and ẍ_r of a reference as what a law commands to a tool that turns with `omega`: with α_r + ω_r × ω the
+    /// error, seen from the reference, moves as if that stood still (T104).
+    #[inline]
+    pub fn resolve(omega: &Vector<3>, dx: &Vector<6>, ddx: &Vector<6>) -> [Vector<6>; 2] {
+        let carried = Vector::<3>::new(dx[3], dx[4], dx[5]).cross(omega);
+        let mut out = [*dx, *ddx];
+        (0..3).for_each(|k| out[1][3 + k] += carried[k]);
+        out
+    }
 }
 
 /// Errors and displacements are linear, then angular, in world axes; the angular error is 2 sgn(η) ε of the quaternion

@@ -59,6 +59,17 @@ pub trait Manipulator<const D: usize, const M: usize>: Robot<D> {
 
     /// The pose of the end effector.
     fn pose(&self) -> Self::Pose;
+    /// ẋ_r and ẍ_r of a reference at the pose `reference` in the rows of J, with what keeps the error's own motion
+    /// apart from that of the reference (T104). As they are, where rows and error are those of coordinates.
+    #[inline]
+    fn resolve(
+        &self,
+        _reference: &Self::Pose,
+        dx: &SVector<f64, M>,
+        ddx: &SVector<f64, M>,
+    ) -> [SVector<f64, M>; 2] {
+        [*dx, *ddx]
+    }
 }
 
 /// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).

@@ -108,6 +108,16 @@ impl Manipulator<3, 5> for SpatialState {
     fn pose(&self) -> Pointing {
         Pointing(SpatialPose::new(self.position(), self.orientation()))
     }
+
+    fn resolve(
+        &self,
+        reference: &Pointing,
+        dx: &SVector<f64, 5>,
+        ddx: &SVector<f64, 5>,
+    ) -> [SVector<f64, 5>; 2] {
+        let tool = Manipulator::<3, 5>::pose(self);
+        reference.resolve(&tool, &self.tool_rate(), dx, ddx)
+    }
 }
 
 /// A task of position and orientation.
@@ -116,6 +126,15 @@ impl Manipulator<3, 6> for SpatialState {
 
     fn pose(&self) -> SpatialPose {
         SpatialPose::new(self.position(), self.orientation())
+    }
+
+    fn resolve(
+        &self,
+        _reference: &SpatialPose,
+        dx: &SVector<f64, 6>,
+        ddx: &SVector<f64, 6>,
+    ) -> [SVector<f64, 6>; 2] {
+        SpatialPose::resolve(&self.tool_rate(), dx, ddx)
     }
 }
 

@@ -104,15 +104,15 @@ proptest! {
     fn splines(x in start(), (times, turns, points) in orientations(), fraction in 0.01..0.99, relative: bool) {
         let end = times.len() - 1;
         for rests in [true, false] {
-            let (times, points) = (times.clone(), points.clone());
-            let orientations = Some(turns.clone());
-            let reference = match rests {
-                true => SpatialReference::Waypoints { times, points, orientations, relative },
-                false => SpatialReference::Table { times, points, orientations, relative },
+            let reference = {
+                let (times, points) = (times.clone(), points.clone());
+                let orientations = Some(turns.clone());
+                match rests {
+                    true => SpatialReference::Waypoints { times, points, orientations, relative },
+                    false => SpatialReference::Table { times, points, orientations, relative },
+                }
             };
             let trajectory = Trajectory::<SpatialPose, 6>::new(&reference, &x).unwrap();
-            let SpatialReference::Waypoints { times, points, .. } | SpatialReference::Table { times, points, .. } =
-                &reference else { unreachable!() };
             for (k, &t) in times.iter().enumerate() {
                 let given = pose(points[k], turns[k]);
                 let (p, r) = (given.position(), given.orientation());

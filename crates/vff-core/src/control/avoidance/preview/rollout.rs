@@ -170,7 +170,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             if enough(forecast, s) {
                 break;
             }
-            let wanted = candidate.holds.then(|| sample.dx - e * PULL);
+            let wanted = candidate.holds.then(|| {
+                let [dx, _] = self.scout.resolve(&sample.x, &sample.dx, &sample.ddx);
+                dx - e * PULL
+            });
             self.want(candidate.at(s), wanted);
             self.advance();
         }
