@@ -1,9 +1,10 @@
 """How the public functions answer Ctrl-C: `python benches/interrupt.py`.
 
-Every call that can take longer than 0.2 s is interrupted at random moments, in a process of its own. A try ends in
-one of these ways: `raised` KeyboardInterrupt; `kept`, a result that says it was interrupted; `over`, the call had
-ended before; `lost`, the call ended as if nothing had been; `other` exceptions; `crash` of the process. The last
-three are faults. The times are from the signal to the end of the call. They are those of a quiet machine only there.
+Every call that can take longer than 0.2 s is interrupted at random moments, in a process of its own. A try
+ends in one of these ways: `raised` KeyboardInterrupt; `kept`, a result that says it was interrupted; `over`,
+the call had ended before; `lost`, the call ended as if nothing had been; `other` exceptions; `crash` of the
+process. The last three are faults. The times are from the signal to the end of the call; other programs
+make them longer.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def scene(n=6, **more):
             "simulation": {"record_every": 10**6}, **more}
 """
 
-# A name: what is prepared, and the call. Where a file is written or read, it is as large as one of a long run.
+# A name: what is prepared, and the call. Files are as large as those of long runs.
 CALLS = {
     "simulate": ("", "vff.simulate(scene())"),
     "simulate, an explicit form of 60 links": (
@@ -51,7 +52,7 @@ CALLS = {
         "vff.simulate(s)",
     ),
     "simulate, cbf and 3000 discs": (
-        "s = scene(60, obstacles=discs(3000), controller={'avoidance': 'cbf', 'yielding': {'activation': 9.0}})",
+        "c = {'avoidance': 'cbf', 'yielding': {'activation': 9.0}}\ns = scene(60, obstacles=discs(3000), controller=c)",
         "vff.simulate(s)",
     ),
     "simulate, look-ahead": (
