@@ -52,7 +52,8 @@ CALLS = {
         "vff.simulate(s)",
     ),
     "simulate, cbf and 3000 discs": (
-        "c = {'avoidance': 'cbf', 'yielding': {'activation': 9.0}}\ns = scene(60, obstacles=discs(3000), controller=c)",
+        "c = {'avoidance': 'cbf', 'yielding': {'activation': 9.0}}\n"
+        "s = scene(60, obstacles=discs(3000), controller=c)",
         "vff.simulate(s)",
     ),
     "simulate, look-ahead": (
