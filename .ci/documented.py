@@ -41,8 +41,9 @@ SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}")  # what
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
 ELSEWHERE = ("ssh ",)  # needs another machine
-# What takes long, and the same in short.
+# What takes long, and the same in short; and the documentation, with warnings as errors.
 SHORTER = {
+    "sphinx-build -b html docs docs/_build/html": "sphinx-build -W -q -b html docs docs/_build/html",
     "cargo bench && python benches/table.py": "cargo bench --locked --bench closed_loop --bench operators"
     " -- --quick && python benches/table.py",
     "cargo bench --bench closed_loop": "cargo bench --locked --bench closed_loop -- --test",

@@ -1,7 +1,7 @@
-"""The figures of the live page, in chromium: needs the extras viewer and test.
+"""The film of the live page, in chromium: needs the extras viewer and test.
 
-`live.png` is the page; `live.gif` shows a disc that is dragged through the arm and back, as a loop. Between
-two pictures it is paused, so that a slow renderer changes nothing in what is seen.
+`live.gif` shows a disc that is dragged through the arm and back, as a loop. Between two pictures it is
+paused, so that a slow renderer changes nothing in what is seen.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 SIZE = (1400, 860)
 TOP, BOTTOM = np.array([2.6, 3.0]), np.array([2.75, 0.75])  # m, ends of the drag
 STEPS, PAUSE = 36, 0.15  # pictures, and seconds of the loop from one to the next
-BEST = 0.42  # of the way: the picture that is `live.png`
 WIDTH = 760  # of the film, pixels
 HAND = np.array([[0, 0], [0, 17], [4, 13], [7, 20], [10, 19], [7, 12], [12, 12]])
 
@@ -46,7 +45,6 @@ def main() -> None:
             browser.close()
     finally:
         page.stop()
-    pictures[round(BEST * len(pictures))].save(FIGURES / "live.png", optimize=True)
     small = [each.resize((WIDTH, WIDTH * SIZE[1] // SIZE[0]), Image.Resampling.LANCZOS) for each in pictures]
     sheet = Image.new("RGB", (WIDTH, 6 * small[0].height))
     for k in range(6):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import date
 from decimal import Decimal
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 import vffnull as vff
 from vffnull import _core
-from vffnull.errors import InputError, InputTypeError
+from vffnull.errors import InputError, InputTypeError, ScenarioError
 
 Floats = NDArray[np.float64]
 
@@ -244,6 +245,20 @@ def test_seeds_threads_and_counts_out_of_range() -> None:
     episodes = _core.Episodes(SCENE, {}, 2, 1, 0)
     with pytest.raises(InputError, match=r"seeds\[1\]"):
         episodes.reset([1, -1])
+
+
+def test_episodes_take_every_form_of_a_scenario(tmp_path: Path) -> None:
+    """A bundled name, a path, a document and a Scenario begin the same episodes."""
+    scenario = vff.Scenario.load("sweep-through")
+    path = tmp_path / "mine.toml"
+    scenario.save(path)
+    first, *others = (
+        _core.Episodes(given, {}, 2, 1, 0).reset([1, 2])[0]
+        for given in ("sweep-through", path, str(path), scenario, scenario.to_dict())
+    )
+    assert first.shape[0] == 2 and all(np.array_equal(first, each) for each in others)
+    with pytest.raises(ScenarioError, match="sweep-through"):
+        _core.Episodes("sweep-trough", {}, 2, 1, 0)
 
 
 def test_extremes_are_told() -> None:

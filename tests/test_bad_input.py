@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import copy
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -371,6 +372,12 @@ def test_unknown_scenarios_get_the_nearest_name(given_name: str, nearest: str) -
 
 # ------------------------------------------------------------------------------------------- Python objects
 
+
+def shown(thing: Any) -> str:
+    """A value as the name of a test: the same in every process, so that several can share the tests."""
+    return re.sub(r" at 0x\w+", "", repr(thing))[:24]
+
+
 NONSENSE: list[Any] = [
     None,
     5,
@@ -386,13 +393,13 @@ NONSENSE: list[Any] = [
 ]
 
 
-@pytest.mark.parametrize("thing", NONSENSE, ids=lambda thing: repr(thing)[:20])
+@pytest.mark.parametrize("thing", NONSENSE, ids=shown)
 def test_things_that_are_no_scenario(thing: Any) -> None:
     only_one_of_ours(lambda: vff.simulate(thing))
     only_one_of_ours(lambda: vff.Scenario.load(thing))
 
 
-@pytest.mark.parametrize("thing", NONSENSE, ids=lambda thing: repr(thing)[:20])
+@pytest.mark.parametrize("thing", NONSENSE, ids=shown)
 def test_things_that_are_no_document(thing: Any) -> None:
     only_one_of_ours(lambda: vff.Scenario.from_dict(thing))
     only_one_of_ours(lambda: vff.Simulation(thing))
@@ -403,7 +410,7 @@ def test_things_that_are_no_document(thing: Any) -> None:
 @pytest.mark.parametrize(
     "thing",
     [object(), lambda: 0, 1 + 2j, b"x", "x", {"a": object()}, [object()]],
-    ids=lambda thing: repr(thing)[:20],
+    ids=shown,
 )
 def test_things_that_are_no_values(thing: Any) -> None:
     error = only_one_of_ours(lambda: vff.simulate("paper-1", {"controller.damping": thing, "duration": 0.01}))
@@ -531,7 +538,7 @@ METHODS: dict[str, Callable[[Any], object]] = {
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(("value", "kind"), BAD_VECTORS, ids=[repr(v)[:24] for v, _ in BAD_VECTORS])
+@pytest.mark.parametrize(("value", "kind"), BAD_VECTORS, ids=[shown(v) for v, _ in BAD_VECTORS])
 def test_bad_vectors(method: str, value: Any, kind: type[VffNullError]) -> None:
     """Every array argument of every method: the name, and the shape that is expected."""
     if method.endswith("_ref") and value == [0.1, 0.2]:

@@ -24,7 +24,7 @@ def _public() -> list[str]:
         found.append(name)
         if inspect.isclass(thing):
             found.extend(f"{name}.{part}" for part in vars(thing) if not part.startswith("_"))
-    return [name for name in found if name != "Episodes.INFO"]
+    return sorted(name for name in found if name != "Episodes.INFO")
 
 
 @pytest.mark.parametrize("name", _public())

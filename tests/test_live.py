@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import socket
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,7 @@ from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
 from vffnull.viewer.scene import view
 from vffnull.viewer.stories import STORIES
+from waiting import HANG, wait_for
 
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": [3.0, 2.9]}
 """The scene of the page with its disc at rest above the arm."""
@@ -28,14 +32,6 @@ WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 
 def scene() -> vff.Scenario:
     return vff.Scenario.load("swing").replace(**STILL)
-
-
-def wait_for(condition: Callable[[], object], seconds: float = 300.0) -> None:
-    """Wait for a state; the time is only there so that what never happens fails at last."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.02)
 
 
 # ------------------------------------------------------------------------------------------------- the loop
@@ -111,9 +107,94 @@ def test_a_loop_that_diverges_says_so_and_can_be_reset(loop: _core.Live) -> None
     assert loop.snapshot()["status"] == "running"
 
 
+TURNS = """
+import os, sys, threading
+sys.setswitchinterval(1e-5)
+from vffnull import _core
+live, over = _core.Live("swing"), threading.Event()
+
+def start():
+    while not over.is_set():
+        live.start()
+
+def stop():
+    for _ in range(200):
+        live.stop()
+    over.set()
+
+fingers = [threading.Thread(target=press) for press in (start, start, stop)]
+for finger in fingers:
+    finger.start()
+"""
+"""Two threads start a loop, one stops it: in a process of its own, so that a standstill can be ended."""
+
+
+def alone(script: str) -> str:
+    """What a script says in a process of its own."""
+    command = [sys.executable, "-W", "error", "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG, check=False)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    return done.stdout
+
+
+def test_a_stop_beside_a_start_ends() -> None:
+    """A start must not take back the stop that another thread waits for; the last word is obeyed."""
+    said = alone(f"""{TURNS}
+for finger in fingers:
+    finger.join()
+live.stop()
+t = live.snapshot()["t"]
+live.start()
+while live.snapshot()["t"] == t:
+    pass
+live.stop()
+print(live.snapshot()["t"] == live.snapshot()["t"] > t)
+""")
+    assert said == "True\n"
+
+
+def test_a_fork_has_no_loop_and_does_not_wait_for_one() -> None:
+    """Whatever the other threads were doing when it came into being: `stop` returns, the rest is refused."""
+    said = alone(f"""{TURNS}
+import warnings
+import vffnull.errors
+warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of any fork beside threads
+children = []
+while any(finger.is_alive() for finger in fingers) and len(children) < 100:
+    child = os.fork()
+    if child == 0:
+        live.stop()
+        refused = 0
+        for call in (live.start, live.snapshot, live.pause, live.reset):
+            try:
+                call()
+            except vffnull.errors.InputError as error:
+                refused += "fork" in str(error)
+        del live
+        os._exit(refused)
+    children.append(child)
+ends = {{os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children}}
+for finger in fingers:
+    finger.join()
+live.start()
+live.stop()
+print(ends)
+""")
+    assert said == "{4}\n"
+
+
 def test_live_refuses(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="port: must be from 1024"):
         vff.live(port=80)
+    with socket.socket() as other:  # the last port there is, taken
+        try:
+            other.bind(("127.0.0.1", 65_535))
+        except OSError:
+            pass  # somebody else has it: just as well
+        else:
+            other.listen()
+        with pytest.raises(InputError, match="port: 65535 is taken"):
+            vff.live(port=65_535, open_browser=False, block=False)
     with pytest.raises(InputTypeError, match="port"):
         vff.live(port="8080")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="there is no folder"):

@@ -10,7 +10,7 @@ from pathlib import Path
 HANG = 900.0  # s: what has not happened by then never will
 
 
-def wait_for(condition: Callable[[], bool], what: str = "it") -> None:
+def wait_for(condition: Callable[[], object], what: str = "it") -> None:
     """Wait until something has happened."""
     end = time.monotonic() + HANG
     while not condition():

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from click.testing import CliRunner
 from sphinx.application import Sphinx
 from sphinx_gallery.scrapers import figure_rst
@@ -16,7 +17,8 @@ import vffnull as vff
 from vffnull import _core
 from vffnull._record import QUANTITIES
 from vffnull.cli import _commands
-from vffnull.plotting import strobe, style
+from vffnull.plotting import canvas, strobe, style
+from vffnull.plotting.primitives import Marks, Scene
 from vffnull.scenario import read
 
 RULE = re.compile(r"^ *-{2,}( +-{2,})+ *$")
@@ -35,9 +37,54 @@ class Order:
         return (self.FIRST.index(name) if name in self.FIRST else len(self.FIRST), name)
 
 
+# What the gallery shows of an example that has no run of its own: a scene, and what is changed of it.
+SCENES: dict[str, tuple[str, dict[str, Any]]] = {
+    "design_gains": ("sweep-through", {"obstacles.0.motion.velocity": [0.0, -2.0], "duration": 0.7}),
+    "gym_our_controller": ("sweep-through", {"controller.field.gain": 0.0}),
+    "gym_random_policy": ("sweep-through", {"duration": 3.2}),
+    "many_runs": ("sweep-through", {"controller.field.gain": 2.0}),
+    "mujoco_plant": ("narrow-gap", {}),
+    "own_loop": ("paper-1", {}),
+    "report": ("narrow-gap", {"controller.field.gain": 2.0}),
+    "robustness": ("paper-2-moving", {}),
+    "tune": ("crowd", {"duration": 3.0}),
+}
+THUMBNAIL = 2.4, 1.5  # in: small, so that lines are thick
+
+
+def thumbnail(example: str, names: Mapping[str, Any], path: str) -> None:
+    """Draw what an example moves: plots of its results cannot be read at that size."""
+    if example in SCENES:
+        scene, changes = SCENES[example]
+        result = vff.simulate(scene, changes)
+    else:
+        result = names["result"]
+    with style.look():
+        fig = style.figure(THUMBNAIL[1], THUMBNAIL[0])
+        ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+        fig.set_layout_engine("none")
+        scene = Scene.of_result(result)
+        when = scene.instants(4)
+        strobe.draw(ax, scene, list(when), strobe.shades(len(when)))
+        canvas.paint(ax, [Marks("target", scene.reference[-1:])], colour=style.INK, zorder=6)
+        canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
+        low, high = scene.frame()
+        scale = float(((high - low) / THUMBNAIL).max())  # m per inch
+        spare = (scale * np.array(THUMBNAIL) - (high - low)) / 2
+        ax.set_xlim(low[0] - spare[0], high[0] + spare[0])
+        ax.set_ylim(low[1] - spare[1], high[1] + spare[1])
+        ax.set_axis_off()
+        fig.savefig(path, dpi=200)
+
+
 def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
-    """For the gallery: pictures and pages that an example has written beside itself, moved away."""
-    folder, found = Path(variables["src_file"]).parent, []
+    """For the gallery: pictures and pages that an example has written beside itself, moved away. The first
+    picture is the thumbnail, and is shown nowhere else.
+    """
+    source = Path(variables["src_file"])
+    folder, found = source.parent, []
+    if block.type == "code":
+        thumbnail(source.stem, vars(variables["fake_main"]), next(variables["image_path_iterator"]))
     for picture in sorted(folder.glob("*.png")):
         found.append(next(variables["image_path_iterator"]))
         shutil.move(picture, found[-1])

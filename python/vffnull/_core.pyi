@@ -576,7 +576,7 @@ class Live:
     def reset(self) -> None:
         """Go back to t = 0 of the scenario, with the present settings of the controller."""
     def stop(self) -> None:
-        """End the thread."""
+        """End the thread. In a fork of the process there is none."""
     def configure(self, controller: _Document) -> None:
         """Take over other settings of the controller: all of them, as in `[controller]` of a scenario."""
     def carry(self, obstacle: int, place: ArrayLike) -> None:
@@ -930,8 +930,8 @@ class Episodes:
 
     Parameters
     ----------
-    scenario : Mapping or object with to_dict()
-        A scenario document.
+    scenario : Scenario, dict, str or path
+        What happens in an episode.
     settings : Mapping
         ``action``, ``period``, ``torque``, ``start_noise``, ``obstacle_noise``, ``margin``, ``weights``; see
         `vffnull.gym.ReachEnv`.
@@ -950,7 +950,7 @@ class Episodes:
 
     def __new__(
         cls,
-        scenario: _Document,
+        scenario: _Scenario,
         settings: _Document,
         count: int,
         threads: int,

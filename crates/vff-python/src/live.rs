@@ -28,10 +28,15 @@ use vff_core::simulation::RecordTooLarge;
 #[pyclass(frozen, module = "vffnull")]
 pub struct Live {
     live: Arc<Mutex<live::Live>>,
-    stop: Arc<AtomicBool>,
-    thread: Mutex<Option<JoinHandle<()>>>,
-    /// The process that has the thread: a fork of it has none, and may have the lock for ever.
+    server: Mutex<Option<Server>>,
+    /// The process that has the thread: a fork of it has none, and may have the locks for ever.
     process: u32,
+}
+
+/// The thread of a loop, and what ends it: a flag of its own, which no later start can take back.
+struct Server {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
 }
 
 impl Live {
@@ -53,8 +58,9 @@ impl Live {
         self.process == process::id()
     }
 
-    fn thread(&self) -> MutexGuard<'_, Option<JoinHandle<()>>> {
-        self.thread.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Nobody who has this lock waits for Python.
+    fn server(&self) -> MutexGuard<'_, Option<Server>> {
+        self.server.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -141,8 +147,7 @@ impl Live {
         let live = prepared(scenario.py(), &convert::scenario(scenario)?, prepare)?;
         Ok(Self {
             live: Arc::new(Mutex::new(live)),
-            stop: Arc::new(AtomicBool::new(false)),
-            thread: Mutex::new(None),
+            server: Mutex::new(None),
             process: process::id(),
         })
     }
@@ -150,12 +155,15 @@ impl Live {
     /// Begin, or go on after a pause.
     fn start(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |live| live.pause(false))?;
-        let mut thread = self.thread();
-        if thread.is_none() {
-            self.stop.store(false, Ordering::Relaxed);
-            let (live, stop) = (Arc::clone(&self.live), Arc::clone(&self.stop));
-            let serve = move || live::serve(&live, &stop);
-            *thread = Some(thread::Builder::new().name("vffnull-live".into()).spawn(serve)?);
+        let mut server = self.server();
+        if server.is_none() {
+            let stop = Arc::new(AtomicBool::new(false));
+            let serve = {
+                let (live, stop) = (Arc::clone(&self.live), Arc::clone(&stop));
+                move || live::serve(&live, &stop)
+            };
+            let thread = thread::Builder::new().name("vffnull-live".into()).spawn(serve)?;
+            *server = Some(Server { stop, thread });
         }
         Ok(())
     }
@@ -170,18 +178,15 @@ impl Live {
         self.with(py, live::Live::reset)?.map_err(|error| errors::scenario(&error))
     }
 
-    /// End the thread.
+    /// End the thread. In a fork of the process there is none.
     fn stop(&self, py: Python<'_>) {
-        let thread = {
-            // Within the lock, so that a start of another thread comes before or after.
-            let mut thread = self.thread();
-            self.stop.store(true, Ordering::Relaxed);
-            thread.take()
-        };
-        match thread {
-            Some(thread) if self.is_here() => drop(py.detach(|| thread.join())),
-            // There is no such thread in a fork.
-            thread => mem::forget(thread),
+        if !self.is_here() {
+            return;
+        }
+        let server = self.server().take();
+        if let Some(Server { stop, thread }) = server {
+            stop.store(true, Ordering::Relaxed);
+            drop(py.detach(|| thread.join()));
         }
     }
 
@@ -244,8 +249,13 @@ impl Live {
 
 impl Drop for Live {
     fn drop(&mut self) {
-        // The thread sees it within a millisecond and needs nothing of Python to end.
-        self.stop.store(true, Ordering::Relaxed);
+        let here = self.is_here();
+        match self.server.get_mut().unwrap_or_else(PoisonError::into_inner).take() {
+            // The thread sees it within a millisecond and needs nothing of Python to end.
+            Some(server) if here => server.stop.store(true, Ordering::Relaxed),
+            // There is no such thread in a fork.
+            server => mem::forget(server),
+        }
     }
 }
 

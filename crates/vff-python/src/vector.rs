@@ -21,8 +21,8 @@ type Steps<'py> =
 ///
 /// Parameters
 /// ----------
-/// scenario : Mapping or object with to_dict()
-///     A scenario document.
+/// scenario : Scenario, dict, str or path
+///     What happens in an episode.
 /// settings : Mapping
 ///     ``action``, ``period``, ``torque``, ``start_noise``, ``obstacle_noise``, ``margin``, ``weights``; see
 ///     `vffnull.gym.ReachEnv`.
@@ -109,7 +109,7 @@ impl Episodes {
         };
         let (count, threads) = (at_least_one("count", count)?, at_least_one("threads", threads)?);
         let seed = convert::count("seed", seed)?;
-        let (scenario, settings) = (document(scenario)?, document(settings)?);
+        let (scenario, settings) = (convert::scenario(scenario)?, document(settings)?);
         let episodes = prepared(py, &scenario, |scenario| {
             let task = Task::new(scenario, &settings)?;
             vector::Episodes::new(task, count, threads, seed)

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import socket
 from pathlib import Path
 
 import click
 
 from vffnull.cli.common import INTERRUPTED, assigned, complete_scenario, set_option
-from vffnull.errors import InputError
 from vffnull.scenario import prepare
 from vffnull.viewer import live as open_page
+from vffnull.viewer.ports import free
 
 __all__ = ["live"]
-
-_LAST_PORT = 65_535
-_TRIES = 100
 
 
 @click.command()
@@ -55,7 +51,7 @@ def live(
     The page is on this machine alone (127.0.0.1). Ctrl-C ends it. Needs pip install "vffnull[viewer]".
     """
     ready = prepare(scenario, assigned(assignments))
-    port = _free(port)
+    port = free(port, "--port")
     page = open_page(
         ready, port=port, open_browser=not no_browser, block=False, record_to=record_to, allow_origins=origins
     )
@@ -67,16 +63,3 @@ def live(
     finally:
         page.stop()
     return 0
-
-
-def _free(port: int) -> int:
-    """The first port from this one on that nobody listens at."""
-    if not 1024 <= port <= _LAST_PORT:
-        raise InputError(f"--port: must be from 1024 to {_LAST_PORT}, got {port}")
-    last = min(port + _TRIES, _LAST_PORT)
-    for candidate in range(port, last + 1):
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", candidate)):
-                return candidate
-    taken = f"{port} is taken" if port == last else f"{port} to {last} are taken"
-    raise InputError(f"--port: {taken}; choose another")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from vffnull._extras import extra
 from vffnull.errors import InputError, InputTypeError
+from vffnull.viewer.ports import free
 
 if TYPE_CHECKING:
     from vffnull.scenario import ScenarioLike
@@ -38,7 +39,7 @@ def live(
     scenario : str, path, Scenario or dict, optional
         What to start with; a bundled name, a TOML file or a scenario.
     port : int, optional
-        Where the page is on 127.0.0.1; the next free one, if this one is taken.
+        Where the page is on 127.0.0.1; one of the next hundred, if this one is taken.
     open_browser : bool, optional
         Show the page in the browser of the system.
     block : bool, optional
@@ -58,7 +59,7 @@ def live(
     Raises
     ------
     vffnull.errors.InputError
-        If the port, the folder or an origin cannot be used.
+        If the port is out of range or no port is free, or if the folder or an origin cannot be used.
     vffnull.errors.ScenarioError
         If the scenario cannot be run.
     ImportError
@@ -73,8 +74,7 @@ def live(
     """
     if isinstance(port, bool) or not isinstance(port, int):
         raise InputTypeError(f"port: expected a whole number, got {type(port).__name__}")
-    if not 1024 <= port <= 65535:
-        raise InputError(f"port: must be from 1024 to 65535, got {port}")
+    port = free(port)
     folder = Path(record_to)
     if not folder.is_dir():
         raise InputError(f"record_to: there is no folder {folder}")
