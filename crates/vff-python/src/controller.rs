@@ -14,7 +14,6 @@ use pyo3::types::PyDict;
 use std::mem::{replace, take};
 use vff_core::math::memory;
 use vff_core::runtime::{AnyController, AnyObstacles, Target, controller};
-use vff_core::scenario;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
