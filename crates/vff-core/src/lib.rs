@@ -77,6 +77,7 @@
 pub mod control;
 pub mod field;
 pub mod interrupt;
+pub mod inverse_kinematics;
 pub mod math;
 #[cfg(feature = "scenario")]
 pub mod planning;

@@ -18,6 +18,8 @@ mod mobility;
 mod operators;
 mod state;
 mod task;
+#[cfg(test)]
+mod tracking;
 
 pub use algebra::Spatial;
 pub use arm::{Body, Description, Joint, JointKind, Placement, SpatialArm};

@@ -298,12 +298,22 @@ fn unusable_values_are_named() {
         field(&format!("waypoints = {{ {two}, orientations = [[1, 0, 0, 0], [1, 1, 0, 0]] }}")),
         "orientations[1]"
     );
-    // Three half turns in a row about two axes, unevenly in time: the curve overshoots through no orientation at all.
-    let wild = "times = [0, 1, 1.001, 2], points = [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0]]";
-    let error = field(&format!(
-        "table = {{ {wild}, orientations = [{half}, [1, 0, 0, 0], [0, 1, 0, 0]] }}"
-    ));
-    assert!(error.starts_with("orientations["), "{error}");
+    // Almost half turns about several axes, unevenly in time: the curve would come near to no orientation at all.
+    let wild = [
+        [-0.471, -0.583, 0.364, -0.553],
+        [-0.851, 0.22, 0.321, 0.352],
+        [-0.751, -0.513, 0.198, 0.365],
+        [0.246, -0.085, -0.341, 0.903],
+    ];
+    let wild = SpatialReference::Table {
+        times: vec![0.0, 5.933, 8.337, 8.655],
+        points: vec![[0.0; 3]; 4],
+        orientations: Some(wild.map(|q| UnitQuaternion::normalised(q).to_array()).into()),
+        relative: false,
+    };
+    let error = Trajectory::<SpatialPose, 6>::new(&wild, &x).unwrap_err();
+    assert_eq!(error, TrajectoryError::OrientationsApart { index: 1 });
+    assert_eq!(error.field(), "orientations[1]");
 
     let useless = |text: &str| {
         let reference = toml::from_str::<SpatialReference>(text).unwrap();
