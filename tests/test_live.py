@@ -444,7 +444,7 @@ class Visitor:
         self.tab = browser.new_page(viewport={"width": 1200, "height": 600}, device_scale_factor=0.5)
         self.requests: list[str] = []
         self.errors: list[str] = []
-        self.tab.set_default_timeout(300_000)
+        self.tab.set_default_timeout(1000 * HANG)
         self.tab.on("request", lambda request: self.requests.append(request.url))
         self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
         self.tab.goto(page.url)
@@ -537,7 +537,12 @@ def test_a_visitor_drags_the_obstacle_into_the_arm(browser: Any, tmp_path: Path)
 
 
 def test_a_visitor_lets_the_tip_give_way(browser: Any, tmp_path: Path) -> None:
-    """An obstacle dropped on the tip is what no null space can avoid; barriers keep their margin (T62)."""
+    """An obstacle dropped on the tip is what no null space can avoid; barriers keep their margin (T62).
+
+    But for 0.3 mm: a barrier knows the disc's acceleration of the beginning of each millisecond. The disc's
+    jerk is at most 0.23 p² v, with p = 25 1/s and v = 3 m/s of what carries it. Within a millisecond it makes
+    an error of 0.43 m/s², and of that the barrier with its two poles at 40 1/s makes 0.43 / 40² m.
+    """
     page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
     try:
         visitor = Visitor(browser, page)
@@ -548,7 +553,7 @@ def test_a_visitor_lets_the_tip_give_way(browser: Any, tmp_path: Path) -> None:
         visitor.drag((3.0, 2.9), tuple(place))
         wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - place) < 0.1)
         wait_for(lambda: np.linalg.norm(page.snapshot()["error"]) > 0.2)
-        assert page.snapshot()["min_clearance"] > 0.02 and page.snapshot()["status"] == "running"
+        assert page.snapshot()["min_clearance"] > 0.02 - 3e-4 and page.snapshot()["status"] == "running"
         assert visitor.errors == []
     finally:
         page.stop()

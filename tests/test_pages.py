@@ -21,6 +21,7 @@ import vffnull as vff
 from vffnull.errors import InputError, InputTypeError
 from vffnull.plotting import geometry
 from vffnull.plotting.primitives import ROLES, Arrow, Body, Scene
+from waiting import HANG
 
 
 class Page(HTMLParser):
@@ -344,7 +345,7 @@ class Tab:
 
     def __init__(self, browser: Any, path: Path, width: int = 1280) -> None:
         self.page = browser.new_page(viewport={"width": width, "height": 900})
-        self.page.set_default_timeout(120_000)
+        self.page.set_default_timeout(1000 * HANG)
         self.requests: list[str] = []
         self.errors: list[str] = []
         self.page.on("request", lambda request: self.requests.append(request.url))
@@ -363,7 +364,7 @@ def test_names_are_text_in_every_page(browser: Any, tmp_path: Path) -> None:
     says the name as it is, and nothing in it is carried out.
     """
     expect = pytest.importorskip("playwright.sync_api").expect
-    expect.set_options(timeout=120_000)
+    expect.set_options(timeout=1000 * HANG)
     script = "<img src=x onerror=window.harmed=1>"
     hostile = [
         f"@t{{safe}}{script}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -116,3 +117,30 @@ def test_wrong_settings_are_named(key: str, value: float, words: str) -> None:
     with pytest.raises(vff.errors.ScenarioError, match=words) as caught:
         vff.ControlSettings(avoidance="cbf", yielding={"preview": {key: value}})
     assert "yielding.preview" in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [1e5, 1e9, 1e99])
+@pytest.mark.parametrize("key", ["yielding.rate", "damping", "null_damping", "yielding.preview.trigger"])
+def test_what_would_make_a_step_endless_is_refused(key: str, value: float) -> None:
+    """A roll-out takes steps as short as the fastest rate asks for: what asks for too many is named."""
+    with pytest.raises(vff.errors.ScenarioError) as refused:
+        vff.Scenario.from_dict(closing()).replace(**{f"controller.{key}": value})
+    assert str(refused.value).startswith(f"controller.{key}: must be "), str(refused.value)
+
+
+@pytest.mark.parametrize(("steps", "candidates"), [(10_000, 10), (250, 400), (10, 10_000)])
+def test_the_most_expensive_settings_bound_a_step(steps: int, candidates: int) -> None:
+    """The largest that are allowed, all at once, while discs close in: milliseconds of the processor's time,
+    which other programs do not make longer. Without the bound a step took 20 s and more.
+    """
+    fastest = dict.fromkeys(("yielding.rate", "damping", "null_damping"), 1365.0)  # 1/s
+    scenario = vff.Scenario.from_dict(closing(steps=steps, candidates=candidates))
+    changed = scenario.replace(**{f"controller.{key}": rate for key, rate in fastest.items()})
+    with pytest.raises(vff.errors.ScenarioError):
+        changed.replace(**{"controller.yielding.preview.candidates": candidates + 1})
+    simulation, longest = vff.Simulation(changed), 0.0
+    while not simulation.done:
+        begin = time.thread_time()
+        simulation.step()
+        longest = max(longest, time.thread_time() - begin)
+    assert longest < 1.0

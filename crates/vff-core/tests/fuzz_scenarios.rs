@@ -684,7 +684,7 @@ proptest! {
 const CONTROLLERS: &[&str] = &[
     "avoidance = 'cbf'\nyielding = { preview = {} }",
     "avoidance = 'cbf'\nyielding = { rate = 40.0, margin = 0.02, activation = 1.2, task_weight = 20.0, \
-     slack_price = 4e4, speed = 6.0, preview = { period = 0.02, horizon = 1.2, alarm = 1.2, steps = 16, \
+     slack_price = 4e4, speed = 6.0, preview = { period = 0.02, horizon = 1.2, trigger = 1.2, steps = 16, \
      candidates = 64, clearance = 0.1, speed = 1.0 } }\ndamping = 8.0\nnull_damping = 2.0",
     "avoidance = 'cbf'\nself_collision = 'avoid'",
     "avoidance = 'priority'\nyielding = { rate = 20.0, margin = 0.02, inner = 0.05, outer = 0.3 }",
@@ -883,6 +883,19 @@ fn refused_or_sane(seed: &str, line: &str, by: &str) {
     let scenario = Scenario::from_toml(&seed.replace(line, by));
     if let Some(outcome) = scenario.ok().and_then(|scenario| run(&scenario)) {
         validate(&outcome);
+    }
+}
+
+/// Before its numbers are scaled, every controller is one that runs: what is refused would find nothing.
+#[test]
+fn controllers_are_valid() {
+    for controller in CONTROLLERS {
+        let table: Table = controller.parse().unwrap();
+        let mut document: Table = include_str!("scenarios/crowd.toml").parse().unwrap();
+        document["controller"].as_table_mut().unwrap().extend(table);
+        let scenario =
+            Scenario::from_document(&document).unwrap_or_else(|e| panic!("{controller}: {e}"));
+        assert!(run(&scenario).is_some(), "{controller}");
     }
 }
 
