@@ -94,6 +94,19 @@ pub enum Problem {
         /// The largest distance that can be reached \[m\].
         outer: f64,
     },
+    /// The arm cannot follow the reference.
+    #[error(
+        "cannot be reached from t = {time:.4} s on: within its joint limits the arm comes no nearer than \
+         {position:.4} m and {angle:.4} rad"
+    )]
+    OutOfReach {
+        /// The first time at which it does not \[s\].
+        time: f64,
+        /// The distance that is left \[m\].
+        position: f64,
+        /// The angle that is left \[rad\].
+        angle: f64,
+    },
     /// Anything else, in a sentence.
     #[error("{0}")]
     Other(String),

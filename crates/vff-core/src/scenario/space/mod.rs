@@ -10,9 +10,10 @@ use super::error::{Problem, ScenarioError};
 use super::numbers::{not_negative, number, positive};
 use super::scene::{Described, Prepared, Scene};
 use super::validate;
+use crate::inverse_kinematics::{Residual, Solver, Unreachable};
 use crate::math::Vector;
 use crate::math::rotation::UnitQuaternion;
-use crate::robot::{SpatialArm, SpatialState};
+use crate::robot::{Model, SpatialArm, SpatialState};
 use crate::simulation::{Options, PerceptionSettings, Physics, Space, System, Unsensed};
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
 use crate::world::space::{Obstacle, Shape};
@@ -92,7 +93,12 @@ where
         options: &Options,
         duration: f64,
     ) -> Result<(), ScenarioError> {
-        let _ = (arm, trajectory, q0, options, duration);
-        Ok(())
+        let samples = options.steps(duration).clamp(1, 2_000);
+        Solver::new(arm.dof(), arm.characteristic_length())
+            .follow(&mut arm.state(), trajectory, q0, duration, samples)
+            .map_err(|Unreachable { time, error }| {
+                let Residual { position, angle } = error;
+                ScenarioError::new("reference", Problem::OutOfReach { time, position, angle })
+            })
     }
 }
