@@ -19,15 +19,21 @@ import sys
 import tempfile
 from collections import Counter, defaultdict
 from pathlib import Path
+from typing import Any
 
 import vffnull as vff
 from report import rows, write_section
-from scene import DT, scene
+from scene import DT, panda, scene
 
 ROOT = Path(__file__).resolve().parents[1]
 BASELINE = ROOT / "benches" / "instructions.json"
-SIZES = (6, 100)
 SHORT, LONG = 200, 1200  # steps of the two runs
+SCENES = {
+    "n = 6": scene(6, LONG * DT),
+    "n = 100": scene(100, LONG * DT),
+    "Panda, pose": panda(LONG * DT),
+    "Panda, position": panda(LONG * DT, "position"),
+}
 ALLOWED = 0.05  # relative growth
 SHOWN = 0.01  # the profile names what takes a larger share than this
 
@@ -47,12 +53,12 @@ def build() -> Path:
     return Path(program)
 
 
-def callgrind(program: Path, n: int, steps: int) -> Counter[str]:
+def callgrind(program: Path, document: dict[str, Any], steps: int) -> Counter[str]:
     """Instructions of every function in a run of so many steps, inlined ones within their callers."""
     with tempfile.TemporaryDirectory() as directory:
         scenario, profile = Path(directory) / "scene.toml", Path(directory) / "profile"
         # As long a record in both runs, so that they allocate the same.
-        vff.Scenario.from_dict(scene(n, LONG * DT)).save(scenario)
+        vff.Scenario.from_dict(document).save(scenario)
         command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={profile}", "--dump-line=no"]
         command += ["--compress-strings=no", "--compress-pos=no", str(program), str(scenario), str(steps)]
         done = subprocess.run(
@@ -83,10 +89,10 @@ def self_costs(profile: str) -> Counter[str]:
     return costs
 
 
-def per_step(program: Path, n: int) -> dict[str, float]:
+def per_step(program: Path, document: dict[str, Any]) -> dict[str, float]:
     """Instructions of one step by function, the most expensive first."""
-    costs = callgrind(program, n, LONG)
-    costs.subtract(callgrind(program, n, SHORT))
+    costs = callgrind(program, document, LONG)
+    costs.subtract(callgrind(program, document, SHORT))
     return {function: cost / (LONG - SHORT) for function, cost in costs.most_common() if cost}
 
 
@@ -98,7 +104,7 @@ def compare(counts: dict[str, float]) -> bool:
         before = baseline["instructions"][n]
         growth = round(count / before - 1, 4) + 0.0  # never -0.0
         fine &= growth <= ALLOWED
-        print(f"n = {n:>3}: {count:8.0f} instructions a step, baseline {before:8.0f}, {growth:+.1%}")
+        print(f"{n:>15}: {count:8.0f} instructions a step, baseline {before:8.0f}, {growth:+.1%}")
         if growth < -ALLOWED:
             print("         cheaper than the baseline: keep that with --update")
     if not fine:
@@ -135,21 +141,24 @@ def short(function: str) -> str:
 
 
 def profile(costs: dict[str, dict[str, float]]) -> str:
-    """A table of the functions that take more than `SHOWN` of a step of either arm."""
+    """A table of the functions that take more than `SHOWN` of a step of any arm."""
     by_name: dict[str, dict[str, float]] = {n: defaultdict(float) for n in costs}
     for n, by_function in costs.items():
         for function, cost in by_function.items():
             by_name[n][short(function)] += cost
     totals = {n: sum(counts.values()) for n, counts in by_name.items()}
-    *_, largest = by_name.values()
-    named = sorted(largest, key=lambda function: -largest[function])
+    every: dict[str, float] = defaultdict(float)
+    for n, by_function in by_name.items():
+        for function, cost in by_function.items():
+            every[function] = max(every[function], cost / totals[n])
+    named = sorted(every, key=lambda function: -every[function])
     named = [f for f in named if any(counts[f] > SHOWN * totals[n] for n, counts in by_name.items())]
     rest = {n: totals[n] - sum(counts[f] for f in named) for n, counts in by_name.items()}
 
     def row(name: str, counts: dict[str, float]) -> list[str]:
         return [name, *(c for n, k in counts.items() for c in (f"{k:.0f}", f"{k / totals[n]:.1%}"))]
 
-    head = ["function", *(column for n in costs for column in (f"n = {n}", "share"))]
+    head = ["function", *(column for n in costs for column in (n, "share"))]
     body = [row(f"`{f}`", {n: counts[f] for n, counts in by_name.items()}) for f in named]
     table = rows(head, [*body, row("everything else", rest), row("one step", totals)])
     return (
@@ -168,7 +177,7 @@ def main() -> None:
     if shutil.which("valgrind") is None:
         sys.exit("valgrind is not installed; on Debian and Ubuntu: sudo apt-get install valgrind")
     program = build()
-    costs = {str(n): per_step(program, n) for n in SIZES}
+    costs = {name: per_step(program, document) for name, document in SCENES.items()}
     counts = {n: sum(by_function.values()) for n, by_function in costs.items()}
     if arguments.update:
         update(counts)

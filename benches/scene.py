@@ -1,8 +1,9 @@
-"""The scene in which the step is counted and timed, for an arm of any number of links.
+"""The scenes in which the step is counted and timed: a planar arm of any number of links, and a Panda.
 
-6 m and 6 kg of uniform arm, bent along an arc, whatever the number of its links. Its tip draws a circle, and
-one disc swings beside its middle, within the field's reach. The law is held at 1 kHz, the plant is
-semi-implicit Euler.
+`scene`: 6 m and 6 kg of uniform arm, bent along an arc, whatever the number of its links. Its tip draws a
+circle, and one disc swings beside its middle, within the field's reach. The law is held at 1 kHz, the plant
+is semi-implicit Euler. `panda`: seven joints under gravity hold the pose of their hand while a ball swings
+beside the elbow, whose capsules the field reaches; held and integrated likewise.
 """
 
 from __future__ import annotations
@@ -53,4 +54,38 @@ def scene(n: int, duration: float) -> dict[str, Any]:
             }
         ],
         "simulation": {"dt": DT, "integrator": "semi_implicit_euler", "control": "hold"},
+    }
+
+
+READY = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]  # rad, the maker's posture
+
+
+def panda(duration: float, task: str = "pose") -> dict[str, Any]:
+    """The document of a scenario over `duration` [s]."""
+    return {
+        "name": f"panda, {task}",
+        "duration": duration,
+        "q0": READY,
+        "arm": {"model": "panda"},
+        "reference": {"kind": "setpoint"},
+        "controller": {
+            "task": task,
+            "stiffness": 900.0,
+            "damping": 60.0,
+            "null_damping": 6.0,
+            "field": {"kind": "bounded", "gain": 20.0, "influence": 0.3},
+        },
+        "obstacles": [
+            {
+                "shape": {"kind": "sphere", "radius": 0.08},
+                "position": [-0.05, -0.25, 0.62],
+                "motion": {"kind": "sinusoid", "amplitude": [0.03, 0.05, 0.0], "angular_frequency": 2.0},
+            }
+        ],
+        "simulation": {
+            "dt": DT,
+            "integrator": "semi_implicit_euler",
+            "control": "hold",
+            "record_every": 30,
+        },
     }
