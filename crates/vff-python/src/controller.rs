@@ -209,7 +209,7 @@ impl Controller {
         Ok(Self {
             n: controller.dof(),
             widths: controller.widths(),
-            nothing: arm.arm.no_obstacles(),
+            nothing: arm.arm.no_obstacles().map_err(|error| errors::arm(&error))?,
             summary: controller.summary(),
             strict,
             inner: Turns::new("controller", Inner { controller, obstacles: vec![] }),

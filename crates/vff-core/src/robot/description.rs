@@ -4,12 +4,13 @@
 //! the base to the tip; link `i` is the body that joint `i` moves, and its frame is the frame of that
 //! joint. Units are SI, angles radians, quaternions `[w, x, y, z]`.
 
-use super::inertia;
+use super::spatial::SpatialArm;
+use super::{inertia, names};
+use crate::math::Vector;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How far the norm of an axis or quaternion may be from 1; what is nearer is normalised.
-pub const UNIT_TOLERANCE: f64 = 1e-6;
+pub use crate::math::rotation::UNIT_TOLERANCE;
 
 /// A serial arm in space, in full.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -89,6 +90,28 @@ fn identity() -> [f64; 4] {
 impl Default for Frame {
     fn default() -> Self {
         Self { position: [0.0; 3], orientation: identity() }
+    }
+}
+
+/// No joint yet, at the origin of the world.
+impl Default for ArmDescription {
+    fn default() -> Self {
+        Self {
+            name: None,
+            payload: None,
+            reach: None,
+            base: base(),
+            tip: tip(),
+            gravity: gravity(),
+            joint_limits: vec![],
+            velocity_limits: vec![],
+            torque_limits: vec![],
+            ignore: vec![],
+            mount: Frame::default(),
+            tool: Frame::default(),
+            joints: vec![],
+            collision: vec![],
+        }
     }
 }
 
@@ -254,13 +277,22 @@ pub enum DescriptionProblem {
     #[error("`{0}` is there twice")]
     Twice(String),
     /// A link that does not exist.
-    #[error("there is no link `{given}`{}", super::names::hint(given, known))]
+    #[error("there is no link `{given}`{}", names::hint(given, known))]
     UnknownLink {
         /// The name.
         given: String,
         /// The names that exist.
         known: Vec<String>,
     },
+    /// A continuous joint with an end.
+    #[error("`{0}` is continuous and has no limits: a joint with limits is revolute")]
+    ContinuousLimit(String),
+    /// A shape that links do not carry.
+    #[error(
+        "links carry spheres and capsules so far, not a {0}: fit capsules to the links (`collision = \"fit\"` where \
+         a model is read), or write them out"
+    )]
+    NotRound(&'static str),
     /// An inertia tensor that no mass distribution has.
     #[error("{0}")]
     Inertia(inertia::Impossible),
@@ -317,6 +349,23 @@ impl Frame {
 }
 
 impl Shape {
+    /// Both ends of the axis and the radius \[m\] of a capsule, or of a sphere, which has one end.
+    ///
+    /// # Errors
+    /// If it is neither, with `path`.
+    pub(super) fn rounded(
+        &self,
+        path: &str,
+    ) -> Result<(Vector<3>, Vector<3>, f64), DescriptionError> {
+        let other = |kind| Err(fault(path, DescriptionProblem::NotRound(kind)));
+        match self {
+            Self::Sphere { center, radius } => Ok(((*center).into(), (*center).into(), *radius)),
+            Self::Capsule { a, b, radius } => Ok(((*a).into(), (*b).into(), *radius)),
+            Self::Box { .. } => other("box"),
+            Self::Convex { .. } => other("convex hull"),
+        }
+    }
+
     fn check(&mut self, path: &str) -> Checked {
         let at = |key: &str| format!("{path}.{key}");
         let round = |radius: f64| {
@@ -413,6 +462,14 @@ impl ArmDescription {
         std::iter::once(self.base.clone()).chain(links).collect()
     }
 
+    /// The arm ready for computations.
+    ///
+    /// # Errors
+    /// With the path of the first value that is wrong; see [`SpatialArm::new`].
+    pub fn build(self) -> Result<SpatialArm, DescriptionError> {
+        SpatialArm::new(self)
+    }
+
     /// The same with axes and quaternions of length 1 and a name for every link.
     ///
     /// # Errors
@@ -475,7 +532,11 @@ impl ArmDescription {
             false => Err(fault(path, DescriptionProblem::WrongLength { expected: n, given })),
         };
         length("joint_limits", self.joint_limits.len())?;
-        for (i, [lower, upper]) in self.joint_limits.iter().enumerate() {
+        for (i, ([lower, upper], joint)) in self.joint_limits.iter().zip(&self.joints).enumerate() {
+            if joint.kind == JointKind::Continuous && (lower.is_finite() || upper.is_finite()) {
+                let problem = DescriptionProblem::ContinuousLimit(joint.name.clone());
+                return Err(fault(format!("joint_limits[{i}]"), problem));
+            }
             if lower.partial_cmp(upper) != Some(std::cmp::Ordering::Less) {
                 let given = format!("[{lower:?}, {upper:?}]").replace("NaN", "nan");
                 let problem =

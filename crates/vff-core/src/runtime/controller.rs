@@ -8,7 +8,7 @@ use crate::control::{
 };
 use crate::math::Vector;
 use crate::robot::{Manipulator, Model, PlanarState, Robot};
-use crate::scenario::{self, ScenarioError};
+use crate::scenario::{self, Problem, ScenarioError};
 use crate::simulation::{Plane, System};
 use crate::trajectory::Sample;
 use crate::world::{CollisionQuery, Solid, World};
@@ -129,6 +129,10 @@ impl AnyController {
                     }
                     TaskKind::Pose => Self::PlanarPose(Box::new(Standalone::new(robot, settings))),
                 })
+            }
+            AnyArm::Spatial(_) => {
+                let problem = "an arm in space has no controller yet";
+                Err(ScenarioError::new("", Problem::Other(problem.into())))
             }
         }
     }

@@ -21,6 +21,7 @@ pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
 use crate::math::memory;
+use crate::robot::description::ArmDescription;
 use crate::robot::{Model, PlanarArm};
 use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings,
@@ -60,7 +61,7 @@ pub struct Scenario {
     /// The controller.
     #[serde(default)]
     pub controller: Settings,
-    /// What the end effector shall do.
+    /// What the end effector has to do.
     pub reference: Reference,
     /// What is in the way.
     #[serde(default)]
@@ -157,6 +158,16 @@ impl Part {
 /// With the name of the first parameter that is wrong.
 pub fn read_arm(document: &Table) -> Result<PlanarArm, ScenarioError> {
     read::<ArmSpec>(document)?.build()
+}
+
+/// Reads and validates the explicit description of an arm in space.
+///
+/// # Errors
+/// With the dotted path of the first value that is wrong.
+pub fn read_description(document: &Table) -> Result<ArmDescription, ScenarioError> {
+    // Limits may be infinite: what must be finite is checked one by one.
+    let description: ArmDescription = document::read(&Value::Table(document.clone()))?;
+    Ok(description.checked()?)
 }
 
 /// Reads and validates the settings of a controller for an arm.
