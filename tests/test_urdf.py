@@ -8,7 +8,6 @@ import math
 import subprocess
 import sys
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
 from vffnull import _core, arms
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
-pin = pytest.importorskip("pinocchio")
 mujoco = pytest.importorskip("mujoco")
 
 ARM = """<robot name="two">
@@ -289,20 +288,6 @@ def test_a_link_that_its_joint_cannot_accelerate_is_refused() -> None:
 # -------------------------------------------------------------------------------- against other readers
 
 
-def published() -> list[Path]:
-    """The URDFs of the wheels that are installed."""
-    from importlib.metadata import PackageNotFoundError, files
-
-    found = []
-    for wheel in ("example-robot-data", "pyroboplan"):
-        try:
-            found += [Path(str(file.locate())) for file in files(wheel) or () if file.suffix == ".urdf"]
-        except PackageNotFoundError:
-            pass
-    return sorted(found)
-
-
-MODELS = published()
 # Why a chain of a published model may be refused.
 FAULTS = (
     "no distribution of mass", "no mass", "mimics", "no joint moves", "is floating", "is planar", "no room",
@@ -310,35 +295,14 @@ FAULTS = (
 )  # fmt: skip
 
 
-def chains(model: Any) -> Iterator[str]:
-    """The links at the ends of a model."""
-    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
-    parents = {model.frames[frame.parentFrame].name for frame in model.frames}
-    inner = {model.frames[model.frames[frame.parentFrame].parentFrame].name for frame in bodies}
-    yield from (frame.name for frame in bodies if frame.name not in parents and frame.name not in inner)
-
-
 def compare(arm: dict[str, Any], locked: dict[str, float], model: Any, tip: str) -> None:
     """Mass matrix, gravity and tip against Pinocchio's reduced model."""
-    reference = pin.neutral(model)
-    for name, value in locked.items():
-        joint = model.joints[model.getJointId(name)]
-        where = [math.cos(value), math.sin(value)] if joint.nq == 2 else [value]
-        reference[joint.idx_q : joint.idx_q + joint.nq] = where
-    kept = [joint["name"] for joint in arm["joints"]]
-    fixed = [i for i in range(1, model.njoints) if model.names[i] not in kept]
-    try:
-        reduced = pin.buildReducedModel(model, fixed, reference) if fixed else model
-    except ValueError as fault:  # a link named like a joint
-        pytest.skip(f"Pinocchio cannot reduce it: {fault}")
-    assert list(reduced.names)[1:] == kept
+    reduced = reduced_to(model, arm, locked)
     data = reduced.createData()
     rng = np.random.default_rng(1)
     for _ in range(3):
-        q = rng.uniform(-2, 2, len(kept))
-        whole = np.concatenate(
-            [[math.cos(x), math.sin(x)] if reduced.joints[i + 1].nq == 2 else [x] for i, x in enumerate(q)]
-        )
+        q = rng.uniform(-2, 2, len(arm["joints"]))
+        whole = coordinates(reduced, q)
         M, g = mass_and_gravity(arm, q)
         pin.crba(reduced, data, whole)
         theirs = np.triu(data.M) + np.triu(data.M, 1).T - np.diag(reduced.armature)

@@ -1,4 +1,4 @@
-"""The compiled core: the arm, the law, the loop, and the only judge of scenario documents."""
+"""The compiled core: the arm, the law, the loop, and the only place where documents are validated."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -63,9 +63,11 @@ PORTS: tuple[str, ...]
 
 @final
 class Arm:
-    """A planar arm of n revolute links in a chain. It cannot be changed.
+    """An arm of n links in a chain, in the plane or in space. It cannot be changed.
 
-    Joint angles are relative; joint 1 sits at the origin, and link 1 lies along +x at q = 0.
+    Made by its name it is an arm in the plane of revolute joints: joint angles are relative, joint 1 sits at the
+    origin, and link 1 lies along +x at q = 0. `named`, `from_urdf` and `from_mjcf` make arms in space, whose joints
+    turn [rad] or slide [m]; orientations there are unit quaternions [w, x, y, z] with w ≥ 0.
 
     Parameters
     ----------
@@ -115,6 +117,68 @@ class Arm:
         velocity_limits: ArrayLike | None = None,
     ) -> Arm: ...
     @staticmethod
+    def named(name: str) -> Arm:
+        """An arm in space that is bundled: ``"panda"``, ``"fr3"``, ``"ur5e"``, ``"ur10e"``, ``"iiwa14"``, ``"gen3"``,
+        ``"xarm7"``.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If there is no such arm; the message lists those that there are.
+
+        Examples
+        --------
+        >>> Arm.named("panda").n
+        7
+        """
+
+    @staticmethod
+    def from_urdf(
+        path_or_text: str | os.PathLike[str],
+        tip: str | None = None,
+        base: str | None = None,
+        locked: Mapping[str, float] | None = None,
+        tool: object = None,
+        mount: object = None,
+        gravity: ArrayLike | None = (0.0, 0.0, -9.81),
+        collision: Literal["fit", "file", "none"] = "fit",
+        srdf: str | os.PathLike[str] | None = None,
+        packages: (
+            str
+            | os.PathLike[str]
+            | Sequence[str | os.PathLike[str]]
+            | Mapping[str, str | os.PathLike[str]]
+            | None
+        ) = None,
+        armature: ArrayLike | None = None,
+        fix_inertia: bool = False,
+    ) -> Arm:
+        """An arm in space from a URDF; parameters as in `vffnull.arms.from_urdf`, where they are explained."""
+
+    @staticmethod
+    def from_mjcf(
+        path_or_model: Any,
+        tip: str | None = None,
+        base: str | None = None,
+        locked: Mapping[str, float] | None = None,
+        tool: object = None,
+        mount: object = None,
+        gravity: ArrayLike | None = None,
+        collision: Literal["fit", "file", "none"] = "fit",
+        srdf: str | os.PathLike[str] | None = None,
+        armature: ArrayLike | None = None,
+        fix_inertia: bool = False,
+    ) -> Arm:
+        """An arm in space from an MJCF or a `mujoco.MjModel`; parameters as in `vffnull.arms.from_mjcf`, where they are
+        explained.
+        """
+
+    @staticmethod
     def uniform(
         n: int, length: float = 1.0, mass: float = 1.0, radius: float = 0.0, gravity: float = 0.0
     ) -> Arm:
@@ -139,22 +203,73 @@ class Arm:
         """Number of joints."""
     @property
     def lengths(self) -> _Array:
-        """Lengths of the links, (n,) [m]."""
+        """Lengths of the links, (n,) [m]; of an arm in the plane alone."""
     @property
     def masses(self) -> _Array:
         """Masses of the links, (n,) [kg]."""
     @property
     def com(self) -> _Array:
-        """Centres of mass in the links' frames, (n, 2) [m]."""
+        """Centres of mass in the links' frames, (n, 2) or (n, 3) [m]."""
     @property
     def inertias(self) -> _Array:
-        """Moments of inertia about the centres of mass, (n,) [kg·m²]."""
+        """Inertia about the centres of mass [kg·m²]: moments (n,) in the plane, in space tensors in the links' axes,
+        (n, 3, 3).
+        """
     @property
     def radius(self) -> _Array:
-        """Radii of the links, (n,) [m]."""
+        """Radii of the links, (n,) [m]; of an arm in the plane alone."""
     @property
     def gravity(self) -> _Array:
-        """Acceleration of free fall, (2,) [m/s²]."""
+        """Acceleration of free fall in the world, (2,) or (3,) [m/s²]."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of dimensions of the space that the arm moves in, 2 or 3."""
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the joints, from the base."""
+    @property
+    def link_names(self) -> list[str]:
+        """Names of the links that the joints move, from the base."""
+    @property
+    def joint_limits(self) -> _Array | None:
+        """Lowest and highest joint positions, (n, 2) [rad or m], infinite where there is no end; None without limits."""
+    @property
+    def velocity_limits(self) -> _Array | None:
+        """Largest joint speeds, (n,) [rad/s or m/s]; None without limits."""
+    @property
+    def torque_limits(self) -> _Array | None:
+        """Largest joint torques or forces, (n,) [N·m or N]; None without limits."""
+    @property
+    def collision(self) -> list[tuple[str, dict[str, Any]]]:
+        """What is measured against obstacles and other links: pairs of a link's name and a shape, whose points are in
+        the frame of the link [m].
+        """
+
+    def pose(self, q: ArrayLike) -> tuple[_Array, _Array]:
+        """Position and orientation of the tip.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Joint positions [rad or m].
+
+        Returns
+        -------
+        position : (2,) or (3,) ndarray
+            In the world [m].
+        orientation : (4,) or () ndarray
+            A unit quaternion [w, x, y, z] with w ≥ 0; in the plane the angle to the x axis [rad].
+        """
+
+    def link_poses(self, q: ArrayLike) -> _Array:
+        """Frames of the links in the world, homogeneous, (n, 4, 4); in the plane (n, 3, 3).
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Joint positions [rad or m].
+        """
 
     def forward_kinematics(self, q: ArrayLike) -> _Array:
         """Positions of the joints; the last row is the tip.
@@ -162,22 +277,24 @@ class Arm:
         Parameters
         ----------
         q : (n,) or (T, n) array_like
-            Joint angles [rad].
+            Joint positions [rad or m].
 
         Returns
         -------
-        (n+1, 2) or (T, n+1, 2) ndarray
+        (n+1, 2) or (n+1, 3) ndarray, (T, n+1, 2) or (T, n+1, 3) for T configurations
             Positions [m].
         """
 
     def jacobian(self, q: ArrayLike) -> _Array:
-        """Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper)."""
+        """Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper). In space (6, n): the velocity of the tip, then
+        the angular velocity, in world axes.
+        """
 
     def jacobian_dot(self, q: ArrayLike, dq: ArrayLike) -> _Array:
-        """Time derivative of the Jacobian, (2, n)."""
+        """Time derivative of the Jacobian, (2, n) or (6, n)."""
 
     def mass_matrix(self, q: ArrayLike) -> _Array:
-        """Mass matrix M, (n, n) [kg·m²]; symmetric and positive definite."""
+        """Mass matrix M, (n, n) [kg·m²], with the armature of the joints; symmetric and positive definite."""
 
     def coriolis_matrix(self, q: ArrayLike, dq: ArrayLike) -> _Array:
         """Coriolis matrix C by Christoffel symbols, (n, n) [N·m·s]: Ṁ = C + Cᵀ."""
@@ -191,7 +308,7 @@ class Arm:
         Parameters
         ----------
         q, dq, ddq : (n,) array_like
-            Joint angles [rad], velocities [rad/s], accelerations [rad/s²].
+            Joint positions [rad or m], velocities, accelerations.
         """
 
     def forward_dynamics(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike) -> _Array:
@@ -200,32 +317,33 @@ class Arm:
         Parameters
         ----------
         q, dq, tau : (n,) array_like
-            Joint angles [rad], velocities [rad/s], torques [N·m].
+            Joint positions [rad or m], velocities, torques [N·m] or forces [N].
         """
 
     def kinetic_energy(self, q: ArrayLike, dq: ArrayLike) -> float:
         """Kinetic energy ½ q̇ᵀM q̇ [J]."""
 
     def potential_energy(self, q: ArrayLike) -> float:
-        """Potential energy in gravity [J]; 0 with every centre of mass at the height of joint 1."""
+        """Potential energy in gravity [J]; 0 with every centre of mass at the height of the world's origin."""
 
     def extended_jacobian(self, q: ArrayLike, dq: ArrayLike) -> ExtendedJacobian:
-        """The split into task and null space at a state, with every matrix (eq. 6–15, corrected).
+        """The split into task and null space at a state, with every matrix (eq. 6–15, corrected). The task is that of
+        `jacobian`: the position of the tip in the plane, its pose in space.
 
         Parameters
         ----------
         q, dq : (n,) array_like
-            Joint angles [rad] and velocities [rad/s].
+            Joint positions [rad or m] and velocities.
         """
 
-    def to_mjcf(self, name: str = "arm") -> str:
+    def to_mjcf(self, name: str | None = None) -> str:
         """The arm as MJCF, for MuJoCo; see `vffnull.export.to_mjcf`."""
 
-    def to_urdf(self, name: str = "arm") -> str:
+    def to_urdf(self, name: str | None = None) -> str:
         """The arm as URDF; see `vffnull.export.to_urdf`."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The arm as a part of a scenario document."""
+        """The arm as a part of a scenario document; no other file is needed to make it again."""
 
     def _repr_html_(self) -> str: ...
 
@@ -406,8 +524,8 @@ class Terms:
     def clearance(self) -> _Array:
         """Signed distance of each link's surface to the nearest obstacle's, (n,) [m]."""
     @property
-    def slack(self) -> float:
-        """By how much barriers are broken at most [m/s²]; 0 without ``avoidance="cbf"``."""
+    def slack(self) -> float | None:
+        """By how much barriers are violated at most [m/s²]; None without ``avoidance="cbf"``."""
     @property
     def N(self) -> _Array:
         """Null-space projector, (n, n)."""
@@ -457,7 +575,7 @@ class Distances:
         """Signed distance d of the two surfaces, (P,) [m]; negative in penetration."""
     @property
     def gradient(self) -> _Array:
-        """Derivative of d by the joint angles, n̂ᵀJ_c, (P, n) [m/rad]."""
+        """Derivative of d by the joint positions, n̂ᵀJ_c, (P, n) [m/rad or m/m]."""
     @property
     def rate(self) -> _Array:
         """Rate ḋ, the motion of the obstacle included, (P,) [m/s]."""
@@ -466,13 +584,13 @@ class Distances:
         """Acceleration d̈ while the joints do not accelerate, (P,) [m/s²]: d̈ = gradient @ ddq + bias."""
     @property
     def normal(self) -> _Array:
-        """Unit vector n̂ from the obstacle towards the link, (P, 2)."""
+        """Unit vector n̂ from the obstacle towards the link, (P, 2) or (P, 3)."""
     @property
     def point(self) -> _Array:
-        """Nearest point on the axis of the link, (P, 2) [m]."""
+        """Nearest point on the axis of the link, (P, 2) or (P, 3) [m]."""
     @property
     def witness(self) -> _Array:
-        """Nearest point on the surface of the obstacle, (P, 2) [m]."""
+        """Nearest point on the surface of the obstacle, (P, 2) or (P, 3) [m]."""
 
 @final
 class State:
@@ -767,7 +885,7 @@ def distances(
     arm : Arm
         The arm's model.
     q, dq : (n,) or (batch, n) array_like
-        Joint angles [rad] and velocities [rad/s].
+        Joint positions [rad or m] and velocities.
     obstacles : sequence of Obstacle or dict
         The obstacles with their motions.
     t : float or (batch,) array_like, optional
@@ -860,7 +978,7 @@ def run_many(
     """
 
 def feasibility(document: Mapping[str, Any]) -> tuple[str, _Array | None]:
-    """Judge by a planner whether a scenario can be survived, with the GIL released.
+    """Find by a planner whether a collision-free motion exists, with the GIL released.
 
     Parameters
     ----------

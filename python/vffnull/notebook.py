@@ -41,6 +41,8 @@ _MAIN = (
 
 def arm(shown: Arm) -> str:
     """An arm, a little bent so that its joints can be told apart, and its parameters."""
+    if shown.dimension == 3:
+        return _arm_in_space(shown)
     q = np.full(shown.n, -0.9 / shown.n)
     q[0] = 0.7
     rows = [
@@ -52,6 +54,26 @@ def arm(shown: Arm) -> str:
         ("gravity", f"({', '.join(f'{g + 0.0:.4g}' for g in shown.gravity)}) m/s²"),
     ]
     return _card(_picture(Scene.of_arm(shown, q)), "Arm", "", rows)
+
+
+def _arm_in_space(shown: Arm) -> str:
+    """An arm in the middle of its ranges, seen from the side, and its parameters."""
+    limits = shown.joint_limits
+    bounded = limits is not None and np.isfinite(limits).all(axis=1)
+    q = np.where(bounded, np.mean(limits, axis=1), 0.0) if limits is not None else np.zeros(shown.n)
+    points = shown.forward_kinematics(q)[:, [0, 2]]
+    marks = [_line(points, COLOURS["link"], 1.0)]
+    marks += [_dot(place, COLOURS["joint"], 7.5, 1.0) for place in points[:-1]]
+    document = shown.to_dict()
+    rows = [
+        ("joints", str(shown.n)),
+        ("base, tip", f"{document['base']}, {document['tip']}"),
+        ("masses", f"{_range(shown.masses)} kg"),
+        ("shapes", str(len(shown.collision))),
+        ("gravity", f"({', '.join(f'{g + 0.0:.4g}' for g in shown.gravity)}) m/s²"),
+    ]
+    name = document.get("name", "Arm")
+    return _card(_svg(points.min(axis=0), points.max(axis=0), marks), name, "seen from the side", rows)
 
 
 def scenario(shown: Scenario) -> str:

@@ -68,7 +68,7 @@
 //! |---|---|---|
 //! | `scenario` | `scenario`, `runtime`, `planning` | toml, strsim, serde_json |
 //! | `parallel` | `runtime::batch`, `runtime::vector` | rayon |
-//! | `models` | `robot::description`, `robot::models`, `robot::urdf` | roxmltree, strsim, toml |
+//! | `models` | `robot::models`, `robot::urdf` | roxmltree, strsim, toml |
 //! | `realtime` | `runtime::real_time`, `simulation::pace`; `runtime::live` with `parallel` | hdrhistogram |
 //!
 //! Arrows run one way: `runtime → scenario → simulation → control → {field, robot, world, trajectory} → math`.

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
 use vff_core::math::Vector;
-use vff_core::robot::spatial::{Description, Joint, JointKind, Mobility, Placement, Spatial};
-use vff_core::robot::{Robot, SpatialArm};
+use vff_core::robot::Robot;
+use vff_core::robot::description::{ArmDescription, Joint, JointKind};
+use vff_core::robot::spatial::{Mobility, Spatial};
 use vff_core::runtime::live::{Live, State};
 use vff_core::runtime::real_time::RealTime;
 use vff_core::scenario::Scenario;
@@ -284,20 +285,19 @@ fn no_operator_of_a_spatial_arm_allocates() {
             name: format!("joint {i}"),
             link: format!("link {i}"),
             kind: if i == 3 { JointKind::Prismatic } else { JointKind::Revolute },
-            placement: Placement {
-                position: Vector::<3>::new(0.1, 0.0, 0.3),
-                orientation: [0.8, 0.6, 0.0, 0.0],
-            },
-            axis: Vector::<3>::z(),
+            position: [0.1, 0.0, 0.3],
+            orientation: [0.8, 0.6, 0.0, 0.0],
+            axis: [0.0, 0.0, 1.0],
             mass: 2.0,
-            com: Vector::<3>::new(0.0, 0.05, 0.1),
+            com: [0.0, 0.05, 0.1],
             inertia: [0.02, 0.02, 0.01, 0.0, 0.001, 0.0],
             armature: 0.1,
+            damping: 0.0,
+            friction: 0.0,
         })
         .collect();
-    let gravity = Vector::<3>::new(0.0, 0.0, -9.81);
-    let description = Description { joints, gravity, ..Description::default() };
-    let mut state = Arc::new(SpatialArm::new(description).unwrap()).state();
+    let description = ArmDescription { joints, ..ArmDescription::default() };
+    let mut state = Arc::new(description.build().unwrap()).state();
     fn on_the_task<const M: usize, R: Robot<3>>(state: &mut R, q: &[f64], v: &[f64]) -> usize {
         let mut y = vec![Vector::<M>::zeros(); q.len()];
         let (mut out, mut scratch) = (vec![0.0; q.len()], vec![0.0; q.len()]);

@@ -1,15 +1,17 @@
 //! `Arm`: an arm and its matrices.
 
 use crate::convert::{
-    array1, array2, finite, float_array, load_numpy, matrix, misshapen, number, table_to_dict,
-    to_toml, vector, whole_number,
+    array1, array2, finite, float_array, from_toml, load_numpy, matrix, misshapen, number,
+    table_to_dict, to_toml, vector, whole_number,
 };
 use crate::errors::{self, InputError};
 use crate::run::prepared;
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
+use std::iter;
 use toml::{Table, Value};
 use vff_core::control::extended_jacobian;
 use vff_core::interrupt;
@@ -20,9 +22,11 @@ use vff_core::scenario::Scenario;
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
 
-/// A planar arm of n revolute links in a chain. It cannot be changed.
+/// An arm of n links in a chain, in the plane or in space. It cannot be changed.
 ///
-/// Joint angles are relative; joint 1 sits at the origin, and link 1 lies along +x at q = 0.
+/// The constructor makes an arm in the plane: its joints turn, joint angles are relative, joint 1 sits at
+/// the origin, and link 1 lies along +x at q = 0. `named`, `from_urdf` and `from_mjcf` make arms in space,
+/// whose joints turn [rad] or slide [m]; orientations are unit quaternions [w, x, y, z] with w ≥ 0.
 ///
 /// Parameters
 /// ----------
@@ -68,6 +72,7 @@ impl Arm {
     fn read(py: Python<'_>, document: Table) -> PyResult<Self> {
         load_numpy(py)?;
         let arm = AnyArm::read(&document).map_err(|error| errors::arm(&error))?;
+        let document = arm.document(document);
         Ok(Self { arm, document })
     }
 
@@ -97,6 +102,33 @@ impl Arm {
             .map_err(|error| InputError::new_err(format!("matrices of {n} joints: {error}")))?;
         interruptible(py, make)
     }
+}
+
+/// Limits as an array, None where there are none.
+fn limits<'py>(py: Python<'py>, values: &[f64]) -> Option<Array1<'py>> {
+    (!values.is_empty()).then(|| array1(py, values))
+}
+
+/// An attribute that only arms in the plane have.
+fn planar<'py>(py: Python<'py>, name: &str, values: Option<Vec<f64>>) -> PyResult<Array1<'py>> {
+    values.map(|values| array1(py, &values)).ok_or_else(|| {
+        let sentence = format!("an arm in space has no `{name}`: see `link_poses` and `collision`");
+        PyAttributeError::new_err(sentence)
+    })
+}
+
+/// An arm of the package's own readers of models, which return its description.
+fn read_by<'py>(
+    reader: &str,
+    model: &Bound<'py, PyAny>,
+    arguments: &Bound<'py, PyTuple>,
+    options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Arm> {
+    let py = model.py();
+    let all: Vec<_> = iter::once(model.clone()).chain(arguments.iter()).collect();
+    let all = PyTuple::new(py, all)?;
+    let read = py.import("vffnull.arms")?.getattr(reader)?.call(all, options)?;
+    Arm::read(py, crate::convert::document(&read)?)
 }
 
 /// The physical arm of a scenario document, payload included.
@@ -149,6 +181,63 @@ impl Arm {
         Self::read(lengths.py(), document)
     }
 
+    /// An arm in space that is bundled.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    ///     ``"panda"``, ``"fr3"``, ``"ur5e"``, ``"ur10e"``, ``"iiwa14"``, ``"gen3"``, or ``"xarm7"``.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If there is no such arm; the message lists those that there are.
+    ///
+    /// Examples
+    /// --------
+    /// >>> Arm.named("panda").n
+    /// 7
+    #[staticmethod]
+    fn named(name: &Bound<'_, PyAny>) -> PyResult<Self> {
+        read_by("named", name, &PyTuple::empty(name.py()), None)
+    }
+
+    /// An arm in space from a URDF.
+    ///
+    /// See Also
+    /// --------
+    /// vffnull.arms.from_urdf : reads the description, with all parameters explained.
+    #[staticmethod]
+    #[pyo3(
+        signature = (path_or_text, *arguments, **options),
+        text_signature = "(path_or_text, tip=None, base=None, locked=None, tool=None, mount=None, gravity=(0.0, 0.0, -9.81), collision='fit', srdf=None, packages=None, armature=None, fix_inertia=False)"
+    )]
+    fn from_urdf<'py>(
+        path_or_text: &Bound<'py, PyAny>,
+        arguments: &Bound<'py, PyTuple>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Self> {
+        read_by("from_urdf", path_or_text, arguments, options)
+    }
+
+    /// An arm in space from an MJCF or a ``mujoco.MjModel``.
+    ///
+    /// See Also
+    /// --------
+    /// vffnull.arms.from_mjcf : reads the description, with all parameters explained.
+    #[staticmethod]
+    #[pyo3(
+        signature = (path_or_model, *arguments, **options),
+        text_signature = "(path_or_model, tip=None, base=None, locked=None, tool=None, mount=None, gravity=None, collision='fit', srdf=None, armature=None, fix_inertia=False)"
+    )]
+    fn from_mjcf<'py>(
+        path_or_model: &Bound<'py, PyAny>,
+        arguments: &Bound<'py, PyTuple>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Self> {
+        read_by("from_mjcf", path_or_model, arguments, options)
+    }
+
     /// An arm of n equal uniform rods.
     ///
     /// Parameters
@@ -196,10 +285,10 @@ impl Arm {
         self.n()
     }
 
-    /// Lengths of the links, (n,) [m].
+    /// Lengths of the links, (n,) [m]; of an arm in the plane alone.
     #[getter]
-    fn lengths<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.arm.lengths())
+    fn lengths<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py>> {
+        planar(py, "lengths", self.arm.lengths())
     }
 
     /// Masses of the links, (n,) [kg].
@@ -208,28 +297,113 @@ impl Arm {
         array1(py, &self.arm.masses())
     }
 
-    /// Centres of mass in the links' frames, (n, 2) [m].
+    /// Centres of mass in the links' frames, (n, 2) or (n, 3) [m].
     #[getter]
     fn com<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         array2(py, self.arm.centres_of_mass(), [self.n(), self.arm.dimension()])
     }
 
-    /// Moments of inertia about the centres of mass, (n,) [kg·m²].
+    /// Inertia about the centres of mass, (n,), or in space (n, 3, 3) in the links' axes [kg·m²].
     #[getter]
-    fn inertias<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.arm.inertias())
+    fn inertias<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let inertias = PyArray1::from_vec(py, self.arm.inertias());
+        match self.arm.dimension() {
+            2 => Ok(inertias.into_any()),
+            _ => Ok(inertias.reshape([self.n(), 3, 3])?.into_any()),
+        }
     }
 
-    /// Radii of the links, (n,) [m].
+    /// Radii of the links, (n,) [m]; of an arm in the plane alone.
     #[getter]
-    fn radius<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.arm.radii())
+    fn radius<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py>> {
+        planar(py, "radius", self.arm.radii())
     }
 
-    /// Acceleration of free fall, (2,) [m/s²].
+    /// Acceleration of free fall in the world, (2,) or (3,) [m/s²].
     #[getter]
     fn gravity<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.arm.gravity())
+    }
+
+    /// Number of dimensions of the space that the arm moves in, 2 or 3.
+    #[getter]
+    fn dimension(&self) -> usize {
+        self.arm.dimension()
+    }
+
+    /// Names of the joints, from the base.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.arm.joint_names()
+    }
+
+    /// Names of the links that the joints move, from the base.
+    #[getter]
+    fn link_names(&self) -> Vec<String> {
+        self.arm.link_names()
+    }
+
+    /// Lowest and highest joint positions, (n, 2) [rad or m]; None without limits.
+    #[getter]
+    fn joint_limits<'py>(&self, py: Python<'py>) -> PyResult<Option<Array2<'py>>> {
+        let ranges = &self.arm.limits().joint;
+        let array = || array2(py, ranges.as_flattened().to_vec(), [ranges.len(), 2]);
+        (!ranges.is_empty()).then(array).transpose()
+    }
+
+    /// Largest joint speeds, (n,) [rad/s or m/s]; None without limits.
+    #[getter]
+    fn velocity_limits<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        limits(py, &self.arm.limits().velocity)
+    }
+
+    /// Largest joint torques or forces, (n,) [N·m or N]; None without limits.
+    #[getter]
+    fn torque_limits<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        limits(py, &self.arm.limits().torque)
+    }
+
+    /// What is measured against obstacles and other links: names of links and shapes in their frames.
+    #[getter]
+    fn collision<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
+        let pair =
+            |item: Table| Ok((from_toml(py, &item["link"])?, from_toml(py, &item["shape"])?));
+        self.arm.collision().into_iter().map(pair).collect()
+    }
+
+    /// Position and orientation of the tip.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : (n,) array_like
+    ///     Joint positions [rad or m].
+    ///
+    /// Returns
+    /// -------
+    /// position : (2,) or (3,) ndarray
+    ///     In the world [m].
+    /// orientation : (4,) or () ndarray
+    ///     A unit quaternion [w, x, y, z] with w ≥ 0; in the plane the angle to the x axis [rad].
+    fn pose<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<(Array1<'py>, Bound<'py, PyAny>)> {
+        let (position, orientation) = self.at(q)?.pose();
+        let shape = if orientation.len() == 1 { vec![] } else { vec![orientation.len()] };
+        let orientation = PyArray1::from_vec(q.py(), orientation).reshape(shape)?.into_any();
+        Ok((array1(q.py(), &position), orientation))
+    }
+
+    /// Frames of the links in the world, homogeneous, (n, 4, 4); in the plane (n, 3, 3).
+    ///
+    /// Parameters
+    /// ----------
+    /// q : (n,) array_like
+    ///     Joint positions [rad or m].
+    fn link_poses<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let d = self.arm.dimension() + 1;
+        let poses = PyArray1::from_vec(q.py(), self.at(q)?.link_poses());
+        Ok(poses.reshape([self.n(), d, d])?.into_any())
     }
 
     /// Positions of the joints; the last row is the tip.
@@ -237,11 +411,11 @@ impl Arm {
     /// Parameters
     /// ----------
     /// q : (n,) or (T, n) array_like
-    ///     Joint angles [rad].
+    ///     Joint positions [rad or m].
     ///
     /// Returns
     /// -------
-    /// (n+1, 2) or (T, n+1, 2) ndarray
+    /// (n+1, 2) or (n+1, 3) ndarray, (T, n+1, 2) or (T, n+1, 3) for T configurations
     ///     Positions [m].
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let (py, n, d) = (q.py(), self.n(), self.arm.dimension());
@@ -275,11 +449,13 @@ impl Arm {
     }
 
     /// Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper).
+    ///
+    /// In space it is (6, n): the velocity of the tip, then its angular velocity, both in world axes.
     fn jacobian<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array2<'py>> {
         matrix(q.py(), &self.at(q)?.jacobian())
     }
 
-    /// Time derivative of the Jacobian, (2, n).
+    /// Time derivative of the Jacobian, (2, n) or (6, n).
     fn jacobian_dot<'py>(
         &self,
         q: &Bound<'py, PyAny>,
@@ -288,7 +464,7 @@ impl Arm {
         matrix(q.py(), &self.moving(q, dq)?.jacobian_dot())
     }
 
-    /// Mass matrix M, (n, n) [kg·m²]; symmetric and positive definite.
+    /// Mass matrix M, (n, n) [kg·m²], with the armature of the joints; symmetric and positive definite.
     fn mass_matrix<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Array2<'py>> {
         let state = self.at(q)?;
         matrix(q.py(), &self.dense(q.py(), 4, || state.mass_matrix())?)
@@ -314,7 +490,7 @@ impl Arm {
     /// Parameters
     /// ----------
     /// q, dq, ddq : (n,) array_like
-    ///     Joint angles [rad], velocities [rad/s], accelerations [rad/s²].
+    ///     Joint positions [rad or m], velocities, accelerations.
     fn inverse_dynamics<'py>(
         &self,
         q: &Bound<'py, PyAny>,
@@ -331,7 +507,7 @@ impl Arm {
     /// Parameters
     /// ----------
     /// q, dq, tau : (n,) array_like
-    ///     Joint angles [rad], velocities [rad/s], torques [N·m].
+    ///     Joint positions [rad or m], velocities, torques [N·m] or forces [N].
     fn forward_dynamics<'py>(
         &self,
         q: &Bound<'py, PyAny>,
@@ -348,17 +524,19 @@ impl Arm {
         Ok(self.moving(q, dq)?.kinetic_energy())
     }
 
-    /// Potential energy in gravity [J]; 0 with every centre of mass at the height of joint 1.
+    /// Potential energy in gravity [J]; 0 with every centre of mass at the height of the origin.
     fn potential_energy(&self, q: &Bound<'_, PyAny>) -> PyResult<f64> {
         Ok(self.at(q)?.potential_energy())
     }
 
     /// The split into task and null space at a state, with every matrix (eq. 6–15, corrected).
     ///
+    /// The task is that of `jacobian`: the position of the tip in the plane, its pose in space.
+    ///
     /// Parameters
     /// ----------
     /// q, dq : (n,) array_like
-    ///     Joint angles [rad] and velocities [rad/s].
+    ///     Joint positions [rad or m] and velocities.
     fn extended_jacobian(
         &self,
         q: &Bound<'_, PyAny>,
@@ -376,15 +554,15 @@ impl Arm {
     }
 
     /// The arm as MJCF, for MuJoCo; see `vffnull.export.to_mjcf`.
-    #[pyo3(signature = (name="arm"))]
-    fn to_mjcf(slf: &Bound<'_, Self>, name: &str) -> PyResult<String> {
+    #[pyo3(signature = (name=None))]
+    fn to_mjcf(slf: &Bound<'_, Self>, name: Option<&str>) -> PyResult<String> {
         let export = slf.py().import("vffnull.export")?;
         export.call_method1("to_mjcf", (slf, name))?.extract()
     }
 
     /// The arm as URDF; see `vffnull.export.to_urdf`.
-    #[pyo3(signature = (name="arm"))]
-    fn to_urdf(slf: &Bound<'_, Self>, name: &str) -> PyResult<String> {
+    #[pyo3(signature = (name=None))]
+    fn to_urdf(slf: &Bound<'_, Self>, name: Option<&str>) -> PyResult<String> {
         let export = slf.py().import("vffnull.export")?;
         export.call_method1("to_urdf", (slf, name))?.extract()
     }
@@ -394,7 +572,7 @@ impl Arm {
         notebook.call_method1("arm", (slf,))?.extract()
     }
 
-    /// The arm as a part of a scenario document.
+    /// The arm as a part of a scenario document; no other file is needed to make it again.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         table_to_dict(py, &self.document)
     }
@@ -424,9 +602,15 @@ impl Arm {
     }
 
     fn __repr__(&self) -> String {
-        let reach = self.arm.reach();
-        let links = if self.n() == 1 { "link" } else { "links" };
-        format!("<Arm: {} {links}, reach {reach} m>", self.n())
+        let (n, reach) = (self.n(), self.arm.reach());
+        let links = if n == 1 { "link" } else { "links" };
+        match self.arm.dimension() {
+            2 => format!("<Arm: {n} {links}, reach {reach} m>"),
+            _ => {
+                let name = self.arm.name().map_or(String::new(), |name| format!("{name}, "));
+                format!("<Arm: {name}{n} {links} in space, reach at most {reach:.3} m>")
+            }
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::arm::Arm;
 use crate::controller::{read_obstacles, sequence};
 use crate::convert::{float_array, misshapen, values, wrong_type};
-use crate::errors::InputError;
+use crate::errors::{self, InputError};
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -24,17 +24,17 @@ pub struct Distances {
     obstacle: Indices,
     /// Signed distance d of the two surfaces, (P,) [m]; negative in penetration.
     distance: Values,
-    /// Derivative of d by the joint angles, n̂ᵀJ_c, (P, n) [m/rad].
+    /// Derivative of d by the joint positions, n̂ᵀJ_c, (P, n) [m/rad or m/m].
     gradient: Values,
     /// Rate ḋ, the motion of the obstacle included, (P,) [m/s].
     rate: Values,
     /// Acceleration d̈ while the joints do not accelerate, (P,) [m/s²]: d̈ = gradient @ ddq + bias.
     bias: Values,
-    /// Unit vector n̂ from the obstacle towards the link, (P, 2).
+    /// Unit vector n̂ from the obstacle towards the link, (P, 2) or (P, 3).
     normal: Values,
-    /// Nearest point on the axis of the link, (P, 2) [m].
+    /// Nearest point on the axis of the link, (P, 2) or (P, 3) [m].
     point: Values,
-    /// Nearest point on the surface of the obstacle, (P, 2) [m].
+    /// Nearest point on the surface of the obstacle, (P, 2) or (P, 3) [m].
     witness: Values,
 }
 
@@ -64,7 +64,7 @@ impl Distances {
 /// arm : Arm
 ///     The arm's model.
 /// q, dq : (n,) or (batch, n) array_like
-///     Joint angles [rad] and velocities [rad/s].
+///     Joint positions [rad or m] and velocities.
 /// obstacles : sequence of Obstacle or dict
 ///     The obstacles with their motions.
 /// t : float or (batch,) array_like, optional
@@ -120,7 +120,8 @@ pub fn distances(
         }
     };
     let given = sequence(obstacles)?;
-    let read = read_obstacles(arm.arm.no_obstacles(), &given)?;
+    let nothing = arm.arm.no_obstacles();
+    let read = read_obstacles(nothing, &given)?;
     let states = batch.unwrap_or(1);
     memory::fits(DistanceTable::numbers(&arm.arm, states, given.len())).map_err(|error| {
         InputError::new_err(format!(

@@ -9,7 +9,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
+from vffnull import arms
 from vffnull._core import Arm
+from vffnull.errors import InputError
 
 __all__ = ["to_mjcf", "to_urdf"]
 
@@ -18,7 +20,7 @@ _THIN = 0.01  # m; what a link without thickness looks like
 _TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
 
 
-def to_mjcf(arm: Arm, name: str = "arm", obstacles: Iterable[Mapping[str, Any]] = ()) -> str:
+def to_mjcf(arm: Arm, name: str | None = None, obstacles: Iterable[Mapping[str, Any]] = ()) -> str:
     """Describe an arm for MuJoCo.
 
     Parameters
@@ -26,22 +28,27 @@ def to_mjcf(arm: Arm, name: str = "arm", obstacles: Iterable[Mapping[str, Any]] 
     arm : Arm
         The arm.
     name : str, optional
-        Name of the model.
+        Name of the model; the arm's own, or ``arm``, by default.
     obstacles : iterable of Mapping, optional
-        Obstacles as in a scenario document. Each becomes a mocap body ``obstacle_1`` … at its position,
-        to be moved by hand; its motion is not a part of the model.
+        Obstacles of the plane as in a scenario document. Each becomes a mocap body ``obstacle_1`` … at its
+        position, to be moved by hand; its motion is not a part of the model.
 
     Returns
     -------
     str
-        MJCF text: bodies ``link_1`` … ``link_n``, joints ``joint_1`` … ``joint_n`` with a torque motor each,
+        MJCF text. An arm in space keeps its names; see `vffnull.arms.to_mjcf`. One in the plane has
+        bodies ``link_1`` … ``link_n``, joints ``joint_1`` … ``joint_n`` with a torque motor each,
         and a site ``tip``. Capsules of the links' radius collide if it is not zero. With obstacles, all links
         collide with them and with nothing else, without friction; a link without thickness then is a micron
         thick. Step and integrator are MuJoCo's defaults.
     """
     obstacles = list(obstacles)
     document = arm.to_dict()
-    root = Element("mujoco", model=name)
+    if arm.dimension == 3:
+        if obstacles:
+            raise InputError("obstacles: an arm in space is written without them")
+        return arms.to_mjcf(_called(document, name))
+    root = Element("mujoco", model=name or "arm")
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", gravity=_numbers(*arm.gravity, 0.0))
     assets = SubElement(root, "asset")
@@ -88,7 +95,7 @@ def to_mjcf(arm: Arm, name: str = "arm", obstacles: Iterable[Mapping[str, Any]] 
     return _text(root)
 
 
-def to_urdf(arm: Arm, name: str = "arm") -> str:
+def to_urdf(arm: Arm, name: str | None = None) -> str:
     """Describe an arm as URDF.
 
     URDF knows no gravity: set it where the model is used, e.g. in Pinocchio by
@@ -99,18 +106,21 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
     arm : Arm
         The arm.
     name : str, optional
-        Name of the robot.
+        Name of the robot; the arm's own, or ``arm``, by default.
 
     Returns
     -------
     str
-        URDF text: links ``base``, ``link_1`` … ``link_n``, ``tip``; joints ``joint_1`` … ``joint_n``.
+        URDF text. An arm in space keeps its names; see `vffnull.arms.to_urdf`. One in the plane has
+        links ``base``, ``link_1`` … ``link_n``, ``tip``; joints ``joint_1`` … ``joint_n``.
     """
     document = arm.to_dict()
+    if arm.dimension == 3:
+        return arms.to_urdf(_called(document, name))
     ranges = _joint_limits(document, arm.n)
     limits = _largest(document, "torque_limits", arm.n)
     speeds = _largest(document, "velocity_limits", arm.n)
-    root = Element("robot", name=name)
+    root = Element("robot", name=name or "arm")
     SubElement(root, "link", name="base")
     for i in range(arm.n):
         link = SubElement(root, "link", name=f"link_{i + 1}")
@@ -149,6 +159,10 @@ def to_urdf(arm: Arm, name: str = "arm") -> str:
             if ranges is not None:
                 limit.attrib |= {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
     return _text(root)
+
+
+def _called(document: dict[str, Any], name: str | None) -> dict[str, Any]:
+    return document if name is None else document | {"name": name}
 
 
 def _add_obstacle(

@@ -4,13 +4,13 @@
 //! the base to the tip; link `i` is the body that joint `i` moves, and its frame is the frame of that
 //! joint. Units are SI, angles radians, quaternions `[w, x, y, z]`.
 
-use super::spatial::{self, ArmError, Placement, SpatialArm};
-use super::{Limits, inertia};
+use super::spatial::SpatialArm;
+use super::{inertia, names};
+use crate::math::Vector;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How far the norm of an axis or quaternion may be from 1; what is nearer is normalised.
-pub const UNIT_TOLERANCE: f64 = 1e-6;
+pub use crate::math::rotation::UNIT_TOLERANCE;
 
 /// A serial arm in space, in full.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,6 +90,28 @@ fn identity() -> [f64; 4] {
 impl Default for Frame {
     fn default() -> Self {
         Self { position: [0.0; 3], orientation: identity() }
+    }
+}
+
+/// No joint yet, at the origin of the world.
+impl Default for ArmDescription {
+    fn default() -> Self {
+        Self {
+            name: None,
+            payload: None,
+            reach: None,
+            base: base(),
+            tip: tip(),
+            gravity: gravity(),
+            joint_limits: vec![],
+            velocity_limits: vec![],
+            torque_limits: vec![],
+            ignore: vec![],
+            mount: Frame::default(),
+            tool: Frame::default(),
+            joints: vec![],
+            collision: vec![],
+        }
     }
 }
 
@@ -255,13 +277,22 @@ pub enum DescriptionProblem {
     #[error("`{0}` is there twice")]
     Twice(String),
     /// A link that does not exist.
-    #[error("there is no link `{given}`{}", super::names::hint(given, known))]
+    #[error("there is no link `{given}`{}", names::hint(given, known))]
     UnknownLink {
         /// The name.
         given: String,
         /// The names that exist.
         known: Vec<String>,
     },
+    /// A continuous joint with an end.
+    #[error("`{0}` is continuous and has no limits: a joint with limits is revolute")]
+    ContinuousLimit(String),
+    /// A shape that links do not carry.
+    #[error(
+        "links carry spheres and capsules so far, not a {0}: fit capsules to the links (`collision = \"fit\"` where \
+         a model is read), or write them out"
+    )]
+    NotRound(&'static str),
     /// An inertia tensor that no mass distribution has.
     #[error("{0}")]
     Inertia(inertia::Impossible),
@@ -271,25 +302,6 @@ pub enum DescriptionProblem {
          armature, or a centre of mass off the axis"
     )]
     NoInertia(String),
-}
-
-/// Why a description is no model.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum BuildError {
-    /// A shape that links cannot carry.
-    #[error(
-        "collision[{index}]: link `{link}` carries a box or a convex body; links are spheres and \
-         capsules so far (collision = \"fit\" puts capsules around them)"
-    )]
-    Shape {
-        /// Where it stands.
-        index: usize,
-        /// On which link.
-        link: String,
-    },
-    /// A value that the model refuses.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
 }
 
 type Checked = Result<(), DescriptionError>;
@@ -337,6 +349,23 @@ impl Frame {
 }
 
 impl Shape {
+    /// Both ends of the axis and the radius \[m\] of a capsule, or of a sphere, which has one end.
+    ///
+    /// # Errors
+    /// If it is neither, with `path`.
+    pub(super) fn rounded(
+        &self,
+        path: &str,
+    ) -> Result<(Vector<3>, Vector<3>, f64), DescriptionError> {
+        let other = |kind| Err(fault(path, DescriptionProblem::NotRound(kind)));
+        match self {
+            Self::Sphere { center, radius } => Ok(((*center).into(), (*center).into(), *radius)),
+            Self::Capsule { a, b, radius } => Ok(((*a).into(), (*b).into(), *radius)),
+            Self::Box { .. } => other("box"),
+            Self::Convex { .. } => other("convex hull"),
+        }
+    }
+
     fn check(&mut self, path: &str) -> Checked {
         let at = |key: &str| format!("{path}.{key}");
         let round = |radius: f64| {
@@ -442,58 +471,6 @@ impl ArmDescription {
         }
     }
 
-    /// The model of the arm. Shapes of the base, which does not move, are left out.
-    ///
-    /// # Errors
-    /// If a link carries something else than spheres and capsules, or the model refuses a value.
-    pub fn build(&self) -> Result<SpatialArm, BuildError> {
-        let place = |frame: &Frame| Placement {
-            position: frame.position.into(),
-            orientation: frame.orientation,
-        };
-        let mut bodies = vec![];
-        for (i, LinkShape { link, shape }) in self.collision.iter().enumerate() {
-            let Some(index) = self.joints.iter().position(|joint| joint.link == *link) else {
-                continue;
-            };
-            let (a, b, radius) = match shape {
-                Shape::Sphere { center, radius } => (*center, *center, *radius),
-                Shape::Capsule { a, b, radius } => (*a, *b, *radius),
-                Shape::Box { .. } | Shape::Convex { .. } => {
-                    return Err(BuildError::Shape { index: i, link: link.clone() });
-                }
-            };
-            bodies.push(spatial::Body { link: index, a: a.into(), b: b.into(), radius });
-        }
-        let joint = |joint: &Joint| spatial::Joint {
-            name: joint.name.clone(),
-            link: joint.link.clone(),
-            kind: match joint.kind {
-                JointKind::Revolute => spatial::JointKind::Revolute,
-                JointKind::Continuous => spatial::JointKind::Continuous,
-                JointKind::Prismatic => spatial::JointKind::Prismatic,
-            },
-            placement: place(&joint.origin()),
-            axis: joint.axis.into(),
-            mass: joint.mass,
-            com: joint.com.into(),
-            inertia: joint.inertia,
-            armature: joint.armature,
-        };
-        Ok(SpatialArm::new(spatial::Description {
-            joints: self.joints.iter().map(joint).collect(),
-            mount: place(&self.mount),
-            tool: place(&self.tool),
-            gravity: self.gravity.into(),
-            limits: Limits {
-                joint: self.joint_limits.clone(),
-                velocity: self.velocity_limits.clone(),
-                torque: self.torque_limits.clone(),
-            },
-            bodies,
-        })?)
-    }
-
     /// Number of moving joints.
     pub fn dof(&self) -> usize {
         self.joints.len()
@@ -503,6 +480,14 @@ impl ArmDescription {
     pub fn link_names(&self) -> Vec<String> {
         let links = self.joints.iter().map(|joint| joint.link.clone());
         std::iter::once(self.base.clone()).chain(links).collect()
+    }
+
+    /// The arm ready for computations.
+    ///
+    /// # Errors
+    /// With the path of the first value that is wrong; see [`SpatialArm::new`].
+    pub fn build(self) -> Result<SpatialArm, DescriptionError> {
+        SpatialArm::new(self)
     }
 
     /// The same with axes and quaternions of length 1 and a name for every link.
@@ -567,7 +552,11 @@ impl ArmDescription {
             false => Err(fault(path, DescriptionProblem::WrongLength { expected: n, given })),
         };
         length("joint_limits", self.joint_limits.len())?;
-        for (i, [lower, upper]) in self.joint_limits.iter().enumerate() {
+        for (i, ([lower, upper], joint)) in self.joint_limits.iter().zip(&self.joints).enumerate() {
+            if joint.kind == JointKind::Continuous && (lower.is_finite() || upper.is_finite()) {
+                let problem = DescriptionProblem::ContinuousLimit(joint.name.clone());
+                return Err(fault(format!("joint_limits[{i}]"), problem));
+            }
             if lower.partial_cmp(upper) != Some(std::cmp::Ordering::Less) {
                 let given = format!("[{lower:?}, {upper:?}]").replace("NaN", "nan");
                 let problem =

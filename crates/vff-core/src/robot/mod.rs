@@ -7,14 +7,11 @@
 //! quantities as matrices, from textbook formulas that share no code with the recursions.
 
 pub mod dense;
-#[cfg(feature = "models")]
 pub mod description;
-#[cfg(feature = "models")]
 pub mod inertia;
 mod limits;
 #[cfg(feature = "models")]
 pub mod models;
-#[cfg(feature = "models")]
 mod names;
 pub mod planar;
 pub mod spatial;

@@ -4,9 +4,13 @@ use super::obstacles::AnyObstacles;
 use crate::control::distance::DistanceRate;
 use crate::control::extended_jacobian::ExtendedJacobian;
 use crate::interrupt;
-use crate::robot::{Limits, Matrices, Model, PlanarArm, PlanarState, Robot};
+use crate::math::Pose;
+use crate::robot::description::tensor;
+use crate::robot::{
+    Limits, Manipulator, Model, PlanarArm, PlanarState, Robot, SpatialArm, SpatialState, planar,
+};
 use crate::scenario::{self, Scenario, ScenarioError};
-use crate::world::{CollisionQuery, Contact, Solid, World, plane};
+use crate::world::{CollisionQuery, Contact, Solid, World, plane, space};
 use nalgebra::DMatrix;
 use std::sync::Arc;
 use toml::{Table, Value};
@@ -16,6 +20,8 @@ use toml::{Table, Value};
 pub enum AnyArm {
     /// In the plane.
     Planar(Arc<PlanarArm>),
+    /// In space.
+    Spatial(Arc<SpatialArm>),
 }
 
 /// Such an arm at one instant.
@@ -23,6 +29,8 @@ pub enum AnyArm {
 pub enum AnyState {
     /// In the plane.
     Planar(PlanarState),
+    /// In space.
+    Spatial(SpatialState),
 }
 
 /// Does the same with whatever arm it is.
@@ -30,6 +38,7 @@ macro_rules! either {
     ($arm:expr, $inner:ident => $body:expr) => {
         match $arm {
             AnyArm::Planar($inner) => $body,
+            AnyArm::Spatial($inner) => $body,
         }
     };
 }
@@ -39,17 +48,33 @@ macro_rules! either_state {
     ($state:expr, $inner:ident => $body:expr) => {
         match $state {
             AnyState::Planar($inner) => $body,
+            AnyState::Spatial($inner) => $body,
         }
     };
 }
 
 impl AnyArm {
-    /// Reads and validates the `[arm]` table of a scenario.
+    /// Reads and validates the `[arm]` table of a scenario: with `model` or `joints` it is an arm in space, else one
+    /// in the plane.
     ///
     /// # Errors
     /// With the name of the first parameter that is wrong.
     pub fn read(document: &Table) -> Result<Self, ScenarioError> {
+        if scenario::is_spatial(document) {
+            return Ok(Self::Spatial(Arc::new(scenario::read_spatial_arm(document)?)));
+        }
         scenario::read_arm(document).map(|arm| Self::Planar(Arc::new(arm)))
+    }
+
+    /// The complete document of an arm that was read from `given`: of one in space every key, else what was given.
+    pub fn document(&self, given: Table) -> Table {
+        match self {
+            Self::Planar(_) => given,
+            Self::Spatial(arm) => {
+                // Its fields are numbers, text, and lists and tables of them, which TOML can hold.
+                Table::try_from(arm.description()).unwrap_or(given)
+            }
+        }
     }
 
     /// The physical arm of a scenario that was read from `document`, payload included, and its document.
@@ -60,9 +85,8 @@ impl AnyArm {
         let arm = scenario.planar_plant()?;
         let list =
             |values: &[f64]| Value::Array(values.iter().copied().map(Value::Float).collect());
-        let each = |of: fn(&crate::robot::planar::Link) -> f64| {
-            list(&arm.links().iter().map(of).collect::<Vec<_>>())
-        };
+        let each =
+            |of: fn(&planar::Link) -> f64| list(&arm.links().iter().map(of).collect::<Vec<_>>());
         let com = arm.links().iter().map(|link| list(link.com.as_slice())).collect();
         let mut given = document.get("arm").and_then(Value::as_table).cloned().unwrap_or_default();
         given.insert("masses".into(), each(|link| link.mass));
@@ -87,7 +111,7 @@ impl AnyArm {
 
     /// The number of bodies that are measured against obstacles and each other.
     pub fn body_count(&self) -> usize {
-        either!(self, arm => arm.state().body_count())
+        either!(self, arm => Model::state(arm).body_count())
     }
 
     /// What the joints can do.
@@ -97,13 +121,14 @@ impl AnyArm {
 
     /// A distance from the base that the end effector cannot exceed \[m\].
     pub fn reach(&self) -> f64 {
-        either!(self, arm => arm.reach())
+        either!(self, arm => Model::reach(&**arm))
     }
 
     /// Masses of the links \[kg\], (n).
     pub fn masses(&self) -> Vec<f64> {
         match self {
             Self::Planar(arm) => arm.links().iter().map(|link| link.mass).collect(),
+            Self::Spatial(arm) => arm.description().joints.iter().map(|joint| joint.mass).collect(),
         }
     }
 
@@ -113,27 +138,89 @@ impl AnyArm {
             Self::Planar(arm) => {
                 arm.links().iter().flat_map(|link| [link.com.x, link.com.y]).collect()
             }
+            Self::Spatial(arm) => {
+                arm.description().joints.iter().flat_map(|joint| joint.com).collect()
+            }
         }
     }
 
-    /// Moments of inertia about the centres of mass \[kg·m²\].
+    /// Moments of inertia about the centres of mass \[kg·m²\]: a number for each link in the plane, and in space a
+    /// matrix (3, 3) in the link's axes, row by row.
     pub fn inertias(&self) -> Vec<f64> {
         match self {
             Self::Planar(arm) => arm.links().iter().map(|link| link.inertia).collect(),
+            Self::Spatial(arm) => {
+                let joints = arm.description().joints.iter();
+                // Symmetric: its columns are its rows.
+                joints.flat_map(|joint| tensor(&joint.inertia).as_slice().to_vec()).collect()
+            }
         }
     }
 
-    /// Lengths of the links \[m\], (n).
-    pub fn lengths(&self) -> Vec<f64> {
+    /// Lengths of the links \[m\], (n); None in space, where a link is not a length.
+    pub fn lengths(&self) -> Option<Vec<f64>> {
         match self {
-            Self::Planar(arm) => arm.links().iter().map(|link| link.length).collect(),
+            Self::Planar(arm) => Some(arm.links().iter().map(|link| link.length).collect()),
+            Self::Spatial(_) => None,
         }
     }
 
-    /// Radii of the links \[m\], (n).
-    pub fn radii(&self) -> Vec<f64> {
+    /// Radii of the links \[m\], (n); None in space, where links carry shapes.
+    pub fn radii(&self) -> Option<Vec<f64>> {
         match self {
-            Self::Planar(arm) => arm.links().iter().map(|link| link.radius).collect(),
+            Self::Planar(arm) => Some(arm.links().iter().map(|link| link.radius).collect()),
+            Self::Spatial(_) => None,
+        }
+    }
+
+    /// What people call it.
+    pub fn name(&self) -> Option<&str> {
+        match self {
+            Self::Planar(_) => None,
+            Self::Spatial(arm) => arm.description().name.as_deref(),
+        }
+    }
+
+    /// Names of the joints, from the base.
+    pub fn joint_names(&self) -> Vec<String> {
+        match self {
+            Self::Planar(arm) => (1..=arm.dof()).map(|i| format!("joint_{i}")).collect(),
+            Self::Spatial(arm) => arm.joint_names().map(String::from).collect(),
+        }
+    }
+
+    /// Names of the links that they move.
+    pub fn link_names(&self) -> Vec<String> {
+        match self {
+            Self::Planar(arm) => (1..=arm.dof()).map(|i| format!("link_{i}")).collect(),
+            Self::Spatial(arm) => arm.link_names().map(String::from).collect(),
+        }
+    }
+
+    /// What is measured against obstacles and other links, as tables with `link` and `shape`; points are in the
+    /// frame of the link.
+    pub fn collision(&self) -> Vec<Table> {
+        fn table<T: serde::Serialize>(value: &T) -> Table {
+            Table::try_from(value).unwrap_or_default()
+        }
+        match self {
+            Self::Planar(arm) => {
+                let capsule = |(link, name): (&planar::Link, String)| {
+                    let numbers = |x: f64| Value::Array(vec![Value::Float(x), Value::Float(0.0)]);
+                    let shape = Table::from_iter([
+                        ("kind".into(), Value::String("capsule".into())),
+                        ("a".into(), numbers(0.0)),
+                        ("b".into(), numbers(link.length)),
+                        ("radius".into(), Value::Float(link.radius)),
+                    ]);
+                    Table::from_iter([
+                        ("link".into(), Value::String(name)),
+                        ("shape".into(), Value::Table(shape)),
+                    ])
+                };
+                arm.links().iter().zip(self.link_names()).map(capsule).collect()
+            }
+            Self::Spatial(arm) => arm.description().collision.iter().map(table).collect(),
         }
     }
 
@@ -141,6 +228,7 @@ impl AnyArm {
     pub fn gravity(&self) -> Vec<f64> {
         match self {
             Self::Planar(arm) => arm.gravity().as_slice().to_vec(),
+            Self::Spatial(arm) => arm.gravity().as_slice().to_vec(),
         }
     }
 
@@ -148,6 +236,7 @@ impl AnyArm {
     pub fn state(&self) -> AnyState {
         match self {
             Self::Planar(arm) => AnyState::Planar(arm.state()),
+            Self::Spatial(arm) => AnyState::Spatial(arm.state()),
         }
     }
 
@@ -162,6 +251,7 @@ impl AnyArm {
     pub fn no_obstacles(&self) -> AnyObstacles {
         match self {
             Self::Planar(_) => AnyObstacles::Plane(vec![]),
+            Self::Spatial(_) => AnyObstacles::Space(vec![]),
         }
     }
 
@@ -181,6 +271,10 @@ impl AnyArm {
             (Self::Planar(arm), AnyObstacles::Plane(obstacles)) => {
                 DistanceTable::new(arm, &mut plane::World::new(obstacles), [q, dq, t])
             }
+            (Self::Spatial(arm), AnyObstacles::Space(obstacles)) => {
+                DistanceTable::new(arm, &mut space::World::new(obstacles), [q, dq, t])
+            }
+            _ => panic!("obstacles of another space"),
         }
     }
 }
@@ -193,19 +287,47 @@ impl AnyState {
 
     /// Appends the positions of the joints \[m\], (n + 1, dimension); the last one is that of the tip.
     pub fn append_joint_positions(&self, out: &mut Vec<f64>) {
+        either_state!(self, state => for i in 0..=state.dof() {
+            out.extend_from_slice(state.joint_position(i).as_slice());
+        });
+    }
+
+    /// Position \[m\] and orientation of the tip: an angle \[rad\] in the plane, a quaternion \[w, x, y, z\] with
+    /// w ≥ 0 in space.
+    pub fn pose(&self) -> (Vec<f64>, Vec<f64>) {
+        fn split<const M: usize>(pose: impl Pose<M>, dimension: usize) -> (Vec<f64>, Vec<f64>) {
+            let (position, orientation) = pose.as_slice().split_at(dimension);
+            (position.to_vec(), orientation.to_vec())
+        }
+        match self {
+            Self::Planar(state) => split::<3>(Manipulator::<2, 3>::pose(state), 2),
+            Self::Spatial(state) => split::<6>(Manipulator::<3, 6>::pose(state), 3),
+        }
+    }
+
+    /// The frames of the links in the world, homogeneous, (n, dimension + 1, dimension + 1), row by row.
+    pub fn link_poses(&self) -> Vec<f64> {
         match self {
             Self::Planar(state) => {
-                for i in 0..=state.dof() {
-                    out.extend_from_slice(state.joint_position(i).as_slice());
-                }
+                let one = |i: usize| {
+                    let (origin, along) = (state.joint_position(i), state.link(i).direction);
+                    [along.x, -along.y, origin.x, along.y, along.x, origin.y, 0.0, 0.0, 1.0]
+                };
+                (0..state.dof()).flat_map(one).collect()
+            }
+            Self::Spatial(state) => {
+                let poses = (0..state.dof()).map(|i| state.link_pose(i));
+                poses.flat_map(|pose| pose.transpose().as_slice().to_vec()).collect()
             }
         }
     }
 
-    /// The Jacobian of the tip, one row per coordinate of its position.
+    /// The Jacobian of the tip: a row per coordinate of its position, and in space three more of its angular
+    /// velocity; world axes.
     pub fn jacobian(&self) -> DMatrix<f64> {
         match self {
             Self::Planar(state) => jacobian::<_, 2, 2>(state),
+            Self::Spatial(state) => jacobian::<_, 3, 6>(state),
         }
     }
 
@@ -213,30 +335,25 @@ impl AnyState {
     pub fn jacobian_dot(&self) -> DMatrix<f64> {
         match self {
             Self::Planar(state) => jacobian_dot::<_, 2, 2>(state),
+            Self::Spatial(state) => jacobian_dot::<_, 3, 6>(state),
         }
     }
 
     /// The mass matrix M, (n, n).
     pub fn mass_matrix(&self) -> DMatrix<f64> {
-        match self {
-            Self::Planar(state) => state.matrices::<2>().mass,
-        }
+        either_state!(self, state => state.matrices::<3>().mass)
     }
 
     /// The Christoffel matrix C, (n, n).
     pub fn coriolis_matrix(&self) -> DMatrix<f64> {
-        match self {
-            Self::Planar(state) => state.matrices::<2>().coriolis,
-        }
+        either_state!(self, state => state.matrices::<3>().coriolis)
     }
 
     /// The split into the task of [`jacobian`](Self::jacobian) and its null space; None in a singularity.
     pub fn extended_jacobian(&self) -> Option<ExtendedJacobian> {
         match self {
-            Self::Planar(state) => {
-                let matrices: Matrices<2> = state.matrices();
-                ExtendedJacobian::new(&matrices)
-            }
+            Self::Planar(state) => ExtendedJacobian::new(&state.matrices::<2>()),
+            Self::Spatial(state) => ExtendedJacobian::new(&state.matrices::<6>()),
         }
     }
 

@@ -6,10 +6,11 @@ use crate::control::energy::{ENERGIES, PORTS};
 use crate::control::{
     Avoidance, Controller, Gains, ObjectiveScale, Settings, StablePeriod, Tank, TaskKind,
 };
-use crate::math::Vector;
-use crate::robot::{Manipulator, Model, PlanarState, Robot};
+use crate::math::rotation::UnitQuaternion;
+use crate::math::{Pointing, SpatialPose, Vector};
+use crate::robot::{Manipulator, Model, PlanarState, Robot, SpatialState};
 use crate::scenario::{self, ScenarioError};
-use crate::simulation::{Plane, System};
+use crate::simulation::{Plane, Space, System};
 use crate::trajectory::Sample;
 use crate::world::{CollisionQuery, Solid, World};
 use nalgebra::DMatrix;
@@ -58,6 +59,56 @@ where
     }
 }
 
+/// A position in space is a vector.
+impl Commanded<3, 3> for SpatialState {
+    const WIDTHS: [usize; 3] = [3; 3];
+
+    fn check(_: &Target<'_>) -> Result<(), String> {
+        Ok(())
+    }
+
+    fn sample(&self, target: &Target<'_>) -> Sample<Vector<3>, 3> {
+        let [x, dx, ddx] = [target.x, target.dx, target.ddx].map(Vector::<3>::from_column_slice);
+        Sample { x, dx, ddx }
+    }
+}
+
+/// Position and direction are given as a pose, and their rates as those of a pose.
+impl Commanded<3, 5> for SpatialState {
+    const WIDTHS: [usize; 3] = <Self as Commanded<3, 6>>::WIDTHS;
+
+    fn check(target: &Target<'_>) -> Result<(), String> {
+        orientation(target).map(drop)
+    }
+
+    fn sample(&self, target: &Target<'_>) -> Sample<Pointing, 5> {
+        let Sample { x, dx, ddx } = Commanded::<3, 6>::sample(self, target);
+        Sample::<Pointing, 5>::in_world_axes(x, &dx, &ddx)
+    }
+}
+
+/// A pose is a position and a quaternion \[w, x, y, z\]; rates are linear, then angular, in world axes.
+impl Commanded<3, 6> for SpatialState {
+    const WIDTHS: [usize; 3] = [7, 6, 6];
+
+    fn check(target: &Target<'_>) -> Result<(), String> {
+        orientation(target).map(drop)
+    }
+
+    fn sample(&self, target: &Target<'_>) -> Sample<SpatialPose, 6> {
+        let [dx, ddx] = [target.dx, target.ddx].map(Vector::<6>::from_column_slice);
+        let position = Vector::<3>::from_column_slice(&target.x[..3]);
+        let orientation = orientation(target).unwrap_or_default();
+        Sample { x: SpatialPose::new(position, orientation), dx, ddx }
+    }
+}
+
+/// The orientation of a pose that is given as seven numbers.
+fn orientation(target: &Target<'_>) -> Result<UnitQuaternion, String> {
+    let numbers = [target.x[3], target.x[4], target.x[5], target.x[6]];
+    UnitQuaternion::new(numbers).map_err(|error| error.to_string())
+}
+
 /// The parts of the torque at one state, as they are shown to people.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
@@ -102,6 +153,12 @@ pub enum AnyController {
     PlanarPosition(Box<Standalone<Plane, 2, 2>>),
     /// In the plane, position and orientation.
     PlanarPose(Box<Standalone<Plane, 2, 3>>),
+    /// In space, position.
+    SpatialPosition(Box<Standalone<Space, 3, 3>>),
+    /// In space, position and direction of the tool.
+    SpatialPointing(Box<Standalone<Space, 3, 5>>),
+    /// In space, position and orientation.
+    SpatialPose(Box<Standalone<Space, 3, 6>>),
 }
 
 /// Does the same with whatever controller it is.
@@ -110,6 +167,9 @@ macro_rules! either {
         match $controller {
             AnyController::PlanarPosition($inner) => $body,
             AnyController::PlanarPose($inner) => $body,
+            AnyController::SpatialPosition($inner) => $body,
+            AnyController::SpatialPointing($inner) => $body,
+            AnyController::SpatialPose($inner) => $body,
         }
     };
 }
@@ -129,6 +189,19 @@ impl AnyController {
                     }
                     TaskKind::Pose => Self::PlanarPose(Box::new(Standalone::new(arm, settings))),
                     TaskKind::Pointing => unreachable!("validated: no task of the plane"),
+                })
+            }
+            AnyArm::Spatial(arm) => {
+                let settings =
+                    scenario::read_settings(settings, Model::limits(&**arm), [arm.dof(), 3])?;
+                Ok(match settings.task {
+                    TaskKind::Position => {
+                        Self::SpatialPosition(Box::new(Standalone::new(arm, settings)))
+                    }
+                    TaskKind::Pointing => {
+                        Self::SpatialPointing(Box::new(Standalone::new(arm, settings)))
+                    }
+                    TaskKind::Pose => Self::SpatialPose(Box::new(Standalone::new(arm, settings))),
                 })
             }
         }
@@ -176,6 +249,10 @@ impl AnyController {
         match (self, obstacles) {
             (Self::PlanarPosition(inner), AnyObstacles::Plane(given)) => inner.surround(given),
             (Self::PlanarPose(inner), AnyObstacles::Plane(given)) => inner.surround(given),
+            (Self::SpatialPosition(inner), AnyObstacles::Space(given)) => inner.surround(given),
+            (Self::SpatialPointing(inner), AnyObstacles::Space(given)) => inner.surround(given),
+            (Self::SpatialPose(inner), AnyObstacles::Space(given)) => inner.surround(given),
+            _ => panic!("obstacles of another space"),
         }
     }
 

@@ -1,8 +1,8 @@
 //! Obstacles of the plane or of space behind one type.
 
 use crate::scenario::{self, ScenarioError};
-use crate::simulation::Plane;
-use crate::world::plane;
+use crate::simulation::{Plane, Space};
+use crate::world::{plane, space};
 use toml::Table;
 
 /// Obstacles in any space: the list of all that there are.
@@ -10,6 +10,8 @@ use toml::Table;
 pub enum AnyObstacles {
     /// In the plane.
     Plane(Vec<plane::Obstacle>),
+    /// In space.
+    Space(Vec<space::Obstacle>),
 }
 
 impl AnyObstacles {
@@ -20,6 +22,7 @@ impl AnyObstacles {
     pub fn read(&mut self, document: &Table) -> Result<(), ScenarioError> {
         match self {
             Self::Plane(obstacles) => obstacles.push(scenario::read_obstacle::<Plane, 2>(document)?),
+            Self::Space(obstacles) => obstacles.push(scenario::read_obstacle::<Space, 3>(document)?),
         }
         Ok(())
     }
@@ -28,6 +31,7 @@ impl AnyObstacles {
     pub fn len(&self) -> usize {
         match self {
             Self::Plane(obstacles) => obstacles.len(),
+            Self::Space(obstacles) => obstacles.len(),
         }
     }
 

@@ -1,5 +1,6 @@
 //! What can be wrong with a scenario, and how it is said.
 
+use crate::robot::description::DescriptionError;
 use std::borrow::Cow;
 use std::fmt;
 
@@ -129,6 +130,12 @@ fn hint(given: &str, allowed: &[String]) -> String {
     match nearest.filter(|name| similarity(name) > 0.75) {
         Some(name) => format!(", did you mean `{name}`? Allowed: {}", List(allowed)),
         None => format!("; allowed: {}", List(allowed)),
+    }
+}
+
+impl From<DescriptionError> for ScenarioError {
+    fn from(error: DescriptionError) -> Self {
+        Self::new(error.path, Problem::Other(error.problem.to_string()))
     }
 }
 

@@ -26,7 +26,7 @@ pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
 use crate::math::memory;
-use crate::robot::{Limits, Model, PlanarArm};
+use crate::robot::{Limits, Model, PlanarArm, SpatialArm};
 use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings, Plane, Space,
 };
@@ -152,7 +152,20 @@ impl Part {
     }
 }
 
-/// Reads and validates an arm.
+/// Reads and validates an arm in space: a bundled one, or all joints one by one.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn read_spatial_arm(document: &Table) -> Result<SpatialArm, ScenarioError> {
+    Space::arm(&read(document)?)
+}
+
+/// Whether a table `[arm]` is that of an arm in space.
+pub fn is_spatial(arm: &Table) -> bool {
+    tables::dimension_of(Part::Arm, arm) == 3
+}
+
+/// Reads and validates an arm in the plane.
 ///
 /// # Errors
 /// With the name of the first parameter that is wrong.

@@ -34,9 +34,22 @@ pub fn finite(value: &Value) -> Validated {
         Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
             finite(value).map_err(|error| error.inside(&format!("[{i}]")))
         }),
-        Value::Table(table) => table
-            .iter()
-            .try_for_each(|(key, value)| finite(value).map_err(|error| error.inside(key))),
+        Value::Table(table) => table.iter().try_for_each(|(key, value)| {
+            // A joint without an end has infinite limits.
+            let judged = if key == "joint_limits" { comparable(value) } else { finite(value) };
+            judged.map_err(|error| error.inside(key))
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Every number of the document is one.
+fn comparable(value: &Value) -> Validated {
+    match value {
+        Value::Float(x) if x.is_nan() => Err(ScenarioError::out_of_range("", "a number", x)),
+        Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
+            comparable(value).map_err(|error| error.inside(&format!("[{i}]")))
+        }),
         _ => Ok(()),
     }
 }

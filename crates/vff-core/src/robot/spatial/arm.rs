@@ -1,102 +1,27 @@
 //! What a spatial arm is made of, checked once and prepared for the recursions.
 
+use super::SpatialState;
 use super::algebra::Symmetric;
-use super::{ArmError, SpatialState};
-use crate::math::rotation::{UNIT_TOLERANCE, UnitQuaternion};
+use crate::math::rotation::UnitQuaternion;
 use crate::math::{Capsule, Vector};
 use crate::robot::Limits;
+use crate::robot::description::{
+    ArmDescription, DescriptionError, DescriptionProblem, JointKind, LinkShape,
+};
 use nalgebra::Matrix3;
-use std::collections::HashSet;
 use std::sync::Arc;
-
-/// How a joint moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum JointKind {
-    /// Turns about its axis \[rad\].
-    #[default]
-    Revolute,
-    /// Turns about its axis without an end \[rad\].
-    Continuous,
-    /// Slides along its axis \[m\].
-    Prismatic,
-}
-
-/// Where a frame is in another one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Placement {
-    /// Position of its origin \[m\].
-    pub position: Vector<3>,
-    /// Its orientation as a unit quaternion \[w, x, y, z\].
-    pub orientation: [f64; 4],
-}
-
-impl Default for Placement {
-    fn default() -> Self {
-        Self { position: Vector::zeros(), orientation: [1.0, 0.0, 0.0, 0.0] }
-    }
-}
-
-/// A joint and the link that it moves. At zero the link's frame is where the joint is placed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Joint {
-    /// Name of the joint.
-    pub name: String,
-    /// Name of the link.
-    pub link: String,
-    /// How it moves.
-    pub kind: JointKind,
-    /// Where it is in the frame of the link before, for the first one in that of the base.
-    pub placement: Placement,
-    /// Unit vector of its axis, in its own frame.
-    pub axis: Vector<3>,
-    /// Mass of the link \[kg\], > 0.
-    pub mass: f64,
-    /// Centre of mass in the link's frame \[m\].
-    pub com: Vector<3>,
-    /// Inertia about the centre of mass in the link's axes: xx, yy, zz, xy, xz, yz \[kg·m²\].
-    pub inertia: [f64; 6],
-    /// Inertia of the drive as the joint feels it, ≥ 0 \[kg·m², of a prismatic joint kg\].
-    pub armature: f64,
-}
-
-/// A capsule, or a sphere where both ends are one, that a link carries against collisions.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
-    /// Index of the link.
-    pub link: usize,
-    /// First end of the axis in the link's frame \[m\].
-    pub a: Vector<3>,
-    /// Second end \[m\].
-    pub b: Vector<3>,
-    /// Distance from the axis to the surface \[m\], ≥ 0.
-    pub radius: f64,
-}
-
-/// Everything an arm is made of.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Description {
-    /// The joints from base to tip, each with its link.
-    pub joints: Vec<Joint>,
-    /// Where the base is in the world.
-    pub mount: Placement,
-    /// Where the tool is in the frame of the last link.
-    pub tool: Placement,
-    /// The acceleration of free fall in the world \[m/s²\].
-    pub gravity: Vector<3>,
-    /// What the joints can do; a joint without an end has infinite limits of position.
-    pub limits: Limits,
-    /// What is measured against obstacles.
-    pub bodies: Vec<Body>,
-}
 
 /// The immutable parameters of a spatial arm, shared by every state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpatialArm {
-    description: Description,
+    description: ArmDescription,
+    limits: Limits,
+    base: Vector<3>,
+    gravity: Vector<3>,
     pub(super) fixed: Vec<Fixed>,
     pub(super) tool: Frame,
     pub(super) bodies: Vec<FixedBody>,
-    /// The pairs of bodies that must not touch: of links that share no joint.
+    /// The pairs of bodies that must not touch: of links that share no joint and are not to be ignored.
     pub(super) pairs: Vec<[usize; 2]>,
     total_mass: f64,
 }
@@ -124,7 +49,7 @@ pub(super) struct Fixed {
     pub alignment: Matrix3<f64>,
 }
 
-/// A [`Body`] in the aligned frame of its link.
+/// A capsule, or a sphere where both ends are one, in the aligned frame of its link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FixedBody {
     pub link: usize,
@@ -134,66 +59,71 @@ pub(super) struct FixedBody {
 impl SpatialArm {
     /// Checks a description and prepares it.
     ///
-    /// Axes and quaternions are normalised if their norm is within 1e-6 of 1. The triangle
-    /// inequality of the principal moments of inertia may fail by rounding, 1e-6 of the largest.
+    /// Axes and quaternions are normalised if their norm is within 1e-6 of 1. Spheres and capsules of links become
+    /// what is measured; shapes of the base, which does not move, stay in the description.
     ///
     /// # Errors
-    /// When something in it is no arm: see [`ArmError`].
-    pub fn new(mut description: Description) -> Result<Self, ArmError> {
-        validate(&mut description)?;
-        let mount = orientation(&description.mount, || "the mount".into())?;
+    /// With the path of the first value that is wrong.
+    pub fn new(description: ArmDescription) -> Result<Self, DescriptionError> {
+        let description = description.checked()?;
+        let mount = orientation(description.mount.orientation)?;
         let mut fixed = Vec::with_capacity(description.joints.len());
         // The first joint stands in world axes, the others in the aligned frame of the link before.
         let mut before = mount.matrix().transpose();
         for joint in &description.joints {
-            let own = orientation(&joint.placement, || format!("joint `{}`", joint.name))?;
-            let alignment = aligned(&joint.axis);
+            let alignment = aligned(&joint.axis.into());
             let inward = before.transpose();
             let link = alignment.transpose();
             fixed.push(Fixed {
                 placement: Frame {
-                    rotation: inward * own.matrix() * alignment,
-                    position: inward * joint.placement.position,
+                    rotation: inward * orientation(joint.orientation)?.matrix() * alignment,
+                    position: inward * Vector::from(joint.position),
                 },
                 slides: joint.kind == JointKind::Prismatic,
                 armature: joint.armature,
                 mass: joint.mass,
-                com: link * joint.com,
+                com: link * Vector::from(joint.com),
                 central: tensor(&joint.inertia).turned(&link),
                 alignment,
             });
             before = alignment;
         }
         let inward = before.transpose();
-        let tool = orientation(&description.tool, || "the tool".into())?;
-        let bodies: Vec<_> = description
-            .bodies
-            .iter()
-            .map(|body| {
-                let inward = fixed[body.link].alignment.transpose();
-                let (start, along) = (inward * body.a, inward * (body.b - body.a));
-                let length = along.norm();
-                // A sphere has no direction: any will do.
-                let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
-                let capsule = Capsule { start, direction, length, radius: body.radius };
-                FixedBody { link: body.link, capsule }
-            })
-            .collect();
+        let links = description.link_names();
+        let mut bodies = vec![];
+        for (i, LinkShape { link, shape }) in description.collision.iter().enumerate() {
+            // The base comes first.
+            let Some(link) = links[1..].iter().position(|name| name == link) else { continue };
+            let (a, b, radius) = shape.rounded(&format!("collision[{i}].shape"))?;
+            let inward = fixed[link].alignment.transpose();
+            let (start, along) = (inward * a, inward * (b - a));
+            let length = along.norm();
+            // A sphere has no direction: any will do.
+            let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
+            bodies.push(FixedBody { link, capsule: Capsule { start, direction, length, radius } });
+        }
         Ok(Self {
             tool: Frame {
-                rotation: inward * tool.matrix(),
-                position: inward * description.tool.position,
+                rotation: inward * orientation(description.tool.orientation)?.matrix(),
+                position: inward * Vector::from(description.tool.position),
             },
-            pairs: pairs(&bodies),
+            pairs: pairs(&bodies, &links[1..], &description.ignore),
             bodies,
             total_mass: description.joints.iter().map(|joint| joint.mass).sum(),
+            limits: Limits {
+                joint: description.joint_limits.clone(),
+                velocity: description.velocity_limits.clone(),
+                torque: description.torque_limits.clone(),
+            },
+            base: description.mount.position.into(),
+            gravity: description.gravity.into(),
             fixed,
             description,
         })
     }
 
     /// What it was made of, axes normalised.
-    pub fn description(&self) -> &Description {
+    pub fn description(&self) -> &ArmDescription {
         &self.description
     }
 
@@ -219,18 +149,18 @@ impl SpatialArm {
 
     /// The acceleration of free fall \[m/s²\].
     pub fn gravity(&self) -> Vector<3> {
-        self.description.gravity
+        self.gravity
     }
 
     /// What the joints can do.
     pub fn limits(&self) -> &Limits {
-        &self.description.limits
+        &self.limits
     }
 
     /// The position of the base in the world \[m\].
     #[inline]
     pub fn base(&self) -> &Vector<3> {
-        &self.description.mount.position
+        &self.base
     }
 
     /// Advances a configuration along the joint velocity `v` for the time `dt`.
@@ -244,9 +174,18 @@ impl SpatialArm {
     }
 }
 
-/// The pairs of bodies on links that share no joint, the lower index first.
-fn pairs(bodies: &[FixedBody]) -> Vec<[usize; 2]> {
-    let apart = |[i, j]: &[usize; 2]| bodies[*i].link.abs_diff(bodies[*j].link) > 1;
+/// The pairs of bodies on links that share no joint, the lower index first, without those to `ignore`.
+fn pairs(bodies: &[FixedBody], links: &[String], ignore: &[[String; 2]]) -> Vec<[usize; 2]> {
+    let ignored = |i: usize, j: usize| {
+        let named = |name: &String, link: usize| *name == links[link];
+        let both =
+            |[a, b]: &[String; 2]| (named(a, i) && named(b, j)) || (named(a, j) && named(b, i));
+        ignore.iter().any(both)
+    };
+    let apart = |[i, j]: &[usize; 2]| {
+        let (i, j) = (bodies[*i].link, bodies[*j].link);
+        i.abs_diff(j) > 1 && !ignored(i, j)
+    };
     let all = (0..bodies.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
     all.filter(apart).collect()
 }
@@ -281,237 +220,155 @@ fn aligned(axis: &Vector<3>) -> Matrix3<f64> {
     upper * Matrix3::from_diagonal(&Vector::<3>::new(1.0, sign, sign))
 }
 
-fn orientation(
-    placement: &Placement,
-    what: impl Fn() -> String,
-) -> Result<UnitQuaternion, ArmError> {
-    UnitQuaternion::new(placement.orientation)
-        .map_err(|error| ArmError::Orientation { what: what(), norm: error.norm })
-}
-
-/// Refuses what is no arm, and normalises the axes and the quaternions.
-fn validate(description: &mut Description) -> Result<(), ArmError> {
-    let Description { joints, mount, tool, gravity, limits, bodies } = description;
-    if joints.is_empty() {
-        return Err(ArmError::Empty);
-    }
-    finite(gravity.as_slice(), || "the acceleration of free fall".into())?;
-    place(mount, || "the mount".into())?;
-    place(tool, || "the tool".into())?;
-    let (mut names, mut links) = (HashSet::new(), HashSet::new());
-    for joint in joints.iter_mut() {
-        for (what, name, seen) in
-            [("joint", &joint.name, &mut names), ("link", &joint.link, &mut links)]
-        {
-            if !seen.insert(name.clone()) {
-                return Err(ArmError::DuplicateName { what, name: name.clone() });
-            }
-        }
-        validate_joint(joint)?;
-    }
-    validate_limits(limits, joints)?;
-    for (index, body) in bodies.iter().enumerate() {
-        let what = || format!("every coordinate of collision body {index}");
-        finite(body.a.as_slice(), what)?;
-        finite(body.b.as_slice(), what)?;
-        finite(&[body.radius], || format!("the radius of collision body {index}"))?;
-        if body.link >= joints.len() {
-            let (link, links) = (body.link, joints.len());
-            return Err(ArmError::BodyLink { body: index, link, links });
-        }
-        if body.radius < 0.0 {
-            return Err(ArmError::BodyRadius { body: index, radius: body.radius });
-        }
-    }
-    Ok(())
-}
-
-fn finite(numbers: &[f64], what: impl Fn() -> String) -> Result<(), ArmError> {
-    if numbers.iter().all(|x| x.is_finite()) {
-        Ok(())
-    } else {
-        Err(ArmError::NotFinite { what: what() })
-    }
-}
-
-fn place(placement: &mut Placement, what: impl Fn() -> String) -> Result<(), ArmError> {
-    finite(placement.position.as_slice(), || format!("every coordinate of {}", what()))?;
-    finite(&placement.orientation, || format!("every component of the orientation of {}", what()))?;
-    placement.orientation = orientation(placement, what)?.to_array();
-    Ok(())
-}
-
-fn validate_joint(joint: &mut Joint) -> Result<(), ArmError> {
-    let Joint { name, link, kind, placement, axis, mass, com, inertia, armature } = joint;
-    place(placement, || format!("joint `{name}`"))?;
-    finite(axis.as_slice(), || format!("every component of the axis of joint `{name}`"))?;
-    finite(&[*mass], || format!("the mass of link `{link}`"))?;
-    finite(com.as_slice(), || format!("every coordinate of the centre of mass of link `{link}`"))?;
-    finite(inertia, || format!("every component of the inertia of link `{link}`"))?;
-    finite(&[*armature], || format!("the armature of joint `{name}`"))?;
-    let norm = axis.norm();
-    if (norm - 1.0).abs() > UNIT_TOLERANCE {
-        return Err(ArmError::Axis { joint: name.clone(), norm });
-    }
-    *axis /= norm;
-    if *mass <= 0.0 {
-        return Err(ArmError::Mass { link: link.clone(), mass: *mass });
-    }
-    if *armature < 0.0 {
-        return Err(ArmError::Armature { joint: name.clone(), armature: *armature });
-    }
-    let central = tensor(inertia);
-    let mut moments: [f64; 3] = central.matrix().symmetric_eigenvalues().into();
-    moments.sort_by(f64::total_cmp);
-    let rounding = UNIT_TOLERANCE * moments[2].abs();
-    if moments[0] < -rounding {
-        return Err(ArmError::NegativeInertia { link: link.clone(), moment: moments[0] });
-    }
-    if moments[2] - moments[0] - moments[1] > rounding {
-        return Err(ArmError::TriangleInequality { link: link.clone(), moments });
-    }
-    let about_axis = axis.dot(&central.mul(axis)) + *mass * axis.cross(com).norm_squared();
-    if *kind != JointKind::Prismatic && about_axis + *armature <= 0.0 {
-        return Err(ArmError::NoInertia { joint: name.clone(), link: link.clone() });
-    }
-    Ok(())
-}
-
-fn validate_limits(limits: &Limits, joints: &[Joint]) -> Result<(), ArmError> {
-    let count = |what, given: usize| {
-        if given == 0 || given == joints.len() {
-            Ok(())
-        } else {
-            Err(ArmError::LimitCount { what, given, joints: joints.len() })
-        }
-    };
-    count("position", limits.joint.len())?;
-    count("velocity", limits.velocity.len())?;
-    count("torque", limits.torque.len())?;
-    for (joint, [lower, upper]) in joints.iter().zip(&limits.joint) {
-        let ends = lower.is_finite() || upper.is_finite();
-        if joint.kind == JointKind::Continuous && ends {
-            return Err(ArmError::ContinuousLimit { joint: joint.name.clone() });
-        }
-        if lower.partial_cmp(upper) != Some(std::cmp::Ordering::Less) {
-            let (lower, upper) = (*lower, *upper);
-            return Err(ArmError::LimitOrder { joint: joint.name.clone(), lower, upper });
-        }
-    }
-    for (what, values) in [("velocity", &limits.velocity), ("torque", &limits.torque)] {
-        for (joint, limit) in joints.iter().zip(values) {
-            if limit.is_nan() || *limit <= 0.0 {
-                return Err(ArmError::LimitSign { what, joint: joint.name.clone(), limit: *limit });
-            }
-        }
-    }
-    Ok(())
+/// Of a quaternion that was checked before.
+fn orientation(quaternion: [f64; 4]) -> Result<UnitQuaternion, DescriptionError> {
+    UnitQuaternion::new(quaternion).map_err(|error| DescriptionError {
+        path: "orientation".into(),
+        problem: DescriptionProblem::NotUnit(error.norm),
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::description::Shape;
     use crate::robot::spatial::cases::link;
     use proptest::prelude::*;
 
-    fn arm(change: impl Fn(&mut Description)) -> Result<SpatialArm, ArmError> {
+    fn arm(change: impl Fn(&mut ArmDescription)) -> Result<SpatialArm, DescriptionError> {
         let joints = vec![link("upper", 1.0), link("fore", 0.8)];
-        let mut description = Description { joints, ..Description::default() };
+        let mut description = ArmDescription { joints, ..ArmDescription::default() };
         change(&mut description);
-        SpatialArm::new(description)
+        description.build()
     }
 
-    fn refused(change: impl Fn(&mut Description)) -> String {
+    fn refused(change: impl Fn(&mut ArmDescription)) -> String {
         arm(change).expect_err("this is no arm").to_string()
+    }
+
+    fn carried(link: &str, shape: Shape) -> LinkShape {
+        LinkShape { link: link.into(), shape }
+    }
+
+    fn sphere(link: &str, radius: f64) -> LinkShape {
+        carried(link, Shape::Sphere { center: [0.0; 3], radius })
     }
 
     /// Every refusal names what is wrong and by how much.
     #[test]
     fn what_is_no_arm_is_refused() {
         assert!(arm(|_| ()).is_ok());
-        assert_eq!(refused(|d| d.joints.clear()), "an arm needs at least one joint");
+        assert_eq!(refused(|d| d.joints.clear()), "joints: must be at least one joint, got none");
         assert_eq!(
             refused(|d| d.joints[1].mass = f64::NAN),
-            "the mass of link `fore` must be a finite number"
+            "joints[1].mass: must be finite and > 0, got nan"
         );
         assert_eq!(
             refused(|d| d.joints[1].mass = 0.0),
-            "link `fore` has a mass of 0 kg; a link that moves needs a mass above 0"
+            "joints[1].mass: must be finite and > 0, got 0.0"
         );
-        assert_eq!(
-            refused(|d| d.joints[0].inertia = [1.0, 1.5, 3.0, 0.0, 0.0, 0.0]),
-            "the inertia of link `upper` belongs to no distribution of mass: its largest principal \
-             moment 3 kg·m² exceeds the sum of the other two, 1 + 1.5, by 0.5"
-        );
-        assert_eq!(
-            refused(|d| d.joints[0].inertia = [-1.0, 1.5, 3.0, 0.0, 0.0, 0.0]),
-            "the inertia of link `upper` has the principal moment -1 kg·m², which must not be negative"
-        );
-        assert_eq!(
-            refused(|d| d.joints[1].axis = Vector::<3>::new(0.0, 2.0, 0.0)),
-            "the axis of joint `fore_joint` has length 2, which must be 1 within 0.000001"
-        );
-        assert_eq!(
-            refused(|d| d.joints[1].placement.orientation = [0.0; 4]),
-            "the orientation of joint `fore_joint` has norm 0, which must be 1 within 0.000001"
-        );
+        let fault = refused(|d| d.joints[0].inertia = [1.0, 1.5, 3.0, 0.0, 0.0, 0.0]);
+        assert!(fault.starts_with("joints[0].inertia: no distribution of mass"), "{fault}");
+        assert!(fault.ends_with("by 5.000e-1 kg·m²"), "{fault}");
         assert!(
-            refused(|d| d.tool.orientation[1] = 0.1).starts_with("the orientation of the tool")
+            refused(|d| d.joints[0].inertia = [-1.0, 1.5, 3.0, 0.0, 0.0, 0.0])
+                .starts_with("joints[0].inertia")
         );
-        assert!(
-            refused(|d| d.mount.orientation[2] = 0.1).starts_with("the orientation of the mount")
-        );
-        assert!(
-            refused(|d| d.mount.position.x = f64::INFINITY)
-                .starts_with("every coordinate of the mount")
-        );
-        assert!(refused(|d| d.gravity.z = f64::NAN).contains("free fall"));
-        assert_eq!(refused(|d| d.joints[1].link = "upper".into()), "two links are called `upper`");
         assert_eq!(
-            refused(|d| d.joints[1].armature = -0.1),
-            "the armature of joint `fore_joint` is -0.1, which must not be negative"
+            refused(|d| d.joints[1].axis = [0.0, 2.0, 0.0]),
+            "joints[1].axis: must have length 1 (within 1e-6), has 2"
         );
+        assert_eq!(
+            refused(|d| d.joints[1].orientation = [0.0; 4]),
+            "joints[1].orientation: must have length 1 (within 1e-6), has 0"
+        );
+        assert!(refused(|d| d.tool.orientation[1] = 0.1).starts_with("tool.orientation"));
+        assert!(refused(|d| d.mount.orientation[2] = 0.1).starts_with("mount.orientation"));
+        assert!(
+            refused(|d| d.mount.position[0] = f64::INFINITY)
+                .starts_with("mount.position: must be finite")
+        );
+        assert!(refused(|d| d.gravity[2] = f64::NAN).starts_with("gravity"));
+        assert!(refused(|d| d.joints[1].link = "upper".into()).contains("`upper` is there twice"));
+        assert!(refused(|d| d.joints[1].armature = -0.1).starts_with("joints[1].armature"));
         assert!(
             refused(|d| {
                 d.joints[1].inertia = [0.0; 6];
-                d.joints[1].com = d.joints[1].axis * 0.3;
+                d.joints[1].com = d.joints[1].axis.map(|x| 0.3 * x);
             })
-            .contains("without inertia")
+            .contains("has no inertia about its joint")
         );
         assert_eq!(
-            refused(|d| d.limits.torque = vec![1.0]),
-            "there are 1 torque limits for 2 joints"
+            refused(|d| d.torque_limits = vec![1.0]),
+            "torque_limits: expected 2 values, one per joint, got 1"
         );
-        assert!(refused(|d| d.limits.velocity = vec![1.0, 0.0]).contains("velocity limit"));
-        assert!(refused(|d| d.limits.joint = vec![[0.0, 1.0], [1.0, 1.0]]).contains("below"));
+        assert!(refused(|d| d.velocity_limits = vec![1.0, 0.0]).starts_with("velocity_limits[1]"));
+        assert!(
+            refused(|d| d.joint_limits = vec![[0.0, 1.0], [1.0, 1.0]]).contains("lower < upper")
+        );
         assert!(
             refused(|d| {
                 d.joints[0].kind = JointKind::Continuous;
-                d.limits.joint = vec![[-1.0, 1.0], [-1.0, 1.0]];
+                d.joint_limits = vec![[-1.0, 1.0], [-1.0, 1.0]];
             })
             .contains("continuous")
         );
-        let body = Body { link: 2, a: Vector::zeros(), b: Vector::zeros(), radius: 0.1 };
-        assert_eq!(
-            refused(|d| d.bodies = vec![body]),
-            "collision body 0 is on link 2, but the arm has 2 links"
-        );
+        assert!(refused(|d| d.collision = vec![sphere("hand", 0.1)]).contains("no link `hand`"));
         assert!(
-            refused(|d| d.bodies = vec![Body { link: 0, radius: -0.1, ..body }]).contains("radius")
+            refused(|d| d.collision = vec![sphere("fore", -0.1)])
+                .contains("collision[0].shape.radius")
         );
+    }
+
+    /// A box or a hull on a link is a description, but no body; on the base it is neither measured nor refused.
+    #[test]
+    fn links_carry_what_is_round() {
+        let cube =
+            Shape::Box { center: [0.0; 3], size: [0.1; 3], orientation: [1.0, 0.0, 0.0, 0.0] };
+        let fault = refused(|d| {
+            d.collision = vec![sphere("upper", 0.1), carried("fore", cube.clone())];
+        });
+        assert!(fault.starts_with("collision[1].shape") && fault.contains("spheres and capsules"));
+        let arm = arm(|d| {
+            d.collision =
+                vec![carried("base", cube.clone()), sphere("base", 0.2), sphere("fore", 0.1)];
+        })
+        .unwrap();
+        let bodies: Vec<_> =
+            arm.bodies.iter().map(|body| (body.link, body.capsule.radius)).collect();
+        assert_eq!(bodies, [(1, 0.1)]);
+        assert_eq!(arm.description().collision.len(), 3);
+    }
+
+    /// Neighbours are never measured against each other, and neither are pairs to be ignored, in either order.
+    #[test]
+    fn pairs_that_are_ignored() {
+        let names = ["a", "b", "c", "d"];
+        let build = |ignore: &[[&str; 2]]| {
+            let description = ArmDescription {
+                joints: names.map(|name| link(name, 1.0)).to_vec(),
+                collision: ["b", "a", "d", "c", "a"].map(|name| sphere(name, 0.1)).to_vec(),
+                ignore: ignore.iter().map(|pair| pair.map(String::from)).collect(),
+                ..ArmDescription::default()
+            };
+            description.build().unwrap().pairs
+        };
+        assert_eq!(build(&[]), [[0, 2], [1, 2], [1, 3], [2, 4], [3, 4]]);
+        assert_eq!(build(&[["d", "a"], ["base", "b"]]), [[0, 2], [1, 3], [3, 4]]);
     }
 
     /// Rounded digits are no fault: norms within 1e-6 are made 1.
     #[test]
     fn nearly_unit_is_normalised() {
         let arm = arm(|d| {
-            d.joints[0].axis *= 1.0 + 5e-7;
+            d.joints[0].axis = [0.0, 0.0, 1.0 + 5e-7];
             d.tool.orientation = [0.6 + 5e-7, 0.0, -0.8, 0.0];
         })
         .unwrap();
-        let Description { joints, tool, .. } = arm.description();
-        assert!((joints[0].axis.norm() - 1.0).abs() < 1e-15);
-        assert!((tool.orientation.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-15);
+        let ArmDescription { joints, tool, .. } = arm.description();
+        let norm = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!((norm(&joints[0].axis) - 1.0).abs() < 1e-15);
+        assert!((norm(&tool.orientation) - 1.0).abs() < 1e-15);
     }
 
     proptest! {

@@ -1,9 +1,10 @@
 //! Random spatial arms and states for the unit tests.
 
-use super::{Description, Joint, JointKind, Placement, SpatialArm, SpatialState};
+use super::{SpatialArm, SpatialState};
 use crate::math::Vector;
 use crate::math::rotation::UnitQuaternion;
-use crate::robot::{Limits, PlanarArm, Robot};
+use crate::robot::description::{ArmDescription, Frame, Joint, JointKind, six};
+use crate::robot::{PlanarArm, Robot};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -42,12 +43,15 @@ pub fn link(name: &str, length: f64) -> Joint {
         name: format!("{name}_joint"),
         link: name.into(),
         kind: JointKind::Revolute,
-        placement: Placement::default(),
-        axis: Vector::<3>::z(),
+        position: [0.0; 3],
+        orientation: Frame::default().orientation,
+        axis: [0.0, 0.0, 1.0],
         mass: 1.0,
-        com: Vector::<3>::new(0.5 * length, 0.0, 0.0),
+        com: [0.5 * length, 0.0, 0.0],
         inertia: [1e-3, across, across, 0.0, 0.0, 0.0],
         armature: 0.0,
+        damping: 0.0,
+        friction: 0.0,
     }
 }
 
@@ -55,9 +59,9 @@ fn vector(size: f64) -> impl Strategy<Value = Vector<3>> {
     prop::array::uniform3(-size..size).prop_map(Vector::from)
 }
 
-fn placement(size: f64) -> impl Strategy<Value = Placement> {
-    (vector(size), vector(3.0)).prop_map(|(position, phi)| Placement {
-        position,
+fn placement(size: f64) -> impl Strategy<Value = Frame> {
+    (vector(size), vector(3.0)).prop_map(|(position, phi)| Frame {
+        position: position.into(),
         orientation: UnitQuaternion::exp(&phi).to_array(),
     })
 }
@@ -81,9 +85,18 @@ fn joint() -> impl Strategy<Value = Joint> {
             let diagonal = Vector::<3>::new(b + c, a + c, a + b) * mass;
             let r = UnitQuaternion::exp(&turn).matrix();
             let j = r * nalgebra::Matrix3::from_diagonal(&diagonal) * r.transpose();
-            let inertia = [j[(0, 0)], j[(1, 1)], j[(2, 2)], j[(0, 1)], j[(0, 2)], j[(1, 2)]];
-            let (name, link) = (String::new(), String::new());
-            Joint { name, link, kind, placement, axis, mass, com, inertia, armature }
+            let Frame { position, orientation } = placement;
+            Joint {
+                kind,
+                position,
+                orientation,
+                axis: axis.into(),
+                mass,
+                com: com.into(),
+                inertia: six(&j),
+                armature,
+                ..link("", 1.0)
+            }
         })
 }
 
@@ -103,9 +116,10 @@ pub fn case(joints: impl Strategy<Value = usize>) -> impl Strategy<Value = Case>
                 joint.name = format!("joint {i}");
                 joint.link = format!("link {i}");
             }
-            let (limits, bodies) = (Limits::default(), vec![]);
-            let description = Description { joints, mount, tool, gravity, limits, bodies };
-            Case { arm: Arc::new(SpatialArm::new(description).unwrap()), q, dq, u, v }
+            let gravity = gravity.into();
+            let description =
+                ArmDescription { joints, mount, tool, gravity, ..ArmDescription::default() };
+            Case { arm: Arc::new(description.build().unwrap()), q, dq, u, v }
         })
 }
 
@@ -116,23 +130,23 @@ pub fn planar_twin(arm: &PlanarArm, lift: bool) -> Arc<SpatialArm> {
     if lift {
         joints.push(Joint { kind: JointKind::Prismatic, ..link("lift", 1.0) });
     }
-    let mut at = Vector::<3>::zeros();
+    let mut at = [0.0; 3];
     for (i, planar) in arm.links().iter().enumerate() {
         // Where the mass is along z and what it opposes to a turn across z is the same to a planar arm.
         let across = 1.0 + planar.inertia;
         joints.push(Joint {
-            placement: Placement { position: at, ..Placement::default() },
+            position: at,
             mass: planar.mass,
-            com: Vector::<3>::new(planar.com.x, planar.com.y, 0.3),
+            com: [planar.com.x, planar.com.y, 0.3],
             inertia: [across, across, planar.inertia, 0.0, 0.0, 0.0],
             ..link(&i.to_string(), 1.0)
         });
-        at = Vector::<3>::new(planar.length, 0.0, 0.0);
+        at = [planar.length, 0.0, 0.0];
     }
-    let tool = Placement { position: at, ..Placement::default() };
-    let gravity = Vector::<3>::new(arm.gravity().x, arm.gravity().y, -3.0);
-    let description = Description { joints, tool, gravity, ..Description::default() };
-    Arc::new(SpatialArm::new(description).unwrap())
+    let tool = Frame { position: at, ..Frame::default() };
+    let gravity = [arm.gravity().x, arm.gravity().y, -3.0];
+    let description = ArmDescription { joints, tool, gravity, ..ArmDescription::default() };
+    Arc::new(description.build().unwrap())
 }
 
 /// An arm with the joints of a Panda, and links of like size and mass.

@@ -5,13 +5,12 @@
 //! joint, and from them the Christoffel symbols. Nothing here shares code with the recursions.
 //! Cost O(n⁴), allocates.
 
-use super::{Joint, JointKind, Placement, SpatialArm};
+use super::SpatialArm;
 use crate::math::Vector;
 use crate::robot::Matrices;
 use crate::robot::dense::TaskMatrix;
-use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, Quaternion, Translation3, Unit, UnitQuaternion,
-};
+use crate::robot::description::{Frame, JointKind, tensor};
+use nalgebra::{DMatrix, DVector, Isometry3, Translation3, Unit, UnitQuaternion};
 
 /// Where a joint is, what it does to points, and where its link is.
 pub(super) struct Placed {
@@ -73,37 +72,31 @@ impl PointJacobian {
     }
 }
 
-fn isometry(placement: &Placement) -> Isometry3<f64> {
-    let [w, x, y, z] = placement.orientation;
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(placement.position), rotation)
+fn isometry(frame: Frame) -> Isometry3<f64> {
+    frame.into()
 }
 
 pub(super) fn chain(arm: &SpatialArm, q: &[f64]) -> Vec<Placed> {
-    let mut frame = isometry(&arm.description().mount);
+    let mut frame = isometry(arm.description().mount);
     arm.description()
         .joints
         .iter()
         .zip(q)
         .map(|(joint, q)| {
-            frame *= isometry(&joint.placement);
-            let axis = frame.rotation * joint.axis;
+            frame *= isometry(joint.origin());
+            let own = Vector::from(joint.axis);
+            let axis = frame.rotation * own;
             let origin = frame.translation.vector;
             let turns = joint.kind != JointKind::Prismatic;
             frame *= if turns {
-                let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(joint.axis), *q);
+                let turn = UnitQuaternion::from_axis_angle(&Unit::new_normalize(own), *q);
                 Isometry3::from_parts(Translation3::identity(), turn)
             } else {
-                Isometry3::from_parts((joint.axis * *q).into(), UnitQuaternion::identity())
+                Isometry3::from_parts((own * *q).into(), UnitQuaternion::identity())
             };
             Placed { axis, origin, turns, link: frame }
         })
         .collect()
-}
-
-fn inertia(joint: &Joint) -> Matrix3<f64> {
-    let [xx, yy, zz, xy, xz, yz] = joint.inertia;
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
 /// The matrices of a spatial arm at (q, q̇), the task at its tool: position (`M` = 3), pose (6) or
@@ -118,13 +111,13 @@ pub fn matrices<const M: usize>(arm: &SpatialArm, q: &[f64], dq: &[f64]) -> Matr
     let mut gravity = DVector::zeros(n);
     for (b, joint) in description.joints.iter().enumerate() {
         let link = &chain[b].link;
-        let com = (link * nalgebra::Point3::from(joint.com)).coords;
+        let com = (link * nalgebra::Point3::from(Vector::from(joint.com))).coords;
         let jacobian = PointJacobian::new(&chain[..=b], &com);
         let r = link.rotation.to_rotation_matrix().into_inner();
-        let turned = r * inertia(joint) * r.transpose();
+        let turned = r * tensor(&joint.inertia) * r.transpose();
         let PointJacobian { linear, angular, linear_by, angular_by } = &jacobian;
         for i in 0..=b {
-            gravity[i] -= joint.mass * linear[i].dot(&description.gravity);
+            gravity[i] -= joint.mass * linear[i].dot(&arm.gravity());
             for j in 0..=b {
                 mass[(i, j)] +=
                     joint.mass * linear[i].dot(&linear[j]) + angular[i].dot(&(turned * angular[j]));
@@ -168,7 +161,7 @@ fn task<const M: usize>(
     dq: &[f64],
 ) -> (TaskMatrix<M>, TaskMatrix<M>) {
     let n = chain.len();
-    let tool = chain[n - 1].link * isometry(&arm.description().tool);
+    let tool = chain[n - 1].link * isometry(arm.description().tool);
     let columns = PointJacobian::new(chain, &tool.translation.vector);
     let rate = |by: &Vec<Vec<Vector<3>>>, j: usize| -> Vector<3> {
         (0..n).map(|k| by[k][j] * dq[k]).sum()

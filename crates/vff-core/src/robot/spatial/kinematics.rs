@@ -18,13 +18,7 @@ impl SpatialArm {
     /// The frame of every link in the world, homogeneous.
     pub fn link_poses(self: &Arc<Self>, q: &[f64]) -> Vec<Matrix4<f64>> {
         let state = self.placed(q);
-        (0..self.dof())
-            .map(|i| {
-                let mut pose = state.link_axes(i).to_homogeneous();
-                pose.fixed_view_mut::<3, 1>(0, 3).copy_from(&state.joint_position(i));
-                pose
-            })
-            .collect()
+        (0..self.dof()).map(|i| state.link_pose(i)).collect()
     }
 
     /// Position \[m\] and orientation of the tool in the world.
@@ -56,10 +50,10 @@ impl SpatialArm {
                     [lower, upper] if fixed.slides => lower.abs().max(upper.abs()),
                     _ => 0.0,
                 };
-                joint.placement.position.norm() + slide
+                Vector::from(joint.position).norm() + slide
             })
             .sum();
-        links + description.tool.position.norm()
+        links + Vector::from(description.tool.position).norm()
     }
 
     /// The greatest distance of the tool from the base \[m\] among `samples` configurations within
@@ -98,6 +92,13 @@ impl SpatialArm {
 }
 
 impl SpatialState {
+    /// The frame of link `i` in the world, homogeneous.
+    pub fn link_pose(&self, i: usize) -> Matrix4<f64> {
+        let mut pose = self.link_axes(i).to_homogeneous();
+        pose.fixed_view_mut::<3, 1>(0, 3).copy_from(&self.joint_position(i));
+        pose
+    }
+
     /// J at this configuration, (6, n): linear rows, then angular ones, in world axes at the tool.
     pub fn jacobian(&self) -> TaskMatrix<6> {
         let columns: Vec<_> = (0..self.dof()).map(|i| self.jacobian_column::<6>(i)).collect();
@@ -118,8 +119,9 @@ fn spread(k: usize, i: usize, n: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::description::{ArmDescription, Frame, JointKind, LinkShape, Shape};
     use crate::robot::spatial::cases::{case, link};
-    use crate::robot::spatial::{Body, Description, JointKind, Placement, dense};
+    use crate::robot::spatial::dense;
     use crate::testing::assert_close;
     use proptest::prelude::*;
 
@@ -139,7 +141,7 @@ mod tests {
             prop_assert_eq!(points[c.q.len()], position);
             let tool = &c.arm.description().tool;
             let last = chain[c.q.len() - 1].link;
-            let expected = last * nalgebra::Point3::from(tool.position);
+            let expected = last * nalgebra::Point3::from(Vector::from(tool.position));
             assert_close(position.as_slice(), expected.coords.as_slice(), 1e-13);
             let own = UnitQuaternion::new(tool.orientation).unwrap().matrix();
             let axes = last.rotation.to_rotation_matrix().into_inner() * own;
@@ -162,15 +164,15 @@ mod tests {
     #[test]
     fn reach_of_a_line() {
         let mut joints = vec![link("upper", 1.0), link("fore", 0.8), link("slide", 0.1)];
-        joints[1].placement.position.x = 1.0;
-        joints[2].placement.position.x = 0.8;
+        joints[1].position[0] = 1.0;
+        joints[2].position[0] = 0.8;
         joints[2].kind = JointKind::Prismatic;
-        joints[2].axis = Vector::<3>::x();
-        let tool = Placement { position: Vector::<3>::new(0.2, 0.0, 0.0), ..Placement::default() };
-        let mut description = Description { joints, tool, ..Description::default() };
+        joints[2].axis = [1.0, 0.0, 0.0];
+        let tool = Frame { position: [0.2, 0.0, 0.0], ..Frame::default() };
+        let mut description = ArmDescription { joints, tool, ..ArmDescription::default() };
         let unlimited = SpatialArm::new(description.clone()).unwrap();
         assert!(unlimited.reach_bound().is_infinite());
-        description.limits.joint = vec![[-1.0, 1.0], [-0.5, 0.5], [0.0, 0.4]];
+        description.joint_limits = vec![[-1.0, 1.0], [-0.5, 0.5], [0.0, 0.4]];
         let arm = Arc::new(SpatialArm::new(description).unwrap());
         assert!((arm.reach_bound() - 2.4).abs() < 1e-15);
         let sampled = arm.reach_sampled(2000);
@@ -181,13 +183,16 @@ mod tests {
     #[test]
     fn bodies_are_carried() {
         let mut joints = vec![link("upper", 1.0), link("fore", 0.8)];
-        joints[1].placement.position.x = 1.0;
-        joints[1].axis = Vector::<3>::x();
-        let (a, b) = (Vector::<3>::new(0.1, 0.0, 0.0), Vector::<3>::new(0.1, 0.0, 0.5));
-        let bodies =
-            vec![Body { link: 1, a, b, radius: 0.05 }, Body { link: 0, a, b: a, radius: 0.1 }];
-        let mount = Placement { position: Vector::<3>::new(0.0, 0.0, 2.0), ..Placement::default() };
-        let description = Description { joints, mount, bodies, ..Description::default() };
+        joints[1].position[0] = 1.0;
+        joints[1].axis = [1.0, 0.0, 0.0];
+        let (a, b) = ([0.1, 0.0, 0.0], [0.1, 0.0, 0.5]);
+        let carried = |link: &str, shape| LinkShape { link: link.into(), shape };
+        let collision = vec![
+            carried("fore", Shape::Capsule { a, b, radius: 0.05 }),
+            carried("upper", Shape::Sphere { center: a, radius: 0.1 }),
+        ];
+        let mount = Frame { position: [0.0, 0.0, 2.0], ..Frame::default() };
+        let description = ArmDescription { joints, mount, collision, ..ArmDescription::default() };
         let mut state = Arc::new(SpatialArm::new(description).unwrap()).state();
         state.update_positions(&[0.5 * PI, 0.5 * PI]);
         let carried: Vec<_> = state.bodies().collect();

@@ -10,7 +10,6 @@ mod arm;
 #[cfg(test)]
 pub(crate) mod cases;
 pub mod dense;
-mod error;
 mod kinematics;
 #[cfg(test)]
 mod law;
@@ -22,7 +21,6 @@ mod task;
 mod tracking;
 
 pub use algebra::Spatial;
-pub use arm::{Body, Description, Joint, JointKind, Placement, SpatialArm};
-pub use error::ArmError;
+pub use arm::SpatialArm;
 pub use mobility::Mobility;
 pub use state::SpatialState;

@@ -455,8 +455,9 @@ impl SpatialState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::description::Frame;
     use crate::robot::spatial::cases::{Case, case, planar_twin};
-    use crate::robot::spatial::{Mobility, Placement, SpatialArm};
+    use crate::robot::spatial::{Mobility, SpatialArm};
     use crate::testing::assert_close;
     use nalgebra::{DMatrix, DVector};
     use proptest::prelude::*;
@@ -693,8 +694,8 @@ mod tests {
             let turn = crate::math::UnitQuaternion::exp(&Vector::from(turn));
             let mut description = c.arm.description().clone();
             let mount = crate::math::UnitQuaternion::new(description.mount.orientation).unwrap();
-            description.mount = Placement { position: Vector::from(far), orientation: (turn * mount).to_array() };
-            description.gravity = turn.rotate(&description.gravity);
+            description.mount = Frame { position: far, orientation: (turn * mount).to_array() };
+            description.gravity = turn.rotate(&description.gravity.into()).into();
             let turned = Case { arm: Arc::new(SpatialArm::new(description).unwrap()), ..c.clone() };
             let (a, b, n) = (c.state(), turned.state(), c.q.len());
             for operator in [SpatialState::mass_mul, SpatialState::coriolis_mul, SpatialState::coriolis_tr_mul] {

@@ -194,6 +194,10 @@ impl ArmSpec {
             _ => return Err(wrong("joint_limits", "[lower, upper], or one such pair per joint")),
         };
         for (i, [lower, upper]) in ranges.iter().enumerate() {
+            if !(lower.is_finite() && upper.is_finite()) {
+                let path = format!("joint_limits[{i}]");
+                return Err(ScenarioError::out_of_range(path, "finite", [lower, upper]));
+            }
             if lower >= upper {
                 let path = format!("joint_limits[{i}]");
                 return Err(ScenarioError::out_of_range(path, "lower < upper", [lower, upper]));

@@ -83,8 +83,7 @@ impl SpatialArmSpec {
         arm.torque_limits = given.torque_limits.unwrap_or(arm.torque_limits);
         arm.collision = given.collision.unwrap_or(arm.collision);
         arm.ignore.extend(given.ignore.unwrap_or_default());
-        arm.checked()
-            .map_err(|error| ScenarioError::new(error.path, other(error.problem.to_string())))
+        Ok(arm.checked()?)
     }
 
     /// The arm.
@@ -92,12 +91,6 @@ impl SpatialArmSpec {
     /// # Errors
     /// As [`description`](Self::description).
     pub fn build(&self) -> Result<SpatialArm, ScenarioError> {
-        built(&self.description()?)
+        Ok(self.description()?.build()?)
     }
-}
-
-/// The arm of a description.
-pub(super) fn built(description: &ArmDescription) -> Result<SpatialArm, ScenarioError> {
-    let refused = |error: String| ScenarioError::new("", Problem::Other(error));
-    description.build().map_err(|error| refused(error.to_string()))
 }

@@ -2,7 +2,7 @@
 
 use super::super::error::{Problem, ScenarioError};
 use super::super::numbers::{each, length, not_negative, number, positive};
-use super::arm::{SpatialArmSpec, built};
+use super::arm::SpatialArmSpec;
 use crate::math::ScalarOrVec;
 use crate::robot::SpatialArm;
 use crate::robot::description::{ArmDescription, Joint, six, tensor};
@@ -84,7 +84,7 @@ impl SpatialPlantSpec {
         let viscous = friction(&self.viscous_friction, |joint| joint.damping);
         let coulomb = friction(&self.coulomb_friction, |joint| joint.friction);
         let stops = if self.joint_stops { arm.joint_limits.clone() } else { vec![] };
-        let arm = if arm == believed { Arc::clone(model) } else { Arc::new(built(&arm)?) };
+        let arm = if arm == believed { Arc::clone(model) } else { Arc::new(arm.build()?) };
         Ok(Physics { arm, viscous, coulomb, stops })
     }
 
