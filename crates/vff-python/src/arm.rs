@@ -614,7 +614,7 @@ impl Arm {
     }
 }
 
-/// Task and null space of an arm at one state; r = n − 2.
+/// Task and null space of an arm at one state; m rows of `jacobian`, r = n − m.
 ///
 /// The extended velocity (ẋ, ν) = J_e q̇ is made of the tip's velocity and r coordinates of the motion that
 /// the tip does not see.
@@ -662,7 +662,7 @@ impl ExtendedJacobian {
         matrix(py, &self.inner.mu)
     }
 
-    /// Inertia that the tip shows, (2, 2) [kg].
+    /// Inertia that the tip shows, (m, m) [kg, and kg·m² of its turns].
     #[getter]
     fn Lambda_x<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
         matrix(py, &self.inner.lambda_x)
