@@ -225,7 +225,8 @@ main()
 @pytest.mark.parametrize("where", ["feasibility", "simulate_many"])
 def test_ctrl_c_ends_the_command(where: str, tmp_path: Path) -> None:
     """While scenes are judged, and while they run: exit code 130, no table, no file, no traceback."""
-    arguments = ["evaluate", "--category", "crowd", "-n", "4", "--count", "48", "--seed", "0"]
+    count = {"feasibility": 48, "simulate_many": 2}[where]  # scenes that are judged before the runs begin
+    arguments = ["evaluate", "--category", "crowd", "-n", "4", "--count", str(count), "--seed", "0"]
     arguments += ["--save", str(tmp_path / "rows.csv"), "--threads", "1"]
     command = [sys.executable, "-c", INTERRUPTED, where, *arguments]
     done = subprocess.run(command, capture_output=True, text=True)

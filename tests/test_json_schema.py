@@ -13,6 +13,7 @@ import pytest
 
 import vffnull as vff
 from vffnull import _core
+from waiting import HANG
 
 SCHEMA = json.loads(_core.schema_json())
 VALIDATOR = jsonschema.Draft7Validator(SCHEMA)
@@ -84,7 +85,7 @@ def test_it_is_a_schema() -> None:
 
 def test_the_command_prints_it() -> None:
     command = [sys.executable, "-m", "vffnull", "schema", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG, check=True)
     assert json.loads(done.stdout) == SCHEMA
 
 
