@@ -3,7 +3,7 @@
 use crate::arm::Arm;
 use crate::controller::{read_obstacles, sequence};
 use crate::convert::{float_array, misshapen, values, wrong_type};
-use crate::errors::{self, InputError};
+use crate::errors::InputError;
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
