@@ -13,7 +13,7 @@ mod spatial_pose;
 mod third_order_filter;
 
 pub use body::{Body, keep_least};
-pub use nearest::{Nearest, beside, nearest};
+pub use nearest::{Nearest, beside, crossing, nearest};
 pub use noise::Noise;
 pub use point::Point;
 pub use pose::{PlanarPose, Pose};

@@ -114,14 +114,8 @@ impl<const D: usize> Nearest<D> {
             [true, false] => beside(velocity, normal, rate, &a.direction, tilt[0], axes),
             [false, true] => beside(velocity, normal, rate, &b.direction, tilt[1], axes),
             [true, true] => {
-                let cos = a.direction.dot(&b.direction);
-                let sin_squared = 1.0 - cos * cos;
-                let along = [a.direction.dot(velocity), -b.direction.dot(velocity)];
                 let tilt = [tilt[0], -tilt[1]];
-                // H⁻¹ tilt.
-                let slid = [tilt[0] + cos * tilt[1], cos * tilt[0] + tilt[1]];
-                let product = |u: [f64; 2]| (u[0] * slid[0] + u[1] * slid[1]) / sin_squared;
-                -2.0 * product(along) - axes * product(tilt)
+                crossing(velocity, [&a.direction, &b.direction], tilt, axes)
             }
         }
     }
@@ -143,6 +137,24 @@ pub fn beside<const D: usize>(
     let across = velocity - normal * rate - t * along;
     let across = if D > 2 { across.norm_squared() / distance } else { 0.0 };
     across - tilt * (distance * tilt + 2.0 * along)
+}
+
+/// The same for the insides of two axes along `a` and `b` that are not parallel: the first turns towards the normal
+/// at the rate `tilt[0]`, the second away from it at `tilt[1]`.
+#[inline]
+pub fn crossing<const D: usize>(
+    velocity: &Vector<D>,
+    [a, b]: [&Vector<D>; 2],
+    tilt: [f64; 2],
+    distance: f64,
+) -> f64 {
+    let cos = a.dot(b);
+    let sin_squared = 1.0 - cos * cos;
+    let along = [a.dot(velocity), -b.dot(velocity)];
+    // H⁻¹ tilt.
+    let slid = [tilt[0] + cos * tilt[1], cos * tilt[0] + tilt[1]];
+    let product = |u: [f64; 2]| (u[0] * slid[0] + u[1] * slid[1]) / sin_squared;
+    -2.0 * product(along) - distance * product(tilt)
 }
 
 /// The feet of the common perpendicular of two axes, if both lie within.

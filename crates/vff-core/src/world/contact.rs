@@ -27,7 +27,7 @@ pub struct Contact<const D: usize> {
     /// Acceleration of the obstacle at the witness \[m/s²\].
     pub acceleration: Vector<D>,
     /// What meets what: how the normal turns when the two move.
-    pub feature: Feature,
+    pub feature: Feature<D>,
 }
 
 /// What meets: a body of the robot and an obstacle.
@@ -51,9 +51,9 @@ impl<const D: usize> Contact<D> {
 }
 
 /// The features of the link's axis and of the obstacle that are nearest. The obstacle counts without
-/// its radius: a circle as its centre, a capsule as a segment.
+/// its radius: a circle or a sphere as its centre, a capsule as a segment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Feature {
+pub enum Feature<const D: usize> {
     /// The inside of the axis and a point of the obstacle (a centre or a corner): the normal turns
     /// with the link.
     Side {
@@ -67,4 +67,19 @@ pub enum Feature {
     },
     /// An end of the axis and a flat face of the obstacle: the normal is that of the face.
     Face,
+    /// An end of the axis and the inside of a straight edge of the obstacle; in space only.
+    Edge {
+        /// Unit vector along the edge.
+        edge: Vector<D>,
+        /// Their distance \[m\], > 0.
+        distance: f64,
+    },
+    /// The insides of the axis and of a straight edge of the obstacle, which are not parallel: the normal
+    /// is across both; in space only.
+    Crossing {
+        /// Unit vector along the edge.
+        edge: Vector<D>,
+        /// Signed distance of the two lines along the normal \[m\].
+        distance: f64,
+    },
 }

@@ -37,7 +37,7 @@ pub(super) const LEAST: usize = 20;
 const SPAN: [f64; 2] = [1e-6, 1e6];
 
 /// The obstacles drift apart; after so many renewals those that are neighbours now are grouped anew.
-const REGROUP: usize = 16;
+pub(super) const REGROUP: usize = 16;
 
 impl<S: Solid<D>, const D: usize> Crowd<S, D> {
     pub(super) fn new(obstacles: &[Placed<S, D>]) -> Self {
@@ -134,9 +134,10 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
     }
 }
 
-/// Coordinates beyond this \[m\] are cut off, so that nothing that is made of boxes overflows. A box
-/// that is cut off comes no further away from what lies within.
-pub const HORIZON: f64 = 1e120;
+/// Coordinates beyond this \[m\] are cut off, so that nothing that is made of boxes overflows, their volume in space
+/// included. A box that is cut off comes no further away from what lies within; that of a half-space is as far as
+/// there is.
+pub const HORIZON: f64 = 1e100;
 
 /// What a box is widened by, relative to its coordinates and to 1 m: far above all rounding, far
 /// below all that matters.
@@ -200,26 +201,30 @@ impl<H> Tree<H> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::math::{Body, Capsule};
-    use crate::world::plane::{Obstacle, Shape, World};
-    use crate::world::{CollisionQuery, Motion};
+    use crate::world::plane::{Obstacle, Outline, Shape};
+    use crate::world::{CollisionQuery, Motion, World};
     use proptest::prelude::*;
 
     /// The same obstacles, all of them measured for every link.
-    fn plain(obstacles: &[Obstacle]) -> World {
+    fn plain<S: Solid<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
         World { crowd: None, ..World::new(obstacles.to_vec()) }
     }
 
     /// The same obstacles in a hierarchy, however few they are.
-    fn crowded(obstacles: &[Obstacle]) -> World {
+    fn crowded<S: Solid<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
         let world = plain(obstacles);
         World { crowd: Some(Crowd::new(&world.obstacles)), ..world }
     }
 
     /// Everything that the world tells, to the last bit (the text of a number is unique).
-    fn told(world: &mut World, links: &[Capsule<2>], reach: f64) -> (Vec<String>, Vec<u64>) {
+    fn told<S: Solid<D>, const D: usize>(
+        world: &mut World<S, D>,
+        links: &[Capsule<D>],
+        reach: f64,
+    ) -> (Vec<String>, Vec<u64>) {
         let (mut contacts, mut distances) = (vec![], vec![]);
         let distance = |link, distance: f64| {
             assert_eq!(link, distances.len(), "one distance per link");
@@ -231,24 +236,47 @@ mod tests {
         (contacts, distances)
     }
 
-    /// Both ways of asking agree, from time to time.
-    fn check(obstacles: &[Obstacle], links: &[Capsule<2>], reach: f64, times: &[f64]) {
-        let (mut plain, mut crowded) = (plain(obstacles), crowded(obstacles));
-        for &t in times {
+    /// Both ways of asking agree, from time to time. Returns how often the boxes were renewed.
+    pub fn check<S: Solid<D>, const D: usize>(
+        obstacles: &[S::Obstacle],
+        links: impl Fn(f64) -> Vec<Capsule<D>>,
+        reach: f64,
+        times: impl IntoIterator<Item = f64>,
+    ) -> usize {
+        let (mut plain, mut crowded) = (plain::<S, D>(obstacles), crowded::<S, D>(obstacles));
+        for t in times {
             plain.update(t);
             crowded.update(t);
-            assert_eq!(told(&mut crowded, links, reach), told(&mut plain, links, reach), "t = {t}");
+            let links = links(t);
+            assert_eq!(
+                told(&mut crowded, &links, reach),
+                told(&mut plain, &links, reach),
+                "t = {t}"
+            );
             for j in 0..plain.len() {
-                let text = |w: &World| {
+                let text = |w: &World<S, D>| {
                     format!("{} {} {}", w.position(j), w.velocity(j), w.acceleration(j))
                 };
                 assert_eq!(text(&crowded), text(&plain));
             }
         }
+        crowded.crowd.unwrap().renewals
+    }
+
+    /// Small steps and great leaps, there and back.
+    pub fn times() -> impl Strategy<Value = Vec<f64>> {
+        prop::collection::vec((-1.0..2.0, -4i32..2), 8).prop_map(|steps| {
+            let mut t = 0.0;
+            let leap = |(step, exponent): (f64, i32)| {
+                t += step * f64::powi(10.0, exponent);
+                t
+            };
+            steps.into_iter().map(leap).collect()
+        })
     }
 
     /// Mostly human, sometimes what no human would write but the scenario allows.
-    fn scale() -> impl Strategy<Value = f64> {
+    pub fn scale() -> impl Strategy<Value = f64> {
         prop_oneof![
             8 => Just(1.0),
             1 => prop::sample::select(vec![0.0, 1e-300, 1e-160, 1e-12, 1e7, 1e16, 1e60, 1e100]),
@@ -310,7 +338,7 @@ mod tests {
         )
     }
 
-    fn reach() -> impl Strategy<Value = f64> {
+    pub fn reach() -> impl Strategy<Value = f64> {
         let special = vec![f64::NEG_INFINITY, 0.0, 1e100, f64::INFINITY];
         prop_oneof![3 => 0.0..3.0, 1 => prop::sample::select(special)]
     }
@@ -323,20 +351,12 @@ mod tests {
             mut obstacles in prop::collection::vec(obstacle(), 1..60),
             links in prop::collection::vec(link(), 1..5),
             reach in reach(),
-            // Small steps and great leaps, there and back.
-            steps in prop::collection::vec((-1.0..2.0, -4i32..2), 8),
+            times in times(),
             twice in 0usize..60,
         ) {
             // Coincident obstacles are met in their order too.
             obstacles.extend(obstacles.get(..twice).unwrap_or_default().to_vec());
-            let times: Vec<f64> = steps
-                .iter()
-                .scan(0.0, |t, &(step, exponent)| {
-                    *t += step * f64::powi(10.0, exponent);
-                    Some(*t)
-                })
-                .collect();
-            check(&obstacles, &links, reach, &times);
+            check::<Outline, 2>(&obstacles, |_| links.clone(), reach, times);
         }
     }
 
@@ -356,17 +376,13 @@ mod tests {
                 Obstacle { shape, position: [x - 10.0, y - 10.0], angle: 0.0, motion }
             })
             .collect();
-        let (mut plain, mut crowded) = (plain(&obstacles), crowded(&obstacles));
-        for step in 0..3000 {
-            let t = 0.002 * f64::from(step);
-            plain.update(t);
-            crowded.update(t);
+        let links = |t: f64| {
             let end = Vector::<2>::new(3.0 * t.cos(), 3.0 * t.sin());
-            let links = [Capsule::new(Vector::zeros(), end, 0.05), Capsule::new(end, -end, 0.0)];
-            assert_eq!(told(&mut crowded, &links, 0.6), told(&mut plain, &links, 0.6));
-        }
-        let crowd = crowded.crowd.unwrap();
-        assert!(crowd.renewals > 2 * REGROUP && crowd.renewals < 2000, "{crowd:?}");
+            vec![Capsule::new(Vector::zeros(), end, 0.05), Capsule::new(end, -end, 0.0)]
+        };
+        let times = (0..3000).map(|step| 0.002 * f64::from(step));
+        let renewals = check::<Outline, 2>(&obstacles, links, 0.6, times);
+        assert!(renewals > 2 * REGROUP && renewals < 2000, "{renewals}");
     }
 
     #[test]
@@ -382,7 +398,8 @@ mod tests {
             let start = Vector::<2>::new(value, 0.0);
             for end in [Vector::<2>::zeros(), start] {
                 let link = Capsule::new(start, end, 0.1);
-                check(&obstacles, &[link], 1.0, &[0.0, 0.5, f64::NAN, 1e300, f64::INFINITY, 0.1]);
+                let times = [0.0, 0.5, f64::NAN, 1e300, f64::INFINITY, 0.1];
+                check::<Outline, 2>(&obstacles, |_| vec![link], 1.0, times);
             }
         }
     }

@@ -6,16 +6,16 @@
 //! exists; the results do not depend on it.
 //!
 //! Motion, the queries and the crowd are the same in every space. What is not is a [`Solid`]: those of
-//! the [`plane`] live in a directory of their own.
+//! the [`plane`] and of [`space`] live in directories of their own.
 
 mod contact;
 mod crowd;
-#[cfg(test)]
-mod in_space;
+mod hierarchy;
 mod motion;
 pub mod plane;
 mod query;
 mod solid;
+pub mod space;
 
 pub use contact::{Contact, Feature, Pair};
 pub use crowd::HORIZON;
@@ -26,7 +26,14 @@ pub use solid::{Description, Hierarchy, Solid};
 use crate::math::{ThirdOrderFilter, Vector};
 use crowd::Crowd;
 
-/// The obstacles at one instant. `S` is what they are made of: see [`plane::World`].
+/// Separations up to this \[m\] count as touching: the difference of two points that near is
+/// mostly rounding and has no direction, whereas a separating axis always has one.
+pub(crate) const TOUCHING: f64 = 1e-13;
+
+/// What a corner gains in distance per metre that it lies beyond an end of a link (T77).
+const RELIEF: f64 = 10.0;
+
+/// The obstacles at one instant. `S` is what they are made of: see [`plane::World`] and [`space::World`].
 #[derive(Debug, Clone)]
 pub struct World<S: Solid<D>, const D: usize> {
     obstacles: Vec<Placed<S, D>>,

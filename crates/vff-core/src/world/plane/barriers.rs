@@ -3,11 +3,8 @@
 use super::axis::{Meets, Nearest, Probe};
 use super::face::Face;
 use super::outline::{Core, Outline};
-use super::{TOUCHING, Vec2, to_glam};
-use crate::world::{Contact, MotionState};
-
-/// What a corner gains in distance per metre that it lies beyond an end of a link (T77).
-const RELIEF: f64 = 10.0;
+use super::{Vec2, to_glam};
+use crate::world::{Contact, MotionState, RELIEF, TOUCHING};
 
 impl Outline {
     /// The edges; none of a point.
@@ -16,15 +13,6 @@ impl Outline {
             Core::Point(_) => &[],
             Core::Segment(face) => std::slice::from_ref(face),
             Core::Convex(faces) => faces,
-        }
-    }
-
-    /// The most barriers that one link can have.
-    pub(super) fn most_barriers(&self) -> usize {
-        match &self.core {
-            Core::Point(_) => 1,
-            Core::Segment(_) => 4,
-            Core::Convex(faces) => 2 + faces.len(),
         }
     }
 

@@ -1,8 +1,8 @@
 //! An axis and a convex polygon.
 
-use super::TOUCHING;
 use super::axis::{Axis, Meets, Nearest};
 use super::face::Face;
+use crate::world::TOUCHING;
 
 impl Axis {
     /// Signed distance to a convex polygon.

@@ -42,10 +42,6 @@ use parry2d_f64::math::Vector as Vec2;
 /// The obstacles of a plane.
 pub type World = super::World<Outline, 2>;
 
-/// Separations up to this \[m\] count as touching: the difference of two points that near is
-/// mostly rounding and has no direction, whereas a separating axis always has one.
-const TOUCHING: f64 = 1e-13;
-
 #[inline]
 fn to_glam(v: Vector<2>) -> Vec2 {
     Vec2::new(v.x, v.y)

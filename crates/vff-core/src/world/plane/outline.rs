@@ -29,6 +29,7 @@ pub struct Outline {
     pub(super) core: Core,
     /// To be subtracted from the distance to the core \[m\].
     pub(super) radius: f64,
+    barriers: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -47,6 +48,7 @@ impl Solid<2> for Outline {
 
     fn new(obstacle: &Obstacle) -> Self {
         let turn = Vec2::from_angle(obstacle.angle);
+        let barriers = obstacle.shape.barriers();
         let convex = |vertices: &[[f64; 2]], radius| {
             let vertices: Vec<Vec2> =
                 vertices.iter().map(|&vertex| turn.rotate(vertex.into())).collect();
@@ -58,10 +60,12 @@ impl Solid<2> for Outline {
                 ([there, _back], [_, _]) => Core::Segment(*there),
                 _ => Core::Convex(faces),
             };
-            Self { core, radius }
+            Self { core, radius, barriers }
         };
         match &obstacle.shape {
-            Shape::Circle { radius } => Self { core: Core::Point(Vec2::ZERO), radius: *radius },
+            Shape::Circle { radius } => {
+                Self { core: Core::Point(Vec2::ZERO), radius: *radius, barriers }
+            }
             Shape::Capsule { a, b, radius } => convex(&[*a, *b], *radius),
             Shape::Box { size: [w, h] } => {
                 let (x, y) = (0.5 * w, 0.5 * h);
@@ -93,7 +97,7 @@ impl Solid<2> for Outline {
     }
 
     fn barriers(&self) -> usize {
-        self.most_barriers()
+        self.barriers
     }
 
     /// One for a circle; for every other obstacle those of (T77).

@@ -1,8 +1,9 @@
 //! An axis and a segment: the core of a capsule.
 
+use super::Vec2;
 use super::axis::{Axis, Meets, Nearest};
 use super::face::Face;
-use super::{TOUCHING, Vec2};
+use crate::world::TOUCHING;
 
 impl Axis {
     /// Signed distance to a segment: [`to_convex`](Self::to_convex) for a polygon with two edges,

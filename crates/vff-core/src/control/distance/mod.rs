@@ -8,9 +8,12 @@
 //! The bias is more than n̂ᵀ(J̇_c q̇ − a_o): the normal turns, and the nearest point slides along the
 //! link (T60–T62). A barrier without these terms believes a distance that it does not have.
 
-use crate::math::{Nearest, beside};
+#[cfg(test)]
+mod in_space;
+
+use crate::math::{Nearest, Vector, beside, crossing, smoothstep};
 use crate::robot::Robot;
-use crate::world::{Contact, Feature};
+use crate::world::{Contact, Feature, TOUCHING};
 
 /// ḋ, and d̈ while q̈ = 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,9 +29,21 @@ const FADE: f64 = 0.2;
 
 impl DistanceRate {
     /// The same without the jump of the bias where the nearest point arrives at an end of the link and stops
-    /// sliding: the term −ṡ²/ρ fades out beyond it instead (T66). Never more than the exact one.
+    /// sliding: the term −ṡ²/ρ fades out beyond it instead (T66). Never more than the exact one, but where an axis is
+    /// nearly parallel to an edge, along which its nearest point would run from one end to the other at once: there that
+    /// term fades, too, and the distances of the ends are what has to be kept (T97).
     #[inline]
     pub fn cautious<R: Robot<D>, const D: usize>(robot: &R, contact: &Contact<D>) -> Self {
+        if D > 2 {
+            if robot.body(contact.body).shape.length <= 0.0 {
+                return Self::new(robot, contact); // a ball has no inside to slide along
+            }
+            if let Feature::Edge { edge, distance } | Feature::Crossing { edge, distance } =
+                contact.feature
+            {
+                return Self::cautious_beside(robot, contact, &edge, distance);
+            }
+        }
         let mut motion = Self::new(robot, contact);
         if let Feature::End { distance } = contact.feature {
             let Contact { body, link, point, normal, .. } = contact;
@@ -43,6 +58,44 @@ impl DistanceRate {
             }
         }
         motion
+    }
+
+    /// Close to a straight edge, inside or beyond the ends of the axis.
+    fn cautious_beside<R: Robot<D>, const D: usize>(
+        robot: &R,
+        contact: &Contact<D>,
+        edge: &Vector<D>,
+        distance: f64,
+    ) -> Self {
+        let Contact { body, link, point, normal, .. } = contact;
+        let at_point = robot.point_velocity(*link, point);
+        let relative = at_point - contact.velocity;
+        let rate = normal.dot(&relative);
+        let along = robot.point_bias_acceleration(*link, point) - contact.acceleration;
+        let t = robot.body(*body).shape.direction;
+        let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
+        let cos = t.dot(edge);
+        let sin_squared = (t - edge * cos).norm_squared();
+        // Squared, it goes to 0 faster than sin².
+        let oblique = smoothstep(sin_squared.sqrt() / FADE).powi(2);
+        // Were the point of the axis held.
+        let held = if distance > TOUCHING {
+            beside(&relative, normal, rate, edge, 0.0, distance)
+        } else {
+            0.0
+        };
+        let turning = if let Feature::Crossing { .. } = contact.feature {
+            oblique * crossing(&relative, [&t, edge], [tilt, 0.0], distance)
+                + (1.0 - oblique) * held
+        } else if sin_squared > 0.0 {
+            let fade = oblique * (1.0 - smoothstep(normal.dot(&t).abs() / FADE));
+            // ṡ sin², with which the nearest point would slide along the axis.
+            let sliding = (t - edge * cos).dot(&relative) + distance * tilt;
+            held - fade * sliding * sliding / (distance * sin_squared)
+        } else {
+            held
+        };
+        Self { rate, bias: normal.dot(&along) + turning }
     }
 
     /// For the contact of a link of `robot` at its present state.
@@ -60,7 +113,16 @@ impl DistanceRate {
                 beside(&relative, normal, rate, &t, tilt, distance)
             }
             Feature::End { distance } => (relative - normal * rate).norm_squared() / distance,
-            Feature::Face => 0.0,
+            Feature::Edge { edge, distance } if D > 2 => {
+                beside(&relative, normal, rate, &edge, 0.0, distance)
+            }
+            Feature::Crossing { edge, distance } if D > 2 => {
+                let t = robot.body(*body).shape.direction;
+                let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
+                crossing(&relative, [&t, &edge], [tilt, 0.0], distance)
+            }
+            // A face. (In the plane there are no edges.)
+            _ => 0.0,
         };
         Self { rate, bias: normal.dot(&along) + turning }
     }
@@ -87,7 +149,7 @@ impl DistanceRate {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::math::{Vector, nearest, perp};
     use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
@@ -146,11 +208,19 @@ mod tests {
     }
 
     /// d and what meets what at time t.
-    fn distance_at(c: &Case, world: &mut World, t: f64) -> (f64, Discriminant<Feature>) {
+    fn distance_at(c: &Case, world: &mut World, t: f64) -> (f64, Discriminant<Feature<2>>) {
         world.update(t);
         let link = c.q.len() - 1;
         let contact = world.contact(link, &at(c, t).body(link), 0);
         (contact.distance, discriminant(&contact.feature))
+    }
+
+    /// What five distances, `h` apart, tell of ḋ and d̈, and what they leave open.
+    pub(super) fn differences(d: &[f64], h: f64) -> [f64; 3] {
+        let rate = (8.0 * (d[3] - d[1]) - (d[4] - d[0])) / (12.0 * h);
+        let coarse = (d[4] - 2.0 * d[2] + d[0]) / (4.0 * h * h);
+        let fine = (d[3] - 2.0 * d[2] + d[1]) / (h * h);
+        [rate, (4.0 * fine - coarse) / 3.0, (fine - coarse).abs()]
     }
 
     /// ḋ and d̈ are the derivatives of the distance along a motion, for every shape and motion of
@@ -168,13 +238,9 @@ mod tests {
                 (-2..=2).map(|k| distance_at(&c, &mut world, h * f64::from(k))).collect();
             let d: Vec<f64> = samples.iter().map(|s| s.0).collect();
             prop_assume!(samples.iter().all(|s| s.1 == samples[0].1));
-            let rate = (8.0 * (d[3] - d[1]) - (d[4] - d[0])) / (12.0 * h);
-            let coarse = (d[4] - 2.0 * d[2] + d[0]) / (4.0 * h * h);
-            let fine = (d[3] - 2.0 * d[2] + d[1]) / (h * h);
-            let second = (4.0 * fine - coarse) / 3.0;
+            let [rate, second, curved] = differences(&d, h);
             // Not across a change to another corner or face, where the rate jumps.
             let scale = 1.0 + second.abs();
-            let curved = (fine - coarse).abs(); // what the differences themselves leave open
             prop_assume!(curved < 1e-2 * scale);
 
             world.update(0.0);

@@ -1,0 +1,240 @@
+//! The distances that must be kept so that features may change hands (T98).
+
+use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, perpendicular, seen_from};
+use super::cuboid::Cuboid;
+use super::volume::{Core, Volume};
+use crate::math::Vector;
+use crate::world::{Contact, Feature, MotionState, RELIEF, TOUCHING};
+
+impl Volume {
+    /// Every distance of an end, a corner or an edge that may be the least when features change hands; of a point, or where
+    /// the axis has got into the core, that of `contact` alone.
+    #[inline]
+    pub(super) fn visit_barriers(
+        &self,
+        contact: &Contact<3>,
+        link: &Probe,
+        state: &MotionState<3>,
+        mut visit: impl FnMut(&Contact<3>),
+    ) {
+        let apart = contact.distance + self.radius + link.radius > TOUCHING;
+        if matches!(self.core, Core::Point(_)) || !apart {
+            return visit(contact);
+        }
+        let axis = seen_from(link, &state.position);
+        let mut visit = |nearest: &Nearest, beyond: f64| {
+            let found = self.contact_of(contact.pair(), nearest, link.radius, state);
+            visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
+        };
+        visit(&self.end(axis.start), 0.0);
+        // A ball is one end.
+        if axis.length <= 0.0 {
+            return;
+        }
+        visit(&self.end(axis.end()), 0.0);
+        match &self.core {
+            Core::Segment(segment) => {
+                for corner in [segment.start, segment.end()] {
+                    let (nearest, beyond) = to_corner(&axis, &corner);
+                    visit(&nearest, beyond);
+                }
+                if let Some((nearest, beyond)) = to_edge(&axis, segment) {
+                    visit(&nearest, beyond);
+                }
+            }
+            Core::Box(cuboid) => {
+                for outward in cuboid.corners() {
+                    let (nearest, beyond) = to_corner(&axis, &cuboid.at(&outward));
+                    visit(&nearest, beyond + cuboid.averted(&nearest, &outward));
+                }
+                for (k, outward) in cuboid.edges() {
+                    let mut start = outward;
+                    start[k] = -1.0;
+                    let length = 2.0 * cuboid.half[k];
+                    let direction = cuboid.axis(k);
+                    let edge = Probe { start: cuboid.at(&start), direction, length, radius: 0.0 };
+                    if let Some((nearest, beyond)) = to_edge(&axis, &edge) {
+                        visit(&nearest, beyond + cuboid.averted(&nearest, &outward));
+                    }
+                }
+            }
+            Core::Point(_) | Core::HalfSpace(_) => {}
+        }
+    }
+
+    /// An end of a link outside of the core. It counts as opposite a face everywhere: that the normal turns about an edge or a
+    /// corner is left out, which is the safe side (T77).
+    fn end(&self, end: Vector<3>) -> Nearest {
+        let offset = match &self.core {
+            Core::Point(point) => end - point,
+            Core::Segment(segment) => end - segment.clamp(&end),
+            Core::Box(cuboid) => cuboid.axes * cuboid.excess(&cuboid.axes.tr_mul(&end)),
+            Core::HalfSpace(normal) => {
+                let distance = normal.dot(&end);
+                return Nearest { distance, normal: *normal, point: end, feature: Feature::Face };
+            }
+        };
+        let distance = offset.norm();
+        Nearest { distance, normal: offset / distance, point: end, feature: Feature::Face }
+    }
+}
+
+/// The line through an axis beside a corner, and how far beyond the ends of the axis that is.
+fn to_corner(axis: &Probe, corner: &Vector<3>) -> (Nearest, f64) {
+    let along = axis.direction.dot(&(corner - axis.start));
+    let point = axis.start + axis.direction * along;
+    let between = point - corner;
+    let distance = between.norm();
+    let (normal, feature) = if distance > TOUCHING {
+        (between / distance, Feature::Side { distance })
+    } else {
+        (perpendicular(&axis.direction), Feature::Face)
+    };
+    (Nearest { distance, normal, point, feature }, beyond(along, axis.length))
+}
+
+/// The lines through an axis and an edge, and how far beyond the ends of both they come nearest; none if they are parallel.
+fn to_edge(axis: &Probe, edge: &Probe) -> Option<(Nearest, f64)> {
+    let offset = axis.start - edge.start;
+    let cross = axis.direction.cross(&edge.direction);
+    let sin_squared = cross.norm_squared();
+    if sin_squared <= PARALLEL * PARALLEL {
+        return None;
+    }
+    let cos = axis.direction.dot(&edge.direction);
+    let s = -offset.cross(&edge.direction).dot(&cross) / sin_squared;
+    let t = edge.direction.dot(&offset) + s * cos;
+    let point = axis.start + axis.direction * s;
+    let between = offset + axis.direction * s - edge.direction * t;
+    let distance = across(&cross, &between);
+    let feature = Feature::Crossing { edge: edge.direction, distance };
+    let nearest = Nearest { distance, normal: across_normal(&cross, &between), point, feature };
+    Some((nearest, beyond(s, axis.length) + beyond(t, edge.length)))
+}
+
+fn beyond(along: f64, length: f64) -> f64 {
+    (-along).max(along - length).max(0.0)
+}
+
+impl Cuboid {
+    /// The signs of the coordinates of the corners.
+    fn corners(&self) -> impl Iterator<Item = Vector<3>> {
+        let sign = |bit: u8| if bit == 0 { -1.0 } else { 1.0 };
+        (0..8u8).map(move |i| Vector::<3>::new(sign(i & 1), sign(i & 2), sign(i & 4)))
+    }
+
+    /// Of every edge the axis that it is along, and the signs of its other coordinates.
+    fn edges(&self) -> impl Iterator<Item = (usize, Vector<3>)> {
+        (0..3).flat_map(|k| {
+            self.corners().filter(move |corner| corner[k] < 0.0).map(move |mut corner| {
+                corner[k] = 0.0;
+                (k, corner)
+            })
+        })
+    }
+
+    fn at(&self, signs: &Vector<3>) -> Vector<3> {
+        self.axes * self.half.component_mul(signs)
+    }
+
+    /// How far the box comes towards the axis beside a corner or an edge that is turned away from it: 0 where it is the
+    /// nearest.
+    fn averted(&self, nearest: &Nearest, outward: &Vector<3>) -> f64 {
+        let most = self.axes.tr_mul(&nearest.normal).component_mul(outward).min();
+        nearest.distance * (-most).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::oracle::*;
+    use super::super::{Shape, World};
+    use crate::math::{Body, Capsule};
+    use crate::world::{CollisionQuery, Contact, Feature};
+    use proptest::prelude::*;
+
+    fn barriers(link: &Capsule<3>, world: &mut World) -> Vec<Contact<3>> {
+        let mut found = vec![];
+        let body = Body::new(0, *link);
+        world.for_each_barrier([body], f64::INFINITY, |barrier| found.push(*barrier));
+        found
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1500))]
+
+        /// The least of the barriers is the distance itself, and among them is the contact's own pair of points; there are
+        /// no more than announced, and a sphere has its contact alone.
+        #[test]
+        fn the_least_barrier_is_the_distance(link in any_link(), obstacle in any_obstacle()) {
+            let mut world = World::new(vec![obstacle.clone()]);
+            let contact = world.contact(0, &Body::new(0, link), 0);
+            let barriers = barriers(&link, &mut world);
+            prop_assert!(barriers.len() <= world.barrier_count());
+            prop_assert_eq!(world.barrier_count(), obstacle.shape.barriers());
+            let least = barriers.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)).unwrap();
+            prop_assert!((least.distance - contact.distance).abs() < 1e-12, "{least:?} {contact:?}");
+            if matches!(obstacle.shape, Shape::Sphere { .. }) {
+                prop_assert_eq!(&barriers, &vec![contact]);
+            }
+            // Parallel things have several nearest pairs.
+            prop_assume!(!matches!(obstacle.shape, Shape::HalfSpace { .. }));
+            let near = |b: &Contact<3>| {
+                (b.distance - contact.distance).abs() < 1e-9 && (b.normal - contact.normal).norm() < 1e-6
+            };
+            prop_assert!(barriers.iter().any(near), "{contact:?}");
+        }
+
+        /// While a link moves, no barrier that is near the least jumps: neither its distance nor its normal.
+        #[test]
+        fn barriers_do_not_jump(
+            link in any_link(), obstacle in any_obstacle(), along in direction(),
+        ) {
+            prop_assume!(link.length > 0.0);
+            let mut world = World::new(vec![obstacle]);
+            let step = 1e-4;
+            let [before, after] = [0.0, step].map(|by| {
+                let link = translated(&link, &(along * by));
+                (contact_of(&link, &world), barriers(&link, &mut world))
+            });
+            prop_assume!(before.0 > 0.05 + link.radius && after.0 > 0.05 + link.radius);
+            prop_assert_eq!(before.1.len(), after.1.len());
+            for (a, b) in before.1.iter().zip(&after.1) {
+                // Relief grows by 10 m per metre that a foot slides, which it does at 1/sin² at most.
+                let oblique = match a.feature {
+                    Feature::Crossing { edge, .. } => link.direction.cross(&edge).norm_squared(),
+                    _ => 1.0,
+                };
+                prop_assert!((a.distance - b.distance).abs() < 100.0 * step / oblique, "{a:?} {b:?}");
+            }
+        }
+    }
+
+    fn contact_of(link: &Capsule<3>, world: &World) -> f64 {
+        world.contact(0, &Body::new(0, *link), 0).distance
+    }
+
+    /// Parallel axes: both ends are held, and a link that turns about either keeps the distance there.
+    #[test]
+    fn parallel_axes_are_held_at_both_ends() {
+        let link = capsule([0.0, 0.0, 1.0], [1.0, 0.0, 1.0], 0.1);
+        for shape in [
+            Shape::Capsule { a: [-1.0, 0.0, 0.0], b: [2.0, 0.0, 0.0], radius: 0.2 },
+            Shape::Box { size: [4.0, 2.0, 0.4] },
+            Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
+        ] {
+            let position =
+                if let Shape::HalfSpace { .. } = shape { [0.0, 0.0, 0.2] } else { [0.0; 3] };
+            let mut world = World::new(vec![fixed(shape, position)]);
+            let found = barriers(&link, &mut world);
+            for end in [link.start, link.end()] {
+                let held = found.iter().any(|b| {
+                    (b.point - end).norm() < 1e-12
+                        && (b.distance - 0.7).abs() < 1e-12
+                        && b.feature == Feature::Face
+                });
+                assert!(held, "{found:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! One obstacle in space, as it is described in a scenario.
+
+use super::Shape;
+use crate::world::Motion;
+use serde::Deserialize;
+
+/// An obstacle in space: a shape, where it starts and how it moves.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub struct Obstacle {
+    /// Shape in the obstacle's own frame.
+    pub shape: Shape,
+    /// Initial position \[m\]: where the origin of the own frame lies. Default (0, 0, 0).
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// Orientation of the own frame, constant: a quaternion \[w, x, y, z\] of norm 1 within 10⁻⁶. Default: none.
+    #[serde(default = "identity")]
+    pub orientation: [f64; 4],
+    /// Motion from the initial position. Default: none.
+    #[serde(default)]
+    pub motion: Motion<3>,
+}
+
+fn identity() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_with_defaults() {
+        let obstacle: Obstacle = toml::from_str("shape = { sphere = { radius = 0.3 } }").unwrap();
+        assert_eq!(
+            obstacle,
+            Obstacle {
+                shape: Shape::Sphere { radius: 0.3 },
+                position: [0.0; 3],
+                orientation: [1.0, 0.0, 0.0, 0.0],
+                motion: Motion::Static {},
+            }
+        );
+    }
+
+    #[test]
+    fn every_shape() {
+        let shape = |text: &str| toml::from_str::<Obstacle>(text).unwrap().shape;
+        assert_eq!(
+            shape("shape = { capsule = { a = [0, 0, 0], b = [0, 0, 1.5], radius = 0.1 } }"),
+            Shape::Capsule { a: [0.0; 3], b: [0.0, 0.0, 1.5], radius: 0.1 }
+        );
+        assert_eq!(
+            shape("shape = { box = { size = [1, 2.0, 3] } }"),
+            Shape::Box { size: [1.0, 2.0, 3.0] }
+        );
+        assert_eq!(
+            shape("shape = { half_space = { normal = [0, 0, 1] } }"),
+            Shape::HalfSpace { normal: [0.0, 0.0, 1.0] }
+        );
+    }
+
+    #[test]
+    fn a_full_table() {
+        let obstacle: Obstacle = toml::from_str(
+            "shape = { box = { size = [1, 2.0, 3] } }\n\
+             position = [1.5, 2.0, 0.5]\n\
+             orientation = [0, 1, 0, 0]\n\
+             motion = { sinusoid = { amplitude = [0, 1, 2], angular_frequency = 0.5 } }",
+        )
+        .unwrap();
+        assert_eq!(obstacle.position, [1.5, 2.0, 0.5]);
+        assert_eq!(obstacle.orientation, [0.0, 1.0, 0.0, 0.0]);
+        assert_eq!(
+            obstacle.motion,
+            Motion::Sinusoid { amplitude: [0.0, 1.0, 2.0], angular_frequency: 0.5, phase: 0.0 }
+        );
+    }
+
+    #[test]
+    fn unknown_names_are_refused() {
+        for text in [
+            "shape = { sphere = { radius = 0.3, colour = 1 } }",
+            "shape = { sphere = { radius = 0.3 } }\nangle = 1.0",
+            "shape = { circle = { radius = 0.3 } }",
+            "shape = { box = { size = [1.0, 2.0] } }",
+        ] {
+            let error = toml::from_str::<Obstacle>(text).unwrap_err().to_string();
+            assert!(error.contains("expected"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! For the tests of this directory: an independent oracle, and what they draw at random.
+//!
+//! The oracle knows how far a point is from a core and how far a core reaches in a direction. The distance of an axis is
+//! the least along it, by search (it is a convex function of the position on it).
+
+use super::{Obstacle, Shape, World};
+use crate::math::{Body, Capsule, Vector};
+use crate::world::{Contact, Motion};
+use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
+use proptest::prelude::*;
+
+pub(super) type Vec3 = Vector<3>;
+
+pub(super) fn vec3(x: f64, y: f64, z: f64) -> Vec3 {
+    Vec3::new(x, y, z)
+}
+
+/// The rotation of an obstacle, by nalgebra's own quaternions.
+pub(super) fn rotation(obstacle: &Obstacle) -> Rotation3<f64> {
+    let [w, x, y, z] = obstacle.orientation;
+    UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
+}
+
+pub(super) fn core_radius(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => *radius,
+        Shape::Box { .. } | Shape::HalfSpace { .. } => 0.0,
+    }
+}
+
+/// Distance from `point` to the core, zero inside.
+pub(super) fn distance_to_core(obstacle: &Obstacle, point: &Vec3) -> f64 {
+    let p = rotation(obstacle).inverse() * (point - Vec3::from(obstacle.position));
+    match obstacle.shape {
+        Shape::Sphere { .. } => p.norm(),
+        Shape::Capsule { a, b, .. } => {
+            let (a, ab) = (Vec3::from(a), Vec3::from(b) - Vec3::from(a));
+            let s = (p - a).dot(&ab) / ab.norm_squared().max(f64::MIN_POSITIVE);
+            (p - a - ab * s.clamp(0.0, 1.0)).norm()
+        }
+        Shape::Box { size } => {
+            let half = Vec3::from(size) * 0.5;
+            (p.abs() - half).sup(&Vec3::zeros()).norm()
+        }
+        Shape::HalfSpace { normal } => p.dot(&Vec3::from(normal)).max(0.0),
+    }
+}
+
+/// The most that the core reaches along the unit vector `direction`.
+pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
+    let n = rotation(obstacle).inverse() * direction;
+    let own = match obstacle.shape {
+        Shape::Sphere { .. } => 0.0,
+        Shape::Capsule { a, b, .. } => n.dot(&Vec3::from(a)).max(n.dot(&Vec3::from(b))),
+        Shape::Box { size } => 0.5 * n.abs().dot(&Vec3::from(size)),
+        Shape::HalfSpace { normal } if (n - Vec3::from(normal)).norm() < 1e-9 => 0.0,
+        Shape::HalfSpace { .. } => f64::INFINITY,
+    };
+    own + direction.dot(&Vec3::from(obstacle.position))
+}
+
+/// The distance between axis and core, 0 where they overlap.
+pub(super) fn searched_distance(link: &Capsule<3>, obstacle: &Obstacle) -> f64 {
+    let at = |s: f64| distance_to_core(obstacle, &(link.start + (link.end() - link.start) * s));
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..120 {
+        let (a, b) = ((2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0);
+        if at(a) <= at(b) {
+            high = b;
+        } else {
+            low = a;
+        }
+    }
+    at(low).min(at(high)).min(at(0.0)).min(at(1.0))
+}
+
+/// Directions that are spread evenly over the sphere (a Fibonacci lattice).
+pub(super) fn directions(count: u32) -> impl Iterator<Item = Vec3> {
+    (0..count).map(move |k| {
+        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
+        let (sin, cos) = (f64::from(k) * 2.399_963_229_728_653).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        vec3(r * cos, r * sin, z)
+    })
+}
+
+pub(super) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
+    Capsule { start: link.start + by, ..*link }
+}
+
+pub(super) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
+    Obstacle { shape, position, orientation: [1.0, 0.0, 0.0, 0.0], motion: Motion::default() }
+}
+
+pub(super) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {
+    World::new(vec![obstacle.clone()]).contact(0, &Body::new(0, *link), 0)
+}
+
+pub(super) fn capsule(start: [f64; 3], end: [f64; 3], radius: f64) -> Capsule<3> {
+    Capsule::new(start.into(), end.into(), radius)
+}
+
+pub(super) fn three(range: f64) -> impl Strategy<Value = Vec3> {
+    [-range..range, -range..range, -range..range].prop_map(Vec3::from)
+}
+
+pub(super) fn direction() -> impl Strategy<Value = Vec3> {
+    three(1.0).prop_filter_map("no direction", |v| v.try_normalize(0.1))
+}
+
+/// Capsules, and sometimes a ball.
+pub(super) fn any_link() -> impl Strategy<Value = Capsule<3>> {
+    let length = prop_oneof![5 => 0.05..3.0, 1 => Just(0.0)];
+    (three(2.0), direction(), length, 0.0..0.3)
+        .prop_map(|(start, direction, length, radius)| Capsule { start, direction, length, radius })
+}
+
+pub(super) fn any_orientation() -> impl Strategy<Value = [f64; 4]> {
+    let turned = [-1.0..1.0, -1.0..1.0, -1.0..1.0, -1.0..1.0].prop_filter_map("none", |q| {
+        let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        (norm > 0.1).then(|| q.map(|x| x / norm))
+    });
+    prop_oneof![4 => turned, 1 => Just([1.0, 0.0, 0.0, 0.0])]
+}
+
+/// Of every kind, numbered.
+pub(super) fn any_shape() -> impl Strategy<Value = (usize, Shape)> {
+    prop_oneof![
+        (0.01..0.5).prop_map(|radius| (0, Shape::Sphere { radius })),
+        (three(1.0), three(1.0), 0.0..0.4).prop_map(|(a, b, radius)| {
+            (1, Shape::Capsule { a: a.into(), b: b.into(), radius })
+        }),
+        [0.05..2.0, 0.05..2.0, 0.05..2.0].prop_map(|size| (2, Shape::Box { size })),
+        direction().prop_map(|n| (3, Shape::HalfSpace { normal: n.into() })),
+    ]
+}
+
+pub(super) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
+    (any_shape(), three(1.0), any_orientation()).prop_map(|((_, shape), position, orientation)| {
+        Obstacle { shape, position: position.into(), orientation, motion: Motion::default() }
+    })
+}
+
+#[track_caller]
+pub(super) fn assert_near(a: Vec3, b: Vec3) {
+    assert!((a - b).norm() < 1e-14, "{a} is not {b}");
+}

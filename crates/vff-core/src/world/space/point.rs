@@ -1,0 +1,76 @@
+//! An axis and a point: the core of a sphere, by far the most frequent query.
+
+use super::axis::{Nearest, Probe, perpendicular, within};
+use crate::math::Vector;
+use crate::world::{Feature, TOUCHING};
+
+/// Where on the axis the nearest point is \[m\], and how it leads there from `centre`.
+#[inline(always)]
+fn foot(axis: &Probe, centre: &Vector<3>) -> (f64, Vector<3>) {
+    let offset = axis.start - centre;
+    let along = within(-axis.direction.dot(&offset), axis.length);
+    (along, offset + axis.direction * along)
+}
+
+/// Distance to the centre of a sphere: never negative, because only by chance do the two meet.
+#[inline]
+pub(super) fn to_point(axis: &Probe, centre: &Vector<3>) -> Nearest {
+    let (along, offset) = foot(axis, centre);
+    let distance = offset.norm();
+    let point = centre + offset;
+    if distance > TOUCHING {
+        let inside = 0.0 < along && along < axis.length;
+        let feature = if inside { Feature::Side { distance } } else { Feature::End { distance } };
+        return Nearest { distance, normal: offset / distance, point, feature };
+    }
+    // The centre is on the axis itself, or nowhere (NaN): every way across the axis is as good.
+    Nearest { distance, normal: perpendicular(&axis.direction), point, feature: Feature::Face }
+}
+
+/// The distance of [`to_point`], bit for bit.
+#[inline(always)]
+pub(super) fn distance_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
+    foot(axis, centre).1.norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Shape;
+    use super::super::oracle::*;
+    use crate::world::Feature;
+
+    #[test]
+    fn a_sphere_beside_and_beyond_a_link() {
+        let link = capsule([0.0; 3], [2.0, 0.0, 0.0], 0.1);
+        let sphere = |position| fixed(Shape::Sphere { radius: 0.5 }, position);
+
+        let beside = contact(&link, &sphere([0.5, 1.2, 1.6]));
+        assert!((beside.distance - 1.4).abs() < 1e-15);
+        assert_near(beside.normal, vec3(0.0, -0.6, -0.8));
+        assert_near(beside.point, vec3(0.5, 0.0, 0.0));
+        assert_near(beside.witness, vec3(0.5, 0.9, 1.2));
+        assert_eq!(beside.feature, Feature::Side { distance: 2.0 });
+
+        let beyond = contact(&link, &sphere([5.0, 0.0, 4.0]));
+        assert!((beyond.distance - 4.4).abs() < 1e-15);
+        assert_near(beyond.normal, vec3(-0.6, 0.0, -0.8));
+        assert_near(beyond.point, vec3(2.0, 0.0, 0.0));
+        assert_near(beyond.witness, vec3(4.7, 0.0, 3.6));
+        assert_eq!(beyond.feature, Feature::End { distance: 5.0 });
+    }
+
+    /// Across the axis, on which the radii are counted down: as far as the sphere and the link overlap.
+    #[test]
+    fn a_centre_on_the_axis_has_a_normal_across_it() {
+        let link = capsule([0.0; 3], [1.0, 2.0, -2.0], 0.1);
+        for along in [0.0, 1.2, 3.0] {
+            let center = link.start + link.direction * along;
+            let found = contact(&link, &fixed(Shape::Sphere { radius: 0.5 }, center.into()));
+            assert!((found.distance + 0.6).abs() < 1e-15);
+            assert!(found.normal.dot(&link.direction).abs() < 1e-15, "{found:?}");
+            assert!((found.normal.norm() - 1.0).abs() < 1e-15);
+            assert_near(found.point, center);
+            assert_eq!(found.feature, Feature::Face);
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! What an obstacle in space looks like, in its own frame.
+
+use serde::Deserialize;
+
+/// The surface of an obstacle in the frame of the obstacle: the origin is the obstacle's position, the axes are turned by
+/// its orientation. Lengths in metres.
+///
+/// The values are taken as they are; `scenario` validates them. What each variant expects is
+/// said beside it.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Shape {
+    /// A ball around the origin.
+    Sphere {
+        /// Radius \[m\], positive.
+        radius: f64,
+    },
+    /// A segment swept by a ball.
+    Capsule {
+        /// First end of the segment \[m\].
+        a: [f64; 3],
+        /// Second end of the segment \[m\].
+        b: [f64; 3],
+        /// Radius of the ball \[m\], not negative.
+        radius: f64,
+    },
+    /// A cuboid centred on the origin, its edges along the axes.
+    Box {
+        /// Full lengths of the edges \[m\], all positive.
+        size: [f64; 3],
+    },
+    /// Everything on one side of a plane through the origin: a floor, a wall.
+    HalfSpace {
+        /// Unit vector out of the solid, of norm 1 within 10⁻⁶.
+        normal: [f64; 3],
+    },
+}
+
+impl Shape {
+    /// The most barriers that one link can have with it: one with a sphere; otherwise one of each end of the link, and one
+    /// with each end, corner and edge of the shape.
+    pub fn barriers(&self) -> usize {
+        match self {
+            Self::Sphere { .. } => 1,
+            Self::Capsule { .. } => 2 + 2 + 1,
+            Self::Box { .. } => 2 + 8 + 12,
+            Self::HalfSpace { .. } => 2,
+        }
+    }
+}
