@@ -412,6 +412,7 @@ mod tests {
         match &live.run {
             AnyRun::PlanarPosition(run) => run.closed_loop().world(),
             AnyRun::PlanarPose(run) => run.closed_loop().world(),
+            _ => panic!("a scene in the plane"),
         }
     }
 

@@ -21,8 +21,12 @@ impl AnyObstacles {
     /// With the dotted path of the first fault.
     pub fn read(&mut self, document: &Table) -> Result<(), ScenarioError> {
         match self {
-            Self::Plane(obstacles) => obstacles.push(scenario::read_obstacle::<Plane, 2>(document)?),
-            Self::Space(obstacles) => obstacles.push(scenario::read_obstacle::<Space, 3>(document)?),
+            Self::Plane(obstacles) => {
+                obstacles.push(scenario::read_obstacle::<Plane, 2>(document)?)
+            }
+            Self::Space(obstacles) => {
+                obstacles.push(scenario::read_obstacle::<Space, 3>(document)?)
+            }
         }
         Ok(())
     }

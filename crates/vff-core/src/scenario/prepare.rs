@@ -5,8 +5,7 @@ use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
 use crate::robot::{Manipulator, Model, PlanarArm, Robot};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Reality, Sizes,
-    orientation_width,
+    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Reality, Sizes, orientation_width,
 };
 use crate::trajectory::Trajectory;
 use crate::world::World;

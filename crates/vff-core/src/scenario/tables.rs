@@ -4,7 +4,9 @@ use super::document;
 use super::scene::{AnyScene, Described, ObstacleOf, Scene};
 use super::{Part, Scenario, ScenarioError, validate};
 use crate::control::Settings;
-use crate::simulation::{ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane, Space};
+use crate::simulation::{
+    ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane, Space,
+};
 use serde::Deserialize;
 use toml::{Table, Value};
 

@@ -189,7 +189,8 @@ impl Record {
 
     /// The one list of arrays: as long as those of a run like `s`, or of one that has everything.
     fn columns(&mut self, s: Option<&Snapshot<'_>>) -> Vec<Column<'_>> {
-        let Sizes { dimension: d, joints: n, task: m, pose, orientation, obstacles, rays } = self.sizes;
+        let Sizes { dimension: d, joints: n, task: m, pose, orientation, obstacles, rays } =
+            self.sizes;
         let column = |name, values, shape: &[usize]| Column {
             name,
             values,

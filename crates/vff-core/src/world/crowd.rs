@@ -37,7 +37,7 @@ pub(super) const LEAST: usize = 20;
 const SPAN: [f64; 2] = [1e-6, 1e6];
 
 /// The obstacles drift apart; after so many renewals those that are neighbours now are grouped anew.
-const REGROUP: usize = 16;
+pub(super) const REGROUP: usize = 16;
 
 impl<S: Solid<D>, const D: usize> Crowd<S, D> {
     pub(super) fn new(obstacles: &[Placed<S, D>]) -> Self {
@@ -243,8 +243,7 @@ pub(super) mod tests {
         reach: f64,
         times: impl IntoIterator<Item = f64>,
     ) -> usize {
-        let (mut plain, mut crowded) =
-            (plain::<S, D>(obstacles), crowded::<S, D>(obstacles));
+        let (mut plain, mut crowded) = (plain::<S, D>(obstacles), crowded::<S, D>(obstacles));
         for t in times {
             plain.update(t);
             crowded.update(t);

@@ -163,30 +163,24 @@ pub fn panda_like() -> Arc<SpatialArm> {
         (0.088, FRAC_PI_2, 0.0),
     ];
     let joint = |(i, (a, alpha, d)): (usize, (f64, f64, f64))| Joint {
-        placement: Placement {
-            position: Vector::<3>::new(a, -d * alpha.sin(), d * alpha.cos()),
-            orientation: UnitQuaternion::exp(&Vector::<3>::new(alpha, 0.0, 0.0)).to_array(),
-        },
+        position: [a, -d * alpha.sin(), d * alpha.cos()],
+        orientation: UnitQuaternion::exp(&Vector::<3>::new(alpha, 0.0, 0.0)).to_array(),
         mass: 3.0 - 0.3 * i as f64,
-        com: Vector::<3>::new(0.02, -0.03, 0.05),
+        com: [0.02, -0.03, 0.05],
         inertia: [0.02, 0.018, 0.012, 1e-3, -5e-4, 8e-4],
         ..link(&i.to_string(), 1.0)
     };
-    let limits = Limits {
-        joint: vec![
-            [-2.9, 2.9],
-            [-1.76, 1.76],
-            [-2.9, 2.9],
-            [-3.07, -0.07],
-            [-2.9, 2.9],
-            [-0.02, 3.75],
-            [-2.9, 2.9],
-        ],
-        ..Limits::default()
-    };
-    let tool = Placement { position: Vector::<3>::new(0.0, 0.0, 0.107), ..Placement::default() };
+    let joint_limits = vec![
+        [-2.9, 2.9],
+        [-1.76, 1.76],
+        [-2.9, 2.9],
+        [-3.07, -0.07],
+        [-2.9, 2.9],
+        [-0.02, 3.75],
+        [-2.9, 2.9],
+    ];
+    let tool = Frame { position: [0.0, 0.0, 0.107], ..Frame::default() };
     let joints = rows.into_iter().enumerate().map(joint).collect();
-    let gravity = Vector::<3>::new(0.0, 0.0, -9.81);
-    let description = Description { joints, tool, gravity, limits, ..Description::default() };
-    Arc::new(SpatialArm::new(description).unwrap())
+    let description = ArmDescription { joints, tool, joint_limits, ..ArmDescription::default() };
+    Arc::new(description.build().unwrap())
 }

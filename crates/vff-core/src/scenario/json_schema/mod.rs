@@ -7,8 +7,8 @@ mod text;
 mod trace;
 
 use super::SCHEMA;
-use super::tables::Tables;
 use super::tables::SPATIAL_KEYS;
+use super::tables::Tables;
 use crate::simulation::{Plane, Space};
 use serde_json::{Map, Value, json};
 use text::{Row, Rows, SPACE};

@@ -69,8 +69,9 @@ fn shape(shape: &Shape) -> Result<(), ScenarioError> {
             }
             Ok(())
         }
-        Shape::Box { size } => (0..3)
-            .try_for_each(|axis| number(&format!("size[{axis}]"), size[axis], positive)),
+        Shape::Box { size } => {
+            (0..3).try_for_each(|axis| number(&format!("size[{axis}]"), size[axis], positive))
+        }
         Shape::HalfSpace { normal } => {
             let norm = Vector::from(*normal).norm();
             if (norm - 1.0).abs() <= crate::math::rotation::UNIT_TOLERANCE {

@@ -2,8 +2,8 @@
 
 use super::axis::Probe;
 use super::{Vec2, to_glam};
-use crate::world::crowd::MARGIN;
 use crate::world::HORIZON;
+use crate::world::crowd::MARGIN;
 
 crate::world::hierarchy::boxes!(parry2d_f64, 2, Probe, Region, to_glam);
 

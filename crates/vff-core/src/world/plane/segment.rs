@@ -1,8 +1,8 @@
 //! An axis and a segment: the core of a capsule.
 
+use super::Vec2;
 use super::axis::{Axis, Meets, Nearest};
 use super::face::Face;
-use super::Vec2;
 use crate::world::TOUCHING;
 
 impl Axis {

@@ -1,4 +1,4 @@
-//! The distances that must be kept so that features may change hands (T97).
+//! The distances that must be kept so that features may change hands (T98).
 
 use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, perpendicular, seen_from};
 use super::cuboid::Cuboid;
@@ -142,5 +142,99 @@ impl Cuboid {
     fn averted(&self, nearest: &Nearest, outward: &Vector<3>) -> f64 {
         let most = self.axes.tr_mul(&nearest.normal).component_mul(outward).min();
         nearest.distance * (-most).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::oracle::*;
+    use super::super::{Shape, World};
+    use crate::math::{Body, Capsule};
+    use crate::world::{CollisionQuery, Contact, Feature};
+    use proptest::prelude::*;
+
+    fn barriers(link: &Capsule<3>, world: &mut World) -> Vec<Contact<3>> {
+        let mut found = vec![];
+        let body = Body::new(0, *link);
+        world.for_each_barrier([body], f64::INFINITY, |barrier| found.push(*barrier));
+        found
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1500))]
+
+        /// The least of the barriers is the distance itself, and among them is the contact's own pair of points; there are
+        /// no more than announced, and a sphere has its contact alone.
+        #[test]
+        fn the_least_barrier_is_the_distance(link in any_link(), obstacle in any_obstacle()) {
+            let mut world = World::new(vec![obstacle.clone()]);
+            let contact = world.contact(0, &Body::new(0, link), 0);
+            let barriers = barriers(&link, &mut world);
+            prop_assert!(barriers.len() <= world.barrier_count());
+            prop_assert_eq!(world.barrier_count(), obstacle.shape.barriers());
+            let least = barriers.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)).unwrap();
+            prop_assert!((least.distance - contact.distance).abs() < 1e-12, "{least:?} {contact:?}");
+            if matches!(obstacle.shape, Shape::Sphere { .. }) {
+                prop_assert_eq!(&barriers, &vec![contact]);
+            }
+            // Parallel things have several nearest pairs.
+            prop_assume!(!matches!(obstacle.shape, Shape::HalfSpace { .. }));
+            let near = |b: &Contact<3>| {
+                (b.distance - contact.distance).abs() < 1e-9 && (b.normal - contact.normal).norm() < 1e-6
+            };
+            prop_assert!(barriers.iter().any(near), "{contact:?}");
+        }
+
+        /// While a link moves, no barrier that is near the least jumps: neither its distance nor its normal.
+        #[test]
+        fn barriers_do_not_jump(
+            link in any_link(), obstacle in any_obstacle(), along in direction(),
+        ) {
+            prop_assume!(link.length > 0.0);
+            let mut world = World::new(vec![obstacle]);
+            let step = 1e-4;
+            let [before, after] = [0.0, step].map(|by| {
+                let link = translated(&link, &(along * by));
+                (contact_of(&link, &world), barriers(&link, &mut world))
+            });
+            prop_assume!(before.0 > 0.05 + link.radius && after.0 > 0.05 + link.radius);
+            prop_assert_eq!(before.1.len(), after.1.len());
+            for (a, b) in before.1.iter().zip(&after.1) {
+                // Relief grows by 10 m per metre that a foot slides, which it does at 1/sin² at most.
+                let oblique = match a.feature {
+                    Feature::Crossing { edge, .. } => link.direction.cross(&edge).norm_squared(),
+                    _ => 1.0,
+                };
+                prop_assert!((a.distance - b.distance).abs() < 100.0 * step / oblique, "{a:?} {b:?}");
+            }
+        }
+    }
+
+    fn contact_of(link: &Capsule<3>, world: &World) -> f64 {
+        world.contact(0, &Body::new(0, *link), 0).distance
+    }
+
+    /// Parallel axes: both ends are held, and a link that turns about either keeps the distance there.
+    #[test]
+    fn parallel_axes_are_held_at_both_ends() {
+        let link = capsule([0.0, 0.0, 1.0], [1.0, 0.0, 1.0], 0.1);
+        for shape in [
+            Shape::Capsule { a: [-1.0, 0.0, 0.0], b: [2.0, 0.0, 0.0], radius: 0.2 },
+            Shape::Box { size: [4.0, 2.0, 0.4] },
+            Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
+        ] {
+            let position =
+                if let Shape::HalfSpace { .. } = shape { [0.0, 0.0, 0.2] } else { [0.0; 3] };
+            let mut world = World::new(vec![fixed(shape, position)]);
+            let found = barriers(&link, &mut world);
+            for end in [link.start, link.end()] {
+                let held = found.iter().any(|b| {
+                    (b.point - end).norm() < 1e-12
+                        && (b.distance - 0.7).abs() < 1e-12
+                        && b.feature == Feature::Face
+                });
+                assert!(held, "{found:?}");
+            }
+        }
     }
 }

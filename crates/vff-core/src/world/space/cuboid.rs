@@ -189,3 +189,104 @@ impl Cuboid {
         best
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::oracle::*;
+    use super::super::{Obstacle, Shape};
+    use super::*;
+    use parry3d_f64::math::{Pose, Rotation, Vector as Vec3d};
+    use parry3d_f64::{query, shape};
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1500))]
+
+        #[test]
+        fn agrees_with_parry(
+            link in any_link(), size in [0.05..2.0, 0.05..2.0, 0.05..2.0], orientation in any_orientation(),
+        ) {
+            let glam = |v: Vec3| Vec3d::new(v.x, v.y, v.z);
+            let segment = shape::Segment::new(glam(link.start), glam(link.end()));
+            let cuboid = shape::Cuboid::new(glam(Vec3::from(size) * 0.5));
+            let [w, x, y, z] = orientation;
+            let pose = Pose::from_parts(Vec3d::new(0.3, -0.2, 0.1), Rotation::from_xyzw(x, y, z, w));
+            let expected =
+                query::distance(&Pose::IDENTITY, &segment, &pose, &cuboid).unwrap().distance;
+            let obstacle = Obstacle { orientation, ..fixed(Shape::Box { size }, [0.3, -0.2, 0.1]) };
+            let found = contact(&link, &obstacle);
+            prop_assert!(((found.distance + link.radius).max(0.0) - expected).abs() < 1e-7);
+        }
+
+        /// Almost along a side or an edge, close by, through or inside.
+        #[test]
+        fn nearly_parallel_axes_are_exact(
+            k in 0usize..3, tilt in three(1.0), exponent in -18.0..0.0, height_exponent in -12.0..0.0,
+            start in three(1.5), length in 0.1..3.0, side in prop::bool::ANY,
+        ) {
+            let mut way = tilt * f64::powf(10.0, exponent);
+            way[k] = 1.0;
+            let mut start = start;
+            // Beside a side or an edge.
+            start[(k + 1) % 3] = 0.5 + f64::powf(10.0, height_exponent);
+            if side {
+                start[(k + 2) % 3] = 0.5 + f64::powf(10.0, height_exponent);
+            }
+            let link = Probe { start, direction: way.normalize(), length, radius: 0.0 };
+            let obstacle = fixed(Shape::Box { size: [1.0; 3] }, [0.0; 3]);
+            let found = contact(&link, &obstacle);
+            let expected = searched_distance(&link, &obstacle);
+            prop_assert!((found.distance.max(0.0) - expected).abs() < 1e-14, "{found:?} is not {expected}");
+            prop_assert!((found.normal.norm() - 1.0).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn from_outside_to_inside() {
+        let obstacle = fixed(Shape::Box { size: [2.0, 4.0, 6.0] }, [1.0, 1.0, 1.0]);
+        for (x, distance) in [(5.0, 3.0), (2.0, 0.0), (1.75, -0.25)] {
+            let found = contact(&capsule([x, 0.5, 0.0], [x + 1.0, 2.0, 1.0], 0.0), &obstacle);
+            assert!((found.distance - distance).abs() < 1e-15);
+            assert_near(found.normal, vec3(1.0, 0.0, 0.0));
+            assert_near(found.point, vec3(x, 0.5, 0.0));
+            assert_near(found.witness, vec3(2.0, 0.5, 0.0));
+            assert_eq!(found.feature, Feature::Face);
+        }
+    }
+
+    #[test]
+    fn what_meets_what() {
+        let obstacle = fixed(Shape::Box { size: [2.0; 3] }, [0.0; 3]);
+        let meets = |start, end| contact(&capsule(start, end, 0.0), &obstacle).feature;
+        let edge = vec3(0.0, 0.0, 1.0);
+        let root = 2f64.sqrt();
+        assert_eq!(meets([2.0, 0.0, 0.3], [3.0, 0.1, 0.5]), Feature::Face);
+        assert_eq!(meets([2.0, 2.0, 0.3], [3.0, 4.0, 0.5]), Feature::Edge { edge, distance: root });
+        let Feature::Crossing { edge: found, distance } = meets([1.0, 3.0, 0.3], [3.0, 1.0, 0.5])
+        else {
+            panic!("no crossing");
+        };
+        assert!(found == edge && (distance - root).abs() < 1e-15);
+        assert_eq!(meets([2.0, 2.0, 2.0], [3.0, 4.0, 5.0]), Feature::End { distance: 3f64.sqrt() });
+        let Feature::Side { distance } = meets([0.0, 2.5, 2.0], [4.0, 1.5, 2.0]) else {
+            panic!("no corner");
+        };
+        assert!(
+            (distance
+                - searched_distance(&capsule([0.0, 2.5, 2.0], [4.0, 1.5, 2.0], 0.0), &obstacle))
+            .abs()
+                < 1e-14
+        );
+        // Through the box close to an edge: out across it.
+        let Feature::Crossing { edge: found, distance } = meets([0.5, 2.0, 0.3], [2.0, 0.5, 0.4])
+        else {
+            panic!("no way out across the edge");
+        };
+        assert!(found == edge && distance > 0.0);
+        let Feature::Crossing { edge: found, distance } = meets([0.3, 1.5, 0.3], [1.5, 0.3, 0.4])
+        else {
+            panic!("no way out across the edge");
+        };
+        assert!(found == edge && (distance + 0.1 * root).abs() < 1e-14, "{distance}");
+    }
+}

@@ -2,8 +2,8 @@
 
 use super::axis::Probe;
 use crate::math::Vector;
-use crate::world::crowd::MARGIN;
 use crate::world::HORIZON;
+use crate::world::crowd::MARGIN;
 use parry3d_f64::math::Vector as Vec3;
 
 crate::world::hierarchy::boxes!(parry3d_f64, 3, Probe, Region, to_glam);
@@ -59,4 +59,116 @@ impl Region {
 
 fn to_glam(v: Vector<3>) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::oracle::*;
+    use super::super::{Obstacle, Shape, Volume, World};
+    use crate::math::{Body, Capsule, ThirdOrderFilter};
+    use crate::world::crowd::REGROUP;
+    use crate::world::crowd::tests::{check, reach, scale, times};
+    use crate::world::{CollisionQuery, Motion};
+    use proptest::prelude::*;
+
+    fn scaled(range: f64) -> impl Strategy<Value = [f64; 3]> {
+        (three(range), scale()).prop_map(|(v, scale)| (v * scale).into())
+    }
+
+    fn motion() -> impl Strategy<Value = Motion<3>> {
+        prop_oneof![
+            Just(Motion::default()),
+            scaled(2.0).prop_map(|velocity| Motion::Linear { velocity }),
+            (scaled(2.0), -9.0..9.0, -9.0..9.0).prop_map(
+                |(amplitude, angular_frequency, phase)| {
+                    Motion::Sinusoid { amplitude, angular_frequency, phase }
+                }
+            ),
+            prop::collection::vec(scaled(5.0), 4).prop_map(|points| Motion::Waypoints {
+                times: vec![-1.0, 0.5, 0.501, 3.0],
+                points
+            }),
+            [three(3.0), three(3.0)].prop_map(|[from, to]| {
+                Motion::Carried(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
+            }),
+        ]
+    }
+
+    fn obstacle() -> impl Strategy<Value = Obstacle> {
+        (any_obstacle(), scaled(5.0), motion()).prop_map(|(obstacle, position, motion)| Obstacle {
+            position,
+            motion,
+            ..obstacle
+        })
+    }
+
+    fn link() -> impl Strategy<Value = Capsule<3>> {
+        (any_link(), scale())
+            .prop_map(|(link, scale)| Capsule { length: link.length * scale, ..link })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(192))]
+
+        /// Half-spaces, which reach as far as there is, among them.
+        #[test]
+        fn nothing_is_lost_in_a_crowd(
+            mut obstacles in prop::collection::vec(obstacle(), 1..60),
+            links in prop::collection::vec(link(), 1..5),
+            reach in reach(),
+            times in times(),
+            twice in 0usize..60,
+        ) {
+            // Coincident obstacles are met in their order too.
+            obstacles.extend(obstacles.get(..twice).unwrap_or_default().to_vec());
+            check::<Volume, 3>(&obstacles, |_| links.clone(), reach, times);
+        }
+    }
+
+    /// A crowd above a floor and beside a wall that moves, while its boxes are renewed and regrouped.
+    #[test]
+    fn a_crowd_on_a_floor() {
+        let still = |shape, position| fixed(shape, position);
+        let mut obstacles: Vec<_> = (0..300u32)
+            .map(|j| {
+                let [x, y, z] = [j % 10, j / 10 % 10, j / 100].map(f64::from);
+                let motion = match j % 3 {
+                    0 => Motion::default(),
+                    1 => Motion::Linear { velocity: [0.1 * (y - 5.0), 0.1 * (5.0 - x), 0.0] },
+                    _ => Motion::Sinusoid {
+                        amplitude: [0.0, 0.3, x],
+                        angular_frequency: y,
+                        phase: x,
+                    },
+                };
+                let sphere = Shape::Sphere { radius: 0.1 };
+                Obstacle { motion, ..still(sphere, [x - 5.0, y - 5.0, z]) }
+            })
+            .collect();
+        obstacles.push(still(Shape::HalfSpace { normal: [0.0, 0.0, 1.0] }, [0.0, 0.0, -1.0]));
+        let wall = still(Shape::HalfSpace { normal: [0.6, 0.8, 0.0] }, [-6.0, 0.0, 0.0]);
+        obstacles.push(Obstacle { motion: Motion::Linear { velocity: [0.5, 0.0, 0.0] }, ..wall });
+        let links = |t: f64| {
+            let end = vec3(3.0 * t.cos(), 3.0 * t.sin(), 1.0 - t);
+            vec![Capsule::new(Vec3::zeros(), end, 0.05), Capsule::new(end, end * 1.3, 0.0)]
+        };
+        for reach in [0.0, 0.6] {
+            let times = (0..1500).map(|step| 0.002 * f64::from(step));
+            let renewals = check::<Volume, 3>(&obstacles, links, reach, times);
+            assert!(renewals > REGROUP && renewals < 1000, "{renewals}");
+        }
+    }
+
+    /// The floor is the nearest of a crowd where nothing else is near, however far.
+    #[test]
+    fn a_floor_is_found_from_afar() {
+        let sphere = |j: u32| fixed(Shape::Sphere { radius: 0.1 }, [1e4 + f64::from(j), 0.0, 5e3]);
+        let mut obstacles: Vec<_> = (0..50).map(sphere).collect();
+        obstacles.push(fixed(Shape::HalfSpace { normal: [0.0, 0.0, 1.0] }, [0.0, 0.0, -2.0]));
+        let mut world = World::new(obstacles);
+        let body = Body::new(0, capsule([0.0; 3], [1.0, 0.0, 0.5], 0.1));
+        let mut found = vec![];
+        world.for_each_contact([body], 0.0, |_, distance| found.push(distance), |_| {});
+        assert_eq!(found, [2.0 - 0.1]);
+    }
 }

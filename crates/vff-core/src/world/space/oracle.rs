@@ -51,12 +51,12 @@ pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
     let n = rotation(obstacle).inverse() * direction;
     let own = match obstacle.shape {
         Shape::Sphere { .. } => 0.0,
-        Shape::Capsule { a, b, .. } => n.dot(&a.into()).max(n.dot(&b.into())),
-        Shape::Box { size } => 0.5 * n.abs().dot(&size.into()),
+        Shape::Capsule { a, b, .. } => n.dot(&Vec3::from(a)).max(n.dot(&Vec3::from(b))),
+        Shape::Box { size } => 0.5 * n.abs().dot(&Vec3::from(size)),
         Shape::HalfSpace { normal } if (n - Vec3::from(normal)).norm() < 1e-9 => 0.0,
         Shape::HalfSpace { .. } => f64::INFINITY,
     };
-    own + direction.dot(&obstacle.position.into())
+    own + direction.dot(&Vec3::from(obstacle.position))
 }
 
 /// The distance between axis and core, 0 where they overlap.

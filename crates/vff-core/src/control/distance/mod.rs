@@ -8,6 +8,9 @@
 //! The bias is more than n̂ᵀ(J̇_c q̇ − a_o): the normal turns, and the nearest point slides along the
 //! link (T60–T62). A barrier without these terms believes a distance that it does not have.
 
+#[cfg(test)]
+mod in_space;
+
 use crate::math::{Nearest, Vector, beside, crossing, smoothstep};
 use crate::robot::Robot;
 use crate::world::{Contact, Feature, TOUCHING};
@@ -73,7 +76,8 @@ impl DistanceRate {
         let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
         let cos = t.dot(edge);
         let sin_squared = (t - edge * cos).norm_squared();
-        let oblique = smoothstep(sin_squared.sqrt() / FADE);
+        // Squared, it goes to 0 faster than sin².
+        let oblique = smoothstep(sin_squared.sqrt() / FADE).powi(2);
         // Were the point of the axis held.
         let held = if distance > TOUCHING {
             beside(&relative, normal, rate, edge, 0.0, distance)
@@ -145,7 +149,7 @@ impl DistanceRate {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::math::{Vector, nearest, perp};
     use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
@@ -211,6 +215,14 @@ mod tests {
         (contact.distance, discriminant(&contact.feature))
     }
 
+    /// What five distances, `h` apart, tell of ḋ and d̈, and what they leave open.
+    pub(super) fn differences(d: &[f64], h: f64) -> [f64; 3] {
+        let rate = (8.0 * (d[3] - d[1]) - (d[4] - d[0])) / (12.0 * h);
+        let coarse = (d[4] - 2.0 * d[2] + d[0]) / (4.0 * h * h);
+        let fine = (d[3] - 2.0 * d[2] + d[1]) / (h * h);
+        [rate, (4.0 * fine - coarse) / 3.0, (fine - coarse).abs()]
+    }
+
     /// ḋ and d̈ are the derivatives of the distance along a motion, for every shape and motion of
     /// obstacles and every pair of features, in penetration too; and all of these were met.
     #[test]
@@ -226,13 +238,9 @@ mod tests {
                 (-2..=2).map(|k| distance_at(&c, &mut world, h * f64::from(k))).collect();
             let d: Vec<f64> = samples.iter().map(|s| s.0).collect();
             prop_assume!(samples.iter().all(|s| s.1 == samples[0].1));
-            let rate = (8.0 * (d[3] - d[1]) - (d[4] - d[0])) / (12.0 * h);
-            let coarse = (d[4] - 2.0 * d[2] + d[0]) / (4.0 * h * h);
-            let fine = (d[3] - 2.0 * d[2] + d[1]) / (h * h);
-            let second = (4.0 * fine - coarse) / 3.0;
+            let [rate, second, curved] = differences(&d, h);
             // Not across a change to another corner or face, where the rate jumps.
             let scale = 1.0 + second.abs();
-            let curved = (fine - coarse).abs(); // what the differences themselves leave open
             prop_assume!(curved < 1e-2 * scale);
 
             world.update(0.0);

@@ -1,0 +1,247 @@
+//! ḋ and d̈ against obstacles in space: against differences, through changes of features, near parallel axes.
+
+use super::tests::differences;
+use super::{DistanceRate, FADE};
+use crate::math::{self, UnitQuaternion, Vector};
+use crate::robot::Robot;
+use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
+use crate::robot::spatial::SpatialState;
+use crate::robot::spatial::cases::{Case, case, link};
+use crate::world::space::{Obstacle, Shape, World};
+use crate::world::{CollisionQuery, Contact, Feature, Motion};
+use proptest::prelude::*;
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::mem::{Discriminant, discriminant};
+use std::sync::Arc;
+
+type Kind = Discriminant<Feature<3>>;
+
+fn three(range: f64) -> impl Strategy<Value = [f64; 3]> {
+    [-range..range, -range..range, -range..range]
+}
+
+/// A random arm whose last link carries a capsule or, one in six, a ball.
+fn armed() -> impl Strategy<Value = Case> {
+    let radius = 0.02..0.1;
+    (case(1usize..5), three(0.3), three(1.0), radius, 0..6).prop_map(|(c, a, b, radius, ball)| {
+        let mut description = c.arm.description().clone();
+        let shape = match ball {
+            0 => Form::Sphere { center: a, radius },
+            _ => Form::Capsule { a, b, radius },
+        };
+        let link = description.joints[description.dof() - 1].link.clone();
+        description.collision = vec![LinkShape { link, shape }];
+        Case { arm: Arc::new(description.build().unwrap()), ..c }
+    })
+}
+
+fn shape() -> impl Strategy<Value = (usize, Shape)> {
+    prop_oneof![
+        (0.05..0.5).prop_map(|radius| (0, Shape::Sphere { radius })),
+        (three(1.0), three(1.0), 0.0..0.3)
+            .prop_map(|(a, b, radius)| (1, Shape::Capsule { a, b, radius })),
+        [0.1..1.5, 0.1..1.5, 0.1..1.5].prop_map(|size| (2, Shape::Box { size })),
+        Just((3, Shape::HalfSpace { normal: [0.0, 0.6, 0.8] })),
+    ]
+}
+
+/// Near the link of `c`, so that penetration occurs, too.
+fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], motion: Motion<3>) -> Obstacle {
+    let body = body_of(&c.state()).shape;
+    let middle = body.start + body.direction * (0.5 * body.length);
+    let orientation = UnitQuaternion::exp(&turn.into()).to_array();
+    Obstacle { shape, position: (middle + Vector::from(offset)).into(), orientation, motion }
+}
+
+fn motion() -> impl Strategy<Value = Motion<3>> {
+    prop_oneof![
+        Just(Motion::default()),
+        three(1.0).prop_map(|velocity| Motion::Linear { velocity }),
+        (three(1.0), 0.2..2.0, -1.0..1.0).prop_map(|(amplitude, angular_frequency, phase)| {
+            Motion::Sinusoid { amplitude, angular_frequency, phase }
+        }),
+    ]
+}
+
+/// The arm at time t of the motion q + q̇t + ½q̈t² (`u` is q̈).
+fn at(c: &Case, t: f64) -> SpatialState {
+    let q: Vec<_> = (0..c.q.len()).map(|i| c.q[i] + t * (c.dq[i] + 0.5 * t * c.u[i])).collect();
+    let dq: Vec<_> = (0..c.q.len()).map(|i| c.dq[i] + t * c.u[i]).collect();
+    c.at(&q, &dq)
+}
+
+fn body_of(state: &SpatialState) -> math::Body<3> {
+    Robot::body(state, 0)
+}
+
+fn contact_at(c: &Case, world: &mut World, t: f64) -> (SpatialState, Contact<3>) {
+    world.update(t);
+    let state = at(c, t);
+    let contact = world.contact(0, &body_of(&state), 0);
+    (state, contact)
+}
+
+/// ḋ and d̈ along the motion, as they are stated.
+fn stated(c: &Case, state: &SpatialState, contact: &Contact<3>) -> [f64; 2] {
+    let motion = DistanceRate::new(state, contact);
+    let mut gradient = vec![0.0; c.q.len()];
+    state.point_jacobian_tr_mul(contact.link, &contact.point, &contact.normal, &mut gradient);
+    let along: f64 = gradient.iter().zip(&c.u).map(|(g, u)| g * u).sum();
+    [motion.rate, along + motion.bias]
+}
+
+fn features() -> [Kind; 5] {
+    let edge = Vector::zeros();
+    [
+        Feature::Side { distance: 1.0 },
+        Feature::End { distance: 1.0 },
+        Feature::Face,
+        Feature::Edge { edge, distance: 1.0 },
+        Feature::Crossing { edge, distance: 1.0 },
+    ]
+    .map(|feature| discriminant(&feature))
+}
+
+/// They are the derivatives of the distance along a motion, for every shape and motion of obstacles and every pair of
+/// features, in penetration too; and all of these were met.
+#[test]
+fn rates_are_derivatives_of_the_distance() {
+    let met = RefCell::new(HashMap::<_, usize>::new());
+    let config = ProptestConfig { max_global_rejects: 40_000, ..ProptestConfig::with_cases(4000) };
+    proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), motion in motion())| {
+        let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
+        let h = 4e-4;
+        let samples: Vec<_> =
+            (-2..=2).map(|k| contact_at(&c, &mut world, h * f64::from(k)).1).collect();
+        let kinds = |contact: &Contact<3>| discriminant(&contact.feature);
+        prop_assume!(samples.iter().all(|s| kinds(s) == kinds(&samples[0])));
+        let d: Vec<f64> = samples.iter().map(|s| s.distance).collect();
+        let [rate, second, curved] = differences(&d, h);
+        let scale = 1.0 + second.abs();
+        // Not across a change to another corner or face, where the rate jumps.
+        prop_assume!(curved < 1e-2 * scale);
+
+        let (state, contact) = contact_at(&c, &mut world, 0.0);
+        let [found_rate, found] = stated(&c, &state, &contact);
+        let open = 1e-6 * (1.0 + rate.abs()) + h * curved;
+        prop_assert!((found_rate - rate).abs() < open, "{found_rate} {rate}");
+        prop_assert!((found - second).abs() < 2e-4 * scale + 0.1 * curved, "{found} is not {second}: {contact:?}");
+        let inside = contact.distance + 0.3 < 0.0 || matches!(contact.feature, Feature::Crossing { distance, .. } if distance < 0.0);
+        *met.borrow_mut().entry((kind, kinds(&contact))).or_default() += 1;
+        if inside {
+            *met.borrow_mut().entry((kind + 10, kinds(&contact))).or_default() += 1;
+        }
+    });
+    let met = met.into_inner();
+    let count = |kind, feature| met.get(&(kind, feature)).copied().unwrap_or(0);
+    let [side, end, face, edge, crossing] = features();
+    for (kind, expected) in [
+        (0, vec![side, end]),
+        (1, vec![side, end, edge, crossing]),
+        (2, vec![side, end, face, edge, crossing]),
+        (3, vec![face]),
+    ] {
+        for feature in features() {
+            assert_eq!(count(kind, feature) > 10, expected.contains(&feature), "{kind} {met:?}");
+        }
+    }
+    // Axes inside a box that leave it across an edge, and through a face.
+    assert!(count(12, crossing) > 10 && count(12, face) > 10, "{met:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(60) })]
+
+    /// Over a way on which features change, ḋ is the integral of the d̈ that is stated: nothing is missing where
+    /// one pair of features hands over to the next.
+    #[test]
+    fn rates_are_integrals_through_feature_changes(
+        c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), motion in motion(),
+    ) {
+        let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
+        let steps = 1500;
+        let h = 0.3 / f64::from(steps);
+        let (mut integral, mut bound, mut changes) = (0.0, 0.0, 0);
+        let (state, mut last) = contact_at(&c, &mut world, 0.0);
+        let [first, mut second] = stated(&c, &state, &last);
+        let mut rate = first;
+        for k in 1..=steps {
+            let (state, now) = contact_at(&c, &mut world, h * f64::from(k));
+            // Only apart, where the nearest points do not jump from one place to another.
+            prop_assume!(now.distance > 0.02 && (now.point - last.point).norm() < 0.02);
+            prop_assume!((now.normal - last.normal).norm() < 0.05);
+            let [next_rate, next] = stated(&c, &state, &now);
+            changes += u32::from(discriminant(&now.feature) != discriminant(&last.feature));
+            integral += 0.5 * h * (second + next);
+            bound += 0.5 * h * (next - second).abs();
+            (last, rate, second) = (now, next_rate, next);
+        }
+        prop_assume!(changes > 0);
+        // Within a step d̈ lies between its values at both ends, jumps included.
+        prop_assert!((rate - first - integral).abs() < bound + 1e-6,
+            "{} is not {integral} to {bound}", rate - first);
+    }
+
+    /// `cautious` is `new` for balls, for faces and away from the ends of the link; beyond an end beside an edge it is
+    /// never more.
+    #[test]
+    fn cautious_is_exact_away_from_ends(
+        c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), motion in motion(),
+    ) {
+        let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
+        let (state, contact) = contact_at(&c, &mut world, 0.0);
+        let body = body_of(&state).shape;
+        let [exact, cautious] =
+            [DistanceRate::new(&state, &contact), DistanceRate::cautious(&state, &contact)];
+        prop_assert!((exact.rate - cautious.rate).abs() <= 1e-14 * (1.0 + exact.rate.abs()));
+        let close = (exact.bias - cautious.bias).abs() <= 1e-9 * (1.0 + exact.bias.abs());
+        let beyond = contact.normal.dot(&body.direction).abs() > FADE;
+        match contact.feature {
+            _ if body.length == 0.0 => prop_assert!(close),
+            Feature::Side { .. } | Feature::Face => prop_assert!(close),
+            Feature::Crossing { edge, .. } => {
+                let sin = body.direction.cross(&edge).norm();
+                prop_assert!(close || sin < FADE);
+            }
+            Feature::End { .. } | Feature::Edge { .. } => {
+                prop_assert!(cautious.bias <= exact.bias + 1e-9 && (close || !beyond));
+            }
+        }
+    }
+}
+
+/// Where a link turns through the parallel of a bar above it, its nearest point runs from one end to the other, and
+/// for that moment the exact d̈ is as large as the angle between the two is small. What the barriers of `cbf` are given
+/// has no such peak, and the least of them is the distance throughout.
+#[test]
+fn barriers_have_no_peak_at_parallel_axes() {
+    let [a, b] = [-0.5, 0.5].map(|x| [x, 0.0, 0.0]);
+    let joints = vec![Joint { axis: [0.0, 1.0, 0.0], ..link("rod", 1.0) }];
+    let bodies =
+        vec![LinkShape { link: "rod".into(), shape: Form::Capsule { a, b, radius: 0.05 } }];
+    let description = ArmDescription { joints, collision: bodies, ..ArmDescription::default() };
+    let arm = Arc::new(description.build().unwrap());
+    let bar = Shape::Capsule { a: [-1.0, -0.02, 0.3], b: [1.0, 0.02, 0.3], radius: 0.05 };
+    let mut world = World::new(vec![Obstacle {
+        shape: bar,
+        position: [0.0; 3],
+        orientation: [1.0, 0.0, 0.0, 0.0],
+        motion: Motion::default(),
+    }]);
+    let (mut peak, mut most): (f64, f64) = (0.0, 0.0);
+    for k in -2000..=2000 {
+        let mut state = arm.state();
+        state.update(&[1e-4 * f64::from(k)], &[1.0]);
+        let contact = world.contact(0, &body_of(&state), 0);
+        peak = peak.max(DistanceRate::new(&state, &contact).bias.abs());
+        let mut least = f64::INFINITY;
+        world.for_each_barrier([body_of(&state)], 0.3, |barrier| {
+            least = least.min(barrier.distance);
+            most = most.max(DistanceRate::cautious(&state, barrier).bias.abs());
+        });
+        assert!((least - contact.distance).abs() < 1e-12);
+    }
+    // ρ q̇² / sin² of the angle, 0.02; and at most 1.3 times that at the angle 0.2.
+    assert!(peak > 700.0 && most < 10.0, "{peak} {most}");
+}
