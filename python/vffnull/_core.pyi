@@ -65,9 +65,9 @@ PORTS: tuple[str, ...]
 class Arm:
     """An arm of n links in a chain, in the plane or in space. It cannot be changed.
 
-    Made by its name it is an arm in the plane of revolute joints: joint angles are relative, joint 1 sits at the
-    origin, and link 1 lies along +x at q = 0. `named`, `from_urdf` and `from_mjcf` make arms in space, whose joints
-    turn [rad] or slide [m]; orientations there are unit quaternions [w, x, y, z] with w ≥ 0.
+    The constructor makes an arm in the plane: its joints turn, joint angles are relative, joint 1 sits at
+    the origin, and link 1 lies along +x at q = 0. `named`, `from_urdf` and `from_mjcf` make arms in space,
+    whose joints turn [rad] or slide [m]; orientations are unit quaternions [w, x, y, z] with w ≥ 0.
 
     Parameters
     ----------
@@ -118,13 +118,12 @@ class Arm:
     ) -> Arm: ...
     @staticmethod
     def named(name: str) -> Arm:
-        """An arm in space that is bundled: ``"panda"``, ``"fr3"``, ``"ur5e"``, ``"ur10e"``, ``"iiwa14"``, ``"gen3"``,
-        ``"xarm7"``.
+        """An arm in space that is bundled.
 
         Parameters
         ----------
         name : str
-            Its name.
+            ``"panda"``, ``"fr3"``, ``"ur5e"``, ``"ur10e"``, ``"iiwa14"``, ``"gen3"``, or ``"xarm7"``.
 
         Raises
         ------
@@ -158,7 +157,12 @@ class Arm:
         armature: ArrayLike | None = None,
         fix_inertia: bool = False,
     ) -> Arm:
-        """An arm in space from a URDF; parameters as in `vffnull.arms.from_urdf`, where they are explained."""
+        """An arm in space from a URDF.
+
+        See Also
+        --------
+        vffnull.arms.from_urdf : reads the description, with all parameters explained.
+        """
 
     @staticmethod
     def from_mjcf(
@@ -174,8 +178,11 @@ class Arm:
         armature: ArrayLike | None = None,
         fix_inertia: bool = False,
     ) -> Arm:
-        """An arm in space from an MJCF or a `mujoco.MjModel`; parameters as in `vffnull.arms.from_mjcf`, where they are
-        explained.
+        """An arm in space from an MJCF or a ``mujoco.MjModel``.
+
+        See Also
+        --------
+        vffnull.arms.from_mjcf : reads the description, with all parameters explained.
         """
 
     @staticmethod
@@ -212,9 +219,7 @@ class Arm:
         """Centres of mass in the links' frames, (n, 2) or (n, 3) [m]."""
     @property
     def inertias(self) -> _Array:
-        """Inertia about the centres of mass [kg·m²]: moments (n,) in the plane, in space tensors in the links' axes,
-        (n, 3, 3).
-        """
+        """Inertia about the centres of mass, (n,), or in space (n, 3, 3) in the links' axes [kg·m²]."""
     @property
     def radius(self) -> _Array:
         """Radii of the links, (n,) [m]; of an arm in the plane alone."""
@@ -233,7 +238,7 @@ class Arm:
         """Names of the links that the joints move, from the base."""
     @property
     def joint_limits(self) -> _Array | None:
-        """Lowest and highest joint positions, (n, 2) [rad or m], infinite where there is no end; None without limits."""
+        """Lowest and highest joint positions, (n, 2) [rad or m]; None without limits."""
     @property
     def velocity_limits(self) -> _Array | None:
         """Largest joint speeds, (n,) [rad/s or m/s]; None without limits."""
@@ -242,9 +247,7 @@ class Arm:
         """Largest joint torques or forces, (n,) [N·m or N]; None without limits."""
     @property
     def collision(self) -> list[tuple[str, dict[str, Any]]]:
-        """What is measured against obstacles and other links: pairs of a link's name and a shape, whose points are in
-        the frame of the link [m].
-        """
+        """What is measured against obstacles and other links: names of links and shapes in their frames."""
 
     def pose(self, q: ArrayLike) -> tuple[_Array, _Array]:
         """Position and orientation of the tip.
@@ -286,8 +289,9 @@ class Arm:
         """
 
     def jacobian(self, q: ArrayLike) -> _Array:
-        """Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper). In space (6, n): the velocity of the tip, then
-        the angular velocity, in world axes.
+        """Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper).
+
+        In space it is (6, n): the velocity of the tip, then its angular velocity, both in world axes.
         """
 
     def jacobian_dot(self, q: ArrayLike, dq: ArrayLike) -> _Array:
@@ -324,11 +328,12 @@ class Arm:
         """Kinetic energy ½ q̇ᵀM q̇ [J]."""
 
     def potential_energy(self, q: ArrayLike) -> float:
-        """Potential energy in gravity [J]; 0 with every centre of mass at the height of the world's origin."""
+        """Potential energy in gravity [J]; 0 with every centre of mass at the height of the origin."""
 
     def extended_jacobian(self, q: ArrayLike, dq: ArrayLike) -> ExtendedJacobian:
-        """The split into task and null space at a state, with every matrix (eq. 6–15, corrected). The task is that of
-        `jacobian`: the position of the tip in the plane, its pose in space.
+        """The split into task and null space at a state, with every matrix (eq. 6–15, corrected).
+
+        The task is that of `jacobian`: the position of the tip in the plane, its pose in space.
 
         Parameters
         ----------
@@ -349,7 +354,7 @@ class Arm:
 
 @final
 class ExtendedJacobian:
-    """Task and null space of an arm at one state; r = n − 2.
+    """Task and null space of an arm at one state; m rows of `jacobian`, r = n − m.
 
     The extended velocity (ẋ, ν) = J_e q̇ is made of the tip's velocity and r coordinates of the motion that
     the tip does not see.
@@ -375,7 +380,7 @@ class ExtendedJacobian:
         """Extended Coriolis matrix J_e⁻ᵀ(C − M J_e⁻¹ J̇_e)J_e⁻¹, (n, n) (eq. 13)."""
     @property
     def Lambda_x(self) -> _Array:
-        """Inertia that the tip shows, (2, 2) [kg]."""
+        """Inertia that the tip shows, (m, m) [kg, and kg·m² of its turns]."""
     @property
     def Lambda_n(self) -> _Array:
         """Inertia in the null space, (r, r) [kg·m²]."""
