@@ -203,7 +203,7 @@ impl<H> Tree<H> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::math::{Body, Capsule};
+    use crate::math::{Body, Capsule, ThirdOrderFilter};
     use crate::world::plane::{Obstacle, Outline, Shape};
     use crate::world::{CollisionQuery, Motion, World};
     use proptest::prelude::*;
@@ -283,20 +283,21 @@ pub(super) mod tests {
         ]
     }
 
-    fn two(range: f64) -> impl Strategy<Value = [f64; 2]> {
-        ([-range..range, -range..range], scale()).prop_map(|(v, scale)| v.map(|x| x * scale))
+    pub fn point<const D: usize>(range: f64) -> impl Strategy<Value = [f64; D]> {
+        (prop::array::uniform::<_, D>(-range..range), scale())
+            .prop_map(|(v, scale)| v.map(|x| x * scale))
     }
 
     fn shape() -> impl Strategy<Value = Shape> {
         let radius = || (0.0..0.5, scale()).prop_map(|(radius, scale)| radius * scale);
         prop_oneof![
             radius().prop_map(|radius| Shape::Circle { radius }),
-            (two(1.0), two(1.0), radius()).prop_map(|(a, b, radius)| Shape::Capsule {
+            (point(1.0), point(1.0), radius()).prop_map(|(a, b, radius)| Shape::Capsule {
                 a,
                 b,
                 radius
             }),
-            two(1.0).prop_map(|size| Shape::Box { size: size.map(f64::abs) }),
+            point(1.0).prop_map(|size| Shape::Box { size: size.map(f64::abs) }),
             (3usize..7, -1.0..1.0, 0.05..1.0, scale()).prop_map(|(n, turn, radius, scale)| {
                 let corner = |k: usize| {
                     let angle: f64 = turn + std::f64::consts::TAU * k as f64 / n as f64;
@@ -307,28 +308,32 @@ pub(super) mod tests {
         ]
     }
 
-    fn motion() -> impl Strategy<Value = Motion<2>> {
+    pub fn motion<const D: usize>() -> impl Strategy<Value = Motion<D>> {
+        let vector = || prop::array::uniform::<_, D>(-3.0..3.0).prop_map(Vector::<D>::from);
         prop_oneof![
             Just(Motion::default()),
-            two(2.0).prop_map(|velocity| Motion::Linear { velocity }),
-            (two(2.0), -9.0..9.0, scale(), -9.0..9.0).prop_map(|(amplitude, omega, s, phase)| {
+            point(2.0).prop_map(|velocity| Motion::Linear { velocity }),
+            (point(2.0), -9.0..9.0, scale(), -9.0..9.0).prop_map(|(amplitude, omega, s, phase)| {
                 Motion::Sinusoid { amplitude, angular_frequency: s * omega, phase }
             }),
-            prop::collection::vec(two(5.0), 4).prop_map(|points| Motion::Waypoints {
+            prop::collection::vec(point(5.0), 4).prop_map(|points| Motion::Waypoints {
                 times: vec![-1.0, 0.5, 0.501, 3.0],
                 points
+            }),
+            [vector(), vector()].prop_map(|[from, to]| {
+                Motion::Carried(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
             }),
         ]
     }
 
     fn obstacle() -> impl Strategy<Value = Obstacle> {
-        (shape(), two(5.0), -4.0..4.0, motion()).prop_map(|(shape, position, angle, motion)| {
+        (shape(), point(5.0), -4.0..4.0, motion()).prop_map(|(shape, position, angle, motion)| {
             Obstacle { shape, position, angle, motion }
         })
     }
 
     fn link() -> impl Strategy<Value = Capsule<2>> {
-        (two(4.0), -4.0..4.0, 1e-3..2.0, 0.0..0.2, scale()).prop_map(
+        (point(4.0), -4.0..4.0, 1e-3..2.0, 0.0..0.2, scale()).prop_map(
             |(start, angle, length, radius, scale)| Capsule {
                 start: start.into(),
                 direction: Vector::<2>::new(f64::cos(angle), f64::sin(angle)),

@@ -12,6 +12,8 @@ mod contact;
 mod crowd;
 mod hierarchy;
 mod motion;
+#[cfg(test)]
+mod oracle;
 pub mod plane;
 mod query;
 mod solid;

@@ -5,6 +5,7 @@
 
 use super::{Obstacle, Shape, World, shape};
 use crate::math::{Body, Capsule, Vector, perp};
+use crate::world::oracle::least;
 use crate::world::{Contact, Motion};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -57,17 +58,7 @@ pub(super) fn distance_to_core(corners: &[Vector<2>], p: Vector<2>) -> f64 {
 }
 
 pub(super) fn searched_distance(link: &Capsule<2>, corners: &[Vector<2>]) -> f64 {
-    let at = |s: f64| distance_to_core(corners, link.start + (link.end() - link.start) * s);
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..120 {
-        let (a, b) = ((2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0);
-        if at(a) <= at(b) {
-            high = b;
-        } else {
-            low = a;
-        }
-    }
-    at(low).min(at(high)).min(at(0.0)).min(at(1.0))
+    least(|s| distance_to_core(corners, link.start + (link.end() - link.start) * s))
 }
 
 pub(super) fn translated(link: &Capsule<2>, by: Vector<2>) -> Capsule<2> {

@@ -65,37 +65,14 @@ fn to_glam(v: Vector<3>) -> Vec3 {
 mod tests {
     use super::super::oracle::*;
     use super::super::{Obstacle, Shape, Volume, World};
-    use crate::math::{Body, Capsule, ThirdOrderFilter};
+    use crate::math::{Body, Capsule};
     use crate::world::crowd::REGROUP;
-    use crate::world::crowd::tests::{check, reach, scale, times};
+    use crate::world::crowd::tests::{check, motion, point, reach, scale, times};
     use crate::world::{CollisionQuery, Motion};
     use proptest::prelude::*;
 
-    fn scaled(range: f64) -> impl Strategy<Value = [f64; 3]> {
-        (three(range), scale()).prop_map(|(v, scale)| (v * scale).into())
-    }
-
-    fn motion() -> impl Strategy<Value = Motion<3>> {
-        prop_oneof![
-            Just(Motion::default()),
-            scaled(2.0).prop_map(|velocity| Motion::Linear { velocity }),
-            (scaled(2.0), -9.0..9.0, -9.0..9.0).prop_map(
-                |(amplitude, angular_frequency, phase)| {
-                    Motion::Sinusoid { amplitude, angular_frequency, phase }
-                }
-            ),
-            prop::collection::vec(scaled(5.0), 4).prop_map(|points| Motion::Waypoints {
-                times: vec![-1.0, 0.5, 0.501, 3.0],
-                points
-            }),
-            [three(3.0), three(3.0)].prop_map(|[from, to]| {
-                Motion::Carried(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
-            }),
-        ]
-    }
-
     fn obstacle() -> impl Strategy<Value = Obstacle> {
-        (any_obstacle(), scaled(5.0), motion()).prop_map(|(obstacle, position, motion)| Obstacle {
+        (any_obstacle(), point(5.0), motion()).prop_map(|(obstacle, position, motion)| Obstacle {
             position,
             motion,
             ..obstacle

@@ -69,11 +69,18 @@ mod tests {
              motion = { sinusoid = { amplitude = [0, 1, 2], angular_frequency = 0.5 } }",
         )
         .unwrap();
-        assert_eq!(obstacle.position, [1.5, 2.0, 0.5]);
-        assert_eq!(obstacle.orientation, [0.0, 1.0, 0.0, 0.0]);
         assert_eq!(
-            obstacle.motion,
-            Motion::Sinusoid { amplitude: [0.0, 1.0, 2.0], angular_frequency: 0.5, phase: 0.0 }
+            obstacle,
+            Obstacle {
+                shape: Shape::Box { size: [1.0, 2.0, 3.0] },
+                position: [1.5, 2.0, 0.5],
+                orientation: [0.0, 1.0, 0.0, 0.0],
+                motion: Motion::Sinusoid {
+                    amplitude: [0.0, 1.0, 2.0],
+                    angular_frequency: 0.5,
+                    phase: 0.0
+                },
+            }
         );
     }
 

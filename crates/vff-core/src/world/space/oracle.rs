@@ -5,6 +5,7 @@
 
 use super::{Obstacle, Shape, World};
 use crate::math::{Body, Capsule, Vector};
+use crate::world::oracle::least;
 use crate::world::{Contact, Motion};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
@@ -61,17 +62,7 @@ pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
 
 /// The distance between axis and core, 0 where they overlap.
 pub(super) fn searched_distance(link: &Capsule<3>, obstacle: &Obstacle) -> f64 {
-    let at = |s: f64| distance_to_core(obstacle, &(link.start + (link.end() - link.start) * s));
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..120 {
-        let (a, b) = ((2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0);
-        if at(a) <= at(b) {
-            high = b;
-        } else {
-            low = a;
-        }
-    }
-    at(low).min(at(high)).min(at(0.0)).min(at(1.0))
+    least(|s| distance_to_core(obstacle, &(link.start + (link.end() - link.start) * s)))
 }
 
 /// Directions that are spread evenly over the sphere (a Fibonacci lattice).

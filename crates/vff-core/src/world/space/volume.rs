@@ -277,10 +277,9 @@ mod tests {
         ) {
             // Parallel, collinear, touching, sharing a corner: all that chance avoids.
             let start = start.map(|x| f64::from(x) - 3.0);
-            let way = way.map(f64::from);
-            let end = [0, 1, 2].map(|k| start[k] + way[k]);
+            let end = [0, 1, 2].map(|k| start[k] + f64::from(way[k]));
             let mut link = capsule(start, end, 0.0);
-            if way == [0.0; 3] {
+            if way == [0; 3] {
                 link = Capsule { direction: Vec3::x(), ..link };
             }
             let shape = [
