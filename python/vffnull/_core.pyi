@@ -1041,6 +1041,15 @@ def check(
 ) -> list[str]:
     """Validate a scenario document, or a part of one, and return warnings.
 
+    Parameters
+    ----------
+    kind : str
+        Which part: ``"scenario"``, ``"arm"``, ``"obstacle"``, …
+    document : dict
+        The part.
+    dimension : int, optional
+        Of the space, 2 or 3; by default the part itself says which, as far as it does.
+
     Raises
     ------
     vffnull.errors.ScenarioError
