@@ -32,11 +32,12 @@ def write(result: Result, path: Path) -> None:
         log.log("scenario", rr.TextDocument(str(result.scenario)), static=True)
         log.log("header", rr.TextDocument(header.pack(result)), static=True)
         log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
+        layout = result.layout
         time = [rr.TimeColumn("t", duration=result.t)]
         for name, values in _record.recorded(result).items():
             rows = _record.flat(values)
             if rows.shape[1]:
-                labels = [f"{each.name} [{each.unit}]" for each in _record.columns(name, values.shape[1:])]
+                labels = [f"{each.name} [{each.unit}]" for each in layout.columns(name, values.shape[1:])]
                 log.log(f"record/{name}", rr.SeriesLines(names=labels), static=True)
                 log.send_columns(f"record/{name}", time, rr.Scalars.columns(scalars=rows.astype(float)))
         scene = Scene.of_result(result)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _record
+from vffnull._record import Layout
 from vffnull.plotting import geometry
 from vffnull.report.figures import Run
 
@@ -42,20 +43,21 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
             "repulsion": _packed(result.force[rows].max(axis=1)),
             "torque": _packed(np.abs(result.tau[rows]).max(axis=1)),
         },
-        "quantities": [_quantity(name, values[rows]) for name, values in _record.recorded(result).items()],
+        "quantities": [
+            _quantity(name, values[rows], result.layout) for name, values in _record.recorded(result).items()
+        ],
     }
 
 
-def _quantity(name: str, values: NDArray[Any]) -> dict[str, Any]:
+def _quantity(name: str, values: NDArray[Any], layout: Layout) -> dict[str, Any]:
     """A recorded quantity for the panel in which the reader chooses; one row for each column."""
-    about = _record.QUANTITIES[name]
-    flat = _record.flat(values).T
+    flat, units = _record.flat(values).T, layout.units(name, values.shape[1:])
     return {
         "name": name,
-        "label": f"{about.meaning} [{about.unit}]",
+        "label": f"{layout.quantities[name].meaning} [{units}]" if units else layout.quantities[name].meaning,
         "count": len(flat),
         "values": _packed(flat),
-        "columns": [column.name for column in _record.columns(name, values.shape[1:])],
+        "columns": [column.name for column in layout.columns(name, values.shape[1:])],
     }
 
 
