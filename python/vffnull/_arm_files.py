@@ -55,7 +55,7 @@ def explicit(document: Document) -> Document:
     vffnull.errors.ScenarioWarning
         Of what is odd in the file but allowed.
     """
-    arm = document.get("arm")
+    arm = document.get("arm") if isinstance(document, dict) else None
     if isinstance(arm, dict):
         if "urdf" in arm:
             document["arm"] = _read(arm)

@@ -43,7 +43,7 @@ def tracking(result: Result) -> Figure:
         _open_if_flat(ax, result.x[:, i])
     if angles:
         _components(axes[-1], result, angles, "rad", "rotation error")
-        axes[-1].legend(loc="upper right", ncols=3)
+        axes[-1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     fig.align_ylabels(axes)
     return fig
@@ -112,9 +112,16 @@ def error_magnitude(ax: Axes, result: Result) -> None:
         turned = angle(result)
         ax.semilogy(result.t, np.maximum(turned, style.ROUNDING), color=_TURNED, linestyle="--")
         ax.set_ylabel("$|e|$ [m, rad]")
-        ax.text(0.99, 0.96, "position", transform=ax.transAxes, ha="right", va="top", fontsize=7)
+        ax.text(0.99, 0.25, "position", transform=ax.transAxes, ha="right", va="bottom", fontsize=7)
         ax.text(
-            0.99, 0.84, "orientation", transform=ax.transAxes, ha="right", va="top", fontsize=7, color=_TURNED
+            0.99,
+            0.14,
+            "orientation",
+            transform=ax.transAxes,
+            ha="right",
+            va="bottom",
+            fontsize=7,
+            color=_TURNED,
         )
         sizes.append(turned)
     low, high = decades(np.concatenate(sizes))

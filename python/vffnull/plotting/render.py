@@ -1,0 +1,270 @@
+"""Bodies in space as a picture: one ray per dot along the view, and what it meets first.
+
+Balls, rods with round ends, boxes and pieces of planes are met exactly, so that everything covers what is
+behind it and nothing is made of facets. There is no perspective: parallel stays parallel, and a metre is as
+long at the back as in front.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vffnull.plotting import geometry
+
+Array = NDArray[np.float64]
+Shades = NDArray[np.float32]
+Sheet = tuple[Shades, Array, Array]  # colours, depths, opacities
+
+_LIGHT = np.array([-0.45, 0.62, 0.64])  # towards it: right, up, to the viewer
+_FINE = 2
+"""Rays along either side of a dot."""
+_GRAZING = 0.05
+"""Sine of the angle above a floor from which on it is seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """All points within `radius` of a core with `corners` as of `geometry.core_in_space` [m], in a colour."""
+
+    corners: Array
+    radius: float
+    colour: Array
+    """Red, green, blue from 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Solids that are drawn together; what is behind them shines through unless `opacity` is 1."""
+
+    solids: Sequence[Solid]
+    opacity: float = 1.0
+    floor: float | None = None
+    """The height of a floor [m] on which the solids cast a shadow and which hides what is below, if any."""
+    ghost: bool = False
+    """Whether what it has in front of others is fainter still, so that these are seen well."""
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A picture's place: `view` has its axes as rows (2, 3), right and up, orthonormal.
+
+    Attributes
+    ----------
+    view : (2, 3) ndarray
+        The picture's axes.
+    low : (2,) ndarray
+        The lower left corner in these axes [m].
+    dot : float
+        The side of a dot [m].
+    shape : tuple
+        Rows and columns of dots.
+    """
+
+    view: Array
+    low: Array
+    dot: float
+    shape: tuple[int, int]
+
+    @classmethod
+    def around(cls, layers: Iterable[Layer], view: Array, dot: float) -> Canvas:
+        """The smallest one that shows everything, shadows included."""
+        lows, highs = [], []
+        from_above = float(np.cross(view[0], view[1])[2]) > _GRAZING
+        for layer in layers:
+            for solid in layer.solids:
+                casts = layer.floor is not None and from_above
+                copies = [solid.corners, *([_dropped(solid.corners, layer.floor)] if casts else [])]
+                for corners in copies:
+                    flat = corners @ view.T
+                    lows.append(flat.min(axis=0) - 1.2 * solid.radius)
+                    highs.append(flat.max(axis=0) + 1.2 * solid.radius)
+        low = np.min(lows, axis=0) - dot if lows else np.zeros(2)
+        high = np.max(highs, axis=0) + dot if highs else np.ones(2) * dot
+        wide, tall = np.ceil((high - low) / dot).astype(int)
+        return cls(view, low, dot, (int(tall), int(wide)))
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Left, right, bottom, top [m]."""
+        (left, bottom), (tall, wide) = self.low, self.shape
+        return float(left), float(left + wide * self.dot), float(bottom), float(bottom + tall * self.dot)
+
+    def draw(self, layers: Iterable[Layer]) -> NDArray[np.uint8]:
+        """The picture (rows, columns, 4): red, green, blue, opacity; the first row is the lowest."""
+        fine = self.dot / _FINE
+        tall, wide = self.shape[0] * _FINE, self.shape[1] * _FINE
+        xs = self.low[0] + fine * (np.arange(wide) + 0.5)
+        ys = self.low[1] + fine * (np.arange(tall) + 0.5)
+        axes = np.vstack([self.view, np.cross(self.view[0], self.view[1])])
+        sheets: list[Sheet] = []
+        ghosts: list[Sheet] = []
+        covered = np.zeros((tall, wide), dtype=bool)
+        for layer in layers:
+            if layer.floor is not None and axes[2, 2] > _GRAZING:
+                sheets.append(_shadow(layer.solids, layer.floor, axes, xs, ys))
+            colours, depths = trace(layer.solids, axes, xs, ys)
+            if layer.floor is not None:
+                height = xs[None, :] * axes[0, 2] + ys[:, None] * axes[1, 2]
+                with np.errstate(invalid="ignore"):
+                    height = height + (depths * axes[2, 2] if abs(axes[2, 2]) > 1e-9 else 0.0)
+                depths = np.where(height < layer.floor, -np.inf, depths)
+            there = np.isfinite(depths)
+            (ghosts if layer.ghost else sheets).append((colours, depths, np.where(there, layer.opacity, 0.0)))
+            if not layer.ghost and layer.opacity == 1.0:
+                covered |= there
+        for colours, depths, opacity in ghosts:
+            sheets.append((colours, depths, np.where(covered, 0.3 * opacity, opacity)))
+        picture = _laid(sheets, (tall, wide))
+        picture = picture.reshape(self.shape[0], _FINE, self.shape[1], _FINE, 4).mean(axis=(1, 3))
+        cover = picture[..., 3:]
+        picture[..., :3] = np.where(cover > 0.0, picture[..., :3] / np.maximum(cover, 1e-6), 1.0)
+        return np.asarray(np.clip(255.0 * picture + 0.5, 0, 255), dtype=np.uint8)
+
+
+def rods(points: Array, radius: float, colour: Array, *, dashed: bool = False, most: int = 80) -> list[Solid]:
+    """A line through points (·, 3) as rods of equal length, every other one left out if it is dashed."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    if along[-1] < 2.0 * radius:
+        return []
+    count = int(np.clip(along[-1] / (4.0 * radius), 2, most))
+    places = np.linspace(0.0, along[-1], count + 1)
+    fine = np.stack([np.interp(places, along, points[:, i]) for i in range(3)], axis=1)
+    ends = zip(fine[:-1], fine[1:], strict=True)
+    return [Solid(np.array(pair), radius, colour) for i, pair in enumerate(ends) if not (dashed and i % 2)]
+
+
+def trace(solids: Iterable[Solid], axes: Array, xs: Array, ys: Array) -> tuple[Shades, Array]:
+    """Colours (h, w, 3) and depths to the viewer (h, w) [m] of what is met; −∞ where there is nothing."""
+    colours = np.ones((len(ys), len(xs), 3), dtype=np.float32)
+    depths: Array = np.full((len(ys), len(xs)), -np.inf)
+    for solid in solids:
+        corners = solid.corners @ axes.T
+        low, high = corners.min(axis=0)[:2] - solid.radius, corners.max(axis=0)[:2] + solid.radius
+        columns = slice(*np.searchsorted(xs, [low[0], high[0]]))
+        rows = slice(*np.searchsorted(ys, [low[1], high[1]]))
+        if columns.start == columns.stop or rows.start == rows.stop:
+            continue
+        x, y = xs[columns][None, :], ys[rows][:, None]
+        met = _rod(corners, solid.radius, x, y) if len(corners) <= 2 else _faces(corners, x, y)
+        depth, normal = met
+        nearer = depth > depths[rows, columns]
+        depths[rows, columns] = np.where(nearer, depth, depths[rows, columns])
+        shade = _shade(normal, solid.colour, len(corners) <= 2)
+        colours[rows, columns] = np.where(nearer[..., None], shade, colours[rows, columns])
+    return colours, depths
+
+
+def _rod(corners: Array, radius: float, x: Array, y: Array) -> tuple[Array, Array]:
+    """Depth and normal of a ball, or of a rod with round ends."""
+    a = corners[0]
+    d = corners[-1] - a
+    mx, my = x - a[0], y - a[1]
+    depth = np.full(np.broadcast_shapes(x.shape, y.shape), -np.inf)
+    with np.errstate(invalid="ignore"):
+        for end in (np.zeros(3), d):
+            over = radius**2 - (mx - end[0]) ** 2 - (my - end[1]) ** 2
+            depth = np.fmax(depth, end[2] + np.sqrt(over))
+        square, flat = float(d @ d), float(d[:2] @ d[:2])
+        if flat > 1e-12 * max(square, radius**2):
+            s = mx * d[0] + my * d[1]
+            rest = (mx**2 + my**2) * square - s**2 - radius**2 * square
+            side = (d[2] * s + np.sqrt(d[2] ** 2 * s**2 - flat * rest)) / flat
+            share = (s + side * d[2]) / square
+            depth = np.fmax(depth, np.where((share >= 0.0) & (share <= 1.0), side, -np.inf))
+        share = np.clip((mx * d[0] + my * d[1] + depth * d[2]) / max(square, 1e-300), 0.0, 1.0)
+        share = np.where(np.isfinite(share), share, 0.0)
+        normal = np.stack([mx - share * d[0], my - share * d[1], depth - share * d[2]], axis=-1) / radius
+    return depth + a[2], normal
+
+
+def _faces(corners: Array, x: Array, y: Array) -> tuple[Array, Array]:
+    """Depth and normal of a box or of a piece of a plane."""
+    start, edges = geometry.edges_in_space(corners)
+    shape = np.broadcast_shapes(x.shape, y.shape)
+    depth, normal = np.full(shape, -np.inf), np.zeros((*shape, 3))
+    pairs = [(0, 1)] if len(edges) == 2 else [(0, 1), (1, 2), (0, 2)]
+    for i, j in pairs:
+        e, f = edges[i], edges[j]
+        across = e[0] * f[1] - e[1] * f[0]
+        if abs(across) < 1e-12:
+            continue
+        out = np.cross(e, f) / np.linalg.norm(np.cross(e, f))
+        out = out if out[2] > 0.0 else -out
+        others = [k for k in range(len(edges)) if k not in (i, j)]
+        for base in [start, *(start + edges[k] for k in others)]:
+            dx, dy = x - base[0], y - base[1]
+            u, v = (dx * f[1] - dy * f[0]) / across, (e[0] * dy - e[1] * dx) / across
+            inside = (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
+            z = np.where(inside, base[2] + u * e[2] + v * f[2], -np.inf)
+            nearer = z > depth
+            depth = np.where(nearer, z, depth)
+            normal = np.where(nearer[..., None], out, normal)
+    return depth, normal
+
+
+def _shade(normal: Array, colour: Array, is_round: bool) -> Array:
+    """Light from above and the left, a soft gleam, and a dark rim that parts a body from those behind."""
+    light = _LIGHT / np.linalg.norm(_LIGHT)
+    with np.errstate(invalid="ignore"):
+        facing = np.clip(np.nan_to_num(normal @ light), 0.0, 1.0)
+        front = np.clip(np.nan_to_num(normal[..., 2]), 0.0, 1.0)
+    strength = 0.5 + 0.5 * facing
+    if is_round:
+        strength = strength * (0.5 + 0.5 * np.clip(front / 0.42, 0.0, 1.0) ** 0.7)
+    gleam = 0.22 * facing**24 if is_round else np.zeros_like(facing)
+    return np.asarray(np.clip(strength[..., None] * colour + gleam[..., None], 0.0, 1.0))
+
+
+def _shadow(solids: Iterable[Solid], floor: float, axes: Array, xs: Array, ys: Array) -> Sheet:
+    """What the solids shade of a level floor below them, the light straight above: colour, depth, opacity."""
+    right, up, ahead = axes
+    x, y = xs[None, :], ys[:, None]
+    depth = (floor - x * right[2] - y * up[2]) / ahead[2]
+    place = [x * right[i] + y * up[i] + depth * ahead[i] for i in range(2)]
+    dark = np.zeros(depth.shape)
+    for solid in solids:
+        if solid.radius <= 0.0 or len(solid.corners) > 2:
+            continue
+        a, b = solid.corners[0, :2], solid.corners[-1, :2]
+        along = b - a
+        share = ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / max(along @ along, 1e-300)
+        share = np.clip(share, 0.0, 1.0)
+        away = np.hypot(place[0] - a[0] - share * along[0], place[1] - a[1] - share * along[1])
+        dark = np.maximum(dark, np.clip((1.15 - away / solid.radius) / 0.5, 0.0, 1.0))
+    return np.full((*depth.shape, 3), 0.25, dtype=np.float32), depth, 0.2 * dark
+
+
+def _dropped(corners: Array, floor: float | None) -> Array:
+    """Corners (·, 3) straight below on a floor."""
+    below = corners.copy()
+    below[:, 2] = floor
+    return below
+
+
+def _laid(sheets: list[Sheet], shape: tuple[int, int]) -> Shades:
+    """Sheets of colours, depths and opacities over each other, at every dot in the order of their depths."""
+    picture = np.zeros((*shape, 4), dtype=np.float32)
+    if not sheets:
+        return picture
+    seen = np.any([opacity > 0.0 for _, _, opacity in sheets], axis=0)
+    for rows in np.array_split(np.arange(shape[0]), max(1, shape[0] * shape[1] // 400_000)):
+        here = np.zeros_like(seen)
+        here[rows] = seen[rows]
+        if not here.any():
+            continue
+        order = np.argsort(np.stack([depth[here] for _, depth, _ in sheets]), axis=0)
+        colours = np.stack([colour[here] for colour, _, _ in sheets])
+        shares = np.stack([opacity[here] for _, _, opacity in sheets]).astype(np.float32)
+        over = np.zeros((colours.shape[1], 4), dtype=np.float32)
+        for at in order:
+            share = np.take_along_axis(shares, at[None], axis=0)[0][:, None]
+            colour = np.take_along_axis(colours, at[None, :, None], axis=0)[0]
+            over[:, :3] = colour * share + over[:, :3] * (1.0 - share)
+            over[:, 3:] = share + over[:, 3:] * (1.0 - share)
+        picture[here] = over
+    return picture
