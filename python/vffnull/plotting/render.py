@@ -7,8 +7,9 @@ long at the back as in front.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from vffnull.plotting import geometry
 
 Array = NDArray[np.float64]
 Shades = NDArray[np.float32]
+Normals = Callable[[Array, Array, Array], Array]
 Sheet = tuple[Shades, Array, Array]  # colours, depths, opacities
 
 _LIGHT = np.array([-0.45, 0.62, 0.64])  # towards it: right, up, to the viewer
@@ -134,8 +136,22 @@ def rods(points: Array, radius: float, colour: Array, *, dashed: bool = False, m
     count = int(np.clip(along[-1] / (4.0 * radius), 2, most))
     places = np.linspace(0.0, along[-1], count + 1)
     fine = np.stack([np.interp(places, along, points[:, i]) for i in range(3)], axis=1)
-    ends = zip(fine[:-1], fine[1:], strict=True)
-    return [Solid(np.array(pair), radius, colour) for i, pair in enumerate(ends) if not (dashed and i % 2)]
+    shown = range(0, count, 2 if dashed else 1)
+    return [Solid(fine[i : i + 2], radius, colour) for i in shown]
+
+
+def arrow(tail: Array, vector: Array, radius: float, colour: Array) -> list[Solid]:
+    """A shaft with a head from a tail (3,) along a vector (3,) [m]."""
+    length = float(np.linalg.norm(vector))
+    head = min(0.5 * length, 6.0 * radius)
+    neck = tail + vector * (1.0 - head / length)
+    steps = np.linspace(0.0, 1.0, 9)
+    places = neck + steps[:, None] * (tail + vector - neck)
+    cone = [
+        Solid(place[None], (1.0 - 0.9 * s) * 2.6 * radius, colour)
+        for place, s in zip(places, steps, strict=True)
+    ]
+    return [Solid(np.stack([tail, neck]), radius, colour), *cone]
 
 
 def trace(solids: Iterable[Solid], axes: Array, xs: Array, ys: Array) -> tuple[Shades, Array]:
@@ -144,80 +160,86 @@ def trace(solids: Iterable[Solid], axes: Array, xs: Array, ys: Array) -> tuple[S
     depths: Array = np.full((len(ys), len(xs)), -np.inf)
     for solid in solids:
         corners = solid.corners @ axes.T
-        low, high = corners.min(axis=0)[:2] - solid.radius, corners.max(axis=0)[:2] + solid.radius
-        columns = slice(*np.searchsorted(xs, [low[0], high[0]]))
-        rows = slice(*np.searchsorted(ys, [low[1], high[1]]))
+        rows, columns = _window(corners[:, :2], solid.radius, xs, ys)
         if columns.start == columns.stop or rows.start == rows.stop:
             continue
-        x, y = xs[columns][None, :], ys[rows][:, None]
-        met = _rod(corners, solid.radius, x, y) if len(corners) <= 2 else _faces(corners, x, y)
-        depth, normal = met
-        nearer = depth > depths[rows, columns]
-        depths[rows, columns] = np.where(nearer, depth, depths[rows, columns])
-        shade = _shade(normal, solid.colour, len(corners) <= 2)
-        colours[rows, columns] = np.where(nearer[..., None], shade, colours[rows, columns])
+        x, y = xs[columns], ys[rows]
+        before = depths[rows, columns]
+        for depth, normal_at in _surfaces(corners, solid.radius, x[None, :], y[:, None]):
+            up, across = np.nonzero(depth > before)
+            before[up, across] = depth[up, across]
+            normal = normal_at(x[across], y[up], depth[up, across])
+            colours[rows, columns][up, across] = _shade(normal, solid.colour, len(corners) <= 2)
     return colours, depths
 
 
-def _rod(corners: Array, radius: float, x: Array, y: Array) -> tuple[Array, Array]:
-    """Depth and normal of a ball, or of a rod with round ends."""
+def _surfaces(corners: Array, radius: float, x: Array, y: Array) -> Iterator[tuple[Array, Normals]]:
+    """The depth of every surface of a body, and what gives the normals at points of it."""
+    if len(corners) <= 2:
+        yield _rod(corners, radius, x, y), partial(_off_the_axis, corners, radius)
+        return
+    start, edges = geometry.edges_in_space(corners)
+    pairs = [(0, 1)] if len(edges) == 2 else [(0, 1), (1, 2), (0, 2)]
+    for i, j in pairs:
+        out = np.cross(edges[i], edges[j])
+        if abs(out[2]) < 1e-12:
+            continue  # seen from its edge
+        out = out / np.linalg.norm(out) * np.sign(out[2])
+        for base in [start, *(start + edges[k] for k in range(len(edges)) if k not in (i, j))]:
+            yield _face(base, edges[i], edges[j], x, y), partial(_everywhere, out)
+
+
+def _rod(corners: Array, radius: float, x: Array, y: Array) -> Array:
+    """The depth of a ball, or of a rod with round ends; −∞ beside it."""
     a = corners[0]
     d = corners[-1] - a
     mx, my = x - a[0], y - a[1]
     depth = np.full(np.broadcast_shapes(x.shape, y.shape), -np.inf)
+    square, flat = float(d @ d), float(d[:2] @ d[:2])
     with np.errstate(invalid="ignore"):
-        for end in (np.zeros(3), d):
+        for end in (np.zeros(3), d) if square > 0.0 else (d,):
             over = radius**2 - (mx - end[0]) ** 2 - (my - end[1]) ** 2
             depth = np.fmax(depth, end[2] + np.sqrt(over))
-        square, flat = float(d @ d), float(d[:2] @ d[:2])
         if flat > 1e-12 * max(square, radius**2):
             s = mx * d[0] + my * d[1]
-            rest = (mx**2 + my**2) * square - s**2 - radius**2 * square
+            rest = (mx**2 + my**2 - radius**2) * square - s**2
             side = (d[2] * s + np.sqrt(d[2] ** 2 * s**2 - flat * rest)) / flat
             share = (s + side * d[2]) / square
             depth = np.fmax(depth, np.where((share >= 0.0) & (share <= 1.0), side, -np.inf))
-        share = np.clip((mx * d[0] + my * d[1] + depth * d[2]) / max(square, 1e-300), 0.0, 1.0)
-        share = np.where(np.isfinite(share), share, 0.0)
-        normal = np.stack([mx - share * d[0], my - share * d[1], depth - share * d[2]], axis=-1) / radius
-    return depth + a[2], normal
+    return np.asarray(depth + a[2])
 
 
-def _faces(corners: Array, x: Array, y: Array) -> tuple[Array, Array]:
-    """Depth and normal of a box or of a piece of a plane."""
-    start, edges = geometry.edges_in_space(corners)
-    shape = np.broadcast_shapes(x.shape, y.shape)
-    depth, normal = np.full(shape, -np.inf), np.zeros((*shape, 3))
-    pairs = [(0, 1)] if len(edges) == 2 else [(0, 1), (1, 2), (0, 2)]
-    for i, j in pairs:
-        e, f = edges[i], edges[j]
-        across = e[0] * f[1] - e[1] * f[0]
-        if abs(across) < 1e-12:
-            continue
-        out = np.cross(e, f) / np.linalg.norm(np.cross(e, f))
-        out = out if out[2] > 0.0 else -out
-        others = [k for k in range(len(edges)) if k not in (i, j)]
-        for base in [start, *(start + edges[k] for k in others)]:
-            dx, dy = x - base[0], y - base[1]
-            u, v = (dx * f[1] - dy * f[0]) / across, (e[0] * dy - e[1] * dx) / across
-            inside = (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
-            z = np.where(inside, base[2] + u * e[2] + v * f[2], -np.inf)
-            nearer = z > depth
-            depth = np.where(nearer, z, depth)
-            normal = np.where(nearer[..., None], out, normal)
-    return depth, normal
+def _off_the_axis(corners: Array, radius: float, x: Array, y: Array, depth: Array) -> Array:
+    """Normals (·, 3) of a rod at points of its surface."""
+    d = corners[-1] - corners[0]
+    off = np.stack([x, y, depth], axis=-1) - corners[0]
+    share = np.clip(off @ d / max(float(d @ d), 1e-300), 0.0, 1.0)
+    return np.asarray((off - share[:, None] * d) / radius)
+
+
+def _face(base: Array, e: Array, f: Array, x: Array, y: Array) -> Array:
+    """The depth of a parallelogram; −∞ beside it."""
+    across = e[0] * f[1] - e[1] * f[0]
+    dx, dy = x - base[0], y - base[1]
+    u, v = (dx * f[1] - dy * f[0]) / across, (e[0] * dy - e[1] * dx) / across
+    inside = (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
+    return np.where(inside, base[2] + u * e[2] + v * f[2], -np.inf)
+
+
+def _everywhere(normal: Array, x: Array, _y: Array, _depth: Array) -> Array:
+    """The same normal at every point."""
+    return np.broadcast_to(normal, (len(x), 3))
 
 
 def _shade(normal: Array, colour: Array, is_round: bool) -> Array:
     """Light from above and the left, a soft gleam, and a dark rim that parts a body from those behind."""
-    light = _LIGHT / np.linalg.norm(_LIGHT)
-    with np.errstate(invalid="ignore"):
-        facing = np.clip(np.nan_to_num(normal @ light), 0.0, 1.0)
-        front = np.clip(np.nan_to_num(normal[..., 2]), 0.0, 1.0)
+    facing = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.0, 1.0)
     strength = 0.5 + 0.5 * facing
-    if is_round:
-        strength = strength * (0.5 + 0.5 * np.clip(front / 0.42, 0.0, 1.0) ** 0.7)
-    gleam = 0.22 * facing**24 if is_round else np.zeros_like(facing)
-    return np.asarray(np.clip(strength[..., None] * colour + gleam[..., None], 0.0, 1.0))
+    if not is_round:
+        return np.asarray(strength[:, None] * colour)
+    front = np.clip(normal[:, 2] / 0.42, 0.0, 1.0)
+    strength *= 0.5 + 0.5 * front**0.7
+    return np.asarray(np.clip(strength[:, None] * colour + 0.22 * facing[:, None] ** 24, 0.0, 1.0))
 
 
 def _shadow(solids: Iterable[Solid], floor: float, axes: Array, xs: Array, ys: Array) -> Sheet:
@@ -230,13 +252,20 @@ def _shadow(solids: Iterable[Solid], floor: float, axes: Array, xs: Array, ys: A
     for solid in solids:
         if solid.radius <= 0.0 or len(solid.corners) > 2:
             continue
+        window = _window(_dropped(solid.corners, floor) @ axes[:2].T, 1.2 * solid.radius, xs, ys)
         a, b = solid.corners[0, :2], solid.corners[-1, :2]
         along = b - a
-        share = ((place[0] - a[0]) * along[0] + (place[1] - a[1]) * along[1]) / max(along @ along, 1e-300)
-        share = np.clip(share, 0.0, 1.0)
-        away = np.hypot(place[0] - a[0] - share * along[0], place[1] - a[1] - share * along[1])
-        dark = np.maximum(dark, np.clip((1.15 - away / solid.radius) / 0.5, 0.0, 1.0))
+        off = [place[i][window] - a[i] for i in range(2)]
+        share = np.clip((off[0] * along[0] + off[1] * along[1]) / max(along @ along, 1e-300), 0.0, 1.0)
+        away = np.hypot(off[0] - share * along[0], off[1] - share * along[1])
+        dark[window] = np.maximum(dark[window], np.clip((1.15 - away / solid.radius) / 0.5, 0.0, 1.0))
     return np.full((*depth.shape, 3), 0.25, dtype=np.float32), depth, 0.2 * dark
+
+
+def _window(flat: Array, radius: float, xs: Array, ys: Array) -> tuple[slice, slice]:
+    """Rows and columns of the dots within a radius of the box around places (·, 2)."""
+    low, high = flat.min(axis=0) - radius, flat.max(axis=0) + radius
+    return slice(*np.searchsorted(ys, [low[1], high[1]])), slice(*np.searchsorted(xs, [low[0], high[0]]))
 
 
 def _dropped(corners: Array, floor: float | None) -> Array:

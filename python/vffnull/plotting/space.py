@@ -148,7 +148,7 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
         axis.line.set_color("#A0A0A0")
         axis._axinfo["grid"].update(color="#E2E2E2", linewidth=0.5)
         axis._axinfo["tick"].update(inward_factor=0.0, outward_factor=0.15)
-        axis.set_major_locator(FixedLocator(_inside(*axis.get_view_interval())))
+        axis.set_major_locator(FixedLocator(_inside(*axis.get_view_interval()).tolist()))
         axis.set_tick_params(labelsize=6.5, pad=-3.0)
         axis.set_label_text(name)
         axis.labelpad = -8.0

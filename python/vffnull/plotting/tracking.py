@@ -112,7 +112,6 @@ def error_magnitude(ax: Axes, result: Result) -> None:
         turned = angle(result)
         ax.semilogy(result.t, np.maximum(turned, style.ROUNDING), color=_TURNED, linestyle="--")
         ax.set_ylabel("$|e|$ [m, rad]")
-        ax.text(0.99, 0.25, "position", transform=ax.transAxes, ha="right", va="bottom", fontsize=7)
         ax.text(
             0.99,
             0.14,
