@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, plain
+from vffnull.errors import ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,7 +20,16 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["SpatialArm", "arm_of", "described", "frame", "is_spatial", "quaternion", "rotation"]
+__all__ = [
+    "SpatialArm",
+    "arm_of",
+    "described",
+    "frame",
+    "in_the_plane",
+    "is_spatial",
+    "quaternion",
+    "rotation",
+]
 
 _KEYS = ("model", "urdf", "joints")
 
@@ -27,6 +37,19 @@ _KEYS = ("model", "urdf", "joints")
 def is_spatial(arm: Mapping[str, Any]) -> bool:
     """Whether an ``[arm]`` table is of an arm in space."""
     return any(key in arm for key in _KEYS)
+
+
+def in_the_plane(document: Mapping[str, Any], what: str) -> None:
+    """Refuse a scenario in space for what is of the plane so far.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If its arm is in space.
+    """
+    if is_spatial(document.get("arm", {})):
+        name = document.get("name") or "this scenario"
+        raise ScenarioError(f"arm: {name} is in space, and {what}", "arm")
 
 
 def described(arm: Mapping[str, Any]) -> Document:
