@@ -598,7 +598,7 @@ BAD_CALLS: list[tuple[Callable[[], object], str]] = [
     (lambda: vff.Obstacle.circle("here", 1.0), "position"),
     (lambda: vff.Obstacle.circle([0.0, 0.0], 1.0, motion="up"), "motion"),  # type: ignore[arg-type]
     (lambda: vff.Obstacle.capsule([0, 0], [0, 0], 0.1), "shape"),
-    (lambda: vff.Obstacle.capsule([0, 0, 0], [1, 1, 1], 0.1), ""),
+    (lambda: vff.Obstacle.capsule([0, 0, 0, 0], [1, 1, 1, 1], 0.1), ""),
     (lambda: vff.Obstacle.capsule([0, 0, 0], [1, 1], 0.1), ""),
     (lambda: vff.Obstacle.capsule("a", "b", 0.1), ""),
     (lambda: vff.Obstacle.box([0, 0], [1, -1]), "size[1]"),

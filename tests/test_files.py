@@ -304,7 +304,7 @@ def test_a_header_that_claims_other_shapes_costs_nothing(
     """It is refused before a column is named or a number allocated."""
     original = json.loads(header.pack(tiny))
     path = write(tiny, tmp_path / f"run{ending}", json.dumps(changed(original, ("arrays", "q", 1), shape)))
-    monkeypatch.setattr(_record, "columns", lambda name, shape: pytest.fail(f"{name} {shape}"))
+    monkeypatch.setattr(_record.Layout, "columns", lambda _, name, shape: pytest.fail(f"{name} {shape}"))
     with pytest.raises(InputError, match=r"arrays\.q"):
         vff.Result.load(path)
 

@@ -19,7 +19,6 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
-from vffnull import _record
 from vffnull._record import QUANTITIES, Quantity, recorded
 from vffnull.errors import InputError, InputTypeError
 from vffnull.result import Metrics
@@ -388,7 +387,7 @@ def test_columns_are_named_once() -> None:
     names = [
         column.name
         for name, values in recorded(result).items()
-        for column in _record.columns(name, values.shape[1:])
+        for column in result.layout.columns(name, values.shape[1:])
     ]
     assert len(names) == len(set(names)) == sum(values[0].size for values in recorded(result).values())
     assert result.to_pandas().columns.tolist() == names

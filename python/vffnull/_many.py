@@ -6,16 +6,18 @@ import copy
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core, _progress
 from vffnull._arguments import MOST_THREADS, whole
+from vffnull._arm_files import explicit
 from vffnull._document import Document, plain
 from vffnull._from_core import result_of
 from vffnull._progress import Counter, counted
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
 from vffnull.result import Result
-from vffnull.scenario import Scenario, ScenarioLike, changed, check_overrides, document_of
+from vffnull.scenario import Scenario, ScenarioLike, changed, check_overrides, source_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,17 +109,21 @@ def _documents(
     if isinstance(scenarios, str | os.PathLike | Mapping | Scenario):
         if overrides is None or isinstance(overrides, Mapping) or not isinstance(overrides, Iterable):
             raise InputTypeError("overrides: one scenario needs a list of dicts, one for each run")
-        one = document_of(scenarios)
-        return "overrides", [
-            _placed("overrides", i, each, lambda each: changed(copy.deepcopy(one), each))
-            for i, each in enumerate(overrides)
-        ]
+        one = source_of(scenarios)
+        read = cache(lambda: explicit(copy.deepcopy(one)))  # not once for every run
+
+        def of(each: _Overrides) -> Document:
+            if any(str(name).partition(".")[0] == "arm" for name in each or ()):
+                return explicit(changed(copy.deepcopy(one), each))
+            return changed(copy.deepcopy(read()), each)
+
+        return "overrides", [_placed("overrides", i, each, of) for i, each in enumerate(overrides)]
     if not isinstance(scenarios, Iterable):
         raise InputTypeError(f"scenarios: expected a list of scenarios, not a {type(scenarios).__name__}")
     if not (overrides is None or isinstance(overrides, Mapping)):
         raise InputTypeError("overrides: a list of dicts needs one scenario, a list of scenarios one dict")
     return "scenarios", [
-        _placed("scenarios", i, each, lambda each: changed(document_of(each), overrides))
+        _placed("scenarios", i, each, lambda each: explicit(changed(source_of(each), overrides)))
         for i, each in enumerate(scenarios)
     ]
 

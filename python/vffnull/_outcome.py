@@ -13,7 +13,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Protocol
 
 from vffnull import _core
-from vffnull._record import recorded
+from vffnull._record import Layout, recorded
 
 if TYPE_CHECKING:
     import numpy as np
@@ -189,6 +189,8 @@ class Outcome:
     dq_measured: Array | None = None
     tau_applied: Array | None = None
     sensed: Array | None = None
+    orientation: Array | None = None
+    orientation_ref: Array | None = None
     plant: str = "core"
 
     def __repr__(self) -> str:
@@ -196,6 +198,11 @@ class Outcome:
             f"<Result of {self.scenario.name or 'a scenario'}: {self.status} at {self.end_time:g} s, "
             f"{len(self.t)} instants>"
         )
+
+    @property
+    def layout(self) -> Layout:
+        """Where the run took place: what its columns are called and which units they have."""
+        return Layout.of(self.scenario.to_dict())
 
     def recorded(self) -> dict[str, Array]:
         """Every recorded quantity that this run has, by name; time is not among them."""

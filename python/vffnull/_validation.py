@@ -7,6 +7,7 @@ import re
 from typing import Any, Literal
 
 from vffnull import _core
+from vffnull._arm import is_spatial
 from vffnull._document import Document
 from vffnull.errors import ScenarioError
 
@@ -45,8 +46,12 @@ def faults(document: Document) -> list[str]:
             sound += [] if wrong else [obstacle]
         rest["obstacles"] = sound
     whole = True
+    arm = rest.get("arm")
+    spatial = isinstance(arm, dict) and is_spatial(arm)
     for name in _PARTS:
         part = rest.get(name)
+        if name == "reference" and spatial:
+            continue  # on its own it would be one in the plane
         if isinstance(part, dict):
             wrong, mended = _check(name, part, name)
             found += wrong

@@ -134,10 +134,13 @@ class ControlSettings:
 
     Parameters
     ----------
-    task : {"position", "pose"}, optional
-        What the end effector has to follow: a point, or a point and an orientation.
+    task : {"position", "pose", "pointing"}, optional
+        What the end effector has to follow: a point, or a point and an orientation. Pointing, in space only,
+        leaves the turn about the tool's z axis free.
     stiffness : float or (m,) array_like, optional
-        K [1/s²], shapes the end effector's acceleration; m is 2 for a position and 3 for a pose.
+        K [1/s²], shapes the end effector's acceleration; m is 2 for a position and 3 for a pose, in space 3
+        for a position, 5 for pointing (linear, then two angles about the tool's own x and y) and 6 for a pose
+        (linear, then angular, about the world's axes).
     damping : float or (m,) array_like, optional
         D [1/s].
     null_damping : float or (n,) array_like, optional
@@ -188,7 +191,7 @@ class ControlSettings:
     >>> settings = ControlSettings(stiffness=16.0, damping=8.0, field=Field.khatib(5.0, 1.2))
     """
 
-    task: Literal["position", "pose"] | None = None
+    task: Literal["position", "pose", "pointing"] | None = None
     stiffness: ArrayLike | None = None
     damping: ArrayLike | None = None
     null_damping: ArrayLike | None = None

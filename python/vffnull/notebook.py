@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _WIDTH, _HIGHEST = 320.0, 300.0  # pixels
 _INK = "currentColor"
 _INSTANTS = 5
+_FILL = {"clear": ".18", "solid": ".55"}
 _MAIN = (
     "min_clearance",
     "collision_time",
@@ -138,12 +139,23 @@ def _picture(scene: Scene, rows: ArrayLike = (0,), frame: tuple[Array, Array] | 
     strengths = 0.2 + 0.8 * (np.arange(1, len(shown) + 1) / len(shown)) ** 2
     marks = _paint(scene.at(0, ["base"]), 1.0)
     for row, strength in zip(shown, strengths, strict=True):
-        marks += _paint(scene.at(int(row), ["obstacle", "link", "joint"]), float(strength))
+        if scene.dimension == 3:
+            marks += _stacked(scene.at(int(row), ["obstacle", "base", "link"]), float(strength))
+        else:
+            marks += _paint(scene.at(int(row), ["obstacle", "link", "joint"]), float(strength))
     if frame is None:
-        bodies = scene.at(0, ["obstacle", "link"])
+        bodies = scene.at(0, ["obstacle", "base", "link"])
         around = np.vstack([each.outline() for each in bodies if isinstance(each, Body)])
         frame = around.min(axis=0), around.max(axis=0)
     return _svg(*frame, marks)
+
+
+def _stacked(primitives: Iterable[Primitive], opacity: float) -> list[str]:
+    """Bodies in space, those in front over those behind."""
+    ahead = np.cross(*geometry.view_of(3))
+    bodies = [each for each in primitives if isinstance(each, Body)]
+    bodies.sort(key=lambda each: float(each.corners.mean(axis=0) @ ahead))
+    return [_polygon(each.outline(), COLOURS[each.role], opacity, "solid") for each in bodies]
 
 
 def _paint(primitives: Iterable[Primitive], opacity: float) -> list[str]:
@@ -202,9 +214,10 @@ def _dot(place: Array, colour: str, size: float, opacity: float, end: str = "rou
     )
 
 
-def _polygon(points: Array, colour: str, opacity: float) -> str:
-    return (
-        f'<polygon points="{_points(points)}" fill="{colour}" fill-opacity=".18" stroke="{colour}" '
+def _polygon(points: Array, colour: str, opacity: float, look: str = "clear") -> str:
+    under = f'<polygon points="{_points(points)}" fill="#fff" opacity="{opacity:.2f}"/>'
+    return (under if look == "solid" else "") + (
+        f'<polygon points="{_points(points)}" fill="{colour}" fill-opacity="{_FILL[look]}" stroke="{colour}" '
         f'stroke-width="1.3" opacity="{opacity:.2f}" vector-effect="non-scaling-stroke"/>'
     )
 

@@ -11,7 +11,7 @@ from vffnull import _progress, _record
 from vffnull._extras import extra
 from vffnull._figures import ending
 from vffnull._outcome import Metrics, Outcome, Status, readable
-from vffnull._record import QUANTITIES, recorded, unit
+from vffnull._record import recorded
 from vffnull.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ __all__ = ["Film", "Metrics", "Result", "Status", "readable", "report"]
 class Result(Outcome):
     """The outcome of a run.
 
-    With T recorded instants, n joints, k obstacles, and a task of dimension m (2 for a position, 3 for a
-    pose):
+    With T recorded instants, n joints, k obstacles, and a task of dimension m: in the plane (D = 2) 2 for a
+    position and 3 for a pose, in space (D = 3) 3 for a position, 5 for pointing and 6 for a pose:
 
     Attributes
     ----------
@@ -55,29 +55,35 @@ class Result(Outcome):
     t : (T,) ndarray
         Time [s].
     q, dq : (T, n) ndarray
-        Joint angles [rad] and velocities [rad/s].
+        Joint angles [rad] and velocities [rad/s]; of joints that slide [m] and [m/s].
     tau : (T, n) ndarray
-        Joint torques [N·m].
+        Joint torques [N·m]; of joints that slide forces [N].
     tau_task, tau_null : (T, n) ndarray
         Their parts that serve the task and the null space [N·m].
     tau_vff : (T, n) ndarray
         Repulsion Σ JᵢᵀFᵢ, before its projection into the null space [N·m].
-    x, dx, x_ref : (T, m) ndarray
-        End effector [m], its velocity [m/s], and its reference [m]; an orientation [rad] comes last.
+    x, x_ref : (T, m) ndarray, in space (T, 3)
+        End effector and its reference [m]; in the plane an orientation [rad] comes last.
+    dx : (T, m) ndarray
+        The end effector's velocity [m/s]; rates of an orientation [rad/s] come last.
     error : (T, m) ndarray
-        Tracking error, x − x_ref for a position [m].
+        Tracking error, x − x_ref for a position [m]. In space the rotation from the reference [rad] comes
+        last: of a pose about the world's axes, of pointing about the tool's own x and y.
+    orientation, orientation_ref : (T, 4) ndarray or None
+        Orientations of end effector and reference in space, unit quaternions [w, x, y, z]; None for a
+        position and in the plane.
     force : (T, n) ndarray
         Magnitude of the repulsion on each link [N].
     clearance : (T, n) ndarray
         Signed distance of each link's surface to the nearest obstacle's [m]; negative in contact.
-    obstacles : (T, k, 2) ndarray
+    obstacles : (T, k, D) ndarray
         Positions of the obstacles [m].
     energy : (T, 3) ndarray
         Energies [J] as named in `vffnull.ENERGIES`: kinetic, of gravity, and the storage of the null space.
     power : (T, 6) ndarray
         Powers [W] as named in `vffnull.PORTS`: of the motors, and into the storage of the null space.
     manipulability : (T,) ndarray
-        √det(J Jᵀ) [m²], 0 in a singularity.
+        √det(J Jᵀ) [m²], in space [m³]; 0 in a singularity.
     objective_scale : (T, 6) ndarray or None
         What the limits let through of each of `vffnull.OBJECTIVES`, from 0 to 1; None without limits.
     self_clearance : (T,) ndarray or None
@@ -95,7 +101,7 @@ class Result(Outcome):
     tau_applied : (T, n) ndarray or None
         Torque of the drives [N·m], where `tau` is the commanded one; None unless the scenario has drives, a
         table ``[actuator]``.
-    sensed : (T, rays, 2) ndarray or None
+    sensed : (T, rays, D) ndarray or None
         Points [m] that the controller knew of the obstacles, NaN for a ray that met nothing; None unless the
         scenario has range sensors, a table ``[perception]``. `clearance` and `obstacles` are true.
     plant : {"core", "mujoco"}
@@ -223,9 +229,10 @@ class Result(Outcome):
         library = extra("pandas", "io")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
+        layout = self.layout
         for name, values in recorded(self).items():
             flat = _record.flat(values).T
-            for column, line in zip(_record.columns(name, values.shape[1:]), flat, strict=True):
+            for column, line in zip(layout.columns(name, values.shape[1:]), flat, strict=True):
                 columns[column.name] = line
                 units[column.name] = column.unit
         table: pandas.DataFrame = library.DataFrame(columns, index=library.Index(self.t, name="t"))
@@ -244,14 +251,12 @@ class Result(Outcome):
             Without the extra ``vffnull[io]``.
         """
         library = extra("xarray", "io")
-        pose = self.x.shape[1] == 3
+        layout = self.layout
         sizes: dict[_record.Dimension, int] = {}
         data = {}
         for name, values in recorded(self).items():
-            quantity = QUANTITIES[name]
-            mixed = pose and "task" in quantity.over
-            units = f"{quantity.unit}, {unit(name, 'phi')}" if mixed else quantity.unit
-            labels = {"units": units, "long_name": quantity.meaning}
+            quantity = layout.quantities[name]
+            labels = {"units": layout.units(name, values.shape[1:]), "long_name": quantity.meaning}
             data[name] = (("t", *quantity.over), values, labels)
             for over, size in zip(quantity.over, values.shape[1:], strict=True):
                 sizes[over] = size
@@ -259,7 +264,7 @@ class Result(Outcome):
             data,
             coords={
                 "t": ("t", self.t, {"units": "s", "long_name": "time"}),
-                **{str(over): _record.labels(over, size) for over, size in sizes.items()},
+                **{str(over): layout.labels(over, size) for over, size in sizes.items()},
             },
             attrs=self._attributes(),
         )

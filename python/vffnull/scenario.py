@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
+from vffnull._arm import arm_of
+from vffnull._arm_files import anchored, explicit
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
 from vffnull._files import replacing
 from vffnull.errors import InputTypeError, ScenarioError
@@ -17,7 +19,7 @@ from vffnull.errors import InputTypeError, ScenarioError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Scenario", "ScenarioLike", "changed", "document_of", "prepare", "read", "scenarios"]
+__all__ = ["Scenario", "ScenarioLike", "changed", "document_of", "prepare", "read", "scenarios", "source_of"]
 
 _BUNDLED = Path(__file__).with_name("scenarios")
 
@@ -28,7 +30,8 @@ class Scenario:
     Parameters
     ----------
     arm : Arm or dict
-        The arm.
+        The arm; ``{"model": "panda"}`` is a bundled one, ``{"urdf": "robot.urdf", "tip": "tool0"}`` is read,
+        and the scenario holds what was read.
     q0 : (n,) array_like
         Joint angles at the start [rad].
     duration : float
@@ -118,7 +121,7 @@ class Scenario:
                 "seed": seed,
             }
         )
-        _core.check("scenario", self._document)
+        self._document = _checked(self._document)
 
     @classmethod
     def from_dict(cls, document: Mapping[str, Any]) -> Scenario:
@@ -134,9 +137,7 @@ class Scenario:
         vffnull.errors.ScenarioError
             If the scenario cannot be run.
         """
-        checked: Document = plain(document)
-        _core.check("scenario", checked)
-        return cls._of(checked)
+        return cls._of(_checked(plain(document)))
 
     @classmethod
     def load(cls, source: str | os.PathLike[str]) -> Scenario:
@@ -152,7 +153,7 @@ class Scenario:
         vffnull.errors.ScenarioError
             If there is no such scenario, or if it cannot be run.
         """
-        return cls.from_dict(_core.parse_toml(read(source), shown(source)))
+        return cls.from_dict(anchored(_core.parse_toml(read(source), shown(source)), _folder(source)))
 
     @classmethod
     def _of(cls, document: Document) -> Scenario:
@@ -179,7 +180,8 @@ class Scenario:
     @property
     def arm(self) -> _core.Arm:
         """The arm, as the controller knows it."""
-        return _core.Arm(**self._document["arm"])
+        found: _core.Arm = arm_of(self._document["arm"])
+        return found
 
     @property
     def plant(self) -> _core.Arm:
@@ -289,7 +291,7 @@ def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) 
     check_overrides(overrides)
     if isinstance(scenario, Scenario) and not overrides:
         return scenario
-    document = document_of(scenario)
+    document = source_of(scenario)
     before = copy.deepcopy(document) if overrides else document
     try:
         return Scenario.from_dict(changed(document, overrides))
@@ -321,14 +323,34 @@ def check_overrides(overrides: object) -> None:
         raise InputTypeError(f"overrides: expected a dict of dotted names, not a {type(overrides).__name__}")
 
 
-def document_of(scenario: ScenarioLike) -> Document:
-    """The document of what is meant, unchecked, as a copy of its own."""
+def source_of(scenario: ScenarioLike) -> Document:
+    """The document of what is meant as it is written, unchecked, as a copy of its own.
+
+    A URDF that it names beside its own file is named by its whole path; `explicit` reads it.
+    """
     if isinstance(scenario, Scenario):
         return scenario.to_dict()
     if isinstance(scenario, Mapping):
         document: Document = plain(scenario)
         return document
-    return _core.parse_toml(read(scenario), shown(scenario))
+    return anchored(_core.parse_toml(read(scenario), shown(scenario)), _folder(scenario))
+
+
+def _folder(source: str | os.PathLike[str]) -> Path:
+    """Where files are that a scenario in a file names."""
+    return Path(os.fspath(source)).parent
+
+
+def document_of(scenario: ScenarioLike) -> Document:
+    """The document of what is meant, unchecked, as a copy of its own; its arm needs no other file."""
+    return explicit(source_of(scenario))
+
+
+def _checked(document: Document) -> Document:
+    """The document, explicit and found to be one that can be run."""
+    found = explicit(document)
+    _core.check("scenario", found)
+    return found
 
 
 def shown(source: str | os.PathLike[str]) -> str:

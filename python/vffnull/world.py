@@ -104,7 +104,9 @@ def _motion(kind: str, **parameters: object) -> Motion:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A solid body; `circle` and `polygon` are of the plane, `sphere` and `half_space` of space.
+    """A solid body.
+
+    Made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, `capsule` or `box` in both.
 
     Attributes
     ----------

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
+from vffnull._arm_files import explicit
 from vffnull._validation import faults
 from vffnull.cli import results
 from vffnull.cli.arms import arms
@@ -22,11 +23,11 @@ from vffnull.cli.common import (
     FINE,
     INTERRUPTED,
     WRONG_INPUT,
-    assigned,
     complete_scenario,
     echo_json,
     exit_code,
     format_option,
+    prepared,
     run_with_bar,
     say,
     set_option,
@@ -37,7 +38,7 @@ from vffnull.cli.realtime import realtime
 from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE, check_path
 from vffnull.result import Result, Status
-from vffnull.scenario import prepare, read, scenarios, shown
+from vffnull.scenario import document_of, read, scenarios, shown
 
 __all__ = ["main"]
 
@@ -159,7 +160,7 @@ def run(
 
     Exit codes: 0 fine, 2 wrong input, 3 the run diverged (or collided, under --strict), 130 interrupted.
     """
-    ready = prepare(scenario, assigned(assignments))
+    ready = prepared(scenario, assignments)
     if save_to is not None:  # find out before the run, not after it
         check_path(save_to)
     if plot_to is not None:
@@ -288,7 +289,7 @@ def _validated(file: str) -> dict[str, Any]:
     """What is wrong with a file, and what is odd about it."""
     name = shown(file)
     try:
-        document = _core.parse_toml(read(file), name)
+        document = explicit(document_of(file))
         errors = [f"{name}: {fault}" for fault in faults(document)]
         warnings = [] if errors else _core.check("scenario", document)
     except ScenarioError as error:

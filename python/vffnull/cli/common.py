@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -16,10 +17,10 @@ from click.shell_completion import CompletionItem
 from vffnull import _core, _progress
 from vffnull._figures import FIGURE_FORMATS
 from vffnull._simulate import run as run_scenario
-from vffnull.errors import ScenarioError, VffNullError
+from vffnull.errors import ScenarioError, ScenarioWarning, VffNullError
 from vffnull.logs import READABLE
 from vffnull.result import Result, Status
-from vffnull.scenario import Scenario, document_of, prepare, scenarios, shown
+from vffnull.scenario import Scenario, prepare, scenarios, shown, source_of
 
 FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
 
@@ -40,7 +41,7 @@ def complete_key(context: click.Context, _param: click.Parameter, begun: str) ->
     given = [*context.params.values(), *context.args]
     for word in (each for each in given if isinstance(each, str)):
         with suppress(VffNullError, OSError):
-            there = list(written(document_of(word)))
+            there = list(written(source_of(word)))
             break
     names = dict.fromkeys([*there, *known()])
     return [CompletionItem(f"{name}=") for name in names if name.startswith(begun)]
@@ -95,6 +96,16 @@ def _assignment(text: str) -> tuple[str, Any]:
     return key, parsed["value"]
 
 
+def prepared(source: str, assignments: tuple[str, ...]) -> Scenario:
+    """The scenario with what ``--set`` changes; what is odd about a file of its arm goes to stderr."""
+    with warnings.catch_warnings(record=True) as odd:
+        warnings.simplefilter("always", ScenarioWarning)
+        ready = prepare(source, assigned(assignments))
+    for each in odd:
+        say(f"warning: {each.message}", "yellow")
+    return ready
+
+
 def run_with_bar(ready: Scenario, quiet: bool) -> Result:
     """Run, with a progress bar on a terminal once it takes longer than a second; warnings go to stderr."""
     if quiet or not interactive():
@@ -110,7 +121,7 @@ def run_with_bar(ready: Scenario, quiet: bool) -> Result:
 def run_or_load(source: str, assignments: tuple[str, ...], quiet: bool) -> Result:
     """The result in a file, or the result of running a scenario."""
     if Path(source).suffix not in READABLE:
-        return run_with_bar(prepare(source, assigned(assignments)), quiet)
+        return run_with_bar(prepared(source, assignments), quiet)
     if assignments:
         raise click.UsageError(f"--set changes a scenario before it runs; {source} is the result of a run")
     return Result.load(source)

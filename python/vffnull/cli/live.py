@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from vffnull.cli.common import INTERRUPTED, assigned, complete_scenario, set_option
-from vffnull.scenario import prepare
+from vffnull.cli.common import INTERRUPTED, complete_scenario, prepared, set_option
 from vffnull.viewer import live as open_page
 from vffnull.viewer.ports import free
 
@@ -50,7 +49,7 @@ def live(
 
     The page is on this machine alone (127.0.0.1). Ctrl-C ends it. Needs pip install "vffnull[viewer]".
     """
-    ready = prepare(scenario, assigned(assignments))
+    ready = prepared(scenario, assignments)
     port = free(port, "--port")
     page = open_page(
         ready, port=port, open_browser=not no_browser, block=False, record_to=record_to, allow_origins=origins

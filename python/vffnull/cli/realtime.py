@@ -13,16 +13,15 @@ from vffnull.cli.common import (
     FAILED,
     FINE,
     INTERRUPTED,
-    assigned,
     complete_scenario,
     echo_json,
     interactive,
+    prepared,
     say,
     set_option,
 )
 from vffnull.errors import InputError
 from vffnull.result import Status
-from vffnull.scenario import prepare
 
 __all__ = ["realtime"]
 
@@ -68,7 +67,7 @@ def realtime(
     Exit codes: 0 fine, 2 wrong input, 3 the run diverged (or missed a deadline, under --strict), 130
     interrupted.
     """
-    ready = prepare(scenario, assigned(assignments))
+    ready = prepared(scenario, assignments)
     if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:  # find out before the run, not after it
         raise InputError(f"--plot {plot_to}: a figure is written as {', '.join(FIGURE_ENDINGS)}")
     bar = interactive() and not as_json

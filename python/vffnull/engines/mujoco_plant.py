@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
+from vffnull._arm import in_the_plane
 from vffnull._from_core import result_of
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
@@ -63,6 +64,7 @@ class MuJoCoPlant:
 
     def __init__(self, scenario: ScenarioLike) -> None:
         scenario = prepare(scenario)
+        in_the_plane(scenario.to_dict(), "MuJoCo moves arms in the plane so far; leave out plant='mujoco'")
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
         self._loop = _core.ExternalRun(document)

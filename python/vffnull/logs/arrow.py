@@ -56,9 +56,10 @@ def parts(content: pyarrow.Table, source: Path) -> tuple[header.Header, header.A
 
 def lines(result: Outcome) -> Iterator[tuple[_record.Column, NDArray[Any]]]:
     """Every column of the record beside time, with its values."""
+    layout = result.layout
     for name, values in _record.recorded(result).items():
         flat = _record.flat(values).T
-        yield from zip(_record.columns(name, values.shape[1:]), flat, strict=True)
+        yield from zip(layout.columns(name, values.shape[1:]), flat, strict=True)
 
 
 def about(column: _record.Column) -> dict[str, str]:

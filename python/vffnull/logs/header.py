@@ -16,9 +16,8 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _record
 from vffnull._outcome import Metrics, Outcome, Status
-from vffnull._record import NAMES, QUANTITIES, recorded
+from vffnull._record import QUANTITIES, Layout, recorded
 from vffnull.errors import InputError, VffNullError
 from vffnull.scenario import Scenario
 
@@ -134,8 +133,9 @@ def split(header: Header, columns: Mapping[str, NDArray[Any]], source: Path) -> 
     if wanted != len(columns):
         raise InputError(f"{source}: expected {wanted} columns by its header, got {len(columns)}")
     arrays = {"t": _column("t", columns, header, source)}
+    layout = Layout.of(header.values["scenario"].to_dict())
     for name, shape in header.shapes.items():
-        labels = [column.name for column in _record.columns(name, shape)]
+        labels = [column.name for column in layout.columns(name, shape)]
         values = np.empty((header.instants, len(labels)), dtype=_DTYPE)
         for i, column in enumerate(labels):
             values[:, i] = _column(column, columns, header, source)
@@ -200,6 +200,9 @@ class _Entries:
         document = self._get("scenario")
         if not isinstance(document, dict):
             self._fault("scenario", "expected a table")
+        arm = document.get("arm")
+        if isinstance(arm, dict) and "urdf" in arm:  # no file of somebody else's choice is opened
+            self._fault("scenario", "its arm is in another file")
         try:
             return Scenario.from_dict(document)
         except VffNullError as error:
@@ -216,7 +219,9 @@ class _Entries:
         listed = self._get("arrays")
         if not isinstance(listed, dict):
             self._fault("arrays", "expected a table")
-        sizes = _sizes(scenario)
+        document = scenario.to_dict()
+        layout = Layout.of(document)
+        sizes = layout.sizes(document)
         shapes: dict[str, Shape] = {}
         for name, entry in listed.items():
             if name not in QUANTITIES:
@@ -224,7 +229,7 @@ class _Entries:
             dtype, shape = entry if isinstance(entry, list) and len(entry) == 2 else (None, None)
             if dtype != _DTYPE.str or not isinstance(shape, list):
                 self._fault(f"arrays.{name}", f"expected {_DTYPE.str} and a shape")
-            over = QUANTITIES[name].over
+            over = layout.quantities[name].over
             fits = len(shape) == len(over) and all(
                 type(size) is int and 0 <= size < 2**31 and size == sizes.get(dimension, size)
                 for size, dimension in zip(shape, over, strict=True)
@@ -251,20 +256,6 @@ class _Entries:
 
     def _fault(self, name: str, what: str) -> NoReturn:
         raise InputError(f"{self.source}: not a header of a result: {name}: {what}") from None
-
-
-def _sizes(scenario: Scenario) -> dict[_record.Dimension, int]:
-    """How many entries a record of this scenario has along each dimension, as far as the scenario says."""
-    document = scenario.to_dict()
-    joints = len(document["q0"])
-    pose = document.get("controller", {}).get("task") == "pose"
-    named: dict[_record.Dimension, int] = {over: len(names) for over, names in NAMES.items()}
-    return named | {
-        "joint": joints,
-        "link": joints,
-        "task": 3 if pose else 2,
-        "obstacle": len(document.get("obstacles", ())),
-    }
 
 
 def _beside(kind: type[Outcome]) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull._extras import extra
-from vffnull._record import QUANTITIES, recorded
+from vffnull._record import Layout, recorded
 from vffnull.logs import header
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ def write(result: Outcome, path: Path) -> None:
         file = library.Writer(stream, compression=library.CompressionType.ZSTD)
         file.start(profile="", library=f"vffnull {result.version}")
         schema = file.register_schema(
-            name="vffnull.Instant", encoding="jsonschema", data=json.dumps(_schema(arrays)).encode()
+            name="vffnull.Instant",
+            encoding="jsonschema",
+            data=json.dumps(_schema(arrays, result.layout)).encode(),
         )
         channel = file.register_channel(topic=TOPIC, message_encoding="json", schema_id=schema)
         times = np.rint(result.t * 1e9).astype(np.int64).tolist()
@@ -50,16 +52,23 @@ def write(result: Outcome, path: Path) -> None:
         file.finish()
 
 
-def _schema(arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+def _schema(arrays: dict[str, NDArray[Any]], layout: Layout) -> dict[str, Any]:
     """What a message holds, as JSON Schema; descriptions carry units."""
     properties: dict[str, Any] = {}
     for name, values in arrays.items():
         kind: dict[str, Any] = {"type": "number"}
         for _ in values.shape[1:]:
             kind = {"type": "array", "items": kind}
-        about = f"{QUANTITIES[name].meaning} [{QUANTITIES[name].unit}]" if name in QUANTITIES else "time [s]"
-        properties[name] = {**kind, "description": about}
+        properties[name] = {**kind, "description": _about(name, values.shape[1:], layout)}
     return {"type": "object", "properties": properties}
+
+
+def _about(name: str, shape: tuple[int, ...], layout: Layout) -> str:
+    """What a quantity is, with its units."""
+    if name not in layout.quantities:
+        return "time [s]"
+    meaning, units = layout.quantities[name].meaning, layout.units(name, shape)
+    return f"{meaning} [{units}]" if units else meaning
 
 
 def _plain(values: NDArray[Any]) -> list[Any]:

@@ -1,15 +1,16 @@
 """Rerun: every quantity as a plot over time, and the arm among its obstacles.
 
-Its two-dimensional view has y pointing down, so the scene is laid into the plane z = 0 of a three-dimensional
-one with y up, where coordinates stay true.
+Its two-dimensional view has y pointing down, so a scene of the plane is laid into the plane z = 0 of a
+three-dimensional one with y up, where coordinates stay true. In space z is up.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vffnull import _record
 from vffnull._extras import extra
@@ -31,21 +32,40 @@ def write(result: Result, path: Path) -> None:
         log.send_recording_name(result.scenario.name or "run")
         log.log("scenario", rr.TextDocument(str(result.scenario)), static=True)
         log.log("header", rr.TextDocument(header.pack(result)), static=True)
-        log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
+        plane = result.layout.dimension == 2
+        up = rr.ViewCoordinates.RIGHT_HAND_Y_UP if plane else rr.ViewCoordinates.RIGHT_HAND_Z_UP
+        log.log("scene", up, static=True)
+        layout = result.layout
         time = [rr.TimeColumn("t", duration=result.t)]
         for name, values in _record.recorded(result).items():
             rows = _record.flat(values)
             if rows.shape[1]:
-                labels = [f"{each.name} [{each.unit}]" for each in _record.columns(name, values.shape[1:])]
+                labels = [f"{each.name} [{each.unit}]" for each in layout.columns(name, values.shape[1:])]
                 log.log(f"record/{name}", rr.SeriesLines(names=labels), static=True)
                 log.send_columns(f"record/{name}", time, rr.Scalars.columns(scalars=rows.astype(float)))
         scene = Scene.of_result(result)
         arm = in_space(scene.joints)
         log.send_columns("scene/arm", time, rr.LineStrips3D.columns(strips=list(arm)))
-        for i, core in enumerate(scene.cores):
-            outline = geometry.outline(*core)
-            closed = in_space(np.vstack([outline, outline[:1]]))
-            log.log(f"scene/obstacle_{i}", rr.LineStrips3D([closed]), static=True)
+        for i, part in enumerate(scene.solids or ()):
+            rods = list(part.corners[:, [0, -1]])
+            columns = rr.LineStrips3D.columns(strips=rods, radii=np.full(len(rods), part.radius))
+            log.send_columns(f"scene/links/{i}", time, columns)
+        for i, (corners, radius) in enumerate(scene.cores):
+            if plane:
+                outline = geometry.outline(corners, radius)
+                strips, thick = [in_space(np.vstack([outline, outline[:1]]))], None
+            else:
+                strips, thick = _strips(corners), radius or None
+            log.log(f"scene/obstacle_{i}", rr.LineStrips3D(strips, radii=thick), static=True)
             place = rr.Transform3D.columns(translation=in_space(scene.obstacles[:, i]))
             log.send_columns(f"scene/obstacle_{i}", time, place)
         log.flush()
+
+
+def _strips(corners: NDArray[Any]) -> list[NDArray[Any]]:
+    """The edges of a core in space, or the point twice that it is: a line whose radius is drawn."""
+    count = len(corners)
+    if count == 1:
+        return [corners[[0, 0]]]
+    pairs = [(i, i | bit) for bit in (1, 2, 4) if bit < count for i in range(count) if not i & bit]
+    return [corners[list(pair)] for pair in pairs]

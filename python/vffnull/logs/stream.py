@@ -7,13 +7,14 @@ import os
 import threading
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from vffnull import _core, _record
 from vffnull._arguments import number
 from vffnull._extras import extra
+from vffnull._record import Layout
 from vffnull.errors import InputError, InputTypeError
 from vffnull.logs import arrow
 from vffnull.scenario import ScenarioLike, prepare
@@ -74,10 +75,9 @@ class StreamRecorder:
         if not 0.0 < interval <= _DAY:
             raise InputError(f"interval: must be positive and at most {_DAY:g} s, got {interval}")
         self._arrow, self._ipc = extra("pyarrow", "io"), extra("pyarrow.ipc", "io")
-        about = {
-            "version": _core.__version__,
-            "scenario": prepare(scenario).to_dict() if scenario is not None else None,
-        }
+        document = prepare(scenario).to_dict() if scenario is not None else None
+        about = {"version": _core.__version__, "scenario": document}
+        self._layout = None if document is None else Layout.of(document)
         # The first array makes Arrow import more, for half a second: now, not later.
         self._arrow.array(np.zeros(1))
         self._metadata = {"vffnull": json.dumps(about)}
@@ -118,7 +118,11 @@ class StreamRecorder:
             if self._over.is_set():
                 raise InputError(f"{self.path}: the recorder has been closed")
             first = not self._shapes
-            shapes = self._shapes or _shapes(state)
+            if self._layout is None:
+                self._layout = _layout(state)
+            if self._layout.dimension == 3:
+                state = _Parted(state)
+            shapes = self._shapes or _shapes(state, self._layout)
             self._rows.append([_values(state, name, shape) for name, shape in shapes.items()])
             self._shapes = shapes
         if first:
@@ -210,27 +214,51 @@ class StreamRecorder:
             self._stream.write_batch(self._arrow.record_batch(batch, schema=self._stream_schema))
 
     def _schema(self) -> Any:
-        number = self._arrow.float64()
+        number, layout = self._arrow.float64(), self._layout or Layout()
         fields = [self._arrow.field("t", number, metadata=arrow.TIME)]
         for name, shape in self._shapes.items():
             if name != "t":
                 fields.extend(
                     self._arrow.field(column.name, number, metadata=arrow.about(column))
-                    for column in _record.columns(name, shape)
+                    for column in layout.columns(name, shape)
                 )
         self._stream_schema = self._arrow.schema(fields, metadata=self._metadata)
         return self._stream_schema
 
 
-def _shapes(state: object) -> dict[str, tuple[int, ...]]:
+def _layout(state: object) -> Layout:
+    """Where a row without a scenario is from: only in space there are orientations, or places with a z."""
+    obstacles = getattr(state, "obstacles", None)
+    deep = obstacles is not None and np.ndim(obstacles) == 2 and np.shape(obstacles)[1] == 3
+    return Layout(3 if deep or getattr(state, "orientation", None) is not None else 2)
+
+
+class _Parted:
+    """A row from space; poses of 7 numbers, as a `State` has them, become positions and orientations."""
+
+    _WHOLE: ClassVar = {"x": "x", "orientation": "x", "x_ref": "x_ref", "orientation_ref": "x_ref"}
+
+    def __init__(self, row: object) -> None:
+        self._row = row
+
+    def __getattr__(self, name: str) -> Any:
+        whole = self._WHOLE.get(name)
+        pose = None if whole is None else getattr(self._row, whole, None)
+        if pose is None or np.shape(pose) != (7,):
+            return getattr(self._row, name)
+        return pose[:3] if name == whole else pose[3:]
+
+
+def _shapes(state: object, layout: Layout) -> dict[str, tuple[int, ...]]:
     """The shape of time and of every quantity in a first row."""
     try:
         found = _record.recorded(state)
     except ValueError:  # lists of different lengths
         raise InputTypeError("the row has a quantity that is no array of numbers") from None
     for name, values in found.items():
-        over = _record.QUANTITIES[name].over
-        named = [len(_record.NAMES[each]) if each in _record.NAMES else None for each in over]
+        over = layout.quantities[name].over
+        names = [layout.names(each) for each in over]
+        named = [None if each is None else len(each) for each in names]
         fits = values.ndim == len(over) and all(
             most is None or size <= most for size, most in zip(values.shape, named, strict=True)
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -48,7 +48,7 @@ def animate(
     encoder = None if path.suffix == ".gif" else extra("imageio_ffmpeg", "video")
     path.parent.mkdir(parents=True, exist_ok=True)
     with style.look(), replacing(path) as draft:
-        picture = _Picture(result, rows, speed)
+        picture = frames_of(result, rows, speed)
         if encoder is None:
             with draft.open("wb") as file:
                 _write_gif(picture, file, fps, report)
@@ -74,7 +74,30 @@ def frames(result: Result, fps: float, speed: float) -> Rows:
     return np.minimum(np.searchsorted(result.t, times), len(result.t) - 1)
 
 
-def _write_gif(picture: _Picture, file: IO[bytes], fps: float, progress: Progress) -> None:
+def frames_of(result: Result, rows: Rows, speed: float) -> Picture:
+    """The frames of a film in the plane or in space."""
+    scene = Scene.of_result(result)
+    if scene.dimension == 3:
+        from vffnull.plotting.film import SpacePicture
+
+        return SpacePicture(result, scene, rows, speed)
+    return _Picture(result, rows, speed)
+
+
+class Picture(Protocol):
+    """The frames of a film, each an array of dots (height, width, 3)."""
+
+    strongest: int
+    """The frame with the greatest force."""
+
+    def __len__(self) -> int: ...
+
+    def at(self, frame: int) -> NDArray[np.uint8]:
+        """One frame."""
+        ...
+
+
+def _write_gif(picture: Picture, file: IO[bytes], fps: float, progress: Progress) -> None:
     """All frames share one palette, so that the file stays small and colours do not flicker."""
     count = len(picture)
     typical = np.unique([*range(0, count, max(1, count // 6)), picture.strongest])
@@ -91,7 +114,7 @@ def _write_gif(picture: _Picture, file: IO[bytes], fps: float, progress: Progres
     next(images).save(file, format="GIF", save_all=True, append_images=images, duration=pauses, loop=0)
 
 
-def _write_mp4(picture: _Picture, path: Path, fps: float, progress: Progress, encoder: Any) -> None:
+def _write_mp4(picture: Picture, path: Path, fps: float, progress: Progress, encoder: Any) -> None:
     """H.264 in the pixel format that every player knows, which wants even sizes."""
     high, wide = (size // 2 * 2 for size in picture.at(0).shape[:2])
     stream = encoder.write_frames(str(path), (wide, high), fps=fps, quality=8, macro_block_size=2)

@@ -13,10 +13,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vffnull._arm import rotation
+
 Array = NDArray[np.float64]
 
 STEP = 0.09
 """Between two points of a round outline [rad], at most."""
+
+
+def core_in_space(
+    shape: Mapping[str, Any],
+    orientation: ArrayLike | None = None,
+    middle: ArrayLike = (0.0, 0.0, 0.0),
+    reach: float = 1.0,
+) -> tuple[Array, float]:
+    """Corners (2ᵈ, 3) of a shape's core in an obstacle's frame turned by a quaternion, and its radius.
+
+    A core has d edges that are orthogonal to one another: none in a ball, one in a capsule, three in a box;
+    of a half-space two, which span as much of its surface as lies within `reach` of the foot of `middle`,
+    relative to the obstacle's position. Corner number i has the edges of the bits of i.
+    """
+    turn = np.eye(3) if orientation is None else rotation(orientation)
+    match shape["kind"]:
+        case "capsule":
+            ends = np.array([shape["a"], shape["b"]], dtype=float)
+            start, edges = ends[0], ends[1:] - ends[0]
+        case "box":
+            size = np.asarray(shape["size"], dtype=float)
+            start, edges = -size / 2, np.diag(size)
+        case "half_space":
+            normal = np.asarray(shape["normal"], dtype=float)
+            place = turn.T @ np.asarray(middle, dtype=float)
+            sides = np.linalg.svd(normal[None])[2][1:]
+            foot = place - (place @ normal) * normal
+            start, edges = foot - reach * sides.sum(axis=0), 2.0 * reach * sides
+        case _:
+            start, edges = np.zeros(3), np.zeros((0, 3))
+    bits = np.arange(2 ** len(edges))[:, None] >> np.arange(len(edges)) & 1
+    return (start + bits @ edges) @ turn.T, float(shape.get("radius", 0.0))
 
 
 def core(shape: Mapping[str, Any], angle: float = 0.0) -> tuple[Array, float]:
@@ -151,6 +185,45 @@ def nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     second = np.stack([np.broadcast_to(on_cd, shape) for _, on_cd in candidates])
     best = np.argmin(np.linalg.norm(first - second, axis=-1), axis=0)[None, ..., None]
     return np.take_along_axis(first, best, 0)[0], np.take_along_axis(second, best, 0)[0]
+
+
+def edges_in_space(corners: Array) -> tuple[Array, Array]:
+    """Start (…, 3) and edges (…, d, 3) of a core of `core_in_space`, of its corners (…, 2ᵈ, 3)."""
+    count = corners.shape[-2].bit_length() - 1
+    start = corners[..., 0, :]
+    edges = [corners[..., 1 << i, :] - start for i in range(count)]
+    return start, np.stack(edges, axis=-2) if edges else np.zeros((*start.shape[:-1], 0, 3))
+
+
+def nearest_in_space(a: Array, b: Array, corners: Array) -> tuple[Array, Array]:
+    """The points of segments ab (…, 3) and of cores (…, 2ᵈ, 3) that are nearest to each other.
+
+    The distance is a convex function of the place on the segment, so that its least value is enclosed in an
+    interval that becomes shorter by a third at a time.
+    """
+    start, edges = edges_in_space(corners)
+    squares = np.maximum((edges**2).sum(-1), 1e-300)
+
+    def onto(p: Array) -> Array:
+        shares = np.clip(((p - start)[..., None, :] * edges).sum(-1) / squares, 0.0, 1.0)
+        found: Array = start + (shares[..., None] * edges).sum(-2)
+        return found
+
+    def away(share: Array) -> Array:
+        p = a + share[..., None] * (b - a)
+        return np.asarray(((p - onto(p)) ** 2).sum(-1))
+
+    shape = np.broadcast_shapes(a.shape, start.shape)[:-1]
+    low, high = np.zeros(shape), np.ones(shape)
+    for _ in range(60):
+        first, second = (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0
+        left = away(first) < away(second)
+        low, high = np.where(left, low, first), np.where(left, second, high)
+    share = (low + high) / 2.0
+    best = np.argmin(np.stack([away(share), away(0.0 * share), away(0.0 * share + 1.0)]), axis=0)
+    share = np.choose(best, [share, 0.0, 1.0])
+    on_segment = a + share[..., None] * (b - a)
+    return on_segment, onto(on_segment)
 
 
 def distance(place: Array, corners: Array, radius: float) -> float:

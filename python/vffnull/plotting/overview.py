@@ -19,10 +19,16 @@ def overview(result: Result) -> Figure:
 
     Without obstacles there is neither clearance nor repulsion, and the joint angles stand there.
     """
-    height = float(np.clip(strobe.natural_height(Scene.of_result(result), style.PAGE / 2), 3.4, 4.2))
-    fig = style.figure(height, style.PAGE)
-    picture, plots = fig.subfigures(1, 2, squeeze=False, wspace=0.03)[0]
-    strobe.passing(picture.subplots(), result, height=height)
+    scene = Scene.of_result(result)
+    if scene.dimension == 3:
+        fig = style.figure(4.2, 1.15 * style.PAGE)
+        picture, plots = fig.subfigures(1, 2, squeeze=False, wspace=0.03, width_ratios=(1.15, 1.0))[0]
+        strobe.in_depth(picture, scene, (0.0, 0.0, 1.0, 1.0))
+    else:
+        height = float(np.clip(strobe.natural_height(scene, style.PAGE / 2), 3.4, 4.2))
+        fig = style.figure(height, style.PAGE)
+        picture, plots = fig.subfigures(1, 2, squeeze=False, wspace=0.03)[0]
+        strobe.passing(picture.subplots(), result, height=height)
 
     if result.obstacles.shape[1]:
         axes = style.stacked(plots, 3)
@@ -34,7 +40,8 @@ def overview(result: Result) -> Figure:
         style.joint_lines(axes[1], result.t, result.q)
         labels, what = ["joint angle\n[rad]"], "joint"
     tracking.error_magnitude(axes[0], result)
-    for ax, label in zip(axes, ("$|e|$\n[m]", *labels), strict=True):
+    error = axes[0].get_ylabel().replace(" [", "\n[")
+    for ax, label in zip(axes, (error, *labels), strict=True):
         ax.set_ylabel(label)
     style.joint_key(plots, axes[1:], result.q.shape[1], what)
     plots.align_ylabels(axes)

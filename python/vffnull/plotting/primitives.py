@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vffnull._arm import SpatialArm
 from vffnull._record import recorded
 from vffnull.errors import InputError
 from vffnull.plotting import geometry
@@ -30,12 +31,23 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
 Role = Literal[
-    "influence", "obstacle", "base", "reference", "link", "joint", "trail", "force", "sensed", "target"
+    "influence",
+    "obstacle",
+    "base",
+    "reference",
+    "link",
+    "joint",
+    "trail",
+    "tool",
+    "force",
+    "sensed",
+    "target",
 ]
 """What a primitive stands for; painted in this order."""
 
 ROLES: tuple[Role, ...] = (
-    "influence", "obstacle", "base", "reference", "link", "joint", "trail", "force", "sensed", "target",
+    "influence", "obstacle", "base", "reference", "link", "joint", "trail", "tool", "force", "sensed",
+    "target",
 )  # fmt: skip
 
 COLOURS: dict[Role, str] = {
@@ -46,6 +58,7 @@ COLOURS: dict[Role, str] = {
     "link": "#0072B2",
     "joint": "#0072B2",
     "trail": "#009E73",
+    "tool": "#222222",
     "force": "#B2182B",
     "sensed": "#222222",
     "target": "#222222",
@@ -93,7 +106,29 @@ class Marks:
     points: Array
 
 
-Primitive = Body | Curve | Arrow | Marks
+@dataclass(frozen=True, eq=False)
+class Axes:
+    """A frame of reference: its origin (3,) and its three axes as columns (3, 3), of a `length` [m]."""
+
+    role: Role
+    origin: Array
+    axes: Array
+    length: float
+
+
+Primitive = Body | Curve | Arrow | Marks | Axes
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What a link is made of: all points within `radius` [m] of the hull of `corners` (T, ·, D) [m].
+
+    The index is the link's, −1 for the base.
+    """
+
+    index: int
+    corners: Array
+    radius: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +142,10 @@ class Scene:
     joints : (T, n+1, D) ndarray
         The base, the joints, and the tip as the last [m].
     radii : (n,) ndarray
-        Of the links [m].
+        Of the links [m]; in space of the thickest part of each.
     cores : tuple
         Every obstacle as the corners (·, D) [m] of its core, relative to its position, and the radius [m]
-        around the core.
+        around the core; of a half-space a piece of its surface.
     obstacles : (T, k, D) ndarray
         Their positions [m].
     influence : float
@@ -123,6 +158,13 @@ class Scene:
         Points [m] and forces [N], where they are known and need not be made of `strength`.
     sensed : (T, rays, D) ndarray, optional
         Points that the controller knows of the obstacles [m].
+    solids : tuple of Part, optional
+        What the links are made of, where it is not the segments between the joints: the shapes of an arm in
+        space that are measured against obstacles.
+    turns : (T, 3, 3) ndarray, optional
+        Axes of the end effector's frame as columns, in space.
+    base : (3,) ndarray, optional
+        Where an arm in space stands [m], which need not be the origin of its first joint.
     """
 
     t: Array
@@ -136,19 +178,20 @@ class Scene:
     strength: Array
     given: tuple[Array, Array] | None = None
     sensed: Array | None = None
+    solids: tuple[Part, ...] | None = None
+    turns: Array | None = None
+    base: Array | None = None
 
     @classmethod
     def of_result(cls, result: Result) -> Scene:
         """The scene of a run at its recorded instants."""
-        arm = result.scenario.arm
-        joints = np.asarray(arm.forward_kinematics(result.q))
-        size = joints.shape[-1]
         document = result.scenario.to_dict()
-        return cls(
+        made = cls.of_postures(result.scenario.arm, result.q)
+        size = made.dimension
+        return dataclasses.replace(
+            made,
             t=result.t,
-            joints=joints,
-            radii=np.asarray(arm.radius),
-            cores=cores_of(document),
+            cores=cores_of(document, made),
             obstacles=result.obstacles,
             influence=influence_of(document),
             tip=result.x[:, :size],
@@ -166,24 +209,34 @@ class Scene:
         places = [each.get("position", origin) for each in document.get("obstacles", [])]
         obstacles = np.asarray(places, dtype=float).reshape(1, len(places), made.dimension)
         return dataclasses.replace(
-            made, cores=cores_of(document), obstacles=obstacles, influence=influence_of(document)
+            made, cores=cores_of(document, made), obstacles=obstacles, influence=influence_of(document)
         )
 
     @classmethod
     def of_arm(cls, arm: Arm, q: ArrayLike) -> Scene:
         """An arm alone at joint angles (n,) [rad]."""
-        joints = np.asarray(arm.forward_kinematics(q))[None]
-        n, size = joints.shape[1] - 1, joints.shape[2]
+        return cls.of_postures(arm, np.asarray(q, dtype=float)[None])
+
+    @classmethod
+    def of_postures(cls, arm: Arm, q: Array) -> Scene:
+        """An arm alone at joint angles (T, n) [rad], a second after the other."""
+        space = geometry_of(arm)
+        joints = np.asarray((space or arm).forward_kinematics(q))
+        count, n, size = joints.shape[0], joints.shape[1] - 1, joints.shape[2]
+        solids = None if space is None else _solids_of(space, q, joints)
         return cls(
-            t=np.zeros(1),
+            t=np.arange(count, dtype=float),
             joints=joints,
-            radii=np.asarray(arm.radius),
+            radii=np.asarray(arm.radius) if solids is None else _thickest(solids, n),
             cores=(),
-            obstacles=np.zeros((1, 0, size)),
+            obstacles=np.zeros((count, 0, size)),
             influence=0.0,
             tip=joints[:, -1],
             reference=joints[:, -1],
-            strength=np.zeros((1, n)),
+            strength=np.zeros((count, n)),
+            solids=solids,
+            turns=None if space is None else space.tool_poses(q)[:, :3, :3],
+            base=None if space is None else space.mount[:3, 3],
         )
 
     @property
@@ -195,6 +248,19 @@ class Scene:
     def links(self) -> Array:
         """Ends of the links (T, n, 2, D) [m]."""
         return np.stack([self.joints[:, :-1], self.joints[:, 1:]], axis=2)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What the arm is made of."""
+        if self.solids is not None:
+            return self.solids
+        ends = self.links
+        return tuple(Part(i, ends[:, i], float(radius)) for i, radius in enumerate(self.radii))
+
+    @property
+    def reach(self) -> float:
+        """From the base to the farthest point of the joints [m]."""
+        return float(np.linalg.norm(self.joints - self.joints[:, :1], axis=-1).max(initial=1e-9))
 
     @property
     def moves(self) -> bool:
@@ -213,6 +279,10 @@ class Scene:
             strength=self.strength[rows],
             given=None if self.given is None else (self.given[0][rows], self.given[1][rows]),
             sensed=None if self.sensed is None else self.sensed[rows],
+            solids=None
+            if self.solids is None
+            else tuple(Part(each.index, each.corners[rows], each.radius) for each in self.solids),
+            turns=None if self.turns is None else self.turns[rows],
         )
 
     @cached_property
@@ -225,6 +295,8 @@ class Scene:
         """
         if self.given is not None:
             return self.given
+        if self.dimension == 3:
+            return self._pushes_in_space()
         a, b = self.joints[:, :-1], self.joints[:, 1:]
         points, directions = a.copy(), np.zeros_like(a)
         least = np.full(a.shape[:2], np.inf)
@@ -240,6 +312,26 @@ class Scene:
                 directions = np.where(closer[..., None], unit, directions)
         return points, directions * self.strength[..., None]
 
+    def _pushes_in_space(self) -> tuple[Array, Array]:
+        """The same from the parts of the links; one with corners of its own counts as its middle."""
+        points, directions = self.joints[:, :-1].copy(), np.zeros_like(self.joints[:, :-1])
+        least = np.full(points.shape[:2], np.inf)
+        for part in (each for each in self.parts if each.index >= 0):
+            i = part.index
+            ends = part.corners if part.corners.shape[1] <= 2 else part.corners.mean(axis=1, keepdims=True)
+            for index, (corners, radius) in enumerate(self.cores):
+                core = corners + self.obstacles[:, index, None]
+                on_link, on_obstacle = geometry.nearest_in_space(ends[:, 0], ends[:, -1], core)
+                away = on_link - on_obstacle
+                distance = np.linalg.norm(away, axis=-1)
+                gap = distance - radius - part.radius
+                closer = gap < least[:, i]
+                least[:, i] = np.where(closer, gap, least[:, i])
+                points[:, i] = np.where(closer[:, None], on_link, points[:, i])
+                unit = away / np.maximum(distance, 1e-300)[:, None]
+                directions[:, i] = np.where(closer[:, None], unit, directions[:, i])
+        return points, directions * self.strength[..., None]
+
     def at(self, row: int, only: Collection[Role] | None = None) -> list[Primitive]:
         """Everything that there is at one instant, or what has one of some roles, in the order of `ROLES`."""
         return [each for role in ROLES if only is None or role in only for each in self._parts(role, row)]
@@ -252,17 +344,24 @@ class Scene:
             case "obstacle":
                 for index, (corners, radius) in enumerate(self.cores):
                     yield Body(role, index, corners + self.obstacles[row, index], radius)
+            case "base" if self.dimension == 3:
+                for part in self.parts:
+                    if part.index < 0:
+                        yield Body(role, part.index, part.corners[row], part.radius)
             case "base":
                 yield Marks(role, self.joints[row, :1])
             case "reference" if self.moves:
                 yield Curve(role, self.reference)
             case "link":
-                for index, (ends, radius) in enumerate(zip(self.links[row], self.radii, strict=True)):
-                    yield Body(role, index, ends, float(radius))
+                for part in self.parts:
+                    if part.index >= 0:
+                        yield Body(role, part.index, part.corners[row], part.radius)
             case "joint":
                 yield Marks(role, self.joints[row])
             case "trail":
                 yield Curve(role, self.tip[: row + 1])
+            case "tool" if self.turns is not None:
+                yield Axes(role, self.tip[row], self.turns[row], 0.12 * self.reach)
             case "force":
                 points, forces = self.pushes
                 for index, (tail, vector) in enumerate(zip(points[row], forces[row], strict=True)):
@@ -294,7 +393,10 @@ class Scene:
         Obstacles count where they come near the arm, with a `field` also the ring around them at the start;
         one that passes far away does not shrink the picture.
         """
-        arm = geometry.seen(self.joints, view).reshape(-1, 2)
+        places = [self.joints.reshape(-1, self.dimension)]
+        if self.solids is not None:
+            places += [each.corners.reshape(-1, self.dimension) for each in self.solids]
+        arm = geometry.seen(np.vstack(places), view)
         around = np.vstack([arm, geometry.seen(self.reference, view)])
         low, high = around.min(axis=0), around.max(axis=0)
         reach = 0.35 * float((high - low).max())
@@ -336,11 +438,64 @@ def drawable(result: Result) -> Result:
     return dataclasses.replace(result, t=result.t[:rows], **cut)  # type: ignore[arg-type]
 
 
-def cores_of(document: Mapping[str, Any]) -> tuple[tuple[Array, float], ...]:
-    """The obstacles of a scenario's document as corners of their cores and radii."""
+def cores_of(document: Mapping[str, Any], scene: Scene | None = None) -> tuple[tuple[Array, float], ...]:
+    """The obstacles of a scenario's document as corners of their cores and radii, around a scene in space."""
+    if scene is not None and scene.dimension == 3:
+        base = scene.joints[0, 0] if scene.base is None else scene.base
+        reach = 1.25 * scene.reach
+        return tuple(
+            geometry.core_in_space(
+                each["shape"], each.get("orientation"), base - np.asarray(each.get("position", base)), reach
+            )
+            for each in document.get("obstacles", [])
+        )
     return tuple(
         geometry.core(each["shape"], each.get("angle", 0.0)) for each in document.get("obstacles", [])
     )
+
+
+def geometry_of(arm: Any) -> SpatialArm | None:
+    """The geometry of an arm in space over many postures at once; None of an arm in the plane."""
+    if isinstance(arm, SpatialArm):
+        return arm
+    return SpatialArm(arm.to_dict()) if getattr(arm, "dimension", 2) == 3 else None
+
+
+def _solids_of(arm: SpatialArm, q: Array, joints: Array) -> tuple[Part, ...]:
+    """The shapes of an arm in space at joint positions (T, n); a link without any is a thin line."""
+    poses = arm.link_poses(q)
+    found = []
+    for link, shape in arm.collision:
+        index = arm.link_names.index(link) if link in arm.link_names else -1
+        place = poses[:, index] if index >= 0 else np.broadcast_to(arm.mount, (len(q), 4, 4))
+        corners = _corners_of(shape)
+        there = np.einsum("tij,kj->tki", place[:, :3, :3], corners) + place[:, None, :3, 3]
+        found.append(Part(index, there, float(shape.get("radius", 0.0))))
+    dressed = {part.index for part in found}
+    thin = 0.015 * float(np.linalg.norm(np.diff(joints[0], axis=0), axis=-1).sum())
+    for i in range(joints.shape[1] - 1):
+        if i not in dressed:
+            found.append(Part(i, joints[:, i : i + 2], thin))
+    return tuple(found)
+
+
+def _corners_of(shape: Mapping[str, Any]) -> Array:
+    """Corners (·, 3) of the core of a link's shape, in the link's frame."""
+    match shape["kind"]:
+        case "sphere":
+            return np.array([shape["center"]], dtype=float)
+        case "capsule":
+            return np.array([shape["a"], shape["b"]], dtype=float)
+        case "box":
+            corners, _ = geometry.core_in_space(shape, shape.get("orientation"))
+            return np.asarray(corners + np.asarray(shape["center"], dtype=float))
+        case _:
+            return np.asarray(shape["vertices"], dtype=float)
+
+
+def _thickest(solids: tuple[Part, ...], n: int) -> Array:
+    """The largest radius of each of n links' parts."""
+    return np.array([max((p.radius for p in solids if p.index == i), default=0.0) for i in range(n)])
 
 
 def influence_of(document: Mapping[str, Any]) -> float:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from vffnull.plotting import canvas, style
+from vffnull.plotting import canvas, space, style
 from vffnull.plotting.primitives import Marks, Scene, travels
 
 if TYPE_CHECKING:
@@ -24,10 +24,39 @@ _LABELS = (0.5, 0.75)  # width and height [in] that ticks, labels and the time s
 
 def strobe(result: Result) -> Figure:
     """The arm and the obstacles at several instants, from early (light) to late (dark)."""
-    height = natural_height(Scene.of_result(result), style.COLUMN)
+    scene = Scene.of_result(result)
+    if scene.dimension == 3:
+        return _in_space(scene)
+    height = natural_height(scene, style.COLUMN)
     fig = style.figure(height)
     passing(fig.subplots(), result, height=height)
     return fig
+
+
+def _in_space(scene: Scene) -> Figure:
+    """The view in three dimensions, and beside it the two along axes that show most of the motion."""
+    fig = style.figure(4.4, style.PAGE)
+    fig.set_layout_engine("none")
+    in_depth(fig, scene, (0.0, 0.0, 0.62, 1.0))
+    when, colours = space.moments(scene)
+    layers = space.passing_layers(scene, when, colours)
+    names = space.telling(scene)
+    for i, name in enumerate(names):
+        ax = fig.add_axes((0.69, 0.57 - 0.49 * i, 0.3, 0.4))
+        space.flat(ax, layers, name, 1.6 * 200 / scene.reach)
+    return fig
+
+
+def in_depth(fig: Any, scene: Scene, rect: tuple[float, float, float, float]) -> None:
+    """The picture in three dimensions with its time scale and key, in a part of the figure."""
+    left, bottom, wide, tall = rect
+    when, colours = space.moments(scene)
+    ax = space.stage(fig, scene, (left, bottom, wide, 0.92 * tall))
+    space.put(ax, space.passing_layers(scene, when, colours))
+    strip = fig.add_axes((left + 0.1 * wide, bottom + 0.91 * tall, 0.8 * wide, 0.018 * tall))
+    scale_into(strip, scene.t[when], colours)
+    if lines := space.key(scene):
+        ax.legend(handles=lines, loc="upper left", bbox_to_anchor=(0.02, 0.985))
 
 
 def natural_height(scene: Scene, width: float, *, field: bool = False) -> float:
@@ -92,7 +121,11 @@ def shades(count: int) -> list[Any]:
 
 def time_scale(ax: Axes, times: Array, colours: list[Any]) -> None:
     """Which colour is which instant: a narrow strip over the picture."""
-    strip = ax.inset_axes((0.0, 1.03, 1.0, 0.02))
+    scale_into(ax.inset_axes((0.0, 1.03, 1.0, 0.02)), times, colours)
+
+
+def scale_into(strip: Axes, times: Array, colours: list[Any]) -> None:
+    """The time scale on axes of its own."""
     strip.imshow([colours], aspect="auto")
     strip.set_axis_off()
     digits = 1 if times[-1] >= 2.0 else 2

@@ -10,30 +10,40 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from vffnull._record import AXES, unit
 from vffnull.plotting import style
 
 if TYPE_CHECKING:
     from vffnull.result import Result
 
-_SYMBOLS = ("x", "y", r"\varphi")
+_SYMBOLS = {
+    "x": "x", "y": "y", "z": "z", "phi": r"\varphi", "rx": r"\theta_x", "ry": r"\theta_y", "rz": r"\theta_z",
+}  # fmt: skip
 _ACTUAL = "#0072B2"
 _AXIS_COLOURS = ("#0072B2", "#D55E00", "#009E73")
 _AXIS_DASHES = ("-", "--", "-.")  # two axes often run on top of each other
+_TURNED = "#CC79A7"
 
 
 def tracking(result: Result) -> Figure:
-    """Every axis of the task: reference and actual (Figs. 5, 6, 10, 11 of the paper)."""
-    count = result.x.shape[1]
+    """Every axis of the task: reference and actual (Figs. 5, 6, 10, 11 of the paper).
+
+    In space an orientation stands below as the rotation that is left between the two.
+    """
+    names = _places(result)
+    angles = _turns(result) if result.layout.dimension == 3 else []
+    count = len(names) + bool(angles)
     fig, axes = style.panels(count, 1.0 + 1.1 * count)
-    for i, ax in enumerate(axes):
+    for i, (ax, name) in enumerate(zip(axes, names, strict=False)):
         ax.plot(result.t, result.x[:, i], color=_ACTUAL, linewidth=1.6, label="actual")
         ax.plot(
             result.t, result.x_ref[:, i], color=style.INK, linestyle="--", linewidth=0.9, label="reference"
         )
-        ax.set_ylabel(f"${_SYMBOLS[i]}$ [{unit('x', AXES[i])}]")
+        ax.set_ylabel(f"${_SYMBOLS[name]}$ [{result.layout.unit('x', name)}]")
         ax.margins(y=0.08)
         _open_if_flat(ax, result.x[:, i])
+    if angles:
+        _components(axes[-1], result, angles, "rad", "rotation error")
+        axes[-1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     fig.align_ylabels(axes)
     return fig
@@ -41,12 +51,14 @@ def tracking(result: Result) -> Figure:
 
 def tracking_error(result: Result) -> Figure:
     """The error by axis, and its magnitude on a logarithmic scale (Figs. 7, 12)."""
+    if result.layout.dimension == 3 and _turns(result):
+        return _pose_error(result)
     fig, (top, bottom) = style.panels(2, 3.1)
     lengths = _lengths(result)
     factor, units = style.prefixed(float(np.nanmax(np.abs(result.error[:, lengths]))), "m")
-    for i in range(result.error.shape[1]):
-        scale, axis_unit = (factor, units) if i in lengths else (1.0, unit("error", AXES[i]))
-        label = f"$e_{_SYMBOLS[i]}$ [{axis_unit}]"
+    for i, name in enumerate(_axes(result)):
+        scale, axis_unit = (factor, units) if i in lengths else (1.0, result.layout.unit("error", name))
+        label = f"$e_{_SYMBOLS[name]}$ [{axis_unit}]"
         top.plot(
             result.t,
             scale * result.error[:, i],
@@ -62,12 +74,56 @@ def tracking_error(result: Result) -> Figure:
     return fig
 
 
+def _pose_error(result: Result) -> Figure:
+    """Position and orientation have a panel each, and lines of their own in that of the magnitudes."""
+    fig, (top, middle, bottom) = style.panels(3, 4.3)
+    _components(top, result, _lengths(result), "m", "position error")
+    _components(middle, result, _turns(result), "rad", "rotation error")
+    error_magnitude(bottom, result)
+    for ax in (top, middle):
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
+    fig.align_ylabels([top, middle, bottom])
+    return fig
+
+
+def _components(ax: Axes, result: Result, which: list[int], unit: str, what: str) -> None:
+    """The error along some axes, which share a unit."""
+    factor, units = style.prefixed(float(np.nanmax(np.abs(result.error[:, which]))), unit)
+    names = _axes(result)
+    for number, i in enumerate(which):
+        ax.plot(
+            result.t,
+            factor * result.error[:, i],
+            color=_AXIS_COLOURS[number],
+            linestyle=_AXIS_DASHES[number],
+            label=f"$e_{{{_SYMBOLS[names[i]]}}}$",
+        )
+    ax.set_ylabel(f"{what}\n[{units}]")
+    ax.margins(y=0.08)
+
+
 def error_magnitude(ax: Axes, result: Result) -> None:
-    """The distance between end effector and reference on a logarithmic scale."""
+    """The distance between end effector and reference on a logarithmic scale, in space also the angle."""
     size = distance(result)
     ax.semilogy(result.t, np.maximum(size, style.ROUNDING), color=style.INK)
     ax.set_ylabel("$|e|$ [m]")
-    low, high = decades(size)
+    sizes = [size]
+    if result.layout.dimension == 3 and _turns(result):
+        turned = angle(result)
+        ax.semilogy(result.t, np.maximum(turned, style.ROUNDING), color=_TURNED, linestyle="--")
+        ax.set_ylabel("$|e|$ [m, rad]")
+        ax.text(
+            0.99,
+            0.14,
+            "orientation",
+            transform=ax.transAxes,
+            ha="right",
+            va="bottom",
+            fontsize=7,
+            color=_TURNED,
+        )
+        sizes.append(turned)
+    low, high = decades(np.concatenate(sizes))
     ax.set_ylim(low, high)
     ax.yaxis.set_major_locator(LogLocator(numticks=6))
     ax.yaxis.set_minor_formatter(NullFormatter())
@@ -83,9 +139,30 @@ def distance(result: Result) -> NDArray[np.float64]:
     return np.asarray(np.linalg.norm(result.error[:, _lengths(result)], axis=1))
 
 
+def angle(result: Result) -> NDArray[np.float64]:
+    """By how much the end effector is turned from its reference (T,) [rad], as far as the task cares."""
+    return np.asarray(np.linalg.norm(result.error[:, _turns(result)], axis=1))
+
+
+def _axes(result: Result) -> list[str]:
+    """Names of the task's axes."""
+    return [str(name) for name in result.layout.labels("task", result.error.shape[1])]
+
+
+def _places(result: Result) -> list[str]:
+    """Names of the axes along which `Result.x` is recorded."""
+    over = result.layout.quantities["x"].over[0]
+    return [str(name) for name in result.layout.labels(over, result.x.shape[1])]
+
+
 def _lengths(result: Result) -> list[int]:
-    """Which axes of the task are lengths; the others are angles."""
-    return [i for i in range(result.error.shape[1]) if unit("error", AXES[i]) == "m"]
+    """Which axes of the task are lengths."""
+    return [i for i, name in enumerate(_axes(result)) if result.layout.unit("error", name) == "m"]
+
+
+def _turns(result: Result) -> list[int]:
+    """Which axes of the task are angles."""
+    return [i for i, name in enumerate(_axes(result)) if result.layout.unit("error", name) == "rad"]
 
 
 def decades(sizes: NDArray[np.float64]) -> tuple[float, float]:

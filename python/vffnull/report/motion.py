@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _record
+from vffnull._record import Layout
 from vffnull.plotting import geometry
+from vffnull.plotting.primitives import Scene
 from vffnull.report.figures import Run
+
+_STILL = "#8A8D92"
+"""The colour of the base."""
+_OBSTACLE = "#F4B183"
+"""Lighter than in figures, where no link has such a colour."""
 
 
 def pack(run: Run, colours: list[str]) -> dict[str, Any]:
@@ -23,10 +31,14 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
         "joints": _place(scene.joints),
         "colours": colours,
         "radii": scene.radii.tolist(),
+        "parts": list(_parts(scene, colours)),
         "tip": _place(scene.tip),
         "target": _place(scene.reference),
         "obstacles": _place(scene.obstacles),
-        "outlines": [_packed(geometry.outline(*core)) for core in scene.cores],
+        "outlines": [
+            _packed(np.zeros((0, 2)) if _is_part(scene, *core) else geometry.outline(*core))
+            for core in scene.cores
+        ],
         "halos": [
             _packed(geometry.outline(corners, radius + scene.influence))
             for corners, radius in scene.cores
@@ -42,20 +54,50 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
             "repulsion": _packed(result.force[rows].max(axis=1)),
             "torque": _packed(np.abs(result.tau[rows]).max(axis=1)),
         },
-        "quantities": [_quantity(name, values[rows]) for name, values in _record.recorded(result).items()],
+        "quantities": [
+            _quantity(name, values[rows], result.layout) for name, values in _record.recorded(result).items()
+        ],
     }
 
 
-def _quantity(name: str, values: NDArray[Any]) -> dict[str, Any]:
+def _parts(scene: Scene, colours: list[str]) -> Iterator[dict[str, Any]]:
+    """Balls and rods in space, of the arm and of the obstacles: the nearest has to be drawn last."""
+    if scene.dimension == 2:
+        return
+    for part in scene.parts:
+        colour = colours[part.index] if part.index >= 0 else _STILL
+        yield _rod(part.corners, part.radius, colour)
+    for index, (corners, radius) in enumerate(scene.cores):
+        if _is_part(scene, corners, radius):
+            yield _rod(corners + scene.obstacles[:, index, None], radius, _OBSTACLE)
+
+
+def _is_part(scene: Scene, corners: NDArray[Any], _radius: float) -> bool:
+    """Whether an obstacle is drawn among the parts of the arm."""
+    return scene.dimension == 3 and len(corners) <= 2
+
+
+def _rod(corners: NDArray[Any], radius: float, colour: str) -> dict[str, Any]:
+    """A ball or rod at every instant; a larger depth is nearer to the viewer."""
+    view = geometry.view_of(3)
+    ends = corners[:, [0, -1]]
+    return {
+        "ends": _place(ends),
+        "depth": _packed(ends.mean(axis=1) @ np.cross(*view)),
+        "radius": radius,
+        "colour": colour,
+    }
+
+
+def _quantity(name: str, values: NDArray[Any], layout: Layout) -> dict[str, Any]:
     """A recorded quantity for the panel in which the reader chooses; one row for each column."""
-    about = _record.QUANTITIES[name]
-    flat = _record.flat(values).T
+    flat, units = _record.flat(values).T, layout.units(name, values.shape[1:])
     return {
         "name": name,
-        "label": f"{about.meaning} [{about.unit}]",
+        "label": f"{layout.quantities[name].meaning} [{units}]" if units else layout.quantities[name].meaning,
         "count": len(flat),
         "values": _packed(flat),
-        "columns": [column.name for column in _record.columns(name, values.shape[1:])],
+        "columns": [column.name for column in layout.columns(name, values.shape[1:])],
     }
 
 

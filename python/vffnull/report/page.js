@@ -8,6 +8,7 @@
     for (const name of ["t", "joints", "tip", "target", "obstacles", "points", "forces"]) run[name] = unpack(run[name]);
     run.outlines = run.outlines.map(unpack);
     run.halos = run.halos.map(unpack);
+    for (const part of run.parts) { part.ends = unpack(part.ends); part.depth = unpack(part.depth); }
     for (const name in run.now) run.now[name] = unpack(run.now[name]);
     return run;
   });
@@ -52,16 +53,24 @@
     const row = rowAt(run, time), n = run.radii.length, k = run.outlines.length;
     const set = (what, data) => { sources[`${what}-${index}`].data = data; };
     const { x, y } = split(run.joints, row * (n + 1) * 2, (row + 1) * (n + 1) * 2);
-    set("joints", { x, y });
+    const flat = !run.parts.length;
+    if (flat) set("joints", { x, y });
     const pair = (values, i) => [values[i], values[i + 1]], each = [...run.radii.keys()];
-    set("links", { xs: each.map(i => pair(x, i)), ys: each.map(i => pair(y, i)), colour: run.colours });
+    if (flat) set("links", { xs: each.map(i => pair(x, i)), ys: each.map(i => pair(y, i)), colour: run.colours });
     set("solids", moved(run.outlines, run.obstacles, row * k * 2));
     set("halos", moved(run.halos, run.obstacles, row * k * 2));
     set("target", split(run.target, row * 2, row * 2 + 2));
     set("trail", split(run.tip, 0, row * 2 + 2));
     const bodies = { xs: [], ys: [], colour: [] };
+    // In space: the farthest first, so that what is near covers it.
+    [...run.parts].sort((a, b) => a.depth[row] - b.depth[row]).forEach(part => {
+      const [xs, ys] = capsule(...part.ends.subarray(row * 4, row * 4 + 4), part.radius);
+      bodies.colour.push(part.colour);
+      bodies.xs.push(xs);
+      bodies.ys.push(ys);
+    });
     run.radii.forEach((r, i) => {
-      if (r <= 0) return;
+      if (r <= 0 || !flat) return;
       const [xs, ys] = capsule(x[i], y[i], x[i + 1], y[i + 1], r);
       bodies.colour.push(run.colours[i]);
       bodies.xs.push(xs);

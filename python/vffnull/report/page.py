@@ -167,8 +167,11 @@ def _assumptions(result: Result) -> list[str]:
         "ignore": "Links do not avoid one another, and clearance is between links and obstacles only.",
         "report": "Links do not avoid one another; their clearance is measured.",
     }.get(controller.get("self_collision", "ignore"), "Links that share no joint avoid one another.")
+    space = result.layout.dimension == 3
+    joints = "joints that turn or slide" if result.layout.slides else "revolute joints"
+    where = "in space" if space else "in the plane"
     return [
-        f"Rigid links in the plane, revolute joints {'with' if friction else 'without'} friction, {drives}.",
+        f"Rigid links {where}, {joints} {'with' if friction else 'without'} friction, {drives}.",
         plant,
         f"The controller's model of the arm is wrong in {_listed(model)}; see [plant]."
         if model
@@ -182,6 +185,7 @@ def _assumptions(result: Result) -> list[str]:
         f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
         links,
         "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
+        *(["Links are drawn as the bodies that are measured against obstacles."] if space else []),
         "Arrows show the recorded magnitude of the repulsion on a link, at its point nearest to an obstacle.",
     ]
 

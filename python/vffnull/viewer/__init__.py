@@ -79,11 +79,17 @@ def live(
     if not folder.is_dir():
         raise InputError(f"record_to: there is no folder {folder}")
     extra("viser", "viewer")
+    from vffnull._arm import in_the_plane
     from vffnull._simulate import prepare
     from vffnull.viewer.guard import origins
     from vffnull.viewer.page import LivePage
 
-    page = LivePage(prepare(scenario), port, folder, origins(allow_origins))
+    ready = prepare(scenario)
+    in_the_plane(
+        ready.to_dict(),
+        "the live page shows the plane so far; `vffnull animate` and `vffnull report` show it",
+    )
+    page = LivePage(ready, port, folder, origins(allow_origins))
     if block:
         print(f"{page.url}; Ctrl-C ends it")
     try:

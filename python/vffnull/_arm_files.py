@@ -1,0 +1,114 @@
+"""Arms of scenarios that stand in other files: ``[arm] urdf = "robot.urdf"``.
+
+They are read once, before the core sees the scenario. It holds the explicit description that comes out, so
+that it can be saved, sent and run again without the file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vffnull import _core
+from vffnull._document import Document
+from vffnull.errors import InputError, InputTypeError, ScenarioError
+
+__all__ = ["anchored", "explicit"]
+
+_READ = ("tip", "base", "locked", "tool", "mount", "gravity", "srdf", "packages", "armature", "fix_inertia")
+"""What the reader of a URDF is told."""
+
+_CHANGED = ("name", "payload", "reach", "joint_limits", "velocity_limits", "torque_limits", "ignore")
+"""What replaces what was read, or is added to it."""
+
+
+def anchored(document: Document, folder: Path) -> Document:
+    """The document itself, the files that its arm names relative to a folder named from there."""
+    arm = document.get("arm")
+    if not isinstance(arm, dict) or "urdf" not in arm:
+        return document
+    for key in ("urdf", "srdf"):
+        if isinstance(arm.get(key), str) and not _is_text(arm[key]):
+            arm[key] = _from(folder, arm[key])
+    match arm.get("packages"):
+        case str(one):
+            arm["packages"] = _from(folder, one)
+        case list(several):
+            arm["packages"] = [_from(folder, each) for each in several]
+        case dict(named):
+            arm["packages"] = {name: _from(folder, each) for name, each in named.items()}
+    return document
+
+
+def explicit(document: Document) -> Document:
+    """The document itself, its arm as the explicit description where it is in another file.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the file cannot be read, or is not what it should be.
+
+    Warns
+    -----
+    vffnull.errors.ScenarioWarning
+        Of what is odd in the file but allowed.
+    """
+    arm = document.get("arm") if isinstance(document, dict) else None
+    if isinstance(arm, dict):
+        if "urdf" in arm:
+            document["arm"] = _read(arm)
+        elif ("model" in arm or "joints" in arm) and isinstance(arm.get("collision"), str):
+            document["arm"] = _without_word(arm)
+    return document
+
+
+def _without_word(arm: Mapping[str, Any]) -> Document:
+    """An arm whose shapes are known, with what a word says of them."""
+    word = arm["collision"]
+    rest = {key: value for key, value in arm.items() if key != "collision"}
+    if word == "none":
+        return rest | {"collision": []}
+    if word == "fit" and "model" in arm:  # they are fitted
+        return rest
+    allowed = "'fit', 'none' or a list of shapes" if "model" in arm else "'none' or a list of shapes"
+    raise ScenarioError(f"arm.collision: without a URDF expected {allowed}, got {word!r}", "arm.collision")
+
+
+def _read(arm: Mapping[str, Any]) -> Document:
+    """The explicit description of an arm in a URDF."""
+    for key in ("model", "joints"):
+        if key in arm:
+            raise ScenarioError(
+                f"arm.{key}: the URDF says which arm it is: give `urdf` or `{key}`", f"arm.{key}"
+            )
+    if strange := sorted(set(arm) - {"urdf", "collision", *_READ, *_CHANGED}):
+        allowed = ", ".join(f"`{key}`" for key in ("urdf", "collision", *_READ, *_CHANGED))
+        raise ScenarioError(f"arm: unknown key `{strange[0]}` beside `urdf`; allowed: {allowed}", "arm")
+    from vffnull.arms import from_urdf
+
+    shapes = arm.get("collision", "fit")
+    asked = {key: arm[key] for key in _READ if key in arm}
+    how: Any = shapes if isinstance(shapes, str) else "none"
+    try:
+        found = from_urdf(arm["urdf"], collision=how, **asked)
+        changes = {key: arm[key] for key in _CHANGED if key in arm}
+        if not isinstance(shapes, str):
+            changes["collision"] = shapes
+        changes["ignore"] = [*found.get("ignore", []), *changes.get("ignore", [])]
+        return _core.check_arm(found | changes)
+    except (InputError, InputTypeError) as error:
+        text = str(error)
+        text = text.removeprefix("urdf: ")
+        raise ScenarioError(f"arm.urdf: {text}", "arm.urdf") from None
+
+
+def _from(folder: Path, path: Any) -> Any:
+    """A path as seen from here; what is none is for the reader to refuse."""
+    return os.path.join(folder, path) if isinstance(path, str) else path
+
+
+def _is_text(given: str) -> bool:
+    """Whether it is a URDF itself, and no name of one."""
+    return given.lstrip("\ufeff \t\r\n").startswith("<")

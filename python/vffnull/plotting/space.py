@@ -1,0 +1,242 @@
+"""Pictures of scenes in space: the arm as smooth bodies among the obstacles, with earlier postures faint.
+
+`layers_at` says which bodies there are at an instant and `render` draws them; here they are put into
+Matplotlib's axes, in three dimensions with panes and ticks, or flat as seen along an axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes as FlatAxes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import FigureBase
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, MaxNLocator
+from numpy.typing import NDArray
+
+from vffnull.plotting import style
+from vffnull.plotting.primitives import COLOURS, Axes, Body, Curve, Role, Scene, travels
+from vffnull.plotting.render import Canvas, Layer, Solid, rods
+
+if TYPE_CHECKING:
+    from vffnull.plotting.primitives import Rows
+
+Array = NDArray[np.float64]
+
+VIEWS: dict[str, Array] = {
+    "xz": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "yz": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+    "xy": np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+}
+"""Flat pictures along an axis, called after what is to the right and what is up."""
+
+_AXES = (np.array(to_rgb("#D62728")), np.array(to_rgb("#2CA02C")), np.array(to_rgb("#1F77B4")))
+_ELEVATION, _AZIMUTH = 20.0, -52.0  # degrees
+_SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
+_DASHES = (0, (2, 2))
+_ROD = 0.005  # of the arm's reach, the radius of lines
+
+
+def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) -> list[Layer]:
+    """What there is of bodies at an instant, in the colours of their roles, or the arm in another one."""
+    solids, surfaces = [], []
+    thin = _ROD * scene.reach
+    roles: tuple[Role, ...] = ("obstacle", "base", "link", "tool")
+    for each in scene.at(row, roles if tool else roles[:-1]):
+        match each:
+            case Body(role="obstacle", corners=corners, radius=radius) if len(corners) == 4 and radius == 0.0:
+                surfaces.append(Solid(corners, radius, np.array(to_rgb(COLOURS["obstacle"]))))
+            case Body(role="obstacle", corners=corners, radius=radius):
+                solids.append(Solid(corners, radius, _tint(COLOURS["obstacle"], 0.15)))
+            case Body(role="base", corners=corners, radius=radius):
+                solids.append(Solid(corners, radius, np.array([0.55, 0.56, 0.58])))
+            case Body(index=index, corners=corners, radius=radius):
+                shade = _tint(COLOURS["link"] if colour is None else colour, 0.18 if index % 2 else 0.5)
+                solids.append(Solid(corners, radius, shade))
+            case Axes(origin=origin, axes=axes, length=length):
+                for i, paint in enumerate(_AXES):
+                    tip = origin + length * axes[:, i]
+                    solids.append(Solid(np.stack([origin, tip]), 1.4 * thin, paint))
+    made = [Layer(solids, floor=floor_of(scene))]
+    return [*made, Layer(surfaces, 0.25)] if surfaces else made
+
+
+def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Layer]:
+    """The scene at some instants, the last as it is, the others faint, with the paths of what moves."""
+    thin = _ROD * scene.reach
+    found: list[Layer] = []
+    last = len(rows) - 1
+    for order, (row, colour) in enumerate(zip(rows, colours, strict=True)):
+        if order == last:
+            found += layers_at(scene, int(row), colour=colour)
+            continue
+        solids = []
+        for each in scene.at(int(row), ["obstacle", "link"]):
+            assert isinstance(each, Body)
+            if each.role == "link":
+                solids.append(Solid(each.corners, each.radius, _tint(colour, 0.25)))
+            elif travels(scene.obstacles[:, each.index]):
+                solids.append(Solid(each.corners, each.radius, _tint(COLOURS["obstacle"], 0.3)))
+        found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
+    return [*found, *path_layers(scene, len(scene.t) - 1, thin)]
+
+
+def path_layers(scene: Scene, row: int, thin: float) -> list[Layer]:
+    """The paths of the obstacles, the reference's, and the end effector's until an instant."""
+    lines: list[Solid] = []
+    for index in range(scene.obstacles.shape[1]):
+        places = scene.obstacles[:, index]
+        if travels(places):
+            lines += rods(places, 0.6 * thin, _tint(style.MUTED, 0.0), dashed=True)
+    for each in scene.at(row, ["reference", "trail"]):
+        assert isinstance(each, Curve)
+        dashed = each.role == "reference"
+        lines += rods(each.points, (0.8 if dashed else 1.0) * thin, _tint(COLOURS[each.role], 0.0),
+                      dashed=dashed)  # fmt: skip
+    return [Layer(lines)] if lines else []
+
+
+def bounds(scene: Scene) -> tuple[Array, Array]:
+    """Opposite corners (3,) of a box around the arm at all times and what comes near it [m]."""
+    lows = [part.corners.reshape(-1, 3).min(axis=0) - part.radius for part in scene.parts]
+    highs = [part.corners.reshape(-1, 3).max(axis=0) + part.radius for part in scene.parts]
+    low, high = (
+        np.min([*lows, scene.reference.min(axis=0)], axis=0),
+        np.max([*highs, scene.reference.max(axis=0)], axis=0),
+    )
+    inner, reach = (low.copy(), high.copy()), 0.3 * float((high - low).max())
+    for index, (corners, radius) in enumerate(scene.cores):
+        if len(corners) == 4:
+            continue  # a surface has no end
+        places = scene.obstacles[:, index, None] + corners
+        near = np.all((places > inner[0] - reach) & (places < inner[1] + reach), axis=-1).any(axis=1)
+        if near.any():
+            low = np.minimum(low, np.maximum(places[near].min(axis=(0, 1)) - radius, inner[0] - reach))
+            high = np.maximum(high, np.minimum(places[near].max(axis=(0, 1)) + radius, inner[1] + reach))
+    floor = floor_of(scene)
+    if floor is not None:
+        low[2] = floor
+    return low, high
+
+
+def floor_of(scene: Scene) -> float | None:
+    """The height of the floor that the arm stands on [m]; None if its links go below its base."""
+    base = float(scene.joints[0, 0, 2] if scene.base is None else scene.base[2])
+    moving = [float(part.corners[..., 2].min()) - part.radius for part in scene.parts if part.index >= 0]
+    return base if min(moving, default=base) > base - 0.1 * scene.reach else None
+
+
+def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]) -> Any:
+    """Axes in three dimensions with equal scales and light panes, in a part of the figure."""
+    low, high = bounds(scene)
+    pad = 0.03 * float((high - low).max())
+    low, high = low - [pad, pad, 0.0], high + pad
+    ax: Any = fig.add_axes(rect, projection="3d")
+    ax.set_proj_type("ortho")
+    ax.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set_box_aspect(high - low, zoom=0.97)
+    ax.patch.set_alpha(0.0)
+    for axis, name in ((ax.xaxis, "$x$ [m]"), (ax.yaxis, "$y$ [m]"), (ax.zaxis, "$z$ [m]")):
+        axis.set_pane_color((0.965, 0.968, 0.975, 1.0))
+        axis.pane.set_edgecolor("#D0D0D0")
+        axis.line.set_color("#A0A0A0")
+        axis._axinfo["grid"].update(color="#E2E2E2", linewidth=0.5)
+        axis._axinfo["tick"].update(inward_factor=0.0, outward_factor=0.15)
+        axis.set_major_locator(FixedLocator(_inside(*axis.get_view_interval()).tolist()))
+        axis.set_tick_params(labelsize=6.5, pad=-3.0)
+        axis.set_label_text(name)
+        axis.labelpad = -8.0
+    return ax
+
+
+def _inside(low: float, high: float) -> Array:
+    """Round numbers that keep away from the ends of an axis, where two axes meet."""
+    ticks = np.asarray(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+    room = 0.05 * (high - low)
+    inner = ticks[(ticks >= low + room) & (ticks <= high - room)]
+    return np.append(ticks[np.isclose(ticks, low)], inner) if low == 0.0 else inner
+
+
+def view_of(ax: Any) -> tuple[Array, float, Array]:
+    """The picture's axes (2, 3) of axes in three dimensions, its units per metre, and where the origin is."""
+    matrix = np.asarray(ax.get_proj())
+    places = np.vstack([np.zeros(3), np.eye(3)])
+    flat = np.column_stack([places, np.ones(4)]) @ matrix.T
+    flat = flat[:, :2] / flat[:, 3:]
+    rows = (flat[1:] - flat[0]).T
+    scale = float(np.linalg.norm(rows[0]))
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True), scale, flat[0]
+
+
+def put(ax: Any, layers: list[Layer], *, sharp: float = _SHARP, canvas: Canvas | None = None) -> AxesImage:
+    """Draw bodies into axes in three dimensions, where these are to be seen."""
+    view, scale, origin = view_of(ax)
+    if canvas is None:
+        canvas = Canvas.around(layers, view, dot_of(ax, scale, sharp))
+    left, right, bottom, top = canvas.extent
+    across, upwards = origin[0] + scale * np.array([left, right]), origin[1] + scale * np.array([bottom, top])
+    image = AxesImage(ax, extent=(*across, *upwards), origin="lower", interpolation="antialiased")
+    image.set_data(canvas.draw(layers))
+    image.set_zorder(5)
+    image.set_clip_on(False)
+    ax.add_artist(image)
+    return image
+
+
+def dot_of(ax: Any, scale: float, sharp: float = 1.0) -> float:
+    """The side of a dot [m], of so many per dot of the figure."""
+    ax.apply_aspect()
+    (x0, _), (x1, _) = ax.transData.transform([(0.0, 0.0), (scale, 0.0)])
+    return float(1.0 / (sharp * abs(x1 - x0)))
+
+
+def flat(ax: FlatAxes, layers: list[Layer], name: str, dots: float) -> None:
+    """The same as seen along an axis, in metres; `dots` per metre."""
+    canvas = Canvas.around(layers, VIEWS[name], 1.0 / dots)
+    ax.imshow(
+        canvas.draw(layers), extent=canvas.extent, origin="lower", interpolation="antialiased", zorder=3
+    )
+    ax.set_aspect("equal")
+    ax.set_xlabel(f"${name[0]}$ [m]", labelpad=1.0)
+    ax.set_ylabel(f"${name[1]}$ [m]", labelpad=1.0)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+
+
+def telling(scene: Scene, count: int = 2) -> list[str]:
+    """Names of the flat views in which most of the motion is seen."""
+    steps = np.diff(np.concatenate([scene.joints, scene.obstacles], axis=1), axis=0)
+    seen = {name: float(np.linalg.norm(steps @ view.T, axis=-1).sum()) for name, view in VIEWS.items()}
+    return sorted(sorted(seen, key=lambda name: -seen[name])[:count], key=list(VIEWS).index)
+
+
+def key(scene: Scene) -> list[Line2D]:
+    """What the lines of a picture are."""
+    found = []
+    if any(travels(scene.obstacles[:, i]) for i in range(scene.obstacles.shape[1])):
+        found.append(
+            Line2D([], [], color=style.MUTED, linewidth=0.9, linestyle=(0, (2, 2)), label="obstacle")
+        )
+    if scene.moves:
+        found.append(
+            Line2D([], [], color=COLOURS["reference"], linewidth=0.9, linestyle="--", label="reference")
+        )
+        found.append(Line2D([], [], color=COLOURS["trail"], linewidth=1.2, label="tip"))
+    return found
+
+
+def _tint(colour: Any, white: float) -> Array:
+    """A colour with a share of white."""
+    return np.asarray(to_rgb(colour)) * (1.0 - white) + white
+
+
+def moments(scene: Scene, count: int = 5) -> tuple[Rows, list[Any]]:
+    """Instants for one picture, where more than a few would hide each other, and a colour for each."""
+    when = scene.instants(count)
+    return when, list(matplotlib.colormaps["Blues"](np.linspace(0.3, 0.85, len(when))))

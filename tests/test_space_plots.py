@@ -1,0 +1,318 @@
+"""Pictures of runs in space: what is drawn is where the arm is, what is near covers what is behind."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import vffnull as vff
+from vffnull._arm import SpatialArm, rotation
+from vffnull.errors import ScenarioError
+from vffnull.plotting import geometry, space
+from vffnull.plotting.primitives import Axes, Body, Scene
+from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
+
+FRONT = np.eye(3)  # right x, up y, towards the viewer z
+GREY = np.full(3, 0.5)
+
+
+@pytest.fixture(scope="module")
+def result() -> vff.Result:
+    return vff.simulate("panda-sweep", {"simulation.record_every": 200})
+
+
+@pytest.fixture(scope="module")
+def scene(result: vff.Result) -> Scene:
+    return Scene.of_result(result)
+
+
+# -------------------------------------------------------------------------------------------- what there is
+
+
+def test_bodies_are_where_the_arm_is(result: vff.Result, scene: Scene) -> None:
+    """Every capsule of the description, at the pose of its link, computed joint by joint."""
+    document = vff._core.arm_model("panda")
+    for row in (0, len(result.t) - 1):
+        place, frames = np.eye(4), {document["base"]: np.eye(4)}
+        for joint, angle in zip(document["joints"], result.q[row], strict=True):
+            step, turn = np.eye(4), np.eye(4)
+            step[:3, :3], step[:3, 3] = rotation(joint["orientation"]), joint["position"]
+            half = angle / 2.0
+            turn[:3, :3] = rotation([np.cos(half), *(np.sin(half) * np.array(joint["axis"]))])
+            place = place @ step @ turn
+            frames[joint["link"]] = place
+        bodies = [each for each in scene.at(row, ["base", "link"]) if isinstance(each, Body)]
+        assert len(bodies) == len(document["collision"])
+        names = [document["base"], *(joint["link"] for joint in document["joints"])]
+        for body, given in zip(
+            sorted(bodies, key=lambda each: each.index),
+            sorted(document["collision"], key=lambda each: names.index(each["link"])),
+            strict=True,
+        ):
+            frame = frames[given["link"]]
+            ends = np.array([given["shape"]["a"], given["shape"]["b"]]) @ frame[:3, :3].T + frame[:3, 3]
+            np.testing.assert_allclose(body.corners, ends, rtol=0, atol=1e-13)
+            assert body.radius == given["shape"]["radius"] and names[body.index + 1] == given["link"]
+
+
+def test_the_tool_is_where_the_record_says(result: vff.Result, scene: Scene) -> None:
+    (axes,) = scene.at(5, ["tool"])
+    assert isinstance(axes, Axes) and result.orientation is not None
+    np.testing.assert_allclose(axes.origin, result.x[5], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(axes.axes, rotation(result.orientation[5]), rtol=0, atol=1e-12)
+
+
+def test_what_is_drawn_is_what_was_measured(result: vff.Result, scene: Scene) -> None:
+    """The nearest points of bodies and ball lie as far apart as the recorded clearance."""
+    ((core, radius),) = scene.cores
+    for row in range(len(result.t)):
+        least = np.full(7, np.inf)
+        for part in scene.parts:
+            if part.index < 0:
+                continue
+            a, b = part.corners[row, :1], part.corners[row, -1:]
+            on, off = geometry.nearest_in_space(a, b, (core + scene.obstacles[row, 0])[None])
+            gap = float(np.linalg.norm(on - off)) - radius - part.radius
+            least[part.index] = min(least[part.index], gap)
+        np.testing.assert_allclose(least, result.clearance[row], rtol=0, atol=1e-7)
+
+
+def test_forces_push_away_from_the_obstacle(scene: Scene) -> None:
+    points, forces = scene.pushes
+    away = points - scene.obstacles[:, :1]
+    size = np.linalg.norm(forces, axis=2)
+    np.testing.assert_allclose(size, scene.strength, rtol=1e-9, atol=1e-12)
+    pushed = size > 1e-6
+    assert pushed.any() and np.all((away * forces).sum(axis=2)[pushed] > 0.0)
+
+
+@pytest.mark.parametrize("corners", [1, 2, 4, 8])
+def test_nearest_points_against_a_search(corners: int) -> None:
+    """Segments against points, segments, rectangles and boxes: nothing on a grid of both is nearer."""
+    draw = np.random.default_rng(corners)
+    count = corners.bit_length() - 1
+    for _ in range(30):
+        a, b = draw.normal(size=(2, 3))
+        frame = np.linalg.qr(draw.normal(size=(3, 3)))[0][:count] * draw.uniform(0.3, 1.5, (count, 1))
+        start = draw.normal(size=3)
+        bits = (np.arange(corners)[:, None] >> np.arange(count)) & 1
+        core = start + bits @ frame
+        on, off = geometry.nearest_in_space(a[None], b[None], core[None])
+        found = np.linalg.norm(on - off)
+        steps = np.linspace(0, 1, 15)
+        grid = start[None]
+        for edge in frame:
+            grid = (grid[:, None] + steps[:, None] * edge).reshape(-1, 3)
+        line = a + np.linspace(0, 1, 40)[:, None] * (b - a)
+        searched = np.linalg.norm(grid[:, None] - line[None], axis=2).min()
+        assert found <= searched + 1e-9 and searched - found < 0.25
+
+
+def test_obstacles_of_every_kind_are_drawn() -> None:
+    half = np.sqrt(0.5)
+    obstacles = [
+        vff.Obstacle.half_space([0.0, 0.0, -0.5], [0.0, 0.0, 1.0]),
+        vff.Obstacle.capsule([1.0, 0.0, 0.0], [1.0, 0.0, 0.4], 0.05),
+        vff.Obstacle.box([1.2, 0.4, 0.3], [0.2, 0.4, 0.6], orientation=[half, 0.0, 0.0, half]),
+    ]
+    scenario = vff.Scenario.load("panda-sweep").replace(obstacles=obstacles, duration=0.02)
+    floor, rod, box = Scene.of_result(vff.simulate(scenario)).at(0, ["obstacle"])
+    assert isinstance(floor, Body) and isinstance(rod, Body) and isinstance(box, Body)
+    np.testing.assert_allclose(floor.corners[:, 2], -0.5, atol=1e-12)
+    np.testing.assert_allclose(floor.corners.mean(axis=0)[:2], 0.0, atol=1e-12)  # below the base
+    np.testing.assert_allclose(rod.corners, [[1.0, 0.0, 0.0], [1.0, 0.0, 0.4]], atol=1e-12)
+    low, high = box.corners.min(axis=0), box.corners.max(axis=0)
+    np.testing.assert_allclose([low, high], [[1.0, 0.3, 0.0], [1.4, 0.5, 0.6]], atol=1e-12)
+
+
+def test_a_link_without_shapes_is_a_thin_line() -> None:
+    result = vff.simulate("panda-sweep", {"arm.collision": "none", "duration": 0.02})
+    scene = Scene.of_result(result)
+    assert sorted(part.index for part in scene.parts) == list(range(7))
+    np.testing.assert_allclose(scene.parts[2].corners[0], scene.joints[0, 2:4], atol=1e-14)
+    assert all(0.0 < part.radius < 0.05 for part in scene.parts)
+
+
+def test_a_scenario_and_an_arm_alone() -> None:
+    scenario = vff.Scenario.load("panda-sweep")
+    scene = Scene.of_scenario(scenario)
+    np.testing.assert_allclose(scene.joints[0], scenario.arm.forward_kinematics(scenario["q0"]), atol=1e-14)
+    assert scene.obstacles.shape == (1, 1, 3) and scene.dimension == 3
+    alone = Scene.of_arm(SpatialArm(vff._core.arm_model("ur5e")), [0.1] * 6)
+    assert alone.joints.shape == (1, 7, 3) and not alone.cores
+
+
+# ------------------------------------------------------------------------------------------------ rendering
+
+
+def dots(solid: Solid, half: float = 1.0, count: int = 201) -> tuple[Any, Any, Any]:
+    xs = np.linspace(-half, half, count)
+    colours, depths = trace([solid], FRONT, xs, xs)
+    return xs, colours, depths
+
+
+def test_a_ball_is_round() -> None:
+    xs, _, depths = dots(Solid(np.array([[0.2, -0.1, 0.3]]), 0.4987, GREY))
+    x, y = xs[None, :] - 0.2, xs[:, None] + 0.1
+    inside = x**2 + y**2 < 0.4987**2
+    np.testing.assert_array_equal(np.isfinite(depths), inside)
+    np.testing.assert_allclose(depths[inside], 0.3 + np.sqrt(0.4987**2 - (x**2 + y**2)[inside]), atol=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4, -0.7, 1.5, np.pi / 2])
+def test_a_rod_has_its_surface_at_its_radius(tilt: float) -> None:
+    """Every point that a ray meets is as far from the axis as the rod is thick, whatever way it leans."""
+    direction = np.array([np.cos(tilt) * 0.6, np.cos(tilt) * 0.3, np.sin(tilt)])
+    corners = np.array([-0.4 * direction, 0.4 * direction])
+    xs, _, depths = dots(Solid(corners, 0.15, GREY))
+    rows, columns = np.nonzero(np.isfinite(depths))
+    points = np.stack([xs[columns], xs[rows], depths[rows, columns]], axis=1)
+    along = corners[1] - corners[0]
+    share = np.clip((points - corners[0]) @ along / (along @ along), 0.0, 1.0)
+    away = np.linalg.norm(points - corners[0] - share[:, None] * along, axis=1)
+    np.testing.assert_allclose(away, 0.15, rtol=0, atol=1e-9)
+    flat = geometry.outline(corners, 0.15, FRONT[:2])
+    area = 0.5 * abs(np.sum(flat[:, 0] * np.roll(flat[:, 1], -1) - flat[:, 1] * np.roll(flat[:, 0], -1)))
+    assert len(rows) * (xs[1] - xs[0]) ** 2 == pytest.approx(area, rel=0.02)
+
+
+def test_a_box_has_its_nearest_face_in_front() -> None:
+    bits = (np.arange(8)[:, None] >> np.arange(3)) & 1
+    xs, _, depths = dots(Solid(bits * [0.6, 0.4, 0.5] - [0.3, 0.2, 0.25], 0.0, GREY))
+    inside = (np.abs(xs[None, :]) < 0.3 - 1e-9) & (np.abs(xs[:, None]) < 0.2 - 1e-9)
+    np.testing.assert_allclose(depths[inside], 0.25, atol=1e-12)
+    assert not np.isfinite(depths[np.abs(xs) > 0.21][:, np.abs(xs) > 0.31]).any()
+
+
+def test_what_is_near_covers_what_is_behind() -> None:
+    """Whatever the order in which they are given; a faint layer lets others shine through."""
+    red, blue = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    near = Solid(np.array([[0.0, 0.0, 1.0]]), 0.3, red)
+    far = Solid(np.array([[0.0, 0.0, -1.0]]), 0.6, blue)
+    canvas = Canvas.around([Layer([near, far])], FRONT[:2], 0.02)
+    middle = tuple(size // 2 for size in canvas.shape)
+    for layers in ([Layer([near, far])], [Layer([far]), Layer([near])], [Layer([near]), Layer([far])]):
+        picture = canvas.draw(layers)
+        assert picture[middle][0] > 150 and picture[middle][2] < 90 and picture[middle][3] == 255
+    seen_through = canvas.draw([Layer([near], 0.3), Layer([far])])[middle]
+    assert seen_through[2] > seen_through[0] > 20
+    assert canvas.draw([Layer([far])])[0, 0, 3] == 0  # beside it there is nothing
+
+
+def test_a_floor_hides_what_is_below_and_bears_a_shadow() -> None:
+    view = geometry.view_of(3)
+    ball = Solid(np.array([[0.0, 0.0, 0.5]]), 0.2, GREY)
+    sunk = Solid(np.array([[0.0, 0.0, -0.05]]), 0.2, GREY)
+    layers = [Layer([ball], floor=0.0)]
+    canvas = Canvas.around(layers, view, 0.01)
+    picture = canvas.draw(layers)
+    below = geometry.seen(np.array([0.0, 0.0, 0.0]), view)
+    column, row = ((below - canvas.low) / canvas.dot).astype(int)
+    assert 0 < picture[row, column, 3] < 255  # grey and faint
+    whole = Canvas.around([Layer([sunk])], view, 0.01).draw([Layer([sunk])])
+    cut = Canvas.around([Layer([sunk])], view, 0.01).draw([Layer([sunk], floor=0.0)])
+    assert 0.2 < (cut[..., 3] == 255).sum() / (whole[..., 3] == 255).sum() < 0.95
+
+
+def test_lines_are_rods() -> None:
+    points = np.stack([np.linspace(0, 1, 500), np.zeros(500), np.zeros(500)], axis=1)
+    whole, dashed = rods(points, 0.01, GREY), rods(points, 0.01, GREY, dashed=True)
+    assert sum(float(np.ptp(each.corners[:, 0])) for each in whole) == pytest.approx(1.0)
+    assert sum(float(np.ptp(each.corners[:, 0])) for each in dashed) == pytest.approx(0.5, abs=0.05)
+    assert rods(points[:1].repeat(5, axis=0), 0.01, GREY) == []
+
+
+def test_bodies_are_put_where_the_axes_are(scene: Scene) -> None:
+    """In three dimensions the traced bodies and Matplotlib's own projection agree, and scales are equal."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    from vffnull.plotting import style
+
+    with style.look():
+        figure = style.figure(4.0, 4.0)
+        figure.set_layout_engine("none")
+        ax = space.stage(figure, scene, (0.0, 0.0, 1.0, 1.0))
+    view, scale, origin = space.view_of(ax)
+    np.testing.assert_allclose(view @ view.T, np.eye(2), atol=1e-12)
+    place = np.array([0.2, -0.1, 0.4])
+    x, y, _ = proj3d.proj_transform(*place, ax.get_proj())
+    np.testing.assert_allclose(origin + scale * (view @ place), [x, y], atol=1e-12)
+
+
+# -------------------------------------------------------------------------------------------- whole pictures
+
+
+def test_figures(result: vff.Result, tmp_path: Path) -> None:
+    """Every figure of a run in space, as files, with more than one colour in them."""
+    paths = vff.simulate("panda-sweep", {"duration": 0.3, "simulation.record_every": 30}).plot(tmp_path)
+    names = {Path(path).stem for path in paths}
+    assert {"overview", "strobe", "tracking", "tracking_error", "joint_angles", "clearance"} <= names
+    for path in paths:
+        with Image.open(path) as image:
+            colours = image.convert("RGB").getcolors(1 << 20)
+        assert colours is not None and len(colours) > 20, path
+
+
+@pytest.mark.parametrize("task", ["position", "pointing"])
+def test_figures_of_other_tasks(task: str) -> None:
+    figures = vff.simulate("panda-sweep", {"duration": 0.1, "controller.task": task}).plot()
+    assert isinstance(figures, dict)
+    labels = [ax.get_ylabel() for ax in figures["tracking_error"].axes]
+    assert any("rad" in label for label in labels) == (task == "pointing")
+    assert len(figures["tracking"].axes) == (3 if task == "position" else 4)
+
+
+def test_the_flat_views_are_those_that_tell_most(scene: Scene) -> None:
+    """The ball and the elbow move along y: the view along y shows least."""
+    assert space.telling(scene) == ["yz", "xy"]
+
+
+def test_film(result: vff.Result, tmp_path: Path) -> None:
+    path = result.animate(tmp_path / "run.gif", fps=1)
+    frames = []
+    with Image.open(path) as film:
+        assert getattr(film, "n_frames", 0) == 5
+        for i in (0, 4):
+            film.seek(i)
+            frames.append(np.asarray(film.convert("RGB"), dtype=int))
+    assert (np.abs(frames[0] - frames[1]).sum(axis=2) > 60).mean() > 0.02
+
+
+def test_report(result: vff.Result, tmp_path: Path) -> None:
+    """Every body moves on the page, with its depth; what is drawn there is where the bodies are seen."""
+    text = result.report(tmp_path / "run.html").read_text(encoding="utf-8")
+    found = re.search(r'id="motion"[^>]*>(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    (run,) = json.loads(found[1])
+    assert len(run["parts"]) == 11  # ten capsules and the ball
+    assert "Rigid links in space" in text and "orientation of the end effector" in text
+    scene = Scene.of_result(result)
+    ends = np.frombuffer(base64.b64decode(run["parts"][1]["ends"]), "<f4").reshape(-1, 2, 2)
+    np.testing.assert_allclose(ends[0], geometry.seen(scene.parts[1].corners[0]), atol=1e-6)
+
+
+def test_comparison(result: vff.Result, tmp_path: Path) -> None:
+    other = vff.simulate("panda-sweep", {"controller.field.gain": 40.0, "simulation.record_every": 200})
+    page = vff.compare({"strong": result, "weak": other}, tmp_path / "both.html")
+    assert page.stat().st_size > 100_000
+
+
+def test_notebooks(result: vff.Result) -> None:
+    for shown in (result, result.scenario):
+        text = shown._repr_html_()
+        assert text.count("<polygon") >= 20 and "panda-sweep" in text
+
+
+def test_what_is_of_the_plane_says_so() -> None:
+    with pytest.raises(ScenarioError, match=r"panda-sweep is in space.*vffnull report"):
+        vff.live("panda-sweep", open_browser=False, block=False)
+    pytest.importorskip("mujoco")
+    with pytest.raises(ScenarioError, match="panda-sweep is in space"):
+        vff.simulate("panda-sweep", plant="mujoco")
