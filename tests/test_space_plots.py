@@ -145,7 +145,7 @@ def test_a_scenario_and_an_arm_alone() -> None:
     scene = Scene.of_scenario(scenario)
     np.testing.assert_allclose(scene.joints[0], scenario.arm.forward_kinematics(scenario["q0"]), atol=1e-14)
     assert scene.obstacles.shape == (1, 1, 3) and scene.dimension == 3
-    alone = Scene.of_arm(SpatialArm(vff._core.arm_model("ur5e")), [0.1] * 6)
+    alone = Scene.of_postures(SpatialArm(vff._core.arm_model("ur5e")), np.full((1, 6), 0.1))
     assert alone.joints.shape == (1, 7, 3) and not alone.cores
 
 
@@ -219,6 +219,18 @@ def test_a_floor_hides_what_is_below_and_bears_a_shadow() -> None:
     whole = Canvas.around([Layer([sunk])], view, 0.01).draw([Layer([sunk])])
     cut = Canvas.around([Layer([sunk])], view, 0.01).draw([Layer([sunk], floor=0.0)])
     assert 0.2 < (cut[..., 3] == 255).sum() / (whole[..., 3] == 255).sum() < 0.95
+
+
+def test_bodies_are_cut_off_at_a_box() -> None:
+    """Where a ray meets nothing within the box there is nothing; the rest stays as it is."""
+    rod = Solid(np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), 0.2, GREY)
+    box = (np.array([-0.5, -1.0, -1.0]), np.array([0.5, 1.0, 1.0]))
+    canvas = Canvas.around([Layer([rod])], FRONT[:2], 0.01)
+    whole, cut = canvas.draw([Layer([rod])]), canvas.draw([Layer([rod], box=box)])
+    columns = canvas.low[0] + canvas.dot * (np.arange(canvas.shape[1]) + 0.5)
+    inside = np.abs(columns) < 0.49
+    np.testing.assert_array_equal(cut[:, inside], whole[:, inside])
+    assert not cut[:, np.abs(columns) > 0.51, 3].any() and whole[:, np.abs(columns) > 0.51, 3].any()
 
 
 def test_lines_are_rods() -> None:

@@ -218,7 +218,7 @@ class Scene:
         return cls.of_postures(arm, np.asarray(q, dtype=float)[None])
 
     @classmethod
-    def of_postures(cls, arm: Arm, q: Array) -> Scene:
+    def of_postures(cls, arm: Any, q: Array) -> Scene:
         """An arm alone at joint angles (T, n) [rad], a second after the other."""
         space = geometry_of(arm)
         joints = np.asarray((space or arm).forward_kinematics(q))
@@ -227,7 +227,7 @@ class Scene:
         return cls(
             t=np.arange(count, dtype=float),
             joints=joints,
-            radii=np.asarray(arm.radius) if solids is None else _thickest(solids, n),
+            radii=_thickest(solids, n) if solids is not None else np.asarray(arm.radius),
             cores=(),
             obstacles=np.zeros((count, 0, size)),
             influence=0.0,

@@ -48,6 +48,8 @@ class Layer:
     """The height of a floor [m] on which the solids cast a shadow and which hides what is below, if any."""
     ghost: bool = False
     """Whether what it has in front of others is fainter still, so that these are seen well."""
+    box: tuple[Array, Array] | None = None
+    """Opposite corners (3,) [m] of a box at which the solids are cut off, if they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +116,8 @@ class Canvas:
                 with np.errstate(invalid="ignore"):
                     height = height + (depths * axes[2, 2] if abs(axes[2, 2]) > 1e-9 else 0.0)
                 depths = np.where(height < layer.floor, -np.inf, depths)
+            if layer.box is not None:
+                depths = _within(*layer.box, depths, axes, xs, ys)
             there = np.isfinite(depths)
             (ghosts if layer.ghost else sheets).append((colours, depths, np.where(there, layer.opacity, 0.0)))
             if not layer.ghost and layer.opacity == 1.0:
@@ -266,6 +270,16 @@ def _window(flat: Array, radius: float, xs: Array, ys: Array) -> tuple[slice, sl
     """Rows and columns of the dots within a radius of the box around places (·, 2)."""
     low, high = flat.min(axis=0) - radius, flat.max(axis=0) + radius
     return slice(*np.searchsorted(ys, [low[1], high[1]])), slice(*np.searchsorted(xs, [low[0], high[0]]))
+
+
+def _within(low: Array, high: Array, depths: Array, axes: Array, xs: Array, ys: Array) -> Array:
+    """The depths, −∞ where a ray meets nothing within a box."""
+    rows, columns = np.nonzero(np.isfinite(depths))
+    points = np.stack([xs[columns], ys[rows], depths[rows, columns]], axis=1) @ axes
+    outside = ((points < low) | (points > high)).any(axis=1)
+    kept = depths.copy()
+    kept[rows[outside], columns[outside]] = -np.inf
+    return kept
 
 
 def _dropped(corners: Array, floor: float | None) -> Array:

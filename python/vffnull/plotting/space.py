@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
-from vffnull.plotting import style
+from vffnull.plotting import geometry, style
 from vffnull.plotting.primitives import COLOURS, Axes, Body, Curve, Role, Scene, travels
 from vffnull.plotting.render import Canvas, Layer, Solid, rods
 
@@ -44,7 +44,8 @@ _ROD = 0.005  # of the arm's reach, the radius of lines
 
 def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) -> list[Layer]:
     """What there is of bodies at an instant, in the colours of their roles, or the arm in another one."""
-    solids, surfaces = [], []
+    solids: list[Solid] = []
+    surfaces, box = [], padded(scene)
     thin = _ROD * scene.reach
     roles: tuple[Role, ...] = ("obstacle", "base", "link", "tool")
     for each in scene.at(row, roles if tool else roles[:-1]):
@@ -52,7 +53,8 @@ def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) 
             case Body(role="obstacle", corners=corners, radius=radius) if len(corners) == 4 and radius == 0.0:
                 surfaces.append(Solid(corners, radius, np.array(to_rgb(COLOURS["obstacle"]))))
             case Body(role="obstacle", corners=corners, radius=radius):
-                solids.append(Solid(corners, radius, _tint(COLOURS["obstacle"], 0.15)))
+                found = _cut(corners, radius, box)
+                solids += [] if found is None else [Solid(found, radius, _tint(COLOURS["obstacle"], 0.15))]
             case Body(role="base", corners=corners, radius=radius):
                 solids.append(Solid(corners, radius, np.array([0.55, 0.56, 0.58])))
             case Body(index=index, corners=corners, radius=radius):
@@ -63,25 +65,26 @@ def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) 
                     tip = origin + length * axes[:, i]
                     solids.append(Solid(np.stack([origin, tip]), 1.4 * thin, paint))
     made = [Layer(solids, floor=floor_of(scene))]
-    return [*made, Layer(surfaces, 0.25)] if surfaces else made
+    return [*made, Layer(surfaces, 0.25, box=box)] if surfaces else made
 
 
 def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Layer]:
     """The scene at some instants, the last as it is, the others faint, with the paths of what moves."""
     thin = _ROD * scene.reach
     found: list[Layer] = []
-    last = len(rows) - 1
+    last, box = len(rows) - 1, padded(scene)
     for order, (row, colour) in enumerate(zip(rows, colours, strict=True)):
         if order == last:
             found += layers_at(scene, int(row), colour=colour)
             continue
-        solids = []
+        solids: list[Solid] = []
         for each in scene.at(int(row), ["obstacle", "link"]):
             assert isinstance(each, Body)
             if each.role == "link":
                 solids.append(Solid(each.corners, each.radius, _tint(colour, 0.25)))
             elif travels(scene.obstacles[:, each.index]):
-                solids.append(Solid(each.corners, each.radius, _tint(COLOURS["obstacle"], 0.3)))
+                part = _cut(each.corners, each.radius, box)
+                solids += [] if part is None else [Solid(part, each.radius, _tint(COLOURS["obstacle"], 0.3))]
         found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
     return [*found, *path_layers(scene, len(scene.t) - 1, thin)]
 
@@ -98,7 +101,7 @@ def path_layers(scene: Scene, row: int, thin: float) -> list[Layer]:
         dashed = each.role == "reference"
         lines += rods(each.points, (0.8 if dashed else 1.0) * thin, _tint(COLOURS[each.role], 0.0),
                       dashed=dashed)  # fmt: skip
-    return [Layer(lines)] if lines else []
+    return [Layer(lines, box=padded(scene))] if lines else []
 
 
 def bounds(scene: Scene) -> tuple[Array, Array]:
@@ -114,14 +117,29 @@ def bounds(scene: Scene) -> tuple[Array, Array]:
         if len(corners) == 4:
             continue  # a surface has no end
         places = scene.obstacles[:, index, None] + corners
-        near = np.all((places > inner[0] - reach) & (places < inner[1] + reach), axis=-1).any(axis=1)
+        starts, ends = places.min(axis=1) - radius, places.max(axis=1) + radius
+        near = np.all((ends > inner[0] - 0.5 * reach) & (starts < inner[1] + 0.5 * reach), axis=1)
         if near.any():
-            low = np.minimum(low, np.maximum(places[near].min(axis=(0, 1)) - radius, inner[0] - reach))
-            high = np.maximum(high, np.minimum(places[near].max(axis=(0, 1)) + radius, inner[1] + reach))
+            low = np.minimum(low, np.maximum(starts[near].min(axis=0), inner[0] - 1.5 * reach))
+            high = np.maximum(high, np.minimum(ends[near].max(axis=0), inner[1] + 1.5 * reach))
     floor = floor_of(scene)
     if floor is not None:
         low[2] = floor
+        below = [
+            float(corners[:, 2].mean() + scene.obstacles[0, index, 2])
+            for index, (corners, _) in enumerate(scene.cores)
+            if len(corners) == 4
+        ]
+        low[2] = min([floor, *(z for z in below if floor - 0.15 * scene.reach < z)])
     return low, high
+
+
+def padded(scene: Scene) -> tuple[Array, Array]:
+    """The same with a margin, but none below the floor: the limits of the axes, where bodies are cut off."""
+    low, high = bounds(scene)
+    pad = 0.03 * float((high - low).max())
+    below = 0.0 if floor_of(scene) is not None else pad
+    return low - [pad, pad, below + 1e-9], high + pad
 
 
 def floor_of(scene: Scene) -> float | None:
@@ -133,9 +151,7 @@ def floor_of(scene: Scene) -> float | None:
 
 def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]) -> Any:
     """Axes in three dimensions with equal scales and light panes, in a part of the figure."""
-    low, high = bounds(scene)
-    pad = 0.03 * float((high - low).max())
-    low, high = low - [pad, pad, 0.0], high + pad
+    low, high = padded(scene)
     ax: Any = fig.add_axes(rect, projection="3d")
     ax.set_proj_type("ortho")
     ax.view_init(elev=_ELEVATION, azim=_AZIMUTH)
@@ -196,13 +212,14 @@ def dot_of(ax: Any, scale: float, sharp: float = 1.0) -> float:
     return float(1.0 / (sharp * abs(x1 - x0)))
 
 
-def flat(ax: FlatAxes, layers: list[Layer], name: str, dots: float) -> None:
+def flat(ax: FlatAxes, scene: Scene, layers: list[Layer], name: str, dots: float) -> None:
     """The same as seen along an axis, in metres; `dots` per metre."""
     canvas = Canvas.around(layers, VIEWS[name], 1.0 / dots)
     ax.imshow(
         canvas.draw(layers), extent=canvas.extent, origin="lower", interpolation="antialiased", zorder=3
     )
-    ax.set_aspect("equal")
+    (left, bottom), (right, top) = (VIEWS[name] @ corner for corner in padded(scene))
+    ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
     ax.set_xlabel(f"${name[0]}$ [m]", labelpad=1.0)
     ax.set_ylabel(f"${name[1]}$ [m]", labelpad=1.0)
     for axis in (ax.xaxis, ax.yaxis):
@@ -214,6 +231,26 @@ def telling(scene: Scene, count: int = 2) -> list[str]:
     steps = np.diff(np.concatenate([scene.joints, scene.obstacles], axis=1), axis=0)
     seen = {name: float(np.linalg.norm(steps @ view.T, axis=-1).sum()) for name, view in VIEWS.items()}
     return sorted(sorted(seen, key=lambda name: -seen[name])[:count], key=list(VIEWS).index)
+
+
+def _cut(corners: Array, radius: float, box: tuple[Array, Array]) -> Array | None:
+    """What of an obstacle's core lies within a box, if anything: shorter rods, and boxes that stand straight.
+
+    One that is turned is left as it is.
+    """
+    low, high = box
+    if np.any(corners.max(axis=0) + radius < low) or np.any(corners.min(axis=0) - radius > high):
+        return None
+    if len(corners) == 2:
+        a, along = corners[0], corners[1] - corners[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.stack([(low - a) / along, (high - a) / along])
+        ends = np.where(np.isnan(ends), [[-np.inf], [np.inf]], ends)
+        first, last = max(0.0, float(ends.min(axis=0).max())), min(1.0, float(ends.max(axis=0).min()))
+        return a + np.array([[first], [last]]) * along if first < last else corners
+    _, edges = geometry.edges_in_space(corners)
+    straight = (np.abs(edges) > 1e-9).sum(axis=1) <= 1
+    return np.clip(corners, low, high) if len(corners) == 8 and straight.all() else corners
 
 
 def key(scene: Scene) -> list[Line2D]:

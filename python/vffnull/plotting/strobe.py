@@ -43,7 +43,7 @@ def _in_space(scene: Scene) -> Figure:
     names = space.telling(scene)
     for i, name in enumerate(names):
         ax = fig.add_axes((0.69, 0.57 - 0.49 * i, 0.3, 0.4))
-        space.flat(ax, layers, name, 1.6 * 200 / scene.reach)
+        space.flat(ax, scene, layers, name, 1.6 * 200 / scene.reach)
     return fig
 
 
