@@ -125,7 +125,11 @@ def keys(schema: dict[str, Any]) -> list[dict[str, Any]]:
         found += keys(value)
         if name != "kind" and value.get("type") != "object" and "properties" not in value.get("items", {}):
             found.append({"name": name, **value})
-    for inner in [*schema.get("oneOf", []), *([schema["items"]] if "items" in schema else [])]:
+    for inner in [
+        *schema.get("oneOf", []),
+        *(schema[key] for key in ("then", "else") if key in schema),
+        *([schema["items"]] if "items" in schema else []),
+    ]:
         found += keys(inner)
     return found
 

@@ -22,10 +22,10 @@ impl AnyObstacles {
     pub fn read(&mut self, document: &Table) -> Result<(), ScenarioError> {
         match self {
             Self::Plane(obstacles) => {
-                obstacles.push(scenario::read_obstacle::<Plane, 2>(document)?)
+                obstacles.push(scenario::read_obstacle::<Plane, 2>(document)?);
             }
             Self::Space(obstacles) => {
-                obstacles.push(scenario::read_obstacle::<Space, 3>(document)?)
+                obstacles.push(scenario::read_obstacle::<Space, 3>(document)?);
             }
         }
         Ok(())

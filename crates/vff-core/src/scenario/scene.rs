@@ -93,9 +93,9 @@ pub struct Scene<S: Described<D>, const D: usize> {
 #[derive(Debug, Clone, PartialEq)]
 pub enum AnyScene {
     /// In the plane.
-    Plane(PlanarScene),
+    Plane(Box<PlanarScene>),
     /// In space.
-    Space(SpatialScene),
+    Space(Box<SpatialScene>),
 }
 
 /// Does the same with whatever scene it is.

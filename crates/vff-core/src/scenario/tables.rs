@@ -48,9 +48,9 @@ pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
     validate::finite(&value)?;
     match dimension_of(Part::Scenario, document) {
         2 => document::read::<Tables<Plane, 2>>(&value)
-            .map(|tables| tables.into_scenario(AnyScene::Plane)),
+            .map(|tables| tables.into_scenario(|scene| AnyScene::Plane(Box::new(scene)))),
         _ => document::read::<Tables<Space, 3>>(&value)
-            .map(|tables| tables.into_scenario(AnyScene::Space)),
+            .map(|tables| tables.into_scenario(|scene| AnyScene::Space(Box::new(scene)))),
     }
 }
 
