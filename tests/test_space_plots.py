@@ -243,7 +243,7 @@ def test_lines_are_rods() -> None:
 
 def test_bodies_are_put_where_the_axes_are(scene: Scene) -> None:
     """In three dimensions the traced bodies and Matplotlib's own projection agree, and scales are equal."""
-    from mpl_toolkits.mplot3d import proj3d
+    from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
     from vffnull.plotting import style
 

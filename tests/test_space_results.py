@@ -207,6 +207,11 @@ def test_mcap(pose: vff.Result, tmp_path: Path) -> None:
     np.testing.assert_array_equal([each["obstacles"] for each in messages], pose.obstacles)
 
 
+def test_rerun(pose: vff.Result, tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    assert pose.save(tmp_path / "run.rrd").stat().st_size > 10_000
+
+
 def test_stream(pose: vff.Result, tmp_path: Path) -> None:
     """With the scenario the widths are known; without it a row itself says that it is from space."""
     for scenario in (pose.scenario, None):
@@ -230,6 +235,7 @@ def test_the_shell_runs_and_saves(tmp_path: Path) -> None:
     done = subprocess.run([*command, "--save", str(target)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "min_clearance" in done.stdout
+    assert "next: vffnull animate panda-sweep" in done.stdout and "vffnull live" not in done.stdout
     assert_dimension(vff.Result.load(target))
 
 
