@@ -101,7 +101,7 @@ class _Helpful(click.Group):
 @click.group(cls=_Helpful, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(_core.__version__, prog_name="vffnull", message="%(prog)s %(version)s")
 def _commands() -> None:
-    """Torque-level obstacle avoidance for redundant planar arms.
+    """Torque-level obstacle avoidance for redundant arms.
 
     \b
     vffnull run sweep-through --plot figs  run a bundled scenario, draw the figures
