@@ -2,7 +2,8 @@
 
 `sweep-through.png` compares three settings of one bundled scenario, `on-path.png` the four answers to an
 obstacle on the tip's own path; `scenes.png` shows bundled scenes and `random-scenes.png` random ones;
-`example.png` is what the README's Python example plots, made by running it.
+`example.png` is what the README's Python example plots, made by running it, and `panda-sweep.png` the overview of that
+scenario.
 """
 
 from __future__ import annotations
@@ -229,6 +230,13 @@ def example() -> None:
             os.chdir(before)
 
 
+def panda_sweep() -> None:
+    """The overview of the bundled scenario."""
+    with tempfile.TemporaryDirectory() as directory:
+        vff.simulate("panda-sweep").plot(directory)
+        shutil.copy(Path(directory) / "overview.png", FIGURES / "panda-sweep.png")
+
+
 if __name__ == "__main__":
     FIGURES.mkdir(exist_ok=True)
     sweep_through()
@@ -236,3 +244,4 @@ if __name__ == "__main__":
     bundled()
     random_scenes()
     example()
+    panda_sweep()
