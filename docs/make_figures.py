@@ -2,8 +2,8 @@
 
 `sweep-through.png` compares three settings of one bundled scenario, `on-path.png` the four answers to an
 obstacle on the tip's own path; `scenes.png` shows bundled scenes and `random-scenes.png` random ones;
-`example.png` is what the README's Python example plots, made by running it, and `panda-sweep.png` the overview of that
-scenario.
+`example.png` is what the README's Python example plots, made by running it, and `panda-sweep.png`
+the overview of that scenario.
 """
 
 from __future__ import annotations

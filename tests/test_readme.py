@@ -68,11 +68,12 @@ def documented() -> ModuleType:
 
 
 def test_the_first_commands() -> None:
-    """A run in which avoidance decides comes first, the paper's next, then what to do with it."""
+    """A run in which avoidance decides comes first, one in space and the paper's next, then what to do with it."""
     shell = "".join(code for _, code in blocks("sh"))
     lines = [" ".join(line.split("#")[0].split()) for line in shell.splitlines()]
-    assert lines[:4] == [
+    assert lines[:5] == [
         "pip install . && vffnull run sweep-through --plot figures",
+        "vffnull run panda-sweep --plot figures",
         "vffnull run paper-1 --plot figures",
         'pip install ".[viewer]" && vffnull live',
         'pip install ".[report]" && vffnull report sweep-through run.html',

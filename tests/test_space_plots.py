@@ -290,7 +290,7 @@ def test_film(result: vff.Result, tmp_path: Path) -> None:
     path = result.animate(tmp_path / "run.gif", fps=1)
     frames = []
     with Image.open(path) as film:
-        assert getattr(film, "n_frames", 0) == 5
+        assert getattr(film, "n_frames", 0) == 7  # 6 s
         for i in (0, 4):
             film.seek(i)
             frames.append(np.asarray(film.convert("RGB"), dtype=int))

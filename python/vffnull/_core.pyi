@@ -1038,6 +1038,7 @@ def real_time(
 def check(
     kind: Literal["scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation"],
     document: Mapping[str, Any],
+    dimension: int | None = None,
 ) -> list[str]:
     """Validate a scenario document, or a part of one, and return warnings.
 

@@ -14,11 +14,14 @@ __all__ = ["known", "nearest", "written"]
 
 
 @cache
-def known() -> tuple[str, ...]:
-    """Every key that the schema describes; keys of obstacles as ``obstacles.0.position``."""
+def known(space: bool = True) -> tuple[str, ...]:
+    """Every key of the schema, also of arms in space or not; keys of obstacles as ``obstacles.0.position``."""
+    schema = _core.schema()
+    if not space:
+        schema = schema.partition("\n# Arms in space\n")[0]
     found: dict[str, list[str]] = {"": []}
     table, rows = "", False
-    for line in _core.schema().splitlines():
+    for line in schema.splitlines():
         if heading := re.match(r"##+ (?:\[+([\w.]+)\]+|(.*))", line):
             if heading[1]:
                 table = heading[1].replace("obstacles", "obstacles.0")
@@ -58,7 +61,9 @@ def nearest(name: str, document: Mapping[str, Any]) -> list[str]:
 
     Those that the document has come first.
     """
-    every = [each for each in dict.fromkeys([*written(document), *known()]) if each != name]
+    arm = document.get("arm")
+    space = isinstance(arm, Mapping) and not arm.keys().isdisjoint(("model", "urdf", "joints"))
+    every = [each for each in dict.fromkeys([*written(document), *known(space)]) if each != name]
     last = name.rpartition(".")[2]
     words = [each.rpartition(".")[2] for each in every]
     if last not in words:

@@ -125,7 +125,7 @@ pub struct Settings {
     /// How the reference waits for the end effector; it does not by default.
     pub governor: Option<GovernorSettings>,
     /// L \[m\], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
-    /// Default: [`Model::characteristic_length`](crate::robot::Model::characteristic_length).
+    /// Default: [`Model::characteristic_length`].
     pub characteristic_length: Option<f64>,
     /// Damping of the task force starts when an eigenvalue of Λ⁻¹ falls below this fraction of
     /// 1/(mass of the arm), > 0.

@@ -17,7 +17,7 @@ use trace::{Fault, Key, Kind, Required, trace};
 /// The JSON Schema (draft 7) of a scenario.
 ///
 /// It knows every key, type, name and simple range. What depends on more than one value is left to
-/// [`Scenario::from_toml`]. Where a name alone will do, it does not offer the table `{ kind = … }` of the same meaning.
+/// [`Scenario::from_toml`](super::Scenario::from_toml). Where a name alone will do, it does not offer the table `{ kind = … }` of the same meaning.
 ///
 /// # Panics
 /// Never: a test traces every type.
