@@ -68,7 +68,7 @@ def documented() -> ModuleType:
 
 
 def test_the_first_commands() -> None:
-    """A run in which avoidance decides comes first, one in space and the paper's next, then what to do with it."""
+    """First a run in which avoidance decides, one in space, the paper's, then what to do with them."""
     shell = "".join(code for _, code in blocks("sh"))
     lines = [" ".join(line.split("#")[0].split()) for line in shell.splitlines()]
     assert lines[:5] == [

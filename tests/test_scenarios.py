@@ -57,8 +57,8 @@ def test_every_scenario_ends_as_expected(name: str) -> None:
 def test_null_space_torque_never_moves_the_tip(name: str) -> None:
     """The metric of the central invariant, in m/s²: rounding, at every step of every scenario.
 
-    The wrist of an arm in space has moments of inertia of 1e-3 kg·m² and less: what a torque is rounded by makes
-    it accelerate a hundred times as much as a link of a planar arm.
+    The wrist of an arm in space has moments of inertia of 1e-3 kg·m² and less: what a torque is rounded by
+    makes it accelerate a hundred times as much as a link of a planar arm.
     """
     result = run(name)
     bound = 1e-11 if result.scenario.arm.dimension == 2 else 1e-9

@@ -15,7 +15,7 @@ __all__ = ["known", "nearest", "written"]
 
 @cache
 def known(space: bool = True) -> tuple[str, ...]:
-    """Every key of the schema, also of arms in space or not; keys of obstacles as ``obstacles.0.position``."""
+    """Every key of the schema, in space too or not; keys of obstacles as ``obstacles.0.position``."""
     schema = _core.schema()
     if not space:
         schema = schema.partition("\n# Arms in space\n")[0]
