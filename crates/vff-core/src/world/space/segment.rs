@@ -12,6 +12,8 @@ struct Feet {
     between: Vector<3>,
     /// Cross product of the two directions.
     cross: Vector<3>,
+    /// Whether they are the feet of the common perpendicular: neither was cut off at an end.
+    crossing: bool,
     distance: f64,
 }
 
@@ -26,12 +28,14 @@ fn feet(a: &Probe, b: &Probe) -> Feet {
     let (along_a, along_b) = (u.dot(&offset), v.dot(&offset));
     let free = -offset.cross(v).dot(&cross) / sin_squared;
     let s = if sin_squared > 0.0 { within(free, a.length) } else { 0.0 };
-    let t = within(along_b + s * cos, b.length);
+    let below = along_b + s * cos;
+    let t = within(below, b.length);
+    // Where the first was cut off this gives the end again, but for rounding: that is no place inside.
+    let crossing = is_inside(free, a.length) && is_inside(below, b.length);
     let s = within(t * cos - along_a, a.length);
     let between = offset + u * s - v * t;
-    let inside = is_inside(s, a.length) && is_inside(t, b.length);
-    let distance = if inside { across(&cross, &between) } else { between.norm() };
-    Feet { along: [s, t], between, cross, distance }
+    let distance = if crossing { across(&cross, &between) } else { between.norm() };
+    Feet { along: [s, t], between, cross, crossing, distance }
 }
 
 #[inline(always)]
@@ -42,12 +46,12 @@ fn is_inside(along: f64, length: f64) -> bool {
 /// Distance to a segment: never negative, because only by chance do the two meet.
 #[inline]
 pub(super) fn to_segment(axis: &Probe, core: &Probe) -> Nearest {
-    let Feet { along: [s, t], between, cross, distance } = feet(axis, core);
+    let Feet { along: [s, t], between, cross, crossing, distance } = feet(axis, core);
     let point = axis.start + axis.direction * s;
     let edge = core.direction;
     let sin = cross.norm();
     let inside = [is_inside(s, axis.length), is_inside(t, core.length)];
-    if inside == [true; 2] && sin > PARALLEL {
+    if crossing && sin > PARALLEL {
         let normal = across_normal(&cross, &between);
         return Nearest { distance, normal, point, feature: Feature::Crossing { edge, distance } };
     }
@@ -132,6 +136,19 @@ mod tests {
             let crosses = matches!(found.feature, Feature::Crossing { .. });
             prop_assert!(crosses, "{found:?}");
         }
+    }
+
+    /// The end of a link 1 m from the crossing of two lines at 1e-8 rad: cut off there, its place is found again as 1e-16 m,
+    /// which is no place inside.
+    #[test]
+    fn an_end_is_no_crossing() {
+        let angle = f64::powf(10.0, -7.960038290771744);
+        let gap = f64::powf(10.0, -8.219651127087783);
+        let a = vec3(-0.9807745080062812, -0.8545410255085492 * gap, gap);
+        let b = a + vec3(angle.cos(), angle.sin(), 0.0) * 1.836620685241895;
+        let link = capsule([0.0; 3], [1.0, 0.0, 0.0], 0.0);
+        let found = contact(&link, &fixed(bar(a, b), [0.0; 3]));
+        assert!((found.distance - 8.229438023569e-9).abs() < 1e-14, "{found:?}");
     }
 
     #[test]
