@@ -451,26 +451,6 @@ pub fn six(m: &Matrix3<f64>) -> [f64; 6] {
 }
 
 impl ArmDescription {
-    /// An arm of these joints that stands at the origin, without limits and shapes.
-    pub fn of(joints: Vec<Joint>) -> Self {
-        Self {
-            name: None,
-            payload: None,
-            reach: None,
-            base: base(),
-            tip: tip(),
-            gravity: gravity(),
-            joint_limits: vec![],
-            velocity_limits: vec![],
-            torque_limits: vec![],
-            ignore: vec![],
-            mount: Frame::default(),
-            tool: Frame::default(),
-            joints,
-            collision: vec![],
-        }
-    }
-
     /// Number of moving joints.
     pub fn dof(&self) -> usize {
         self.joints.len()

@@ -7,9 +7,8 @@ use crate::robot::models;
 use serde::Deserialize;
 
 /// An arm in space as the user describes it.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-#[derive(Default)]
 pub struct SpatialArmSpec {
     /// Name of a bundled arm; otherwise `joints` are given.
     pub model: Option<String>,
@@ -60,7 +59,9 @@ impl SpatialArmSpec {
         let mut arm = match (&self.model, &self.joints) {
             (Some(name), None) => models::named(name)
                 .map_err(|error| ScenarioError::new("model", other(error.to_string())))?,
-            (None, Some(joints)) => ArmDescription::of(joints.clone()),
+            (None, Some(joints)) => {
+                ArmDescription { joints: joints.clone(), ..ArmDescription::default() }
+            }
             (Some(_), Some(_)) => {
                 let problem = "a bundled arm has joints of its own: give `model` or `joints`";
                 return Err(ScenarioError::new("joints", other(problem.into())));

@@ -33,10 +33,10 @@ impl Described<3> for Space {
 
     fn plant(
         table: &SpatialPlantSpec,
-        arm: &SpatialArmSpec,
+        _: &SpatialArmSpec,
         model: &Arc<SpatialArm>,
     ) -> Result<Physics<SpatialArm>, ScenarioError> {
-        table.build(arm, model)
+        table.build(model)
     }
 
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {

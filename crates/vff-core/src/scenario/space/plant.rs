@@ -2,7 +2,6 @@
 
 use super::super::error::{Problem, ScenarioError};
 use super::super::numbers::{each, length, not_negative, number, positive};
-use super::arm::SpatialArmSpec;
 use crate::math::ScalarOrVec;
 use crate::robot::SpatialArm;
 use crate::robot::description::{ArmDescription, Joint, six, tensor};
@@ -56,16 +55,12 @@ pub struct PayloadSpec {
 }
 
 impl SpatialPlantSpec {
-    /// The physical arm, where the controller believes in `model`, made of `spec`.
+    /// The physical arm, where the controller believes in `model`.
     ///
     /// # Errors
     /// With the name of the first parameter that is wrong.
-    pub fn build(
-        &self,
-        spec: &SpatialArmSpec,
-        model: &Arc<SpatialArm>,
-    ) -> Result<Physics<SpatialArm>, ScenarioError> {
-        let believed = spec.description()?;
+    pub fn build(&self, model: &Arc<SpatialArm>) -> Result<Physics<SpatialArm>, ScenarioError> {
+        let believed = model.description();
         let (n, mut arm) = (believed.dof(), believed.clone());
         for (path, given) in [
             ("viscous_friction", &self.viscous_friction),
@@ -84,7 +79,7 @@ impl SpatialPlantSpec {
         let viscous = friction(&self.viscous_friction, |joint| joint.damping);
         let coulomb = friction(&self.coulomb_friction, |joint| joint.friction);
         let stops = if self.joint_stops { arm.joint_limits.clone() } else { vec![] };
-        let arm = if arm == believed { Arc::clone(model) } else { Arc::new(arm.build()?) };
+        let arm = if arm == *believed { Arc::clone(model) } else { Arc::new(arm.build()?) };
         Ok(Physics { arm, viscous, coulomb, stops })
     }
 
