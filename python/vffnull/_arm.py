@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 __all__ = [
     "SpatialArm",
     "arm_of",
-    "described",
     "frame",
     "in_the_plane",
     "is_spatial",
@@ -52,25 +51,12 @@ def in_the_plane(document: Mapping[str, Any], what: str) -> None:
         raise ScenarioError(f"arm: {name} is in space, and {what}", "arm")
 
 
-def described(arm: Mapping[str, Any]) -> Document:
-    """The explicit description of an arm in space: of a bundled one what it is, and what is changed of it."""
-    given = dict(arm)
-    name = given.pop("model", None)
-    if name is None:
-        return _core.check_arm(given)
-    whole = _core.arm_model(name)
-    ignored = [*whole.get("ignore", []), *given.pop("ignore", [])]
-    return _core.check_arm(whole | given | {"ignore": ignored})
-
-
 def arm_of(arm: Mapping[str, Any]) -> Any:
     """The arm of an ``[arm]`` table, of a document that has been checked."""
     if not is_spatial(arm):
         return _core.Arm(**arm)
-    made: Any = _core.Arm
-    if hasattr(made, "named"):
-        return made._from_dict(described(arm))
-    return SpatialArm(described(arm))
+    made: Any = _core.Arm  # what pickles are made of has no place in the stub
+    return made._from_dict(arm)
 
 
 class SpatialArm:
