@@ -162,15 +162,17 @@ proptest! {
         let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
         let steps = 1500;
         let h = 0.3 / f64::from(steps);
-        let (mut integral, mut bound, mut changes) = (0.0, 0.0, 0);
+        let (mut integral, mut bound, mut farthest, mut changes) = (0.0, 0.0, 0.0_f64, 0);
         let (state, mut last) = contact_at(&c, &mut world, 0.0);
         let [first, mut second] = stated(&c, &state, &last);
         let mut rate = first;
         for k in 1..=steps {
             let (state, now) = contact_at(&c, &mut world, h * f64::from(k));
             // Only apart, where the nearest points do not jump from one place to another.
-            prop_assume!(now.distance > 0.02 && (now.point - last.point).norm() < 0.02);
+            let moved = (now.point - last.point).norm();
+            prop_assume!(now.distance > 0.02 && moved < 10.0 * h);
             prop_assume!((now.normal - last.normal).norm() < 0.05);
+            farthest = farthest.max(moved);
             let [next_rate, next] = stated(&c, &state, &now);
             changes += u32::from(discriminant(&now.feature) != discriminant(&last.feature));
             integral += 0.5 * h * (second + next);
@@ -178,8 +180,11 @@ proptest! {
             (last, rate, second) = (now, next_rate, next);
         }
         prop_assume!(changes > 0);
-        // Within a step d̈ lies between its values at both ends, jumps included.
-        prop_assert!((rate - first - integral).abs() < bound + 1e-6,
+        // Within a step d̈ lies between its values at both ends, jumps included; but for a peak where axes
+        // pass through the parallel within the step, which turns the velocity by the way of the nearest point.
+        let spin: f64 = c.dq.iter().zip(&c.u).map(|(dq, u)| dq.abs() + 0.3 * u.abs()).sum();
+        bound += spin * farthest + 1e-6;
+        prop_assert!((rate - first - integral).abs() < bound,
             "{} is not {integral} to {bound}", rate - first);
     }
 
