@@ -1,6 +1,7 @@
 //! The task's inertia and the null projector, without forming either as an n×n matrix.
 
 use super::TaskMetric;
+use crate::math::symmetric;
 use crate::robot::Robot;
 use nalgebra::{SMatrix, SVector};
 
@@ -58,7 +59,7 @@ impl<const M: usize> OperationalSpace<M> {
         self.dx = robot.task_velocity();
         // 1/tr Λ bounds the smallest eigenvalue of Λ⁻¹ from below: the usual case costs no more
         // than the inverse.
-        let regular = lambda_inv.try_inverse().filter(|l| {
+        let regular = symmetric::inverse(&lambda_inv).filter(|l| {
             let trace = self.metric.trace(l);
             trace > 0.0 && trace * self.threshold < 1.0
         });
@@ -77,7 +78,7 @@ impl<const M: usize> OperationalSpace<M> {
         lambda_inv: SMatrix<f64, M, M>,
     ) -> (SMatrix<f64, M, M>, SMatrix<f64, M, M>) {
         let lambda_inv = self.metric.scaled(&lambda_inv);
-        let (values, vectors) = symmetric_eigen(lambda_inv);
+        let (values, vectors) = symmetric::eigen(lambda_inv);
         let rank_floor = 1e-13 * lambda_inv.trace();
         let exact = values.map(|s| if s > rank_floor { 1.0 / s } else { 0.0 });
         let damped = values.map(|s| {
@@ -137,76 +138,5 @@ pub fn manipulability<R: Robot<D>, const D: usize, const M: usize>(robot: &R) ->
         let column = robot.jacobian_column::<M>(i);
         gram += column * column.transpose();
     }
-    determinant(gram).max(0.0).sqrt()
-}
-
-/// The determinant of a small symmetric positive semidefinite matrix, by elimination: nalgebra's own
-/// needs bounds that a generic `M` cannot state.
-fn determinant<const M: usize>(mut a: SMatrix<f64, M, M>) -> f64 {
-    let mut product = 1.0;
-    for k in 0..M {
-        let pivot = a[(k, k)];
-        product *= pivot;
-        if pivot <= 0.0 {
-            return 0.0;
-        }
-        for i in k + 1..M {
-            let factor = a[(i, k)] / pivot;
-            for j in k + 1..M {
-                a[(i, j)] -= factor * a[(k, j)];
-            }
-        }
-    }
-    product
-}
-
-/// Eigenvalues and eigenvectors (columns) of a small symmetric matrix by cyclic Jacobi rotations.
-///
-/// nalgebra's own needs bounds that a generic `M` cannot state, and this runs only near a
-/// singularity.
-fn symmetric_eigen<const M: usize>(
-    mut a: SMatrix<f64, M, M>,
-) -> (SVector<f64, M>, SMatrix<f64, M, M>) {
-    let mut v = SMatrix::<f64, M, M>::identity();
-    for _ in 0..16 {
-        for p in 0..M {
-            for q in p + 1..M {
-                if a[(p, q)].abs() <= f64::EPSILON * f64::EPSILON * a.trace().abs() {
-                    continue;
-                }
-                let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * a[(p, q)]);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let c = 1.0 / t.hypot(1.0);
-                let mut rotation = SMatrix::<f64, M, M>::identity();
-                rotation[(p, p)] = c;
-                rotation[(q, q)] = c;
-                rotation[(p, q)] = t * c;
-                rotation[(q, p)] = -t * c;
-                a = rotation.transpose() * a * rotation;
-                v *= rotation;
-            }
-        }
-    }
-    (a.diagonal(), v)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use nalgebra::Matrix3;
-
-    /// A = V diag(σ) Vᵀ with orthonormal V, also with repeated and zero eigenvalues.
-    #[test]
-    fn jacobi_diagonalises() {
-        for a in [
-            Matrix3::new(2.0, 0.3, -0.1, 0.3, 1.0, 0.7, -0.1, 0.7, 3.0),
-            Matrix3::new(1.0, 2.0, 3.0, 2.0, 4.0, 6.0, 3.0, 6.0, 9.0),
-            Matrix3::identity() * 2.0,
-        ] {
-            let (values, v) = symmetric_eigen(a);
-            let back = v * Matrix3::from_diagonal(&values) * v.transpose();
-            assert!((back - a).norm() < 1e-14 * a.norm());
-            assert!((v.transpose() * v - Matrix3::identity()).norm() < 1e-14);
-        }
-    }
+    symmetric::determinant(gram).max(0.0).sqrt()
 }

@@ -10,6 +10,7 @@ pub mod rotation;
 mod scalar_or_vec;
 mod sincos;
 mod spatial_pose;
+pub mod symmetric;
 mod third_order_filter;
 
 pub use body::{Body, keep_least};
