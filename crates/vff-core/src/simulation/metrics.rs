@@ -259,7 +259,7 @@ impl Metrics {
         let tail = usize::from(s.t >= self.tail_start);
         self.tail_samples += tail;
         self.sum_error[tail] += error * error;
-        self.max_error[tail] = self.max_error[tail].max(error);
+        self.max_error[tail] = larger(self.max_error[tail], error);
         if !orientation.is_empty() && tail == 1 {
             let worst = self.max_orientation_error.get_or_insert(0.0);
             *worst = worst.max(norm(orientation));
@@ -312,7 +312,7 @@ impl Metrics {
 
     /// The balance of T17.
     fn null_space(&mut self, s: &Snapshot<'_>) {
-        self.max_null_acceleration = self.max_null_acceleration.max(s.null_acceleration);
+        self.max_null_acceleration = larger(self.max_null_acceleration, s.null_acceleration);
         self.singular_steps += usize::from(s.singular);
         self.min_manipulability = self.min_manipulability.min(s.manipulability);
         if let Some(slack) = s.slack {
@@ -332,7 +332,7 @@ impl Metrics {
         }
         self.last_supply = supply;
         let defect = (storage - self.storage_start - self.supplied).abs();
-        self.passivity_residual = self.passivity_residual.max(defect);
+        self.passivity_residual = larger(self.passivity_residual, defect);
     }
 
     /// The values, in the order of [`METRICS`].
