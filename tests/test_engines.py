@@ -186,11 +186,14 @@ if __name__ == "__main__":
         f"Largest deviation over {CASES} random arms (n = 1 … 20, unequal lengths and masses, offset centres "
         f"of mass, gravity on\nand off) and states. The tests allow {TOLERANCE:.0e}.\n\n{plane}\n\n"
         "## In space\n\n"
-        f"Largest deviation from Pinocchio {pinocchio.__version__}: of each bundled arm at 50 random states, "
-        "and of 200 random chains (n = 1 … 20,\njoints that turn and slide, armature, any mount, tool and "
-        "gravity). Torques, potential energy and accelerations\nare relative to what the weight of the arm "
-        "makes of them, where they themselves cancel out. The tests allow\n"
-        f"{space.TOLERANCE:.0e}, on the published URDFs of `example-robot-data`, too.\n\n"
+        "Of each bundled arm at 50 random states, and of 200 random chains (n = 1 … 20, joints that turn\n"
+        "and slide, armature, any mount, tool and gravity): the largest deviation. Torques, potential\n"
+        "energy and accelerations are relative to what the weight of the arm makes of them, where they\n"
+        f"themselves cancel out. The tests allow {space.TOLERANCE:.0e}.\n\n"
+        f"Pinocchio {pinocchio.__version__}, which the tests compare on the published URDFs of\n"
+        f"`example-robot-data`, too:\n\n{space.table(space.pinocchio_of)}\n\n"
+        f"MuJoCo {mujoco.__version__}, with what `Arm.to_mjcf` writes:\n\n"
+        f"{space.table(space.mujoco_of)}\n"
     )
-    page.write_text(f"{text}{space.table()}\n", encoding="utf-8")
-    print(page.read_text(encoding="utf-8"))
+    page.write_text(text, encoding="utf-8")
+    print(text)

@@ -1,17 +1,19 @@
-"""`vffnull.Arm` in space: every operator against Pinocchio, the plane as a part of space, and bad input.
+"""`vffnull.Arm` in space: every operator against other engines, the plane as a part of space, bad input.
 
 Pinocchio's model is built number by number from the description, or read by Pinocchio itself from a published
-URDF.
+URDF. MuJoCo reads what `Arm.to_mjcf` writes.
 """
 
 from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -24,8 +26,9 @@ from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 Array = NDArray[np.float64]
 TOLERANCE = 1e-11  # relative, in the maximum norm
 NAMES = arms.names()
+Engine = Callable[[Array, Array, Array, Array], dict[str, Array]]
 
-# ------------------------------------------------------------------------------------ against Pinocchio
+# --------------------------------------------------------------------------- against Pinocchio and MuJoCo
 
 
 def rotation(quaternion: Array) -> Array:
@@ -83,6 +86,7 @@ def ours(arm: vff.Arm, q: Array, dq: Array, ddq: Array, tau: Array) -> dict[str,
 
 
 def by_pinocchio(model: Any, tip: int, q: Array, dq: Array, ddq: Array, tau: Array) -> dict[str, Array]:
+    """All quantities from a model and the number of its frame at the tip."""
     data, n = model.createData(), model.nv
     x = coordinates(model, q)
     aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -108,15 +112,66 @@ def by_pinocchio(model: Any, tip: int, q: Array, dq: Array, ddq: Array, tau: Arr
     return out
 
 
+def pinocchio_of(arm: vff.Arm) -> Engine:
+    model = pinocchio_model(arm.to_dict())
+    return partial(by_pinocchio, model, model.getFrameId("the tip"))
+
+
+def mujoco_of(arm: vff.Arm) -> Engine:
+    """What `Arm.to_mjcf` says of the arm, without limits and contacts."""
+    model = mujoco.MjModel.from_xml_string(arm.to_mjcf())
+    disabled, enabled = mujoco.mjtDisableBit, mujoco.mjtEnableBit
+    model.opt.disableflags |= disabled.mjDSBL_CONTACT | disabled.mjDSBL_LIMIT | disabled.mjDSBL_FRICTIONLOSS
+    model.opt.enableflags |= enabled.mjENBL_ENERGY
+    return partial(by_mujoco, model, arm)
+
+
+def by_mujoco(model: Any, arm: vff.Arm, q: Array, dq: Array, ddq: Array, tau: Array) -> dict[str, Array]:
+    """All but C as a matrix, which MuJoCo does not form."""
+    data, n = mujoco.MjData(model), arm.n
+    data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, dq, tau
+    mujoco.mj_forward(model, data)
+    out = {"forward dynamics": data.qacc.copy()}
+    mujoco.mj_energyVel(model, data)
+    out["kinetic energy"], out["potential energy"] = np.array(data.energy[1]), np.array(data.energy[0])
+    bodies = [model.body(name).id for name in arm.link_names]
+    out["frames of the links"] = np.tile(np.eye(4), (n, 1, 1))
+    out["frames of the links"][:, :3, :3] = data.xmat[bodies].reshape(n, 3, 3)
+    out["frames of the links"][:, :3, 3] = data.xpos[bodies]
+    joints = [model.joint(name).id for name in arm.joint_names]
+    out["joint origins"] = data.xpos[model.jnt_bodyid[joints]].copy()
+    # Where the tool is on its link: the document says it, and MuJoCo carries it along.
+    tool, last = arm.to_dict()["tool"], bodies[-1]
+    turn = data.xmat[last].reshape(3, 3)
+    out["tip"] = data.xpos[last] + turn @ np.array(tool["position"])
+    out["axes of the tip"] = turn @ rotation(tool["orientation"])
+    mass = np.zeros((n, n))
+    mujoco.mj_fullM(model, data, mass)
+    linear, angular = np.zeros((2, 3, n))
+    mujoco.mj_jac(model, data, linear, angular, out["tip"], last)
+    out["M"], out["J"] = mass, np.vstack([linear, angular])
+    mujoco.mj_jacDot(model, data, linear, angular, out["tip"], last)
+    out["J̇"] = np.vstack([linear, angular])
+    bias = data.qfrc_bias.copy()
+    data.qfrc_applied[:], data.qacc[:] = 0.0, ddq
+    mujoco.mj_inverse(model, data)
+    out["inverse dynamics"] = data.qfrc_inverse.copy()
+    data.qvel[:] = 0.0
+    mujoco.mj_forward(model, data)
+    out["g"] = data.qfrc_bias.copy()
+    out["C q̇"] = bias - out["g"]
+    return out
+
+
 def deviations(
-    arm: vff.Arm, model: Any, tip: int, rng: np.random.Generator, states: int
+    arm: vff.Arm, engine: Engine, rng: np.random.Generator, states: int
 ) -> Iterator[tuple[str, float]]:
     """Of every quantity at random states, relative to its largest entry, or to what it is a difference of."""
     weight = float(np.sum(arm.masses) * np.linalg.norm(arm.gravity))
     for _ in range(states):
         q, dq, ddq, tau = rng.uniform(-2.0, 2.0, (4, arm.n))
-        own, theirs = ours(arm, q, dq, ddq, tau), by_pinocchio(model, tip, q, dq, ddq, tau)
-        assert own.keys() == theirs.keys()
+        own, theirs = ours(arm, q, dq, ddq, tau), engine(q, dq, ddq, tau)
+        assert own.keys() - theirs.keys() <= {"C"}
         # Heights and levers may cancel out, weights do not; accelerations are what M⁻¹ makes of torques.
         easy = np.linalg.norm(np.linalg.inv(theirs["M"]), 2)
         torques = max(float(np.abs(own["inverse dynamics"]).max()), weight, 1.0)
@@ -134,16 +189,21 @@ def deviations(
             yield name, float(np.abs(own[name] - other).max() / scale)
 
 
-def assert_agreement(arm: vff.Arm, model: Any, tip: int, seed: int = 1, states: int = 5) -> None:
-    for name, deviation in deviations(arm, model, tip, np.random.default_rng(seed), states):
+def assert_agreement(arm: vff.Arm, engine: Engine, seed: int = 1, states: int = 5) -> None:
+    for name, deviation in deviations(arm, engine, np.random.default_rng(seed), states):
         assert deviation <= TOLERANCE, f"{name}: {deviation:.2e}"
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_bundled_arms_are_those_of_pinocchio(name: str) -> None:
     arm = vff.Arm.named(name)
-    model = pinocchio_model(arm.to_dict())
-    assert_agreement(arm, model, model.getFrameId("the tip"))
+    assert_agreement(arm, pinocchio_of(arm))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bundled_arms_are_those_of_mujoco(name: str) -> None:
+    arm = vff.Arm.named(name)
+    assert_agreement(arm, mujoco_of(arm))
 
 
 def random_arm(seed: int) -> dict[str, Any]:
@@ -187,8 +247,13 @@ def random_arm(seed: int) -> dict[str, Any]:
 def test_random_chains_are_those_of_pinocchio() -> None:
     for seed in range(200):
         arm = vff.Arm._from_dict(random_arm(seed))
-        model = pinocchio_model(arm.to_dict())
-        assert_agreement(arm, model, model.getFrameId("the tip"), seed, states=1)
+        assert_agreement(arm, pinocchio_of(arm), seed, states=1)
+
+
+def test_random_chains_are_those_of_mujoco() -> None:
+    for seed in range(200):
+        arm = vff.Arm._from_dict(random_arm(seed))
+        assert_agreement(arm, mujoco_of(arm), seed, states=1)
 
 
 @pytest.mark.skipif(not MODELS, reason="pip install example-robot-data")
@@ -209,7 +274,8 @@ def test_published_arms_are_those_of_pinocchio(path: Path) -> None:
         arm = vff.Arm.from_urdf(path, tip=tip, collision="none")
         reduced = reduced_to(model, arm.to_dict(), dict(report.locked))
         reduced.armature[:] = 0.0  # as in the text
-        assert_agreement(arm, reduced, reduced.getFrameId(tip, pin.FrameType.BODY), states=2)
+        engine = partial(by_pinocchio, reduced, reduced.getFrameId(tip, pin.FrameType.BODY))
+        assert_agreement(arm, engine, states=2)
         compared += 1
         if compared == 3:
             break
@@ -491,18 +557,17 @@ def test_what_readers_warn_of_reaches_the_caller() -> None:
 # ------------------------------------------------------------------------------------------------ the page
 
 
-def table() -> str:
-    """The largest deviation from Pinocchio per bundled arm and quantity, as Markdown."""
+def table(engine_of: Callable[[vff.Arm], Engine]) -> str:
+    """The largest deviation from an engine per bundled arm and quantity, as Markdown."""
     names = [*NAMES, "random"]
     rows: dict[str, dict[str, float]] = {}
     for name in names:
         documents = [arms.named(name)] if name in NAMES else [random_arm(seed) for seed in range(200)]
         for k, document in enumerate(documents):
             arm = vff.Arm._from_dict(document)
-            model = pinocchio_model(arm.to_dict())
             states = 50 if len(documents) == 1 else 1
             rng = np.random.default_rng(k)
-            for quantity, deviation in deviations(arm, model, model.getFrameId("the tip"), rng, states):
+            for quantity, deviation in deviations(arm, engine_of(arm), rng, states):
                 row = rows.setdefault(quantity, {})
                 row[name] = max(deviation, row.get(name, 0.0))
     lines = [f"| quantity | {' | '.join(names)} |", "|---" * (len(names) + 1) + "|"]
