@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from typing import Any
 
@@ -126,6 +127,7 @@ def test_what_would_make_a_step_endless_is_refused(key: str, value: float) -> No
     with pytest.raises(vff.errors.ScenarioError) as refused:
         vff.Scenario.from_dict(closing()).replace(**{f"controller.{key}": value})
     assert str(refused.value).startswith(f"controller.{key}: must be "), str(refused.value)
+    assert key.endswith("trigger") or re.search(r" at most \d+ 1/s ", str(refused.value)), str(refused.value)
 
 
 @pytest.mark.parametrize(("steps", "candidates"), [(10_000, 10), (250, 400), (10, 10_000)])

@@ -284,8 +284,10 @@ fn look_ahead(settings: &Settings) -> Validated {
     ] {
         if rate > fastest {
             let trigger = preview.trigger;
-            let requirement =
-                format!("at most {fastest} 1/s with a look-ahead of trigger = {trigger} s");
+            let requirement = format!(
+                "at most {:.0} 1/s with a look-ahead of trigger = {trigger} s",
+                fastest.floor()
+            );
             return Err(ScenarioError::out_of_range(path, &requirement, rate));
         }
     }
