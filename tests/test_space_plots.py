@@ -325,6 +325,3 @@ def test_notebooks(result: vff.Result) -> None:
 def test_what_is_of_the_plane_says_so() -> None:
     with pytest.raises(ScenarioError, match=r"panda-sweep is in space.*vffnull report"):
         vff.live("panda-sweep", open_browser=False, block=False)
-    pytest.importorskip("mujoco")
-    with pytest.raises(ScenarioError, match="panda-sweep is in space"):
-        vff.simulate("panda-sweep", plant="mujoco")

@@ -14,6 +14,7 @@ from vffnull._arm import arm_of
 from vffnull._arm_files import anchored, explicit
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
 from vffnull._files import replacing
+from vffnull._plant import physical
 from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ class Scenario:
     @property
     def plant(self) -> _core.Arm:
         """The physical arm: `arm` with what ``[plant]`` changes of it, payload included."""
-        return _core.plant(self._document)
+        return physical(self._document)
 
     def to_dict(self) -> Document:
         """The document, as a copy of its own."""
