@@ -14,7 +14,7 @@ import numpy as np
 from vffnull import _core
 from vffnull.arms._frames import roll_pitch_yaw
 from vffnull.errors import ScenarioWarning
-from vffnull.world import checked
+from vffnull.world import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
 
@@ -155,7 +155,7 @@ def _origin(parent: ET.Element, position: Sequence[float], orientation: Sequence
     ET.SubElement(parent, "origin", xyz=_text(position), rpy=_text(roll_pitch_yaw(orientation)))
 
 
-def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Mapping[str, Any]] | None = None) -> str:
+def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, Any]] | None = None) -> str:
     """The arm as MJCF, with a motor for each joint.
 
     Read back from its base to its tip it is the same arm, to rounding; MJCF has no place for limits of
