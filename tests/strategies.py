@@ -304,7 +304,7 @@ def written_in_space(arm: vff.Arm) -> dict[str, Any]:
 
 
 def raised(obstacle: dict[str, Any]) -> dict[str, Any]:
-    """A circle, capsule or box of the plane as a body of space that the plane z = 0 cuts in just that shape."""
+    """A circle, capsule or box as a body of space that the plane z = 0 cuts in just that shape."""
     shape, angle = dict(obstacle["shape"]), obstacle.get("angle", 0.0)
     match shape["kind"]:
         case "circle":
