@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vffnull import _core
+from vffnull._plant import oddities
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario
 
@@ -20,7 +21,7 @@ def result_of(scenario: Scenario, outcome: Mapping[str, Any], plant: str = "core
         message=outcome["message"],
         end_time=outcome["end_time"],
         wall_time=outcome["wall_time"],
-        warnings=tuple(outcome["warnings"]),
+        warnings=(*outcome["warnings"], *oddities(scenario._document)),
         metrics=Metrics(outcome["metrics"]),
         version=_core.__version__,
         plant=plant,

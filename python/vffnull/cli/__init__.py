@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
+from vffnull._plant import oddities
 from vffnull._simulate import PLANTS
 from vffnull._validation import faults
 from vffnull.cli import results
@@ -301,7 +302,7 @@ def _validated(file: str) -> dict[str, Any]:
     try:
         document = document_of(file)
         errors = [f"{name}: {fault}" for fault in faults(document)]
-        warnings = [] if errors else _core.check("scenario", document)
+        warnings = [] if errors else [*_core.check("scenario", document), *oddities(document)]
     except ScenarioError as error:
         errors, warnings = [str(error) if name in str(error) else f"{name}: {error}"], []
     return {"file": name, "error": errors[0] if errors else None, "errors": errors, "warnings": warnings}
