@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 import warnings
@@ -130,6 +131,17 @@ def test_columns(pose: vff.Result) -> None:
     }  # fmt: skip
     assert {name: units[name] for name in expected} == expected
     np.testing.assert_array_equal(table["error_rx"], pose.error[:, 3])
+
+
+def test_units_of_metrics(pose: vff.Result, tmp_path: Path) -> None:
+    """Three rows of J are lengths, and those of angles have no unit: m³ for every task."""
+    flat = vff.simulate("paper-1", {"duration": 0.01})
+    for result, unit in ((pose, "m³"), (flat, "m²")):
+        for shown in (result, vff.Result.load(result.save(tmp_path / f"{unit}.npz"))):
+            assert result.to_pandas().attrs["units"]["manipulability"] == unit
+            (line,) = (line for line in str(shown.metrics).splitlines() if "min_manipulability" in line)
+            assert f" {unit} " in line
+            assert re.search(rf"min_manipulability.*?{unit}", shown.metrics._repr_html_())
 
 
 def test_columns_of_joints_that_slide() -> None:

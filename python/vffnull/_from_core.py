@@ -7,6 +7,7 @@ from typing import Any
 
 from vffnull import _core
 from vffnull._plant import oddities
+from vffnull._record import Layout
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario
 
@@ -22,7 +23,7 @@ def result_of(scenario: Scenario, outcome: Mapping[str, Any], plant: str = "core
         end_time=outcome["end_time"],
         wall_time=outcome["wall_time"],
         warnings=(*outcome["warnings"], *oddities(scenario._document)),
-        metrics=Metrics(outcome["metrics"]),
+        metrics=Metrics(outcome["metrics"], Layout.of(scenario._document)),
         version=_core.__version__,
         plant=plant,
         **outcome["record"],

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
+from vffnull._record import Layout
 from vffnull.plotting import geometry
 from vffnull.plotting.primitives import COLOURS, Body, Marks, Primitive, Scene, drawable
 
@@ -100,12 +101,12 @@ def result(shown: Result) -> str:
     drawing = _picture(scene, scene.instants(_INSTANTS), scene.frame())
     about = f"{shown.status}: {shown.message}"
     main = {name: shown.metrics.get(name) for name in _MAIN}
-    return _card(drawing, shown.scenario.name or "Result", about, _measures(main))
+    return _card(drawing, shown.scenario.name or "Result", about, _measures(main, shown.layout))
 
 
-def _measures(values: Mapping[str, float | int | None]) -> list[tuple[str, str]]:
+def _measures(values: Mapping[str, float | int | None], layout: Layout) -> list[tuple[str, str]]:
     """Names and values with units, of those that apply."""
-    units = {name: _core.METRICS.get(name, ("", ""))[0] for name in values}
+    units = {name: layout.metric(name)[0] for name in values}
     return [
         (name, f"{value if isinstance(value, int) else format(value, '.4g')} {units[name]}".rstrip())
         for name, value in values.items()
