@@ -17,6 +17,7 @@ import pytest
 import vffnull as vff
 from vffnull import _arm, _core
 from vffnull._record import QUANTITIES, Layout, recorded
+from vffnull._validation import faults
 from vffnull.errors import InputError, ScenarioError, ScenarioWarning
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
@@ -440,6 +441,30 @@ def test_validate_reads_the_urdf(written: Path) -> None:
     (written.parent / "models" / "lever.urdf").unlink()
     gone = subprocess.run([*command, str(written)], capture_output=True, text=True, check=False)
     assert gone.returncode == 2 and "lever.urdf" in gone.stderr
+
+
+def test_every_fault_of_a_scenario_in_space_is_found() -> None:
+    """Each part is judged as one of space, and none as one of the plane."""
+    document = vff.Scenario.load("panda-sweep").to_dict()
+    assert faults(document) == []
+    document["reference"] = {"kind": "line", "end": [0.0, 0.1], "duration": 1.0, "relative": True}
+    document["obstacles"] += [
+        {"shape": {"kind": "circle", "radius": 0.1}, "position": [0.0, 0.0, 0.0]},
+        {"shape": {"kind": "sphere", "radius": -0.1}},
+    ]
+    document["controller"]["stiffness"] = -1.0
+    found = faults(document)
+    expected = (
+        "obstacles[1].shape.kind: unknown value `circle`; allowed: `sphere`",
+        "obstacles[2].shape.radius: must be greater than 0",
+        "controller.stiffness: must be 0 or more",
+        "reference.end: expected 3 values, got 2",
+    )
+    assert len(found) == len(expected)
+    for fault, start in zip(found, expected, strict=True):
+        assert fault.startswith(start)
+    flat = vff.Scenario.load("sweep-through").to_dict() | {"reference": {"kind": "line", "relative": True}}
+    assert any("unknown key `relative`" in fault for fault in faults(flat))
 
 
 @pytest.mark.parametrize("word", ["none", "fit"])

@@ -39,7 +39,9 @@ def faults(document: Document) -> list[str]:
     rest = copy.deepcopy(document)
     found: list[str] = []
     arm = rest.get("arm")
-    dimension = 3 if isinstance(arm, dict) and is_spatial(arm) else 2
+    dimension = None  # each part says for itself, as far as it can
+    if isinstance(arm, dict) and (is_spatial(arm) or "lengths" in arm):
+        dimension = 3 if is_spatial(arm) else 2
     if isinstance(rest.get("obstacles"), list):
         sound = []
         for i, obstacle in enumerate(rest["obstacles"]):
@@ -63,7 +65,7 @@ def faults(document: Document) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _check(kind: _Part, part: dict[str, Any], place: str, dimension: int) -> tuple[list[str], bool]:
+def _check(kind: _Part, part: dict[str, Any], place: str, dimension: int | None) -> tuple[list[str], bool]:
     """The faults of a part, each taken out of it once it has been found; and whether the rest can be used."""
     found: list[str] = []
     taken: set[str] = set()
