@@ -14,7 +14,6 @@ from PIL import Image
 
 import vffnull as vff
 from vffnull._arm import SpatialArm, rotation
-from vffnull.errors import ScenarioError
 from vffnull.plotting import geometry, space
 from vffnull.plotting.primitives import Axes, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
@@ -320,8 +319,3 @@ def test_notebooks(result: vff.Result) -> None:
     for shown in (result, result.scenario):
         text = shown._repr_html_()
         assert text.count("<polygon") >= 20 and "panda-sweep" in text
-
-
-def test_what_is_of_the_plane_says_so() -> None:
-    with pytest.raises(ScenarioError, match=r"panda-sweep is in space.*vffnull report"):
-        vff.live("panda-sweep", open_browser=False, block=False)
