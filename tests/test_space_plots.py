@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -313,6 +314,16 @@ def test_comparison(result: vff.Result, tmp_path: Path) -> None:
     other = vff.simulate("panda-sweep", {"controller.field.gain": 40.0, "simulation.record_every": 200})
     page = vff.compare({"strong": result, "weak": other}, tmp_path / "both.html")
     assert page.stat().st_size > 100_000
+
+
+@pytest.mark.parametrize("name", ["panda", "gen3"])
+def test_an_arm_shows_its_capsules(name: str) -> None:
+    """Also one whose joints have no ends, and without a word of NumPy."""
+    arm = vff.Arm.named(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        text = arm._repr_html_()
+    assert text.count("<polygon") >= len(arm.collision) and name in text and "nan" not in text
 
 
 def test_notebooks(result: vff.Result) -> None:

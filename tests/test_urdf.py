@@ -653,6 +653,16 @@ def test_importing_arms_stays_light() -> None:
     assert run.stdout.split() == ["False", "False"]
 
 
+def test_friction_is_told_where_there_is_any() -> None:
+    told = arms.describe(arms.read_urdf(without_mesh(), collision="none").document).splitlines()
+    assert told[1].split()[4:8] == ["speed", "torque", "damping", "friction"]
+    assert "0.5 N·m·s/rad  0.1 N·m" in told[2] and "0 N·m·s/rad    0 N·m" in told[3]
+    arm = arms.named("ur5e")
+    assert "damping" not in arms.describe(arm)
+    arm["joints"][1] |= {"kind": "prismatic", "damping": 3.0}
+    assert "3 N·s/m " in arms.describe(arm) and "friction" not in arms.describe(arm)
+
+
 def test_no_warning_from_reading_a_report() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

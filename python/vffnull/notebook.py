@@ -59,13 +59,11 @@ def arm(shown: Arm) -> str:
 
 
 def _arm_in_space(shown: Arm) -> str:
-    """An arm in the middle of its ranges, seen from the side, and its parameters."""
-    limits = shown.joint_limits
-    bounded = limits is not None and np.isfinite(limits).all(axis=1)
-    q = np.where(bounded, np.mean(limits, axis=1), 0.0) if limits is not None else np.zeros(shown.n)
-    points = shown.forward_kinematics(q)[:, [0, 2]]
-    marks = [_line(points, COLOURS["link"], 1.0)]
-    marks += [_dot(place, COLOURS["joint"], 7.5, 1.0) for place in points[:-1]]
+    """An arm in the middle of its ranges, those that are there straight a little bent, and its parameters."""
+    ends = np.full((shown.n, 2), [-np.pi, np.pi]) if shown.joint_limits is None else shown.joint_limits
+    lower, upper = np.clip(ends, -np.pi, np.pi).T
+    q = (lower + upper) / 2
+    q[np.abs(q) < 0.1] += np.minimum(0.4, (upper - lower) / 8)[np.abs(q) < 0.1]
     document = shown.to_dict()
     rows = [
         ("joints", str(shown.n)),
@@ -75,7 +73,7 @@ def _arm_in_space(shown: Arm) -> str:
         ("gravity", f"({', '.join(f'{g + 0.0:.4g}' for g in shown.gravity)}) m/s²"),
     ]
     name = document.get("name", "Arm")
-    return _card(_svg(points.min(axis=0), points.max(axis=0), marks), name, "seen from the side", rows)
+    return _card(_picture(Scene.of_arm(shown, q)), name, "", rows)
 
 
 def scenario(shown: Scenario) -> str:
