@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vffnull import _core
-from vffnull._plant import oddities
+from vffnull._oddities import oddities
 from vffnull._record import Layout
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario

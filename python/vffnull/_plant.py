@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,9 +9,7 @@ from vffnull import _core
 from vffnull._arm import arm_of, is_spatial
 from vffnull._document import Document
 
-__all__ = ["oddities", "physical"]
-
-_FASTEST = 2.0  # Euler's limit for a decay rate times the step; that of Runge and Kutta is 2.8
+__all__ = ["physical"]
 
 
 def physical(document: Document) -> _core.Arm:
@@ -59,52 +56,3 @@ def _loaded(joint: Mapping[str, Any], tool: Mapping[str, Any], payload: Mapping[
     }
     (joined,) = _core.reduce_tree(tree, {"base": "base", "tip": "payload"})["arm"]["joints"]
     return {key: joined[key] for key in own}
-
-
-def oddities(document: Document) -> list[str]:
-    """What is allowed but probably not meant: viscous friction too stiff for the step of the simulation.
-
-    Friction is integrated explicitly. Files of small arms often have a damping that stops a light wrist
-    within microseconds; a step of a millisecond then makes it swing, or diverge.
-
-    Parameters
-    ----------
-    document : dict
-        The scenario, which has been checked.
-
-    Returns
-    -------
-    list of str
-        A sentence, or nothing.
-    """
-    import numpy as np
-
-    friction = np.broadcast_to(np.asarray(_viscous(document), dtype=float), len(document["q0"]))
-    if not friction.any():
-        return []
-    arm = physical(document)
-    # Symmetric, with the eigenvalues of M⁻¹B: how fast friction alone stops the arm.
-    root = np.sqrt(friction)
-    rates, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(arm.mass_matrix(document["q0"])) * root)
-    numerics = document.get("simulation", {})
-    step, rate = numerics.get("dt", 1e-3), float(rates[-1])
-    if rate * step <= _FASTEST:
-        return []
-    joint = arm.joint_names[int(np.abs(modes[:, -1]).argmax())]
-    finer = math.ceil(rate * step / _FASTEST)
-    every = finer * numerics.get("control_every", 1)
-    sampled = "" if numerics.get("control") == "continuous" else f" and simulation.control_every = {every}"
-    return [
-        f"plant: viscous friction stops `{joint}` at a rate of {rate:.3g} 1/s, too fast for a step of "
-        f"{step:g} s: it swings or diverges. simulation.dt = {step / finer:.6g}{sampled} can follow it; "
-        "plant.viscous_friction = 0 takes it away"
-    ]
-
-
-def _viscous(document: Document) -> Any:
-    """Viscous friction of the joints, one number for all or one for each [N·m·s/rad or N·s/m]."""
-    given, arm = document.get("plant", {}).get("viscous_friction"), document["arm"]
-    if given is not None or not is_spatial(arm):
-        return given or 0.0
-    joints = arm["joints"] if "joints" in arm else _core.arm_model(arm["model"])["joints"]
-    return [joint.get("damping", 0.0) for joint in joints]

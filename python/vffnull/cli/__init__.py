@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
-from vffnull._plant import oddities
+from vffnull._oddities import oddities
 from vffnull._simulate import PLANTS
 from vffnull._validation import faults
 from vffnull.cli import results
