@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from vffnull import _core
-from vffnull._oddities import oddities
 from vffnull._record import Layout
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario
@@ -16,6 +15,8 @@ __all__ = ["result_of"]
 
 def result_of(scenario: Scenario, outcome: Mapping[str, Any], plant: str = "core") -> Result:
     """What the core hands back, as a result."""
+    from vffnull._oddities import oddities
+
     return Result(
         scenario=scenario,
         status=Status(outcome["status"]),

@@ -14,7 +14,6 @@ from vffnull._arm import arm_of
 from vffnull._arm_files import anchored, explicit
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
 from vffnull._files import replacing
-from vffnull._plant import physical
 from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
@@ -187,6 +186,8 @@ class Scenario:
     @property
     def plant(self) -> _core.Arm:
         """The physical arm: `arm` with what ``[plant]`` changes of it, payload included."""
+        from vffnull._plant import physical
+
         return physical(self._document)
 
     def to_dict(self) -> Document:

@@ -15,7 +15,6 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
-from vffnull._oddities import oddities
 from vffnull._simulate import PLANTS
 from vffnull._validation import faults
 from vffnull.cli import results
@@ -298,6 +297,8 @@ def _print(result: Result, files: list[Path]) -> None:
 
 def _validated(file: str) -> dict[str, Any]:
     """What is wrong with a file, and what is odd about it."""
+    from vffnull._oddities import oddities
+
     name = shown(file)
     try:
         document = document_of(file)
