@@ -30,7 +30,8 @@ _PATIENCE = 0.1  # s between two reports of progress
 class MuJoCoPlant:
     """The arm of a scenario and its obstacles in MuJoCo, one step of `simulation.dt` at a time.
 
-    Links touch obstacles, without friction, and never each other. Obstacles are moved before a step to where
+    In the plane and in space. Links touch obstacles with the capsules that are measured against them, without
+    friction, and never each other. Obstacles are moved before a step to where
     they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a link
     that is held, a disc at 0.35 m/s sinks in by 14 mm. So are joint stops and dry friction: a joint goes a
     little beyond a stop, and creeps where it should stick. Torque limits do not act.
@@ -113,7 +114,7 @@ class MuJoCoPlant:
         Returns
         -------
         bool
-            Whether the new state is finite and slower than 10⁴ rad/s in every joint.
+            Whether the new state is finite and slower than 10⁴ rad/s or m/s in every joint.
         """
         data = self.data
         data.time = t
