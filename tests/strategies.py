@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import assume
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
@@ -579,3 +580,23 @@ def spatial_scenes(
         length,
         t,
     )
+
+
+def assert_passive(
+    stored: Callable[[float], float],
+    scene: Scene | SpatialScene,
+    terms: vff.Terms,
+    ddq: Array,
+    tau_ext: Array,
+) -> None:
+    """The energy stored in the null space a time h later changes at the rate νᵀZᵀ(τ_ext + τ_vff) − νᵀD_nν."""
+    case = scene.case
+    # A step that changes the state by 1e-4 at most, whatever the accelerations.
+    h = 1e-4 / (1 + np.abs(case.dq).max() + np.abs(ddq).max())
+    rate = (8 * (stored(h) - stored(-h)) - (stored(2 * h) - stored(-2 * h))) / (12 * h)
+    inner = terms.N @ case.dq
+    damped = np.sqrt(np.array(scene.gains["null_damping"])) * inner
+    lost = damped @ case.arm.mass_matrix(case.q) @ damped
+    fed = inner @ (tau_ext + terms.tau_vff)
+    scale = abs(lost) + abs(fed) + np.linalg.norm(inner) * np.linalg.norm(terms.tau) + stored(0.0) / h * 1e-12
+    assert rate == pytest.approx(fed - lost, abs=1e-6 * (scale + 1))

@@ -326,7 +326,7 @@ def test_completion() -> None:
         return {line.split(",", 1)[1] for line in done.stdout.splitlines() if line.startswith("plain")}
 
     assert offered("re") == {"realtime", "report"}
-    assert offered("run --pl") == {"--plot"}
+    assert offered("run --pl") == {"--plant", "--plot"}
     names = {"paper-2", "paper-2-moving", "paper-2-printed"}
     assert offered("run paper-2") == offered("animate paper-2") == names
 

@@ -20,6 +20,7 @@ from strategies import (
     WIDTHS,
     Case,
     SpatialScene,
+    assert_passive,
     cases,
     fields,
     obstacles,
@@ -197,15 +198,7 @@ def test_null_space_is_passive(scene: SpatialScene, data: st.DataObject) -> None
         dx = J @ there.dq
         return float(there.dq @ M @ there.dq - dx @ np.linalg.solve(J @ np.linalg.solve(M, J.T), dx)) / 2
 
-    # A step that changes the state by 1e-4 at most, whatever the accelerations.
-    h = 1e-4 / (1 + np.abs(dq).max() + np.abs(ddq).max())
-    rate = (8 * (stored(h) - stored(-h)) - (stored(2 * h) - stored(-2 * h))) / (12 * h)
-    inner = terms.N @ dq
-    root = np.sqrt(np.array(scene.gains["null_damping"]))
-    lost = (root * inner) @ arm.mass_matrix(q) @ (root * inner)
-    fed = inner @ (tau_ext + terms.tau_vff)
-    scale = abs(lost) + abs(fed) + np.linalg.norm(inner) * np.linalg.norm(terms.tau) + stored(0.0) / h * 1e-12
-    assert rate == pytest.approx(fed - lost, abs=1e-6 * (scale + 1))
+    assert_passive(stored, scene, terms, ddq, tau_ext)
 
 
 def sides(around: list[vff.Obstacle]) -> Iterator[float]:
