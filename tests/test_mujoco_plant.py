@@ -359,9 +359,13 @@ def test_same_motion_on_ur5e_sweep(control: str) -> None:
 
 
 @pytest.mark.parametrize("control", ["hold", "predictor"])
-def test_same_motion_with_everything_in_space(control: str) -> None:
-    """Payload, other masses, another gravity, friction, rotors, a joint that slides, a mount and a tool."""
-    ours, theirs = both(CRANE, {"simulation.control": control})
+@pytest.mark.parametrize("friction", [CRANE["plant"]["viscous_friction"], None], ids=["plant", "arm"])
+def test_same_motion_with_everything_in_space(friction: list[float] | None, control: str) -> None:
+    """Payload, other masses, another gravity, friction, rotors, a joint that slides, a mount and a tool.
+
+    Friction is that of the plant, or of the arm where the plant says nothing.
+    """
+    ours, theirs = both(CRANE, {"simulation.control": control, "plant.viscous_friction": friction})
     assert ours.status == "completed"
     assert ours.metrics.max_repulsion > 1 and ours.metrics.max_error_transient > 1e-3
     same(ours, theirs)
