@@ -145,6 +145,29 @@ def test_units_of_metrics(pose: vff.Result, tmp_path: Path) -> None:
             assert re.search(rf"min_manipulability.*?{unit}", shown.metrics._repr_html_())
 
 
+def test_the_physical_arm() -> None:
+    """A payload adds what its weight and its inertia at the tool ask for; friction is the plant's."""
+    inertia = np.diag([1e-3, 2e-3, 2.5e-3])
+    load = {"mass": 1.5, "com": [0.02, 0.0, 0.05], "inertia": [1e-3, 2e-3, 2.5e-3, 0.0, 0.0, 0.0]}
+    scenario = vff.Scenario.load("panda-sweep").replace(
+        **{"plant.payload": load, "plant.viscous_friction": 0.3, "plant.gravity": [0.0, 1.0, -9.0]}
+    )
+    believed, plant, q = scenario.arm, scenario.plant, np.linspace(-1.0, 1.0, 7)
+    R = _arm.rotation(believed.pose(q)[1])
+    J = believed.jacobian(q)
+    at = J[:3] + np.cross(J[3:], R @ load["com"], axisa=0, axisc=0)
+    added = load["mass"] * at.T @ at + J[3:].T @ R @ inertia @ R.T @ J[3:]
+    np.testing.assert_allclose(plant.mass_matrix(q) - believed.mass_matrix(q), added, rtol=0, atol=1e-13)
+    weighed = believed.to_dict() | {"gravity": [0.0, 1.0, -9.0]}
+    extra = plant.gravity_torque(q) - vff.Arm._from_dict(weighed).gravity_torque(q)
+    np.testing.assert_allclose(extra, -load["mass"] * at.T @ plant.gravity, rtol=0, atol=1e-12)
+    assert {joint["damping"] for joint in plant.to_dict()["joints"]} == {0.3}
+    heavier = scenario.replace(
+        **{"plant.masses": (2 * believed.masses).tolist(), "plant.payload": None}
+    ).plant
+    np.testing.assert_allclose(heavier.mass_matrix(q), 2 * believed.mass_matrix(q), rtol=1e-13, atol=1e-13)
+
+
 def test_columns_of_joints_that_slide() -> None:
     result = vff.simulate(slider())
     units = result.to_pandas().attrs["units"]
