@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import assume
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 import oracle
 import vffnull as vff
@@ -214,3 +217,386 @@ def scenes(
         draw(vectors(m, -2.0, 2.0)),
     )
     return Scene(case, draw(obstacles(case, t, kinds)), draw(fields(approach)), gains, reference, t)
+
+
+# ------------------------------------------------------------------------------------------------ in space
+
+WIDTHS = {"position": 3, "pointing": 5, "pose": 6}
+BODIES = ("sphere", "capsule", "box", "half_space")
+
+
+def random_arm(rng: np.random.Generator, n: int) -> dict[str, Any]:
+    """A chain of n joints that turn, with or without end, or slide; any mount, tool and gravity."""
+
+    def frame(size: float) -> dict[str, Any]:
+        return {"position": rng.uniform(-size, size, 3).tolist(), "orientation": unit(rng, 4).tolist()}
+
+    joints = []
+    for i in range(n):
+        root = rng.uniform(0.05, 0.3) * rng.normal(size=(3, 3))
+        second = root @ root.T + 1e-3 * np.eye(3)
+        tensor = np.trace(second) * np.eye(3) - second
+        joints.append(
+            {
+                "name": f"joint {i}",
+                "link": f"link {i}",
+                "kind": str(rng.choice(["revolute", "continuous", "prismatic"])),
+                **frame(0.5),
+                "axis": unit(rng, 3).tolist(),
+                "mass": float(rng.uniform(0.3, 5.0)),
+                "com": rng.uniform(-0.2, 0.2, 3).tolist(),
+                "inertia": [float(tensor[k]) for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
+                "armature": float(rng.choice([0.0, rng.uniform(0.0, 0.5)])),
+            }
+        )
+    return {
+        "joints": joints,
+        "mount": frame(3.0),
+        "tool": frame(0.3),
+        "gravity": rng.uniform(-10, 10, 3).tolist(),
+    }
+
+
+def unit(rng: np.random.Generator, width: int) -> Array:
+    """A direction, or a quaternion: any is as likely as any other, and none is parallel to another one."""
+    values = rng.normal(size=width)
+    return values / np.linalg.norm(values)
+
+
+def turn(quaternion: Array) -> Array:
+    """The rotation matrix of a unit quaternion [w, x, y, z]."""
+    w, x, y, z = quaternion
+    return Rotation.from_quat([x, y, z, w]).as_matrix()
+
+
+def product(p: ArrayLike, q: ArrayLike) -> Array:
+    """The quaternion of one turn after another: q, then p."""
+    x, y, z, w = (Rotation.from_quat(np.roll(p, -1)) * Rotation.from_quat(np.roll(q, -1))).as_quat()
+    return np.array([w, x, y, z])
+
+
+def written_in_space(arm: vff.Arm) -> dict[str, Any]:
+    """A planar arm with its axes along z; masses may lie anywhere along z."""
+    at, joints, collision = 0.0, [], []
+    for i in range(arm.n):
+        x, y = arm.com[i]
+        inertia, length, radius = float(arm.inertias[i]), float(arm.lengths[i]), float(arm.radius[i])
+        joints.append(
+            {
+                "name": f"joint_{i + 1}",
+                "link": f"link_{i + 1}",
+                "kind": "continuous",
+                "position": [at, 0.0, 0.0],
+                "mass": float(arm.masses[i]),
+                "com": [float(x), float(y), 0.2],
+                "inertia": [inertia + 1.0, inertia + 1.0, inertia, 0.0, 0.0, 0.0],
+            }
+        )
+        if radius > 0.0:
+            shape = {"kind": "capsule", "a": [0.0] * 3, "b": [length, 0.0, 0.0], "radius": radius}
+            collision.append({"link": f"link_{i + 1}", "shape": shape})
+        at = length
+    return {
+        "joints": joints,
+        "tool": {"position": [at, 0.0, 0.0]},
+        "gravity": [*map(float, arm.gravity), -3.0],
+        "collision": collision,
+    }
+
+
+def raised(obstacle: dict[str, Any]) -> dict[str, Any]:
+    """A circle, capsule or box as a body of space that the plane z = 0 cuts in just that shape."""
+    shape, angle = dict(obstacle["shape"]), obstacle.get("angle", 0.0)
+    match shape["kind"]:
+        case "circle":
+            shape["kind"] = "sphere"
+        case "capsule":
+            shape |= {end: [*shape[end], 0.0] for end in ("a", "b")}
+        case "box":
+            shape["size"] = [*shape["size"], 100.0]
+    motion = {
+        key: [*value, 0.0] if isinstance(value, list) else value
+        for key, value in obstacle.get("motion", {"kind": "static"}).items()
+    }
+    return {
+        "shape": shape,
+        "position": [*obstacle["position"], 0.0],
+        "orientation": [float(np.cos(angle / 2)), 0.0, 0.0, float(np.sin(angle / 2))],
+        "motion": motion,
+    }
+
+
+@dataclass(frozen=True)
+class SpatialCase:
+    """An arm in space in a state, with one of the tasks of `WIDTHS`."""
+
+    document: dict[str, Any]
+    arm: vff.Arm
+    task: str
+    q: Array
+    dq: Array
+
+    def moved(self, q: Array, dq: Array) -> SpatialCase:
+        """The same in another state."""
+        return replace(self, q=q, dq=dq)
+
+    @property
+    def m(self) -> int:
+        return WIDTHS[self.task]
+
+    @property
+    def n(self) -> int:
+        return self.arm.n
+
+    def jacobian(self) -> Array:
+        """J of the task: linear rows, and the angular ones about the world's axes or the tool's x and y."""
+        J = self.arm.jacobian(self.q)
+        match self.task:
+            case "position":
+                return J[:3]
+            case "pointing":
+                return np.vstack([J[:3], self._across() @ J[3:]])
+            case _:
+                return J
+
+    def bias(self) -> Array:
+        """J̇ q̇ of the task; the axes of a tool turn with it."""
+        rate = self.arm.jacobian_dot(self.q, self.dq) @ self.dq
+        match self.task:
+            case "position":
+                return rate[:3]
+            case "pointing":
+                spin = self.arm.jacobian(self.q)[3:] @ self.dq
+                across = self._across()
+                return np.append(rate[:3], across @ rate[3:] + np.cross(spin, across) @ spin)
+            case _:
+                return rate
+
+    def _across(self) -> Array:
+        """The tool's x and y axes, one below the other."""
+        return turn(self.arm.pose(self.q)[1]).T[:2]
+
+    def scale(self, length: float) -> Array:
+        """What makes a velocity of the task one of metres alone: an angle is an arc at this radius."""
+        return np.array([1.0] * 3 + [length] * (self.m - 3))
+
+    def mobility(self, length: float) -> Array:
+        """J M⁻¹ Jᵀ with angles as arcs."""
+        J = self.scale(length)[:, None] * self.jacobian()
+        return J @ np.linalg.solve(self.arm.mass_matrix(self.q), J.T)
+
+    def away_from_singularities(self, length: float) -> None:
+        """As `Case.away_from_singularities`."""
+        assume(np.linalg.eigvalsh(self.mobility(length))[0] > 4e-2 / self.arm.masses.sum())
+
+    def bodies(self) -> Iterator[tuple[Array, Array, float]]:
+        """Ends and radius of every capsule of the arm, in the world."""
+        frames = dict(zip(self.arm.link_names, self.arm.link_poses(self.q), strict=True))
+        for link, shape in self.arm.collision:
+            a, b = (frames[link][:3, :3] @ shape[end] + frames[link][:3, 3] for end in ("a", "b"))
+            yield a, b, shape["radius"]
+
+
+@st.composite
+def spatial_cases(draw: st.DrawFn, task: str, spare: int = 1, most: int = 12) -> SpatialCase:
+    """Arms in motion with at least `spare` joints more than their task needs."""
+    n = draw(st.integers(WIDTHS[task] + spare, most))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    document = random_arm(rng, n)
+    ends = [joint["position"] for joint in document["joints"][1:]] + [document["tool"]["position"]]
+    document["collision"] = [
+        {
+            "link": joint["link"],
+            "shape": {"kind": "capsule", "a": [0.0] * 3, "b": end, "radius": float(rng.uniform(0.02, 0.06))},
+        }
+        for joint, end in zip(document["joints"], ends, strict=True)
+    ]
+    q, dq = rng.uniform(-2.0, 2.0, n), draw(vectors(n, -2.0, 2.0))
+    return SpatialCase(document, vff.Arm._from_dict(document), task, q, dq)
+
+
+@st.composite
+def bodies(draw: st.DrawFn, case: SpatialCase, t: float) -> list[vff.Obstacle]:
+    """One to three obstacles, each 0.02 to 0.6 m beside the arm at time `t`."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    rods = list(case.bodies())
+    found = []
+    for _ in range(draw(st.integers(1, 3))):
+        kind, gap, size = draw(st.sampled_from(BODIES)), draw(between(0.02, 0.6)), draw(between(0.05, 0.4))
+        out = unit(rng, 3)
+        a, b, radius = rods[draw(st.integers(0, len(rods) - 1))]
+        if kind == "half_space":  # beside all of the arm
+            place = (max(max(out @ a, out @ b) + radius for a, b, radius in rods) + gap) * out
+        else:
+            out -= (out @ (b - a)) * (b - a) / ((b - a) @ (b - a))
+            out /= np.linalg.norm(out)
+            place = a + rng.uniform(0.1, 0.9) * (b - a) + (radius + gap + size) * out
+        v = draw(vectors(3, -1.0, 1.0))
+        start, motion = draw(
+            st.sampled_from(
+                [
+                    (place, None),
+                    (place - t * v, vff.Motion.linear(v)),
+                    (place - v * np.sin(2.0 * t), vff.Motion.sinusoid(v, 2.0)),
+                ]
+            )
+        )
+        found.append(body(kind, start, size, -out, unit(rng, 4), motion))
+    return found
+
+
+def body(
+    kind: str, place: Array, size: float, normal: Array, orientation: Array, motion: vff.Motion | None
+) -> vff.Obstacle:
+    """An obstacle of a kind with its position at `place`, and no point of it farther than `size` from it."""
+    match kind:
+        case "sphere":
+            return vff.Obstacle.sphere(place, size, motion)
+        case "capsule":
+            half = 0.6 * size * turn(orientation)[:, 0]
+            return vff.Obstacle.capsule(place - half, place + half, 0.4 * size, motion)
+        case "box":
+            edges = size * np.array([1.2, 0.9, 0.6])
+            return vff.Obstacle.box(place, edges, motion=motion, orientation=orientation)
+        case _:
+            return vff.Obstacle.half_space(place, normal, motion)
+
+
+@dataclass(frozen=True)
+class SpatialScene:
+    """A case with everything that a controller is asked about; angles count as arcs at `length`."""
+
+    case: SpatialCase
+    obstacles: list[vff.Obstacle]
+    field: vff.Field
+    gains: dict[str, Any]
+    position: Array
+    orientation: Array
+    dx: Array
+    ddx: Array
+    length: float
+    t: float
+
+    def turned(self, rotation: Array, shift: Array) -> SpatialScene:
+        """The same elsewhere: robot, gravity, obstacles and reference turned about the origin and moved."""
+        case, R = self.case, turn(rotation)
+
+        def frame(place: Mapping[str, Any]) -> dict[str, Any]:
+            return {
+                "position": (R @ place["position"] + shift).tolist(),
+                "orientation": product(rotation, place.get("orientation", [1.0, 0.0, 0.0, 0.0])).tolist(),
+            }
+
+        document = case.document | {
+            "mount": frame(case.document["mount"]),
+            "gravity": (R @ case.document["gravity"]).tolist(),
+        }
+        moved: list[Any] = []
+        for solid in (each.to_dict() for each in self.obstacles):
+            motion = {
+                key: (R @ value).tolist() if key in ("velocity", "amplitude") else value
+                for key, value in solid.get("motion", {"kind": "static"}).items()
+            }
+            moved.append(solid | frame(solid) | {"motion": motion})
+        both_rows = np.kron(np.eye(2), R)
+        return replace(
+            self,
+            case=replace(case, document=document, arm=vff.Arm._from_dict(document)),
+            obstacles=moved,
+            position=R @ self.position + shift,
+            orientation=product(rotation, self.orientation),
+            dx=both_rows @ self.dx,
+            ddx=both_rows @ self.ddx,
+        )
+
+    def terms(self, **settings: Any) -> vff.Terms:
+        """What the controller of the case makes of it."""
+        case, task = self.case, {"task": self.case.task, "characteristic_length": self.length}
+        document = {"field": self.field.to_dict(), **task, **self.gains, **settings}
+        controller = vff.Controller(case.arm, document)
+        width = 3 if case.task == "position" else 6
+        x_ref = self.position if width == 3 else np.append(self.position, self.orientation)
+        motion = (self.dx[:width], self.ddx[:width])
+        return controller.terms(case.q, case.dq, x_ref, *motion, obstacles=self.obstacles, t=self.t)
+
+    def commanded(self) -> Array:
+        """ẍ_r − D ė − K e in the rows of J: (T9), with (T91), (T104) and (T105) for what turns."""
+        case, m = self.case, self.case.m
+        velocity = case.arm.jacobian(case.q) @ case.dq
+        here, orientation = case.arm.pose(case.q)
+        e, de, ddx = here - self.position, velocity[:3] - self.dx[:3], self.ddx[:3]
+        R, R_r = turn(orientation), turn(self.orientation)
+        omega, omega_r, alpha_r = velocity[3:], self.dx[3:], self.ddx[3:]
+        if case.task == "pose":
+            phi = Rotation.from_matrix(R @ R_r.T).as_rotvec()
+            angle = np.linalg.norm(phi)
+            e = np.append(e, 2 * np.sin(angle / 2) * phi / angle)
+            de = np.append(de, omega - omega_r)
+            ddx = np.append(ddx, alpha_r + np.cross(omega_r, omega))
+        elif case.task == "pointing":
+            z, u = np.array([0.0, 0.0, 1.0]), R.T @ R_r[:, 2]
+            axis = R_r[:, 2]
+            rho = R.T @ (omega_r - (omega_r @ axis) * axis)
+            turned = alpha_r - (alpha_r @ axis) * axis + (omega_r @ axis) * np.cross(axis, omega_r)
+            w = R.T @ omega
+            n = np.cross(u, z)
+            angle = np.arctan2(np.linalg.norm(n), u[2])
+            rate = R.T @ turned + (2 * rho[2] - w[2]) * np.cross(z, w) - rho[2] * np.cross(z, rho)
+            e = np.append(e, (2 * np.sin(angle / 2) * n / np.linalg.norm(n))[:2])
+            de = np.append(de, (w - rho)[:2])
+            ddx = np.append(ddx, rate[:2])
+        gains = (np.broadcast_to(self.gains[name], m) for name in ("damping", "stiffness"))
+        D, K = gains
+        return ddx - D * de - K * e
+
+
+@st.composite
+def spatial_scenes(
+    draw: st.DrawFn, task: str, spare: int = 1, most: int = 12, uniform: bool = False, approach: bool = True
+) -> SpatialScene:
+    """A case with obstacles, a field, a reference nearby, and gains per axis, or `uniform` ones."""
+    case = draw(spatial_cases(task, spare, most))
+    length, t = draw(between(0.1, 0.6)), draw(between(0.0, 3.0))
+    case.away_from_singularities(length)
+    m = 1 if uniform else case.m
+    gains = {
+        "stiffness": draw(vectors(m, 0.0, 100.0)),
+        "damping": draw(vectors(m, 0.0, 20.0)),
+        "null_damping": draw(vectors(case.n, 0.0, 8.0)),
+    }
+    gains = {name: float(value[0]) if len(value) == 1 else value.tolist() for name, value in gains.items()}
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    position, orientation = case.arm.pose(case.q)
+    tilt = np.append(1.0, draw(between(0.01, 2.0)) * unit(rng, 3))
+    return SpatialScene(
+        case,
+        draw(bodies(case, t)),
+        draw(fields(approach)),
+        gains,
+        position + draw(vectors(3, -1.0, 1.0)),
+        product(tilt / np.linalg.norm(tilt), orientation),
+        draw(vectors(6, -1.0, 1.0)),
+        draw(vectors(6, -2.0, 2.0)),
+        length,
+        t,
+    )
+
+
+def assert_passive(
+    stored: Callable[[float], float],
+    scene: Scene | SpatialScene,
+    terms: vff.Terms,
+    ddq: Array,
+    tau_ext: Array,
+) -> None:
+    """The energy stored in the null space a time h later changes at the rate νᵀZᵀ(τ_ext + τ_vff) − νᵀD_nν."""
+    case = scene.case
+    # A step that changes the state by 1e-4 at most, whatever the accelerations.
+    h = 1e-4 / (1 + np.abs(case.dq).max() + np.abs(ddq).max())
+    rate = (8 * (stored(h) - stored(-h)) - (stored(2 * h) - stored(-2 * h))) / (12 * h)
+    inner = terms.N @ case.dq
+    damped = np.sqrt(np.array(scene.gains["null_damping"])) * inner
+    lost = damped @ case.arm.mass_matrix(case.q) @ damped
+    fed = inner @ (tau_ext + terms.tau_vff)
+    scale = abs(lost) + abs(fed) + np.linalg.norm(inner) * np.linalg.norm(terms.tau) + stored(0.0) / h * 1e-12
+    assert rate == pytest.approx(fed - lost, abs=1e-6 * (scale + 1))

@@ -44,6 +44,16 @@ def test_show_prints_a_scenario_with_its_comments(tmp_path: Path) -> None:
     assert vff.Scenario.load(tmp_path / "mine.toml") == vff.Scenario.load("paper-1")
 
 
+def test_mujoco_moves_the_arm() -> None:
+    """In the plane and in space, and `core` is the default."""
+    for name in ("sweep-through", "panda-sweep"):
+        short = ("run", name, "--set", "duration=0.05")
+        assert "in MuJoCo: " in vffnull(*short, "--plant", "mujoco").stdout
+        for plant in ((), ("--plant", "core")):
+            assert "MuJoCo" not in vffnull(*short, *plant).stdout
+    assert "'core', 'mujoco'" in vffnull("run", "paper-1", "--plant", "pinocchio", code=2).stderr
+
+
 def test_schema_names_every_key() -> None:
     """Each key that a bundled scenario uses, and those that scripts override by name (README)."""
     printed = vffnull("schema").stdout
@@ -316,7 +326,7 @@ def test_completion() -> None:
         return {line.split(",", 1)[1] for line in done.stdout.splitlines() if line.startswith("plain")}
 
     assert offered("re") == {"realtime", "report"}
-    assert offered("run --pl") == {"--plot"}
+    assert offered("run --pl") == {"--plant", "--plot"}
     names = {"paper-2", "paper-2-moving", "paper-2-printed"}
     assert offered("run paper-2") == offered("animate paper-2") == names
 

@@ -14,7 +14,7 @@ import pytest
 import vffnull as vff
 from vffnull import _core
 from vffnull.engines.mujoco_plant import MuJoCoPlant
-from vffnull.errors import InputError, ScenarioError
+from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.export import to_mjcf
 
 FIELD_OFF = {"controller.field.gain": 0.0}
@@ -248,6 +248,305 @@ def test_shapes_are_where_they_should_be() -> None:
                 assert theirs == pytest.approx(ours[i], abs=1e-6), (solid, i)
                 compared += 1
     assert compared > 500
+
+
+# ------------------------------------------------------------------------------------------------ in space
+
+BODIES: dict[str, dict[str, Any]] = {
+    "sphere": {"kind": "sphere", "radius": 0.15},
+    "capsule": {"kind": "capsule", "a": [-0.1, 0.0, 0.0], "b": [0.1, 0.05, 0.05], "radius": 0.1},
+    "box": {"kind": "box", "size": [0.3, 0.3, 0.2]},
+    "half_space": {"kind": "half_space", "normal": [0.0, 0.0, -1.0]},
+}
+TURNED = [0.8, 0.0, 0.6, 0.0]
+
+
+def crane(radius: float = 0.04) -> dict[str, Any]:
+    """A carriage that slides and five joints that turn, about axes of every direction; nothing is aligned."""
+
+    def joint(i: int, kind: str, axis: list[float], **others: Any) -> dict[str, Any]:
+        name = {"name": f"joint_{i}", "link": f"link_{i}", "kind": kind, "axis": axis}
+        body = {"mass": 2.0 / i, "com": [0.2, 0.02, -0.01]}
+        inertia = [0.02 / i, 0.05 / i, 0.06 / i, 0.003 / i, -0.002 / i, 0.001 / i]
+        place = {"position": [0.4, 0.0, 0.05], "orientation": [0.96, 0.0, 0.28, 0.0]}
+        return {**name, **body, "inertia": inertia, **place, "armature": 0.05, **others}
+
+    joints = [
+        joint(1, "prismatic", [0.0, 0.6, 0.8], friction=0.0, damping=3.0),
+        joint(2, "continuous", [0.0, 0.0, 1.0]),
+        joint(3, "revolute", [0.0, 1.0, 0.0], damping=0.4),
+        joint(4, "continuous", [0.6, 0.8, 0.0]),
+        joint(5, "revolute", [0.0, 1.0, 0.0]),
+        joint(6, "continuous", [1.0, 0.0, 0.0], armature=0.01),
+    ]
+    links = [{"kind": "capsule", "a": [0.0, 0.0, 0.0], "b": [0.4, 0.0, 0.05], "radius": radius}] * 6
+    return {
+        "joints": joints,
+        "mount": {"position": [0.3, -0.2, 0.5], "orientation": [0.5, 0.5, -0.5, 0.5]},
+        "tool": {"position": [0.3, 0.0, 0.1], "orientation": [0.28, 0.0, 0.96, 0.0]},
+        "gravity": [1.0, -2.0, -9.0],
+        "collision": [{"link": f"link_{i}", "shape": shape} for i, shape in enumerate(links, start=1)],
+    }
+
+
+# A task on a line from its start, another arm than the controller believes in, every shape, every
+# motion, a torque every third step and a row every fourth.
+CRANE: dict[str, Any] = {
+    "duration": 1.5,
+    "q0": [0.1, 0.4, -0.7, 0.5, 0.9, -0.3],
+    "dq0": [0.05, 0.0, -0.1, 0.2, 0.0, 0.1],
+    "arm": crane(),
+    "controller": {
+        "task": "position",
+        "posture": [0.0] * 6,
+        "posture_stiffness": 1.0,
+        "field": {"kind": "bounded", "gain": 20.0, "influence": 1.5, "approach_damping": 0.3},
+    },
+    "reference": {"kind": "line", "end": [0.1, -0.05, 0.1], "duration": 1.0, "relative": True},
+    "obstacles": [
+        {
+            "shape": BODIES["sphere"],
+            "position": [1.9, 0.9, 0.4],
+            "motion": {"kind": "sinusoid", "amplitude": [0.1, 0.2, 0.1], "angular_frequency": 3.0},
+        },
+        {
+            "shape": BODIES["capsule"],
+            "position": [0.9, -1.2, 0.5],
+            "orientation": TURNED,
+            "motion": {"kind": "linear", "velocity": [0.0, 0.2, 0.1]},
+        },
+        {
+            "shape": BODIES["box"],
+            "position": [-1.0, 0.9, 1.5],
+            "orientation": TURNED,
+            "motion": {
+                "kind": "waypoints",
+                "times": [0.2, 0.7, 1.1],
+                "points": [[-1.0, 0.9, 1.5], [-1.0, 0.8, 1.4], [-0.9, 0.9, 1.6]],
+            },
+        },
+        {"shape": BODIES["half_space"], "position": [0.0, 0.0, 3.0], "orientation": [0.96, 0.28, 0.0, 0.0]},
+    ],
+    "simulation": {"control_every": 3, "record_every": 4},
+    "plant": {
+        "masses": [2.5, 1.0, 0.8, 0.5, 0.3, 0.4],
+        "gravity": [1.1, -2.1, -9.2],
+        "payload": {"mass": 0.3, "com": [0.02, 0.0, 0.05], "inertia": [1e-3, 2e-3, 2e-3, 1e-4, 0.0, 0.0]},
+        "viscous_friction": [2.0, 0.3, 0.3, 0.2, 0.1, 0.1],
+    },
+}
+STILL = {"duration": 3.0}  # the ball is beside the elbow, whose links have moved by 0.3 rad
+UR5E = {"duration": 4.0}
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "semi_implicit_euler"])
+@pytest.mark.parametrize("control", ["continuous", "hold", "predictor"])
+def test_same_motion_on_panda_sweep(control: str, integrator: str) -> None:
+    options = {"simulation.control": control, "simulation.integrator": integrator}
+    ours, theirs = both("panda-sweep", options | STILL)
+    assert ours.status == "completed"
+    assert ours.metrics.max_repulsion > 10 and np.ptp(ours.q, axis=0).max() > 0.3
+    same(ours, theirs)
+
+
+@pytest.mark.parametrize("control", ["continuous", "hold"])
+def test_same_motion_on_ur5e_sweep(control: str) -> None:
+    options = {"simulation.control": control, "simulation.integrator": "rk4"}
+    ours, theirs = both("ur5e-sweep", options | UR5E)
+    assert ours.status == "completed"
+    assert ours.metrics.max_repulsion > 100
+    same(ours, theirs)
+
+
+@pytest.mark.parametrize("control", ["hold", "predictor"])
+@pytest.mark.parametrize("friction", [CRANE["plant"]["viscous_friction"], None], ids=["plant", "arm"])
+def test_same_motion_with_everything_in_space(friction: list[float] | None, control: str) -> None:
+    """Payload, other masses, another gravity, friction, rotors, a joint that slides, a mount and a tool.
+
+    Friction is that of the plant, or of the arm where the plant says nothing.
+    """
+    ours, theirs = both(CRANE, {"simulation.control": control, "plant.viscous_friction": friction})
+    assert ours.status == "completed"
+    assert ours.metrics.max_repulsion > 1 and ours.metrics.max_error_transient > 1e-3
+    same(ours, theirs)
+
+
+@pytest.mark.parametrize("task", ["pointing", "pose"])
+def test_same_motion_of_a_tool_that_turns(task: str) -> None:
+    """On a circle, with noise of one and the same seed, a delay, and drives that lag."""
+    circle = {"kind": "circle", "center": [0.1, 0.0, 0.0], "radius": 0.1, "phase": np.pi}
+    changes = {
+        "controller.task": task,
+        "reference": circle | {"angular_velocity": 2.0, "relative": True, "turning": True},
+        "measurement": {"position_noise": 1e-4, "velocity_noise": 1e-3, "delay": 2e-3},
+        "actuator": {"time_constant": 2e-3},
+        "duration": 1.0,
+    }
+    ours, theirs = both("panda-sweep", changes)
+    assert ours.status == "completed"
+    assert ours.orientation is not None and np.ptp(ours.orientation, axis=0).max() > 0.5
+    same(ours, theirs)
+
+
+def test_joints_stop_where_they_stop_in_the_core() -> None:
+    """One turns and one slides, each against an end that is its only one; softer than ours."""
+    free = [-np.inf, np.inf]
+    changes = {
+        "arm.joint_limits": [[-0.2, 0.12], free, free, free, [-np.inf, 1.0], free],
+        "dq0": [0.3, 0.0, 0.0, 0.0, 1.0, 0.0],
+        "controller.stiffness": 0.0,
+        "controller.damping": 0.0,
+        "duration": 0.3,
+        "obstacles": [],
+    }
+    for stops in (True, False):
+        ours, theirs = both(CRANE, changes | {"plant.joint_stops": stops})
+        beyond = theirs.q.max(axis=0)[[0, 4]] - [0.12, 1.0]
+        if stops:
+            np.testing.assert_array_equal(ours.q.max(axis=0)[[0, 4]], [0.12, 1.0])
+            assert np.all(np.abs(beyond) < 1e-3)
+        else:
+            assert np.all(beyond > 0.01)
+            same(ours, theirs)
+
+
+@pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")
+def test_obstacles_move_in_mujoco_as_in_the_core_in_space() -> None:
+    ours, plant = vff.simulate(CRANE), MuJoCoPlant(CRANE)
+    assert (np.ptp(ours.obstacles, axis=0).max(axis=1) > 0.1).sum() == 3
+    turned = [[1.0, 0.0, 0.0, 0.0], TURNED, TURNED, [0.96, 0.28, 0.0, 0.0]]
+    for row in (0, 90, 200, 350):
+        plant.step(ours.t[row], np.zeros(6))
+        np.testing.assert_array_equal(plant.data.mocap_pos, ours.obstacles[row])
+        np.testing.assert_allclose(plant.data.mocap_quat, turned, rtol=0, atol=1e-15)
+
+
+def test_contact_pushes_the_arm_in_space() -> None:
+    """With the field off the ball goes through our Panda, which never notices; MuJoCo's gives way."""
+    through, pushed = both("panda-sweep", FIELD_OFF)
+    assert np.ptp(through.q, axis=0).max() < 1e-9
+    assert np.ptp(pushed.q, axis=0).max() > 0.1
+    assert through.metrics.intrusion_depth > 0.05
+    assert 0 < pushed.metrics.intrusion_depth < 0.02
+    assert pushed.status == "collided" and "first contact at t = " in pushed.message
+    assert pushed.metrics.collision_time == pytest.approx(through.metrics.collision_time, abs=1e-3)
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.03])
+@pytest.mark.parametrize("orientation", [[1.0, 0.0, 0.0, 0.0], [0.98, 0.0, 0.199, 0.0]])
+@pytest.mark.parametrize("kind", BODIES)
+def test_every_body_pushes(kind: str, orientation: list[float], radius: float) -> None:
+    """It comes down on a chain of four rods; MuJoCo's own box let a thin one through."""
+    rod = {"kind": "continuous", "axis": [0.0, 1.0, 0.0], "mass": 1.0, "com": [0.25, 0.0, 0.0]}
+    rod |= {"inertia": [0.002, 0.02, 0.02, 0.0, 0.0, 0.0]}
+    shape = {"kind": "capsule", "a": [0.0, 0.0, 0.0], "b": [0.5, 0.0, 0.0], "radius": radius}
+    chain = {
+        "joints": [rod | {"name": f"joint_{i}", "position": [0.5 if i else 0.0, 0.0, 0.0]} for i in range(4)],
+        "tool": {"position": [0.5, 0.0, 0.0]},
+        "gravity": [0.0, 0.0, 0.0],
+        "collision": [{"link": f"joint_{i}", "shape": shape} for i in range(4)],
+    }
+    scenario = {
+        "arm": chain,
+        "q0": [-0.9, 0.6, 0.5, 0.4],
+        "duration": 3.0,
+        "controller": {"stiffness": 100.0, "damping": 20.0},
+        "reference": {"kind": "setpoint"},
+        "obstacles": [
+            {
+                "shape": BODIES[kind],
+                "position": [0.9, 0.0, 1.5],
+                "orientation": orientation,
+                "motion": {"kind": "linear", "velocity": [0.0, 0.0, -0.35]},
+            }
+        ],
+    }
+    through, pushed = both(scenario, {})
+    assert through.metrics.intrusion_depth > 0.08
+    assert 0 < pushed.metrics.intrusion_depth < 0.02
+
+
+def test_bodies_are_where_they_should_be() -> None:
+    """MuJoCo's distance of every link of a Panda and every body is the one that the controller measures."""
+    panda = vff.Arm.named("panda")
+    places = ([0.5, 0.5, 0.6], [0.5, -0.6, 0.4], [-0.7, 0.2, 0.4], [0.0, 0.0, 1.6])
+    solids = [
+        {"shape": BODIES[kind], "position": place, "orientation": TURNED}
+        for kind, place in zip(BODIES, places, strict=True)
+    ]
+    model = mujoco.MjModel.from_xml_string(to_mjcf(panda, obstacles=solids))
+    data = mujoco.MjData(model)
+    owners = [model.body(int(body)).name for body in model.geom_bodyid]
+    shapes = {name: [g for g, owner in enumerate(owners) if owner == name] for name in panda.link_names}
+    assert all(shapes.values())
+    limits, rng, compared = panda.joint_limits, np.random.default_rng(0), 0
+    assert limits is not None
+    for _ in range(20):
+        data.qpos[:] = rng.uniform(limits[:, 0], limits[:, 1])
+        mujoco.mj_kinematics(model, data)
+        found = vff.distances(panda, data.qpos, np.zeros(7), solids)
+        for i, k in np.ndindex(7, len(solids)):
+            ours = found.distance[(found.link == i) & (found.obstacle == k)].min()
+            if ours > 0:
+                solid = model.geom(f"obstacle_{k + 1}").id
+                theirs = [
+                    mujoco.mj_geomDistance(model, data, shape, solid, 10.0, None)
+                    for shape in shapes[panda.link_names[i]]
+                ]
+                assert min(theirs) == pytest.approx(ours, abs=1e-6), (solids[k], i)
+                compared += 1
+    assert compared > 400
+
+
+def folded(space: bool) -> dict[str, Any]:
+    """A chain of five links, the fourth of which lies on the first; nothing stands in its way."""
+    arm: Any = vff.Arm.uniform(5, radius=0.1)
+    if space:
+        links = [
+            {
+                "name": f"joint_{i}",
+                "kind": "continuous",
+                "position": [1.0 if i else 0.0, 0.0, 0.0],
+                "mass": 1.0,
+                "com": [0.5, 0.0, 0.0],
+                "inertia": [0.01, 0.08, 0.08, 0.0, 0.0, 0.0],
+            }
+            for i in range(5)
+        ]
+        shape = {"kind": "capsule", "a": [0.0, 0.0, 0.0], "b": [1.0, 0.0, 0.0], "radius": 0.1}
+        collision = [{"link": f"joint_{i}", "shape": shape} for i in range(5)]
+        arm = {"joints": links, "tool": {"position": [1.0, 0.0, 0.0]}, "collision": collision}
+    third = 2 * np.pi / 3
+    return {
+        "arm": arm.to_dict() if isinstance(arm, vff.Arm) else arm,
+        "q0": [0.0, third, third, third, 0.5],
+        "duration": 0.2,
+        "reference": {"kind": "setpoint"} if space else {"kind": "setpoint", "point": [0.7, 1.2]},
+    }
+
+
+@pytest.mark.parametrize("space", [False, True])
+def test_links_never_touch_each_other(space: bool) -> None:
+    """Even if there is no obstacle."""
+    ours, theirs = both(folded(space), {})
+    same(ours, theirs)
+
+
+def test_obstacles_of_another_space_are_refused() -> None:
+    disc, ball = vff.Obstacle.circle([1.0, 1.0], 0.1), vff.Obstacle.sphere([1.0, 1.0, 1.0], 0.1)
+    for arm, obstacles, fault in (
+        (vff.Arm.named("panda"), [ball, disc], "position: expected 3 values, got 2"),
+        (vff.Arm.uniform(2), [disc, ball], "position: expected 2 values, got 3"),
+        (vff.Arm.uniform(2), [disc, {"shape": {"kind": "ball", "radius": 1.0}}], ".*ball"),
+    ):
+        with pytest.raises(ScenarioError, match=rf"^obstacles\[1\]\.{fault}"):
+            to_mjcf(arm, obstacles=obstacles)
+    for nothing in (3, [3], {"shape": 1}):
+        with pytest.raises(InputTypeError, match=r"^obstacles: "):
+            to_mjcf(vff.Arm.named("panda"), obstacles=nothing)  # type: ignore[arg-type]
+
+
+# -------------------------------------------------------------------------------------------------- endings
 
 
 @pytest.mark.parametrize("control", ["hold", "continuous"])

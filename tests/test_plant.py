@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +97,41 @@ def test_viscous_friction_slows_a_rod_down_exponentially() -> None:
     _, dq = drive(rod(dq0=2.0, plant={"viscous_friction": 0.5}), 2000, [0.0])
     t = DT * np.arange(2001)
     np.testing.assert_allclose(dq[:, 0], 2.0 * np.exp(-0.5 / INERTIA * t), rtol=1e-10)
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "semi_implicit_euler"])
+def test_friction_too_stiff_for_the_step_is_warned_of(integrator: str) -> None:
+    """Published files of small arms have it: 2 N·m·s/rad stop a wrist of 1.4e-4 kg·m² at 14 000 1/s.
+
+    The step that the warning names follows it; friction as fast as that step is not warned of.
+    """
+    scenario: dict[str, Any] = {
+        "arm": {"model": "xarm7"},
+        "q0": [0.0, -0.5, 0.0, 1.0, 0.0, 1.2, 0.0],
+        "duration": 0.2,
+        "reference": {"kind": "line", "end": [0.0, 0.02, 0.0], "duration": 0.2, "relative": True},
+        "plant": {"viscous_friction": [10.0, 10.0, 5.0, 5.0, 5.0, 2.0, 2.0]},
+        "simulation": {"integrator": integrator},
+    }
+    with pytest.warns(vff.errors.ScenarioWarning, match=r"viscous friction stops `joint7`") as caught:
+        odd = vff.simulate(scenario)
+    assert odd.status == "diverged" or odd.metrics.peak_speed > 1000  # the stop of the joint catches it
+    found = re.search(r"simulation\.dt = (\S+) and simulation\.control_every = (\d+)", str(caught[0].message))
+    assert found is not None
+    step, every = float(found[1]), int(found[2])
+    assert step * every == pytest.approx(1e-3)
+    numerics = {"simulation.dt": step, "simulation.control_every": every}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", vff.errors.ScenarioWarning)
+        result = vff.simulate(scenario, numerics)
+        finer = vff.simulate(scenario, {"simulation.dt": step / 4, "simulation.control_every": 4 * every})
+        vff.simulate("panda-sweep", {"duration": 0.1, "plant.viscous_friction": 0.1})
+    assert result.status == "completed"
+    assert np.abs(result.q[-1] - finer.q[-1]).max() < 1e-5
+    flat = chain(plant={"viscous_friction": 1.0})
+    assert vff.simulate(flat).warnings == ()
+    with pytest.warns(vff.errors.ScenarioWarning, match=r"viscous friction stops `joint_3`.*dt = \S+ can"):
+        vff.simulate(flat, {"plant.viscous_friction": 500.0, "simulation.control": "continuous"})
 
 
 @pytest.mark.parametrize("sense", [1, -1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from typing import Any
 
 import numpy as np
@@ -110,3 +112,34 @@ def test_a_controller_warns_of_gains_too_high_for_its_period() -> None:
     vff.Controller(arm, {"null_damping": 199.0}, period=0.01)
     with pytest.raises(InputError, match="period"):
         vff.Controller(arm, {}, period=0.0)
+
+
+@pytest.mark.parametrize("name", ["ur5e-sweep", "panda-sweep", "sweep-through"])
+def test_a_posture_spring_that_a_held_torque_makes_unstable_is_warned_of(name: str) -> None:
+    """Below the bound that it names the null space comes to rest after a push, above it does not."""
+    scene: dict[str, Any] = {
+        "controller.field.gain": 0.0,
+        "obstacles": [],
+        "controller.null_damping": 4.0,
+        "simulation.integrator": "rk4",
+        "simulation.record_every": 1,
+        "duration": 2.0,
+    }
+    scenario = vff.Scenario.load(name)
+    scene["controller.posture"] = scenario["q0"]
+    stiff = [1e6] * len(scenario["q0"])
+    with pytest.warns(ScenarioWarning, match=r"^controller\.posture_stiffness: .*swing") as caught:
+        vff.simulate(scenario, {**scene, "controller.posture_stiffness": stiff, "duration": 0.01})
+    found = re.search(r"stable up to (\S+) s", str(caught[0].message))
+    assert found is not None
+    bound = float(found[1]) * 1e6 / 1e-3  # N·m/rad, at a period of 1 ms: the bound is as its inverse
+    for share, grows in ((0.7, False), (1.5, True)):
+        changes = {**scene, "controller.posture_stiffness": share * bound}
+        changes["dq0"] = [1e-4 * (-1) ** i for i in range(len(stiff))]
+        with warnings.catch_warnings(record=True) as odd:
+            warnings.simplefilter("always", ScenarioWarning)
+            result = vff.simulate(scenario, changes)
+        speed = np.linalg.norm(result.dq, axis=1)
+        first, last = speed[500:700].max(), speed[-200:].max()  # the task has come to rest by then
+        assert (last > first) == grows, (share, first, last)
+        assert any("posture_stiffness" in str(each.message) for each in odd) == grows

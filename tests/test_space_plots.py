@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from PIL import Image
 
 import vffnull as vff
 from vffnull._arm import SpatialArm, rotation
-from vffnull.errors import ScenarioError
 from vffnull.plotting import geometry, space
 from vffnull.plotting.primitives import Axes, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
@@ -316,15 +316,17 @@ def test_comparison(result: vff.Result, tmp_path: Path) -> None:
     assert page.stat().st_size > 100_000
 
 
+@pytest.mark.parametrize("name", ["panda", "gen3"])
+def test_an_arm_shows_its_capsules(name: str) -> None:
+    """Also one whose joints have no ends, and without a word of NumPy."""
+    arm = vff.Arm.named(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        text = arm._repr_html_()
+    assert text.count("<polygon") >= len(arm.collision) and name in text and "nan" not in text
+
+
 def test_notebooks(result: vff.Result) -> None:
     for shown in (result, result.scenario):
         text = shown._repr_html_()
         assert text.count("<polygon") >= 20 and "panda-sweep" in text
-
-
-def test_what_is_of_the_plane_says_so() -> None:
-    with pytest.raises(ScenarioError, match=r"panda-sweep is in space.*vffnull report"):
-        vff.live("panda-sweep", open_browser=False, block=False)
-    pytest.importorskip("mujoco")
-    with pytest.raises(ScenarioError, match="panda-sweep is in space"):
-        vff.simulate("panda-sweep", plant="mujoco")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 import warnings
@@ -16,6 +17,7 @@ import pytest
 import vffnull as vff
 from vffnull import _arm, _core
 from vffnull._record import QUANTITIES, Layout, recorded
+from vffnull._validation import faults
 from vffnull.errors import InputError, ScenarioError, ScenarioWarning
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
@@ -130,6 +132,40 @@ def test_columns(pose: vff.Result) -> None:
     }  # fmt: skip
     assert {name: units[name] for name in expected} == expected
     np.testing.assert_array_equal(table["error_rx"], pose.error[:, 3])
+
+
+def test_units_of_metrics(pose: vff.Result, tmp_path: Path) -> None:
+    """Three rows of J are lengths, and those of angles have no unit: m³ for every task."""
+    flat = vff.simulate("paper-1", {"duration": 0.01})
+    for result, unit in ((pose, "m³"), (flat, "m²")):
+        for shown in (result, vff.Result.load(result.save(tmp_path / f"{unit}.npz"))):
+            assert result.to_pandas().attrs["units"]["manipulability"] == unit
+            (line,) = (line for line in str(shown.metrics).splitlines() if "min_manipulability" in line)
+            assert f" {unit} " in line
+            assert re.search(rf"min_manipulability.*?{unit}", shown.metrics._repr_html_())
+
+
+def test_the_physical_arm() -> None:
+    """A payload adds what its weight and its inertia at the tool ask for; friction is the plant's."""
+    inertia = np.diag([1e-3, 2e-3, 2.5e-3])
+    load = {"mass": 1.5, "com": [0.02, 0.0, 0.05], "inertia": [1e-3, 2e-3, 2.5e-3, 0.0, 0.0, 0.0]}
+    scenario = vff.Scenario.load("panda-sweep").replace(
+        **{"plant.payload": load, "plant.viscous_friction": 0.3, "plant.gravity": [0.0, 1.0, -9.0]}
+    )
+    believed, plant, q = scenario.arm, scenario.plant, np.linspace(-1.0, 1.0, 7)
+    R = _arm.rotation(believed.pose(q)[1])
+    J = believed.jacobian(q)
+    at = J[:3] + np.cross(J[3:], R @ load["com"], axisa=0, axisc=0)
+    added = load["mass"] * at.T @ at + J[3:].T @ R @ inertia @ R.T @ J[3:]
+    np.testing.assert_allclose(plant.mass_matrix(q) - believed.mass_matrix(q), added, rtol=0, atol=1e-13)
+    weighed = believed.to_dict() | {"gravity": [0.0, 1.0, -9.0]}
+    extra = plant.gravity_torque(q) - vff.Arm._from_dict(weighed).gravity_torque(q)
+    np.testing.assert_allclose(extra, -load["mass"] * at.T @ plant.gravity, rtol=0, atol=1e-12)
+    assert {joint["damping"] for joint in plant.to_dict()["joints"]} == {0.3}
+    heavier = scenario.replace(
+        **{"plant.masses": (2 * believed.masses).tolist(), "plant.payload": None}
+    ).plant
+    np.testing.assert_allclose(heavier.mass_matrix(q), 2 * believed.mass_matrix(q), rtol=1e-13, atol=1e-13)
 
 
 def test_columns_of_joints_that_slide() -> None:
@@ -428,6 +464,30 @@ def test_validate_reads_the_urdf(written: Path) -> None:
     (written.parent / "models" / "lever.urdf").unlink()
     gone = subprocess.run([*command, str(written)], capture_output=True, text=True, check=False)
     assert gone.returncode == 2 and "lever.urdf" in gone.stderr
+
+
+def test_every_fault_of_a_scenario_in_space_is_found() -> None:
+    """Each part is judged as one of space, and none as one of the plane."""
+    document = vff.Scenario.load("panda-sweep").to_dict()
+    assert faults(document) == []
+    document["reference"] = {"kind": "line", "end": [0.0, 0.1], "duration": 1.0, "relative": True}
+    document["obstacles"] += [
+        {"shape": {"kind": "circle", "radius": 0.1}, "position": [0.0, 0.0, 0.0]},
+        {"shape": {"kind": "sphere", "radius": -0.1}},
+    ]
+    document["controller"]["stiffness"] = -1.0
+    found = faults(document)
+    expected = (
+        "obstacles[1].shape.kind: unknown value `circle`; allowed: `sphere`",
+        "obstacles[2].shape.radius: must be greater than 0",
+        "controller.stiffness: must be 0 or more",
+        "reference.end: expected 3 values, got 2",
+    )
+    assert len(found) == len(expected)
+    for fault, start in zip(found, expected, strict=True):
+        assert fault.startswith(start)
+    flat = vff.Scenario.load("sweep-through").to_dict() | {"reference": {"kind": "line", "relative": True}}
+    assert any("unknown key `relative`" in fault for fault in faults(flat))
 
 
 @pytest.mark.parametrize("word", ["none", "fit"])

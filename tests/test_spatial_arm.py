@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import vffnull as vff
 from published import MODELS, chains, coordinates, pin, reduced_to
+from strategies import random_arm, written_in_space
 from vffnull import arms
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
@@ -206,53 +207,21 @@ def test_bundled_arms_are_those_of_mujoco(name: str) -> None:
     assert_agreement(arm, mujoco_of(arm))
 
 
-def random_arm(seed: int) -> dict[str, Any]:
-    """A chain of 1 to 20 joints that turn, with or without end, or slide; any mount, tool and gravity."""
+def any_arm(seed: int) -> dict[str, Any]:
+    """A chain of 1 to 20 joints."""
     rng = np.random.default_rng(seed)
-    n = seed + 1 if seed < 20 else int(rng.integers(1, 21))
-
-    def unit(width: int) -> list[float]:
-        values = rng.normal(size=width)
-        return [float(x) for x in values / np.linalg.norm(values)]
-
-    def frame(size: float) -> dict[str, Any]:
-        return {"position": rng.uniform(-size, size, 3).tolist(), "orientation": unit(4)}
-
-    joints = []
-    for i in range(n):
-        root = rng.uniform(0.05, 0.3) * rng.normal(size=(3, 3))
-        second = root @ root.T + 1e-3 * np.eye(3)
-        tensor = np.trace(second) * np.eye(3) - second
-        joints.append(
-            {
-                "name": f"joint {i}",
-                "link": f"link {i}",
-                "kind": str(rng.choice(["revolute", "continuous", "prismatic"])),
-                **frame(0.5),
-                "axis": unit(3),
-                "mass": float(rng.uniform(0.3, 5.0)),
-                "com": rng.uniform(-0.2, 0.2, 3).tolist(),
-                "inertia": [float(tensor[k]) for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
-                "armature": float(rng.choice([0.0, rng.uniform(0.0, 0.5)])),
-            }
-        )
-    return {
-        "joints": joints,
-        "mount": frame(3.0),
-        "tool": frame(0.3),
-        "gravity": rng.uniform(-10, 10, 3).tolist(),
-    }
+    return random_arm(rng, seed + 1 if seed < 20 else int(rng.integers(1, 21)))
 
 
 def test_random_chains_are_those_of_pinocchio() -> None:
     for seed in range(200):
-        arm = vff.Arm._from_dict(random_arm(seed))
+        arm = vff.Arm._from_dict(any_arm(seed))
         assert_agreement(arm, pinocchio_of(arm), seed, states=1)
 
 
 def test_random_chains_are_those_of_mujoco() -> None:
     for seed in range(200):
-        arm = vff.Arm._from_dict(random_arm(seed))
+        arm = vff.Arm._from_dict(any_arm(seed))
         assert_agreement(arm, mujoco_of(arm), seed, states=1)
 
 
@@ -286,32 +255,6 @@ def test_published_arms_are_those_of_pinocchio(path: Path) -> None:
 # --------------------------------------------------------------------------- the plane, a part of space
 
 
-def written_in_space(arm: vff.Arm) -> vff.Arm:
-    """A planar arm with its axes along z; masses may lie anywhere along z."""
-    at, joints = 0.0, []
-    for i in range(arm.n):
-        x, y = arm.com[i]
-        inertia = float(arm.inertias[i])
-        joints.append(
-            {
-                "name": f"joint_{i + 1}",
-                "link": f"link_{i + 1}",
-                "kind": "continuous",
-                "position": [at, 0.0, 0.0],
-                "mass": float(arm.masses[i]),
-                "com": [float(x), float(y), 0.2],
-                "inertia": [inertia + 1.0, inertia + 1.0, inertia, 0.0, 0.0, 0.0],
-            }
-        )
-        at = float(arm.lengths[i])
-    document = {
-        "joints": joints,
-        "tool": {"position": [at, 0.0, 0.0]},
-        "gravity": [*map(float, arm.gravity), -3.0],
-    }
-    return vff.Arm._from_dict(document)
-
-
 def test_a_planar_arm_in_space_is_the_planar_arm() -> None:
     rng = np.random.default_rng(5)
     for n in (1, 2, 3, 6, 11):
@@ -323,7 +266,7 @@ def test_a_planar_arm_in_space_is_the_planar_arm() -> None:
             inertias=rng.uniform(0.01, 0.5, n),
             gravity=rng.uniform(-10, 10, 2),
         )
-        raised = written_in_space(flat)
+        raised = vff.Arm._from_dict(written_in_space(flat))
         q, dq, ddq, tau = rng.uniform(-3, 3, (4, n))
 
         def close(a: Array, b: Array) -> None:
@@ -562,7 +505,7 @@ def table(engine_of: Callable[[vff.Arm], Engine]) -> str:
     names = [*NAMES, "random"]
     rows: dict[str, dict[str, float]] = {}
     for name in names:
-        documents = [arms.named(name)] if name in NAMES else [random_arm(seed) for seed in range(200)]
+        documents = [arms.named(name)] if name in NAMES else [any_arm(seed) for seed in range(200)]
         for k, document in enumerate(documents):
             arm = vff.Arm._from_dict(document)
             states = 50 if len(documents) == 1 else 1

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
+from strategies import random_arm
 from vffnull import _core, arms
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
@@ -447,6 +448,39 @@ def test_bundled_arms_survive_mjcf(name: str) -> None:
         np.testing.assert_allclose(ours[2], theirs[2], atol=1e-6)
 
 
+def test_any_arm_survives() -> None:
+    """Random chains of every kind of joint with friction and rotors, some with an end on one side alone."""
+    rng = np.random.default_rng(7)
+    for n in range(1, 13):
+        arm = random_arm(rng, n)
+        for joint in arm["joints"]:
+            joint |= {"damping": float(rng.uniform(0, 1)), "friction": float(rng.uniform(0, 1))}
+        ends = {"revolute": [-1.0, 2.0], "prismatic": [-0.1, 0.4], "continuous": [-math.inf, math.inf]}
+        arm["joint_limits"] = [ends[joint["kind"]] for joint in arm["joints"]]
+        arm["torque_limits"] = rng.uniform(1, 100, n).tolist()
+        arm = _core.check_arm(arm)
+        base, tip = arm["base"], arm["tip"]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ScenarioWarning)
+            read = arms.read_urdf(arms.to_urdf(arm), tip=tip, gravity=arm["gravity"], collision="none")
+            armature = [joint["armature"] for joint in arm["joints"]]
+            assert_same(arm, with_armature(read.document, armature), rng)
+            turning = [i for i, joint in enumerate(arm["joints"]) if joint["kind"] == "revolute"]
+            for i in turning:
+                arm["joint_limits"][i] = [-math.inf, 2.0] if i % 2 else [-1.0, math.inf]
+            assert_same(arm, arms.read_mjcf(arms.to_mjcf(arm), tip=tip, base="world").document, rng)
+            far = arms.read_urdf(arms.to_urdf(arm), tip=tip, base=base, collision="none").document
+        for i in turning:  # URDF has a number there
+            lower, upper = far["joint_limits"][i]
+            assert (lower <= -1e9, upper) == (True, 2.0) if i % 2 else (lower, upper >= 1e9) == (-1.0, True)
+
+
+def with_armature(arm: dict[str, Any], armature: list[float]) -> dict[str, Any]:
+    """An arm with what URDF cannot hold."""
+    joints = [joint | {"armature": of} for joint, of in zip(arm["joints"], armature, strict=True)]
+    return arm | {"joints": joints}
+
+
 def test_a_fitted_urdf_comes_back_with_its_capsules() -> None:
     arm = arms.read_urdf(without_mesh()).document
     again = arms.read_urdf(arms.to_urdf(arm), tip="tool").document
@@ -617,6 +651,16 @@ def test_importing_arms_stays_light() -> None:
     code = "import sys, vffnull.arms as a; a.names(); print('numpy' in sys.modules, 'scipy' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["False", "False"]
+
+
+def test_friction_is_told_where_there_is_any() -> None:
+    told = arms.describe(arms.read_urdf(without_mesh(), collision="none").document).splitlines()
+    assert told[1].split()[4:8] == ["speed", "torque", "damping", "friction"]
+    assert "0.5 N·m·s/rad  0.1 N·m" in told[2] and "0 N·m·s/rad    0 N·m" in told[3]
+    arm = arms.named("ur5e")
+    assert "damping" not in arms.describe(arm)
+    arm["joints"][1] |= {"kind": "prismatic", "damping": 3.0}
+    assert "3 N·s/m " in arms.describe(arm) and "friction" not in arms.describe(arm)
 
 
 def test_no_warning_from_reading_a_report() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vffnull import _core
+from vffnull._record import Layout
 from vffnull.result import Metrics, Result, Status
 from vffnull.scenario import Scenario
 
@@ -14,14 +15,16 @@ __all__ = ["result_of"]
 
 def result_of(scenario: Scenario, outcome: Mapping[str, Any], plant: str = "core") -> Result:
     """What the core hands back, as a result."""
+    from vffnull._oddities import oddities
+
     return Result(
         scenario=scenario,
         status=Status(outcome["status"]),
         message=outcome["message"],
         end_time=outcome["end_time"],
         wall_time=outcome["wall_time"],
-        warnings=tuple(outcome["warnings"]),
-        metrics=Metrics(outcome["metrics"]),
+        warnings=(*outcome["warnings"], *oddities(scenario._document)),
+        metrics=Metrics(outcome["metrics"], Layout.of(scenario._document)),
         version=_core.__version__,
         plant=plant,
         **outcome["record"],

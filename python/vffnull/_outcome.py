@@ -55,11 +55,14 @@ class Metrics(Mapping[str, float | int | None]):
     ----------
     values : Mapping
         The measures.
+    layout : Layout, optional
+        Where the run took place, which some units depend on; in the plane by default.
     """
 
-    __slots__ = ("_values",)
+    __slots__ = ("_layout", "_values")
 
-    def __init__(self, values: Mapping[str, float | int | None]) -> None:
+    def __init__(self, values: Mapping[str, float | int | None], layout: Layout | None = None) -> None:
+        self._layout = layout or Layout()
         self._values = {name: _finite(value) for name, value in values.items()}
 
     def __getitem__(self, name: str) -> float | int | None:
@@ -107,7 +110,7 @@ class Metrics(Mapping[str, float | int | None]):
 
     def _rows(self) -> list[tuple[str, str, str, str]]:
         """Name, value, unit and meaning."""
-        return [(name, readable(value), *_core.METRICS.get(name, ("", ""))) for name, value in self.items()]
+        return [(name, readable(value), *self._layout.metric(name)) for name, value in self.items()]
 
 
 def readable(value: float | int | None) -> str:

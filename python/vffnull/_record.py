@@ -131,6 +131,13 @@ class Layout:
         """Every quantity by name."""
         return QUANTITIES if self.dimension == 2 else QUANTITIES | IN_SPACE
 
+    def metric(self, name: str) -> tuple[str, str]:
+        """Unit and one-line description of a metric; both empty if nothing is known of it."""
+        unit, meaning = _core.METRICS.get(name, ("", ""))
+        if self.dimension == 3 and name == "min_manipulability":
+            unit = self.unit("manipulability")
+        return unit, meaning
+
     def names(self, over: Dimension) -> tuple[str, ...] | None:
         """What the places along a dimension are called, or None where they count from 0."""
         return SPACE_AXES if over == "task" and self.dimension == 3 else NAMES.get(over)

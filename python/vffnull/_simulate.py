@@ -13,9 +13,9 @@ from vffnull.errors import InputError, ScenarioWarning
 from vffnull.result import Result
 from vffnull.scenario import Scenario, ScenarioLike, prepare
 
-__all__ = ["prepare", "run", "simulate"]
+__all__ = ["PLANTS", "prepare", "run", "simulate"]
 
-_PLANTS = ("core", "mujoco")
+PLANTS = ("core", "mujoco")
 
 
 def simulate(
@@ -66,8 +66,8 @@ def simulate(
     >>> print(result.metrics)  # doctest: +SKIP
     """
     _progress.check(progress)
-    if plant not in _PLANTS:
-        raise InputError(f"plant: expected one of {', '.join(_PLANTS)}, not {plant!r}")
+    if plant not in PLANTS:
+        raise InputError(f"plant: expected one of {', '.join(PLANTS)}, not {plant!r}")
     ready = prepare(scenario, overrides)
     if progress is True:
         with _progress.bar(ready.duration) as report:

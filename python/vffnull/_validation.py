@@ -38,39 +38,40 @@ def faults(document: Document) -> list[str]:
     """
     rest = copy.deepcopy(document)
     found: list[str] = []
+    arm = rest.get("arm")
+    dimension = None  # each part says for itself, as far as it can
+    if isinstance(arm, dict) and (is_spatial(arm) or "lengths" in arm):
+        dimension = 3 if is_spatial(arm) else 2
     if isinstance(rest.get("obstacles"), list):
         sound = []
         for i, obstacle in enumerate(rest["obstacles"]):
-            wrong = _check("obstacle", obstacle, f"obstacles[{i}]")[0] if isinstance(obstacle, dict) else []
+            place = f"obstacles[{i}]"
+            wrong = _check("obstacle", obstacle, place, dimension)[0] if isinstance(obstacle, dict) else []
             found += wrong
             sound += [] if wrong else [obstacle]
         rest["obstacles"] = sound
     whole = True
-    arm = rest.get("arm")
-    spatial = isinstance(arm, dict) and is_spatial(arm)
     for name in _PARTS:
         part = rest.get(name)
-        if name == "reference" and spatial:
-            continue  # on its own it would be one in the plane
         if isinstance(part, dict):
-            wrong, mended = _check(name, part, name)
+            wrong, mended = _check(name, part, name, dimension)
             found += wrong
             if not mended and name in _NEEDED:
                 whole = False
             elif not mended:  # defaults in its place, but for the number of the task's axes
                 rest[name] = {key: part[key] for key in ("task",) if key in part}
     if whole:
-        found += _check("scenario", rest, "")[0]
+        found += _check("scenario", rest, "", dimension)[0]
     return list(dict.fromkeys(found))
 
 
-def _check(kind: _Part, part: dict[str, Any], place: str) -> tuple[list[str], bool]:
+def _check(kind: _Part, part: dict[str, Any], place: str, dimension: int | None) -> tuple[list[str], bool]:
     """The faults of a part, each taken out of it once it has been found; and whether the rest can be used."""
     found: list[str] = []
     taken: set[str] = set()
     for _ in range(_MOST):
         try:
-            _core.check(kind, part)
+            _core.check(kind, part, dimension)
             return found, True
         except ScenarioError as error:
             path = _path(error)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
+from vffnull._record import Layout
 from vffnull.plotting import geometry
 from vffnull.plotting.primitives import COLOURS, Body, Marks, Primitive, Scene, drawable
 
@@ -58,13 +59,11 @@ def arm(shown: Arm) -> str:
 
 
 def _arm_in_space(shown: Arm) -> str:
-    """An arm in the middle of its ranges, seen from the side, and its parameters."""
-    limits = shown.joint_limits
-    bounded = limits is not None and np.isfinite(limits).all(axis=1)
-    q = np.where(bounded, np.mean(limits, axis=1), 0.0) if limits is not None else np.zeros(shown.n)
-    points = shown.forward_kinematics(q)[:, [0, 2]]
-    marks = [_line(points, COLOURS["link"], 1.0)]
-    marks += [_dot(place, COLOURS["joint"], 7.5, 1.0) for place in points[:-1]]
+    """An arm in the middle of its ranges, those that are there straight a little bent, and its parameters."""
+    ends = np.full((shown.n, 2), [-np.pi, np.pi]) if shown.joint_limits is None else shown.joint_limits
+    lower, upper = np.clip(ends, -np.pi, np.pi).T
+    q = (lower + upper) / 2
+    q[np.abs(q) < 0.1] += np.minimum(0.4, (upper - lower) / 8)[np.abs(q) < 0.1]
     document = shown.to_dict()
     rows = [
         ("joints", str(shown.n)),
@@ -74,7 +73,7 @@ def _arm_in_space(shown: Arm) -> str:
         ("gravity", f"({', '.join(f'{g + 0.0:.4g}' for g in shown.gravity)}) m/s²"),
     ]
     name = document.get("name", "Arm")
-    return _card(_svg(points.min(axis=0), points.max(axis=0), marks), name, "seen from the side", rows)
+    return _card(_picture(Scene.of_arm(shown, q)), name, "", rows)
 
 
 def scenario(shown: Scenario) -> str:
@@ -100,12 +99,12 @@ def result(shown: Result) -> str:
     drawing = _picture(scene, scene.instants(_INSTANTS), scene.frame())
     about = f"{shown.status}: {shown.message}"
     main = {name: shown.metrics.get(name) for name in _MAIN}
-    return _card(drawing, shown.scenario.name or "Result", about, _measures(main))
+    return _card(drawing, shown.scenario.name or "Result", about, _measures(main, shown.layout))
 
 
-def _measures(values: Mapping[str, float | int | None]) -> list[tuple[str, str]]:
+def _measures(values: Mapping[str, float | int | None], layout: Layout) -> list[tuple[str, str]]:
     """Names and values with units, of those that apply."""
-    units = {name: _core.METRICS.get(name, ("", ""))[0] for name in values}
+    units = {name: layout.metric(name)[0] for name in values}
     return [
         (name, f"{value if isinstance(value, int) else format(value, '.4g')} {units[name]}".rstrip())
         for name, value in values.items()

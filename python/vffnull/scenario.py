@@ -186,7 +186,9 @@ class Scenario:
     @property
     def plant(self) -> _core.Arm:
         """The physical arm: `arm` with what ``[plant]`` changes of it, payload included."""
-        return _core.plant(self._document)
+        from vffnull._plant import physical
+
+        return physical(self._document)
 
     def to_dict(self) -> Document:
         """The document, as a copy of its own."""

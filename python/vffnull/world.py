@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
+from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -273,6 +274,27 @@ class Obstacle:
         if self.motion is not None:
             parts.append(f"motion={self.motion!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
+
+
+def checked(obstacles: object, dimension: int) -> list[Document]:
+    """Obstacles of a space of so many dimensions as parts of a scenario document.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If one is none; the message has its place in the list.
+    vffnull.errors.InputTypeError
+        If they are no list of `Obstacle` or dict.
+    """
+    documents = plain(obstacles, "obstacles")
+    if not isinstance(documents, list) or not all(isinstance(each, dict) for each in documents):
+        raise InputTypeError("obstacles: expected a list of Obstacle or dict")
+    for i, document in enumerate(documents):
+        try:
+            _core.check("obstacle", document, dimension)
+        except ScenarioError as error:
+            raise ScenarioError(f"obstacles[{i}].{error}", f"obstacles[{i}].{error.path}") from None
+    return documents
 
 
 def _points(given: object) -> NDArray[np.float64] | None:

@@ -6,6 +6,7 @@ import math
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,18 @@ import numpy as np
 from vffnull import _core
 from vffnull.arms._frames import roll_pitch_yaw
 from vffnull.errors import ScenarioWarning
+from vffnull.world import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
 
 _IDENTITY = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
+_FAR = 1e9  # rad or m; where a joint ends that has an end on its other side alone
+_TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
+
+# Links touch obstacles, without friction, and nothing else.
+_TOUCHING = {"contype": "1", "conaffinity": "0", "condim": "1"}
+_TOUCHED = {"contype": "0", "conaffinity": "1", "condim": "1"}
+_UNTOUCHED = {"contype": "0", "conaffinity": "0"}
 
 
 def to_urdf(arm: Mapping[str, Any]) -> str:
@@ -70,7 +79,7 @@ def to_urdf(arm: Mapping[str, Any]) -> str:
     parent = base
     for i, joint in enumerate(joints):
         lower, upper = limits[i]
-        bounded = math.isfinite(lower) and math.isfinite(upper)
+        bounded = math.isfinite(lower) or math.isfinite(upper)
         # A limited joint without end exists in the document only.
         kind = joint["kind"] if joint["kind"] == "prismatic" else ("revolute" if bounded else "continuous")
         element = ET.SubElement(robot, "joint", name=joint["name"], type=kind)
@@ -81,8 +90,7 @@ def to_urdf(arm: Mapping[str, Any]) -> str:
         limit = {key: _text([value]) for key, value in (("velocity", velocity[i]), ("effort", torque[i]))}
         limit = {key: "0" if text == "inf" else text for key, text in limit.items()}
         if kind != "continuous":
-            ends = (lower, upper) if bounded else (-1e9, 1e9)
-            limit |= {"lower": _text(ends[:1]), "upper": _text(ends[1:])}
+            limit |= {"lower": _text([max(lower, -_FAR)]), "upper": _text([min(upper, _FAR)])}
         ET.SubElement(element, "limit", limit)
         ET.SubElement(
             element, "dynamics", damping=_text([joint["damping"]]), friction=_text([joint["friction"]])
@@ -147,7 +155,7 @@ def _origin(parent: ET.Element, position: Sequence[float], orientation: Sequence
     ET.SubElement(parent, "origin", xyz=_text(position), rpy=_text(roll_pitch_yaw(orientation)))
 
 
-def to_mjcf(arm: Mapping[str, Any]) -> str:
+def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, Any]] | None = None) -> str:
     """The arm as MJCF, with a motor for each joint.
 
     Read back from its base to its tip it is the same arm, to rounding; MJCF has no place for limits of
@@ -157,21 +165,35 @@ def to_mjcf(arm: Mapping[str, Any]) -> str:
     ----------
     arm : dict
         The explicit description.
+    obstacles : iterable of Obstacle or Mapping, optional
+        Each becomes a mocap body ``obstacle_1`` … with a geom of that name at its position, to be moved by
+        hand; its motion is not a part of the model. If they are given, be there none, the links touch
+        obstacles, without friction, and nothing else. Otherwise links touch one another as well.
 
     Returns
     -------
     str
         XML that MuJoCo compiles; the tip is a site.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the description is of no arm.
+    vffnull.errors.ScenarioError
+        If an obstacle is not one of space.
     """
     arm = _core.check_arm(arm)
+    solids = None if obstacles is None else checked(obstacles, 3)
+    touch = None if solids is None else _TOUCHING
     root = ET.Element("mujoco", model=arm.get("name", "arm"))
     # Inertias and places are as they stand here: nothing is to be inferred from geoms.
     ET.SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     ET.SubElement(root, "option", gravity=_text(arm["gravity"]))
     asset = ET.SubElement(root, "asset")
-    body = ET.SubElement(ET.SubElement(root, "worldbody"), "body", name=arm["base"])
+    world = ET.SubElement(root, "worldbody")
+    body = ET.SubElement(world, "body", name=arm["base"])
     body.attrib.update(_place(arm["mount"]))
-    _mjcf_geoms(body, asset, arm, arm["base"])
+    _mjcf_geoms(body, asset, arm, arm["base"], None if solids is None else _UNTOUCHED)
     n = len(arm["joints"])
     limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
     for joint, (lower, upper) in zip(arm["joints"], limits, strict=True):
@@ -183,9 +205,9 @@ def to_mjcf(arm: Mapping[str, Any]) -> str:
         element = ET.SubElement(body, "joint", name=joint["name"], type=kind, axis=_text(joint["axis"]))
         for key, value in (("armature", "armature"), ("damping", "damping"), ("frictionloss", "friction")):
             element.set(key, _text([joint[value]]))
-        if math.isfinite(lower) and math.isfinite(upper):
-            element.set("range", _text([lower, upper]))
-        _mjcf_geoms(body, asset, arm, joint["link"])
+        if math.isfinite(lower) or math.isfinite(upper):
+            element.set("range", _text([max(lower, -_FAR), min(upper, _FAR)]))
+        _mjcf_geoms(body, asset, arm, joint["link"], touch)
     ET.SubElement(body, "site", {"name": arm["tip"], **_place(arm["tool"])})
     pairs = arm.get("ignore", [])
     if pairs:
@@ -198,26 +220,54 @@ def to_mjcf(arm: Mapping[str, Any]) -> str:
         motor = ET.SubElement(actuator, "motor", name=f"{joint['name']}_motor", joint=joint["name"])
         if math.isfinite(limit):
             motor.set("forcerange", _text([-limit, limit]))
+    for k, solid in enumerate(solids or (), start=1):
+        _mjcf_obstacle(world, asset, f"obstacle_{k}", solid)
     return _xml(root)
 
 
-def _mjcf_geoms(body: ET.Element, asset: ET.Element, arm: Mapping[str, Any], link: str) -> None:
+def _mjcf_geoms(
+    body: ET.Element,
+    asset: ET.Element,
+    arm: Mapping[str, Any],
+    link: str,
+    touch: Mapping[str, str] | None,
+) -> None:
     for shape in _shapes(arm, link):
-        kind = shape["kind"]
-        if kind == "capsule" and shape["a"] != shape["b"]:
-            ends = _text([*shape["a"], *shape["b"]])
-            ET.SubElement(body, "geom", type="capsule", fromto=ends, size=_text([shape["radius"]]))
-        elif kind in ("sphere", "capsule"):
-            center = _text(shape.get("center", shape.get("a")))
-            ET.SubElement(body, "geom", type="sphere", pos=center, size=_text([shape["radius"]]))
-        elif kind == "box":
-            half = _text([x / 2 for x in shape["size"]])
-            place = _place({"position": shape["center"], "orientation": shape["orientation"]})
-            ET.SubElement(body, "geom", {"type": "box", "size": half, **place})
-        else:
+        if shape["kind"] == "convex":
             name = f"hull_{len(asset)}"
             ET.SubElement(asset, "mesh", name=name, vertex=_text(np.ravel(shape["vertices"])))
-            ET.SubElement(body, "geom", type="mesh", mesh=name)
+            form = {"type": "mesh", "mesh": name}
+        else:
+            form = _mjcf_form(shape)
+        ET.SubElement(body, "geom", form | dict(touch or {}))
+
+
+def _mjcf_form(shape: Mapping[str, Any]) -> dict[str, str]:
+    """The attributes of a geom; the shape of an obstacle has no place of its own."""
+    kind = shape["kind"]
+    radius = max(shape.get("radius", 0.0), _TOUCH)
+    if kind == "capsule" and shape["a"] != shape["b"]:
+        return {"type": "capsule", "fromto": _text([*shape["a"], *shape["b"]]), "size": _text([radius])}
+    if kind in ("sphere", "capsule"):
+        center = shape.get("center", shape.get("a", _IDENTITY["position"]))
+        return {"type": "sphere", "pos": _text(center), "size": _text([radius])}
+    if kind == "half_space":  # 0 is without an end; the third is the distance of lines that are drawn
+        return {"type": "plane", "size": "0 0 1", "quat": _text(_from_z(shape["normal"]))}
+    place = _place({"position": shape["center"], "orientation": shape["orientation"]})
+    return {"type": "box", "size": _text([x / 2 for x in shape["size"]]), **place}
+
+
+def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Mapping[str, Any]) -> None:
+    place = {key: obstacle.get(key, _IDENTITY[key]) for key in _IDENTITY}
+    body = ET.SubElement(world, "body", {"name": name, "mocap": "true", **_place(place)})
+    shape = obstacle["shape"]
+    if shape["kind"] == "box":  # MuJoCo's own box lets the axis of a thin capsule through
+        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * shape["size"]
+        ET.SubElement(asset, "mesh", name=name, vertex=_text(corners.ravel()))
+        form = {"type": "mesh", "mesh": name}
+    else:
+        form = _mjcf_form(shape)
+    ET.SubElement(body, "geom", {"name": name, **form, **_TOUCHED})
 
 
 def _place(frame: Mapping[str, Any]) -> dict[str, str]:

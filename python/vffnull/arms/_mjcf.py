@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["from_mjcf", "read_mjcf"]
 
 Array = NDArray[np.float64]
+
+_FAR = 1e9  # rad or m; where `to_mjcf` puts the end that a joint does not have
 
 
 def from_mjcf(
@@ -260,7 +263,7 @@ class _Reader:
             "kind": name,
             "frame": frame(origin, quaternion),
             "axis": [float(x) for x in axis],
-            "limits": [float(x) for x in model.jnt_range[i]] if limited else None,
+            "limits": [_end(x) for x in model.jnt_range[i]] if limited else None,
             "torque": self._torque(i),
             "armature": float(model.dof_armature[address]),
             "damping": _scalar(model.dof_damping[address]),
@@ -341,6 +344,11 @@ class _Reader:
 
 def _fixed(name: str, parent: str, child: str, place: dict[str, list[float]]) -> dict[str, Any]:
     return {"name": name, "kind": "fixed", "parent": parent, "child": child, "frame": place}
+
+
+def _end(value: float) -> float:
+    """An end of a joint's range; one so far away stands for none."""
+    return float(value) if abs(value) < _FAR else math.copysign(math.inf, value)
 
 
 def _scalar(value: Any) -> float:

@@ -115,23 +115,33 @@ def _table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def describe(arm: Mapping[str, Any]) -> str:
-    """An arm's joints, masses and limits as a table."""
+    """An arm's joints, masses and limits as a table, with its friction where it has any."""
     joints = arm["joints"]
     n = len(joints)
     limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
     velocity = arm.get("velocity_limits") or [math.inf] * n
     torque = arm.get("torque_limits") or [math.inf] * n
-    rows = [("joint", "kind", "lower", "upper", "speed", "torque", "link", "mass [kg]")]
+    rubs = tuple(key for key in ("damping", "friction") if any(joint.get(key) for joint in joints))
+    rows = [("joint", "kind", "lower", "upper", "speed", "torque", *rubs, "link", "mass [kg]")]
     for i, joint in enumerate(joints):
         units = _UNITS.get(joint["kind"], _TURNING)
         cells = (limits[i][0], limits[i][1], velocity[i], torque[i])
         shown = (_quantity(value, unit) for value, unit in zip(cells, (units[0], *units), strict=True))
-        rows.append((joint["name"], joint["kind"], *shown, joint["link"], f"{joint['mass']:.4g}"))
+        resists = (f"{joint.get(key, 0.0):.4g} {unit}" for key, unit in _resistance(joint, rubs))
+        rows.append((joint["name"], joint["kind"], *shown, *resists, joint["link"], f"{joint['mass']:.4g}"))
     total = sum(joint["mass"] for joint in joints)
     head = f"{n} joints from {arm['base']} to {arm['tip']}, {total:.4g} kg move"
     known = [(arm.get("reach"), "reach {:.4g} m"), (arm.get("payload"), "payload {:.4g} kg")]
     head += "".join(f", {form.format(value)}" for value, form in known if value is not None)
     return "\n".join([head, *_table(rows)])
+
+
+def _resistance(joint: Mapping[str, Any], keys: Sequence[str]) -> list[tuple[str, str]]:
+    """What resists the motion of a joint, with its units."""
+    _, speed, force = _UNITS.get(joint["kind"], _TURNING)
+    length = speed.partition("/")[0]
+    units = {"damping": f"{force}·s/{length}", "friction": force}
+    return [(key, units[key]) for key in keys]
 
 
 def _quantity(value: float, unit: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
-from vffnull._arm_files import explicit
+from vffnull._simulate import PLANTS
 from vffnull._validation import faults
 from vffnull.cli import results
 from vffnull.cli.arms import arms
@@ -129,6 +129,12 @@ for _command in (arms, live, realtime, evaluate, results.animate, results.report
 @_commands.command()
 @click.argument("scenario", shell_complete=complete_scenario)
 @set_option
+@click.option(
+    "--plant",
+    type=click.Choice(PLANTS),
+    default=PLANTS[0],
+    help="What moves the arm: the core, or MuJoCo, where obstacles push it.",
+)
 @click.option("--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures.")
 @format_option
 @click.option(
@@ -140,6 +146,7 @@ for _command in (arms, live, realtime, evaluate, results.animate, results.report
 def run(
     scenario: str,
     assignments: tuple[str, ...],
+    plant: str,
     plot_to: Path | None,
     figure_format: str,
     save_to: Path | None,
@@ -154,6 +161,7 @@ def run(
     vffnull run paper-1 --plot figures/ --format pdf
     vffnull run sweep-through --set controller.field.gain=0
     vffnull run sweep-through --set controller.projection=none --json
+    vffnull run panda-sweep --plant mujoco --set controller.field.gain=0
     vffnull run paper-1 --set "obstacles.0.position=[1.5, 1.8]" --set duration=5
 
     --save writes .npz or .csv; with extras also .parquet, .arrow, .mcap or .rrd, by the ending of FILE.
@@ -165,7 +173,7 @@ def run(
         check_path(save_to)
     if plot_to is not None:
         plot_to.mkdir(parents=True, exist_ok=True)
-    result = run_with_bar(ready, quiet)
+    result = run_with_bar(ready, quiet, plant)
     files: list[Path] = []
     if save_to is not None:
         files.append(result.save(save_to))
@@ -289,11 +297,13 @@ def _print(result: Result, files: list[Path]) -> None:
 
 def _validated(file: str) -> dict[str, Any]:
     """What is wrong with a file, and what is odd about it."""
+    from vffnull._oddities import oddities
+
     name = shown(file)
     try:
-        document = explicit(document_of(file))
+        document = document_of(file)
         errors = [f"{name}: {fault}" for fault in faults(document)]
-        warnings = [] if errors else _core.check("scenario", document)
+        warnings = [] if errors else [*_core.check("scenario", document), *oddities(document)]
     except ScenarioError as error:
         errors, warnings = [str(error) if name in str(error) else f"{name}: {error}"], []
     return {"file": name, "error": errors[0] if errors else None, "errors": errors, "warnings": warnings}

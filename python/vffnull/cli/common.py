@@ -16,6 +16,7 @@ from click.shell_completion import CompletionItem
 
 from vffnull import _core, _progress
 from vffnull._figures import FIGURE_FORMATS
+from vffnull._simulate import PLANTS
 from vffnull._simulate import run as run_scenario
 from vffnull.errors import ScenarioError, ScenarioWarning, VffNullError
 from vffnull.logs import READABLE
@@ -106,13 +107,13 @@ def prepared(source: str, assignments: tuple[str, ...]) -> Scenario:
     return ready
 
 
-def run_with_bar(ready: Scenario, quiet: bool) -> Result:
+def run_with_bar(ready: Scenario, quiet: bool, plant: str = PLANTS[0]) -> Result:
     """Run, with a progress bar on a terminal once it takes longer than a second; warnings go to stderr."""
     if quiet or not interactive():
-        result = run_scenario(ready)
+        result = run_scenario(ready, plant=plant)
     else:
         with _progress.bar(ready.duration, delay=1.0) as report:
-            result = run_scenario(ready, report)
+            result = run_scenario(ready, report, plant)
     for message in result.warnings:
         say(f"warning: {message}", "yellow")
     return result

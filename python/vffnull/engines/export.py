@@ -11,7 +11,7 @@ import numpy as np
 
 from vffnull import arms
 from vffnull._core import Arm
-from vffnull.errors import InputError
+from vffnull.world import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
 
@@ -20,7 +20,9 @@ _THIN = 0.01  # m; what a link without thickness looks like
 _TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
 
 
-def to_mjcf(arm: Arm, name: str | None = None, obstacles: Iterable[Mapping[str, Any]] = ()) -> str:
+def to_mjcf(
+    arm: Arm, name: str | None = None, obstacles: Iterable[Obstacle | Mapping[str, Any]] | None = None
+) -> str:
     """Describe an arm for MuJoCo.
 
     Parameters
@@ -29,25 +31,28 @@ def to_mjcf(arm: Arm, name: str | None = None, obstacles: Iterable[Mapping[str, 
         The arm.
     name : str, optional
         Name of the model; the arm's own, or ``arm``, by default.
-    obstacles : iterable of Mapping, optional
-        Obstacles of the plane as in a scenario document. Each becomes a mocap body ``obstacle_1`` … at its
-        position, to be moved by hand; its motion is not a part of the model.
+    obstacles : iterable of Obstacle or Mapping, optional
+        Obstacles, also as in a scenario document. Each becomes a mocap body ``obstacle_1`` … with a geom of
+        that name at its position, to be moved by hand; its motion is not a part of the model.
 
     Returns
     -------
     str
         MJCF text. An arm in space keeps its names; see `vffnull.arms.to_mjcf`. One in the plane has
         bodies ``link_1`` … ``link_n``, joints ``joint_1`` … ``joint_n`` with a torque motor each,
-        and a site ``tip``. Capsules of the links' radius collide if it is not zero. With obstacles, all links
-        collide with them and with nothing else, without friction; a link without thickness then is a micron
-        thick. Step and integrator are MuJoCo's defaults.
+        and a site ``tip``. Capsules of the links' radius collide if it is not zero. If obstacles are given,
+        be there none, links touch them, without friction, and nothing else; a link of the plane without
+        thickness then is a micron thick. Step and integrator are MuJoCo's defaults.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If an obstacle is none where the arm is, in the plane or in space.
     """
-    obstacles = list(obstacles)
     document = arm.to_dict()
     if arm.dimension == 3:
-        if obstacles:
-            raise InputError("obstacles: an arm in space is written without them")
-        return arms.to_mjcf(_called(document, name))
+        return arms.to_mjcf(_called(document, name), obstacles)
+    solids = None if obstacles is None else checked(obstacles, 2)
     root = Element("mujoco", model=name or "arm")
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", gravity=_numbers(*arm.gravity, 0.0))
@@ -75,16 +80,16 @@ def to_mjcf(arm: Arm, name: str | None = None, obstacles: Iterable[Mapping[str, 
             name=f"link_{i + 1}",
             type="capsule",
             fromto=_numbers(0.0, 0.0, 0.0, arm.lengths[i], 0.0, 0.0),
-            size=_numbers(radius or (_TOUCH if obstacles else _THIN)),
+            size=_numbers(radius or (_THIN if solids is None else _TOUCH)),
         )
-        if obstacles:
+        if solids is not None:
             geom.attrib |= {"contype": "1", "conaffinity": "0", "condim": "1"}
         elif not radius:
             geom.set("contype", "0")
             geom.set("conaffinity", "0")
         parent, offset = body, arm.lengths[i]
     SubElement(parent, "site", name="tip", pos=_numbers(offset, 0.0, 0.0))
-    for k, obstacle in enumerate(obstacles, start=1):
+    for k, obstacle in enumerate(solids or (), start=1):
         _add_obstacle(world, assets, f"obstacle_{k}", obstacle, tall=float(arm.lengths.sum()))
     motors = SubElement(root, "actuator")
     limits = _largest(document, "torque_limits", arm.n)

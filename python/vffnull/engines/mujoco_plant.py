@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
-from vffnull._arm import in_the_plane
 from vffnull._from_core import result_of
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
@@ -31,7 +30,8 @@ _PATIENCE = 0.1  # s between two reports of progress
 class MuJoCoPlant:
     """The arm of a scenario and its obstacles in MuJoCo, one step of `simulation.dt` at a time.
 
-    Links touch obstacles, without friction, and never each other. Obstacles are moved before a step to where
+    In the plane and in space. Links touch obstacles with the capsules that are measured against them, without
+    friction, and never each other. Obstacles are moved before a step to where
     they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a link
     that is held, a disc at 0.35 m/s sinks in by 14 mm. So are joint stops and dry friction: a joint goes a
     little beyond a stop, and creeps where it should stick. Torque limits do not act.
@@ -64,7 +64,6 @@ class MuJoCoPlant:
 
     def __init__(self, scenario: ScenarioLike) -> None:
         scenario = prepare(scenario)
-        in_the_plane(scenario.to_dict(), "MuJoCo moves arms in the plane so far; leave out plant='mujoco'")
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
         self._loop = _core.ExternalRun(document)
@@ -89,8 +88,13 @@ class MuJoCoPlant:
         self.model.jnt_solimp[:, :2] = 0.9999, 0.9999
         self.model.dof_solref[:] = 2 * options.timestep, 1.0  # and its dry friction
         self.model.dof_solimp[:, :2] = 0.9999, 0.9999
-        self.model.dof_damping[:] = physics.get("viscous_friction", 0.0)
-        self.model.dof_frictionloss[:] = physics.get("coulomb_friction", 0.0)
+        # What is not given is that of the arm, which the model has.
+        for friction, given in (
+            ("dof_damping", "viscous_friction"),
+            ("dof_frictionloss", "coulomb_friction"),
+        ):
+            if given in physics:
+                getattr(self.model, friction)[:] = physics[given]
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = document["q0"]
         self.data.qvel[:] = document.get("dq0", 0.0)
@@ -110,11 +114,12 @@ class MuJoCoPlant:
         Returns
         -------
         bool
-            Whether the new state is finite and slower than 10⁴ rad/s in every joint.
+            Whether the new state is finite and slower than 10⁴ rad/s or m/s in every joint.
         """
         data = self.data
         data.time = t
-        data.mocap_pos[:, :2] = self._loop.obstacles(t)
+        places = self._loop.obstacles(t)
+        data.mocap_pos[:, : places.shape[1]] = places
         law = None
         if callable(torque):
             law = _callback(torque)

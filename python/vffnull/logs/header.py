@@ -82,7 +82,7 @@ def unpack(text: str | bytes, source: Path) -> Header:
         "end_time": entries.number("end_time"),
         "wall_time": entries.number("wall_time"),
         "warnings": entries.texts("warnings"),
-        "metrics": entries.metrics(),
+        "metrics": entries.metrics(Layout.of(scenario._document)),
         "version": version,
     }
     if "plant" in found:
@@ -187,14 +187,14 @@ class _Entries:
         except ValueError:
             self._fault("status", f"expected one of {', '.join(Status)}")
 
-    def metrics(self) -> Metrics:
+    def metrics(self, layout: Layout) -> Metrics:
         values = self._get("metrics")
         if not isinstance(values, dict):
             self._fault("metrics", "expected a table")
         for name, value in values.items():
             if value is not None:
                 self._float(f"metrics.{name[:40]}", value)
-        return Metrics(values)
+        return Metrics(values, layout)
 
     def scenario(self) -> Scenario:
         document = self._get("scenario")

@@ -13,7 +13,6 @@ from bokeh.embed import components
 from bokeh.resources import Resources
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from vffnull import _core
 from vffnull._outcome import readable
 from vffnull.plotting.primitives import drawable
 from vffnull.plotting.style import prefixed
@@ -96,7 +95,7 @@ def _cards(result: Result) -> Iterator[tuple[str, str, str]]:
     for name in _MAIN:
         value = result.metrics.get(name)
         if value is not None and np.isfinite(value):
-            unit, meaning = _core.METRICS[name]
+            unit, meaning = result.layout.metric(name)
             if 0.0 < abs(float(value)) < 1e-12:
                 yield "< 1", f"p{unit}", meaning
                 continue
@@ -107,7 +106,7 @@ def _cards(result: Result) -> Iterator[tuple[str, str, str]]:
 def _metrics(results: list[Result]) -> Iterator[tuple[str, list[str], str, str]]:
     """Rows of the table: name, the value in every run, unit, meaning."""
     for name in results[0].metrics:
-        unit, meaning = _core.METRICS.get(name, ("", ""))
+        unit, meaning = results[0].layout.metric(name)
         yield name, [readable(run.metrics.get(name)) for run in results], unit, meaning
 
 

@@ -79,16 +79,13 @@ def live(
     if not folder.is_dir():
         raise InputError(f"record_to: there is no folder {folder}")
     extra("viser", "viewer")
-    from vffnull._arm import in_the_plane
     from vffnull._simulate import prepare
     from vffnull.viewer.guard import origins
     from vffnull.viewer.page import LivePage
+    from vffnull.viewer.presets import check
 
     ready = prepare(scenario)
-    in_the_plane(
-        ready.to_dict(),
-        "the live page shows the plane so far; `vffnull animate` and `vffnull report` show it",
-    )
+    check(ready)
     page = LivePage(ready, port, folder, origins(allow_origins))
     if block:
         print(f"{page.url}; Ctrl-C ends it")

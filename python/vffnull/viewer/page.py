@@ -21,6 +21,7 @@ from vffnull.scenario import Scenario
 from vffnull.viewer.guard import guarding
 from vffnull.viewer.panel import Panel
 from vffnull.viewer.plots import Plots
+from vffnull.viewer.presets import check
 from vffnull.viewer.recording import Recording
 from vffnull.viewer.scene import FIELD_OF_VIEW, Scene, view
 
@@ -126,6 +127,7 @@ class LivePage:
 
     def open(self, scenario: Scenario) -> None:
         """Run another scenario."""
+        check(scenario)
         live = _core.Live(scenario.to_dict())
         with self._lock:
             if self._over.is_set():

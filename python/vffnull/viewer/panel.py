@@ -12,8 +12,9 @@ import numpy as np
 import viser
 
 from vffnull.errors import VffNullError
-from vffnull.scenario import Scenario, scenarios
+from vffnull.scenario import Scenario
 from vffnull.viewer.plots import measures
+from vffnull.viewer.presets import presets
 from vffnull.viewer.stories import STORIES
 
 LEAD = """
@@ -94,7 +95,7 @@ class Panel:
         self._stories = gui.add_button_group("Stories", tuple(STORIES))
         self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):
-            self._preset = gui.add_dropdown("Preset", tuple(scenarios()))
+            self._preset = gui.add_dropdown("Preset", presets())
             self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
             self._reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, color="gray")
             self._view = gui.add_button("Tilt the view", icon=viser.Icon.CUBE, color="gray")
