@@ -500,6 +500,21 @@ def test_what_readers_warn_of_reaches_the_caller() -> None:
 # ------------------------------------------------------------------------------------------------ the page
 
 
+def test_a_pose_to_reach_is_a_pair_or_seven_numbers() -> None:
+    arm = vff.Arm.named("panda")
+    q = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.8, 0.4])
+    position, quaternion = arm.pose(q + 0.05)
+    for task in ("pose", "pointing"):
+        controller = vff.Controller(arm, {"task": task})
+        as_one = controller.torque(q, np.zeros(7), np.concatenate([position, quaternion]))
+        for pair in ((position, quaternion), [list(position), list(quaternion)]):
+            np.testing.assert_array_equal(controller.torque(q, np.zeros(7), pair), as_one)
+        with pytest.raises(InputError, match=r"x_ref\[1\].*\(4,\)"):
+            controller.torque(q, np.zeros(7), (position, [1.0, 0.0, 0.0]))
+        with pytest.raises(InputError, match=r"x_ref.*\(7,\)"):
+            controller.torque(q, np.zeros(7), position)
+
+
 def table(engine_of: Callable[[vff.Arm], Engine]) -> str:
     """The largest deviation from an engine per bundled arm and quantity, as Markdown."""
     names = [*NAMES, "random"]

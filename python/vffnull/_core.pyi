@@ -433,7 +433,7 @@ class Controller:
         self,
         q: ArrayLike,
         dq: ArrayLike,
-        x_ref: ArrayLike,
+        x_ref: ArrayLike | tuple[ArrayLike, ArrayLike],
         dx_ref: ArrayLike | None = None,
         ddx_ref: ArrayLike | None = None,
         obstacles: Sequence[_Document] = (),
@@ -445,10 +445,14 @@ class Controller:
         ----------
         q, dq : (n,) array_like
             Joint angles [rad] and velocities [rad/s].
-        x_ref, dx_ref, ddx_ref : (m,) array_like
-            Reference of the end effector [m], its velocity [m/s] and acceleration [m/s²]; the last two are 0
-            if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last. It is taken as
-            it is: the settings' `governor` acts in simulations alone.
+        x_ref : (m,) array_like, or a pair of them
+            Reference of the end effector. A position [m]; for the task ``"pose"`` in the plane with an angle
+            [rad] after it. For ``"pose"`` and ``"pointing"`` in space (7,), the position and a unit quaternion
+            (w, x, y, z), or the pair of both. It is taken as it is: the settings' `governor` acts in
+            simulations alone.
+        dx_ref, ddx_ref : (m,) array_like, optional
+            Its velocity [m/s] and acceleration [m/s²]; 0 if not given. With an orientation, angular ones [rad/s,
+            rad/s²] follow; in space these are (6,), in world axes.
         obstacles : sequence of Obstacle or dict, optional
             What to keep away from; nothing by default.
         t : float, optional
@@ -469,7 +473,7 @@ class Controller:
         self,
         q: ArrayLike,
         dq: ArrayLike,
-        x_ref: ArrayLike,
+        x_ref: ArrayLike | tuple[ArrayLike, ArrayLike],
         dx_ref: ArrayLike | None = None,
         ddx_ref: ArrayLike | None = None,
         obstacles: Sequence[_Document] = (),
@@ -551,7 +555,7 @@ class Terms:
         """Signed distance of the nearest two links that share no joint [m]; infinite if not measured."""
     @property
     def manipulability(self) -> float:
-        """√det(J Jᵀ) [m²], 0 in a singularity."""
+        """√det(J Jᵀ), 0 in a singularity [m², for a task in space m³]."""
     @property
     def singular(self) -> bool:
         """Whether the task force is damped because of a singularity."""
@@ -564,7 +568,8 @@ class Terms:
 
 @final
 class Distances:
-    """What `distances` returns; P pairs, one per link and obstacle, link by link.
+    """What `distances` returns; P pairs, one per link and obstacle, link by link. In space a link has one pair for each of
+    its capsules.
 
     For a batch of states every array but `link` and `obstacle` has the batch as its first dimension.
     """
@@ -612,7 +617,7 @@ class State:
         """Joint velocities, (n,) [rad/s]."""
     @property
     def x(self) -> _Array:
-        """End effector, (m,) [m]."""
+        """End effector, (m,) [m]; in space its position, (3,)."""
     @property
     def dx(self) -> _Array:
         """Its velocity, (m,) [m/s]."""
@@ -627,7 +632,7 @@ class State:
         """Joint torque, (n,) [N·m]."""
     @property
     def obstacles(self) -> _Array:
-        """Positions of the obstacles, (k, 2) [m]."""
+        """Positions of the obstacles, (k, 2) or (k, 3) [m]."""
     @property
     def q_measured(self) -> _Array | None:
         """Joint angles as measured, for a controller of your own, (n,) [rad]; None without sensors."""
@@ -819,7 +824,7 @@ class ExternalRun:
 
         Returns
         -------
-        (k, 2) ndarray
+        (k, 2) or (k, 3) ndarray
             A row per obstacle [m].
         """
 

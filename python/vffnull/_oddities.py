@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from vffnull import _core
 from vffnull._arm import arm_of, is_spatial
 from vffnull._document import Document
-from vffnull._plant import physical
 
 if TYPE_CHECKING:
     import numpy as np
@@ -46,7 +45,7 @@ def _stiff_friction(document: Document) -> list[str]:
     friction = np.broadcast_to(np.asarray(_viscous(document), dtype=float), len(document["q0"]))
     if not friction.any():
         return []
-    arm = physical(document)
+    arm = _core.plant(document)
     # Symmetric, with the eigenvalues of M⁻¹B: how fast friction alone stops the arm.
     root = np.sqrt(friction)
     rates, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(arm.mass_matrix(document["q0"])) * root)

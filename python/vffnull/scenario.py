@@ -186,9 +186,8 @@ class Scenario:
     @property
     def plant(self) -> _core.Arm:
         """The physical arm: `arm` with what ``[plant]`` changes of it, payload included."""
-        from vffnull._plant import physical
-
-        return physical(self._document)
+        found: _core.Arm = _core.plant(self._document)
+        return found
 
     def to_dict(self) -> Document:
         """The document, as a copy of its own."""

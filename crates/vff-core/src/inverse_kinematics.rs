@@ -51,6 +51,11 @@ impl Residual {
         self.within(TOLERANCE)
     }
 
+    /// The distance \[m\] where an angle is an arc at `length`.
+    fn size(&self, length: f64) -> f64 {
+        self.position.hypot(length * self.angle)
+    }
+
     fn within(&self, bound: f64) -> bool {
         self.position <= bound && self.angle <= bound
     }
@@ -61,7 +66,7 @@ impl Residual {
 pub struct Unreachable {
     /// The instant \[s\].
     pub time: f64,
-    /// How far the arm stays away from the first sample of the reference that it does not reach.
+    /// How far the arm stays away from the rest of the reference, where it is farthest.
     pub error: Residual,
 }
 
@@ -198,8 +203,7 @@ impl<const M: usize> Solver<M> {
                 *q = lower + (upper - lower) * self.noise.share();
             }
             let found = self.solve(robot, q, pose);
-            let size = |r: &Residual| r.position.hypot(self.length * r.angle);
-            if found.is_reached() || size(&found) < size(&residual) {
+            if found.is_reached() || found.size(self.length) < residual.size(self.length) {
                 residual = found;
                 best.copy_from_slice(q);
             }
@@ -250,9 +254,33 @@ impl<const M: usize> Solver<M> {
                     after = middle;
                 }
             }
+            let error = self.farthest(robot, trajectory, &mut q, [after, duration]);
             return Err(Unreachable { time: after, error });
         }
         Ok(())
+    }
+
+    /// The largest error on the way of `trajectory` from one time \[s\] to another, each found from the
+    /// configuration before.
+    fn farthest<R: Manipulator<D, M>, const D: usize>(
+        &mut self,
+        robot: &mut R,
+        trajectory: &Trajectory<R::Pose, M>,
+        q: &mut [f64],
+        [from, to]: [f64; 2],
+    ) -> Residual
+    where
+        R::Pose: Guided<M>,
+    {
+        const SAMPLES: u32 = 32;
+        let length = self.length;
+        let errors = (0..=SAMPLES).map(|k| {
+            let t = from + (to - from) * f64::from(k) / f64::from(SAMPLES);
+            self.solve_from_anywhere(robot, q, &trajectory.at(t).x)
+        });
+        errors
+            .max_by(|a, b| a.size(length).total_cmp(&b.size(length)))
+            .unwrap_or(Residual { position: 0.0, angle: 0.0 })
     }
 
     /// `error` with its angles as arcs.

@@ -10,7 +10,7 @@ use crate::turns::Turns;
 use crate::watch::attended;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PySequence};
 use std::mem::{replace, take};
 use vff_core::math::memory;
 use vff_core::runtime::{AnyController, AnyObstacles, Target, controller};
@@ -86,6 +86,17 @@ fn time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
     }
 }
 
+/// A reference: one vector or, of a pose in space, position and quaternion.
+fn read_pose(given: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
+    match given.cast::<PySequence>() {
+        Ok(pair) if out.len() == 7 && pair.len()? == 2 => {
+            read_vector("x_ref[0]", &pair.get_item(0)?, &mut out[..3])?;
+            read_vector("x_ref[1]", &pair.get_item(1)?, &mut out[3..])
+        }
+        _ => read_vector("x_ref", given, out),
+    }
+}
+
 /// The obstacles of a call.
 pub fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let sentence = "obstacles: expected a sequence of obstacles";
@@ -104,7 +115,7 @@ impl Controller {
         let t = time(call.t)?;
         let (q, dq) = (vector("q", call.q, self.n)?, vector("dq", call.dq, self.n)?);
         let [mut x, mut dx, mut ddx] = self.widths.map(|width| vec![0.0; width]);
-        read_vector("x_ref", call.x, &mut x)?;
+        read_pose(call.x, &mut x)?;
         for (name, given, out) in [("dx_ref", call.dx, &mut dx), ("ddx_ref", call.ddx, &mut ddx)] {
             given.map_or(Ok(()), |given| read_vector(name, given, out))?;
         }
@@ -221,10 +232,14 @@ impl Controller {
     /// ----------
     /// q, dq : (n,) array_like
     ///     Joint angles [rad] and velocities [rad/s].
-    /// x_ref, dx_ref, ddx_ref : (m,) array_like
-    ///     Reference of the end effector [m], its velocity [m/s] and acceleration [m/s²]; the last two are 0
-    ///     if not given. For the task ``"pose"``, m is 3 and an orientation [rad] comes last. It is taken as
-    ///     it is: the settings' `governor` acts in simulations alone.
+    /// x_ref : (m,) array_like, or a pair of them
+    ///     Reference of the end effector. A position [m]; for the task ``"pose"`` in the plane with an angle
+    ///     [rad] after it. For ``"pose"`` and ``"pointing"`` in space (7,), the position and a unit quaternion
+    ///     (w, x, y, z), or the pair of both. It is taken as it is: the settings' `governor` acts in
+    ///     simulations alone.
+    /// dx_ref, ddx_ref : (m,) array_like, optional
+    ///     Its velocity [m/s] and acceleration [m/s²]; 0 if not given. With an orientation, angular ones [rad/s,
+    ///     rad/s²] follow; in space these are (6,), in world axes.
     /// obstacles : sequence of Obstacle or dict, optional
     ///     What to keep away from; nothing by default.
     /// t : float, optional
@@ -411,7 +426,7 @@ impl Terms {
         self.inner.self_clearance
     }
 
-    /// √det(J Jᵀ) [m²], 0 in a singularity.
+    /// √det(J Jᵀ), 0 in a singularity [m², for a task in space m³].
     #[getter]
     fn manipulability(&self) -> f64 {
         self.inner.manipulability

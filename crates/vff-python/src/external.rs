@@ -135,7 +135,7 @@ impl ExternalRun {
     ///
     /// Returns
     /// -------
-    /// (k, 2) ndarray
+    /// (k, 2) or (k, 3) ndarray
     ///     A row per obstacle [m].
     fn obstacles<'py>(
         &self,

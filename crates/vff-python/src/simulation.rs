@@ -240,7 +240,7 @@ impl State {
         array1(py, &self.dq)
     }
 
-    /// End effector, (m,) [m].
+    /// End effector, (m,) [m]; in space its position, (3,).
     #[getter]
     fn x<'py>(&self, py: Python<'py>) -> Array1<'py> {
         array1(py, &self.x)
@@ -270,7 +270,7 @@ impl State {
         array1(py, &self.tau)
     }
 
-    /// Positions of the obstacles, (k, 2) [m].
+    /// Positions of the obstacles, (k, 2) or (k, 3) [m].
     #[getter]
     fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array2(py, self.obstacles.clone(), [self.obstacles.len() / self.dimension, self.dimension])

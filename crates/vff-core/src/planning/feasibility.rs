@@ -79,7 +79,7 @@ pub type Motion = Vec<Vec<f64>>;
 /// Assesses a scene; with the motion that was found.
 ///
 /// # Errors
-/// If the task is not a position, or its reference is unusable.
+/// If the arm is not planar, the task not a position, or its reference unusable.
 pub fn assess(scenario: &Scenario) -> Result<(Verdict, Option<Motion>), ScenarioError> {
     let scene = Scene::new(scenario)?;
     for (hold, verdict) in [(true, Verdict::WithTip), (false, Verdict::WithoutTip)] {
@@ -114,14 +114,14 @@ struct Node {
 
 impl Scene {
     fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
-        if scenario.controller.task != TaskKind::Position {
-            let problem = Problem::Other("can be assessed for the task position only".into());
-            return Err(ScenarioError::new("controller.task", problem));
-        }
         let Some(planar) = scenario.scene.plane() else {
             let problem = Problem::Other("can be assessed in the plane only".into());
             return Err(ScenarioError::new("arm", problem));
         };
+        if scenario.controller.task != TaskKind::Position {
+            let problem = Problem::Other("can be assessed for the task position only".into());
+            return Err(ScenarioError::new("controller.task", problem));
+        }
         let arm = planar.arm.build().map_err(|error| error.inside("arm"))?;
         let mut scene = Self {
             lengths: arm.links().iter().map(|link| link.length).collect(),

@@ -9,7 +9,8 @@ use crate::robot::description::tensor;
 use crate::robot::{
     Limits, Manipulator, Model, PlanarArm, PlanarState, Robot, SpatialArm, SpatialState, planar,
 };
-use crate::scenario::{self, Scenario, ScenarioError};
+use crate::scenario::{self, AnyScene, Scenario, ScenarioError};
+use crate::simulation::Physics;
 use crate::world::{CollisionQuery, Contact, Solid, World, plane, space};
 use nalgebra::DMatrix;
 use std::sync::Arc;
@@ -53,6 +54,18 @@ macro_rules! either_state {
     };
 }
 
+/// What `given` says of a planar arm, with the masses, moments of inertia and gravity of `arm`.
+fn planar_document(arm: &PlanarArm, mut given: Table) -> Table {
+    let list = |values: &[f64]| Value::Array(values.iter().copied().map(Value::Float).collect());
+    let each = |of: fn(&planar::Link) -> f64| list(&arm.links().iter().map(of).collect::<Vec<_>>());
+    let com = arm.links().iter().map(|link| list(link.com.as_slice())).collect();
+    given.insert("masses".into(), each(|link| link.mass));
+    given.insert("com".into(), Value::Array(com));
+    given.insert("inertias".into(), each(|link| link.inertia));
+    given.insert("gravity".into(), list(arm.gravity().as_slice()));
+    given
+}
+
 impl AnyArm {
     /// Reads and validates the `[arm]` table of a scenario: with `model` or `joints` it is an arm in space, else one
     /// in the plane.
@@ -82,18 +95,25 @@ impl AnyArm {
     /// # Errors
     /// With the dotted path of the first fault.
     pub fn plant(scenario: &Scenario, document: &Table) -> Result<(Self, Table), ScenarioError> {
-        let arm = scenario.planar_plant()?;
-        let list =
-            |values: &[f64]| Value::Array(values.iter().copied().map(Value::Float).collect());
-        let each =
-            |of: fn(&planar::Link) -> f64| list(&arm.links().iter().map(of).collect::<Vec<_>>());
-        let com = arm.links().iter().map(|link| list(link.com.as_slice())).collect();
-        let mut given = document.get("arm").and_then(Value::as_table).cloned().unwrap_or_default();
-        given.insert("masses".into(), each(|link| link.mass));
-        given.insert("com".into(), Value::Array(com));
-        given.insert("inertias".into(), each(|link| link.inertia));
-        given.insert("gravity".into(), list(arm.gravity().as_slice()));
-        Ok((Self::Planar(arm), given))
+        let given = document.get("arm").and_then(Value::as_table).cloned().unwrap_or_default();
+        match &scenario.scene {
+            AnyScene::Plane(scene) => {
+                let arm = scenario.physics(scene)?.arm;
+                let document = planar_document(&arm, given);
+                Ok((Self::Planar(arm), document))
+            }
+            AnyScene::Space(scene) => {
+                let Physics { arm, viscous, coulomb, .. } = scenario.physics(scene)?;
+                let mut description = arm.description().clone();
+                for (i, joint) in description.joints.iter_mut().enumerate() {
+                    joint.damping = viscous.get(i).copied().unwrap_or(0.0);
+                    joint.friction = coulomb.get(i).copied().unwrap_or(0.0);
+                }
+                let arm = Self::Spatial(Arc::new(description.build()?));
+                let document = arm.document(given);
+                Ok((arm, document))
+            }
+        }
     }
 
     /// The dimension of the space that it moves in.

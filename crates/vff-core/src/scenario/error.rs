@@ -97,16 +97,17 @@ pub enum Problem {
     },
     /// The arm cannot follow the reference.
     #[error(
-        "cannot be reached from t = {time:.4} s on: within its joint limits the arm comes no nearer than \
-         {position:.4} m and {angle:.4} rad"
+        "cannot be reached from t = {time:.4} s on: within its joint limits the arm then stays as far as \
+         {position:.4} m{} away",
+        .angle.map_or_else(String::new, |angle| format!(" and {angle:.4} rad"))
     )]
     OutOfReach {
         /// The first time at which it does not \[s\].
         time: f64,
-        /// The distance that is left \[m\].
+        /// The largest distance that is left \[m\].
         position: f64,
-        /// The angle that is left \[rad\].
-        angle: f64,
+        /// The angle that is left there \[rad\], if the task has one.
+        angle: Option<f64>,
     },
     /// Anything else, in a sentence.
     #[error("{0}")]

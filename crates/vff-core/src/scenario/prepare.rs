@@ -3,9 +3,10 @@
 use super::scene::{Described, Prepared, Scene};
 use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
-use crate::robot::{Manipulator, Model, PlanarArm, Robot};
+use crate::robot::{Manipulator, Model, Robot};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Reality, Sizes, orientation_width,
+    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Sizes,
+    orientation_width,
 };
 use crate::trajectory::Trajectory;
 use crate::world::World;
@@ -45,16 +46,16 @@ impl Scenario {
         })
     }
 
-    /// The physical arm, payload included.
+    /// The physical arm, payload included, with its friction and stops.
     ///
     /// # Errors
-    /// If it is not in the plane; with the dotted path of the first fault.
-    pub fn planar_plant(&self) -> Result<Arc<PlanarArm>, ScenarioError> {
-        let Some(scene) = self.scene.plane() else {
-            return Err(ScenarioError::new("arm", Problem::Other("is no planar arm".into())));
-        };
-        let model = Arc::new(scene.arm.build().map_err(|error| error.inside("arm"))?);
-        Ok(self.reality(scene, &model)?.plant.arm)
+    /// With the dotted path of the first fault.
+    pub fn physics<S: Described<D>, const D: usize>(
+        &self,
+        scene: &Scene<S, D>,
+    ) -> Result<Physics<S::Arm>, ScenarioError> {
+        let model = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
+        Ok(self.reality(scene, &model)?.plant)
     }
 
     /// The closed loop at t = 0 for a task of dimension `M`, and what is odd about it, in sentences.

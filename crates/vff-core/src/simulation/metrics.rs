@@ -68,7 +68,7 @@ pub const METRICS: &[Metric] = &[
     metric("max_slack", "m/s²", "largest violation of a barrier, of cbf only"),
     metric("slack_steps", "", "steps with a barrier violated by more than 0.1 m/s², of cbf only"),
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
-    metric("min_manipulability", "m²", "smallest √det(J Jᵀ); 0 in a singularity"),
+    metric("min_manipulability", "m²", "smallest √det(J Jᵀ), in space in m³; 0 in a singularity"),
     metric("min_self_clearance", "m", "smallest distance of two links that share no joint"),
     metric("self_collision_time", "s", "first contact of two such links"),
     metric("limited_steps", "", "steps in which limits took something from an objective"),

@@ -99,6 +99,7 @@ where
             .follow(&mut arm.state(), trajectory, q0, duration, samples)
             .map_err(|Unreachable { time, error }| {
                 let Residual { position, angle } = error;
+                let angle = (M > 3).then_some(angle);
                 ScenarioError::new("reference", Problem::OutOfReach { time, position, angle })
             })
     }
