@@ -135,6 +135,21 @@ fn faults_are_named_with_their_place() {
     assert!(error.starts_with("perception.kind: range sensors belong to planar arms"), "{error}");
 }
 
+/// How far the arm stays away where it is farthest: a Panda reaches 0.9 m or so, the point moves off to 2 m. The angle
+/// is told where the task has one.
+#[test]
+fn out_of_reach_is_told_in_metres() {
+    let line = "'line', start = [0.4, 0.0, 0.5], end = [2.0, 0.0, 0.5], duration = 0.1";
+    for (task, rad) in [("'position'", false), ("'pose'", true)] {
+        let text = PANDA.replace("'setpoint'", line).replace("'pose'", task);
+        let text = Scenario::from_toml(&text).unwrap().prepare().unwrap_err().to_string();
+        let (_, far) = text.split_once("stays as far as ").expect("a distance");
+        let far: f64 = far.split_once(" m").unwrap().0.parse().unwrap();
+        assert!((1.0..1.3).contains(&far), "{text}");
+        assert_eq!(text.contains("rad"), rad, "{text}");
+    }
+}
+
 /// A task of the other space is refused by name.
 #[test]
 fn pointing_needs_space() {

@@ -234,12 +234,12 @@ impl Controller {
     ///     Joint angles [rad] and velocities [rad/s].
     /// x_ref : (m,) array_like, or a pair of them
     ///     Reference of the end effector. A position [m]; for the task ``"pose"`` in the plane with an angle
-    ///     [rad] after it. For ``"pose"`` and ``"pointing"`` in space (7,), the position and a unit quaternion
-    ///     (w, x, y, z), or the pair of both. It is taken as it is: the settings' `governor` acts in
-    ///     simulations alone.
+    ///     [rad] after it. For ``"pose"`` and ``"pointing"`` in space (7,), the position and a unit
+    ///     quaternion (w, x, y, z), or the pair of both. It is taken as it is: the settings' `governor` acts
+    ///     in simulations alone.
     /// dx_ref, ddx_ref : (m,) array_like, optional
-    ///     Its velocity [m/s] and acceleration [m/s²]; 0 if not given. With an orientation, angular ones [rad/s,
-    ///     rad/s²] follow; in space these are (6,), in world axes.
+    ///     Its velocity [m/s] and acceleration [m/s²]; 0 if not given. With an orientation, angular ones
+    ///     [rad/s, rad/s²] follow; in space these are (6,), in world axes.
     /// obstacles : sequence of Obstacle or dict, optional
     ///     What to keep away from; nothing by default.
     /// t : float, optional

@@ -13,8 +13,9 @@ use vff_core::runtime::DistanceTable;
 type Indices = Py<PyArray1<i64>>;
 type Values = Py<PyArrayDyn<f64>>;
 
-/// What `distances` returns; P pairs, one per link and obstacle, link by link. In space a link has one pair for each of
-/// its capsules.
+/// What `distances` returns; P pairs, one per link and obstacle, link by link.
+///
+/// In space a link has one pair for each of its capsules.
 ///
 /// For a batch of states every array but `link` and `obstacle` has the batch as its first dimension.
 #[pyclass(frozen, get_all, module = "vffnull")]
