@@ -46,7 +46,7 @@ PLAIN = "glibc.cpu.hwcaps=" + ",".join(
 
 def build() -> Path:
     """The program `steps`, compiled as releases are."""
-    cargo = ["cargo", "build", "--quiet", "--release", "--locked", "-p", "vff-core", "--bench", "steps"]
+    cargo = ["cargo", "build", "--quiet", "--release", "--locked", "--workspace", "--bench", "steps"]
     told = subprocess.run([*cargo, "--message-format=json"], cwd=ROOT, check=True, stdout=subprocess.PIPE)
     artefacts = (json.loads(line) for line in told.stdout.splitlines())
     (program,) = (a["executable"] for a in artefacts if a.get("target", {}).get("name") == "steps")

@@ -136,7 +136,7 @@ class Dense(Loop):
 
 def report(times: dict[str, list[float]], apart: float) -> str:
     ours = median(times["vffnull, pose"])
-    body = [[name, with_noise(seconds), f"{median(seconds) / ours:.2g}"] for name, seconds in times.items()]
+    body = [[name, with_noise(seconds), f"{median(seconds) / ours:.3g}"] for name, seconds in times.items()]
     return f"""\
 Medians of {REPETITIONS} interleaved repetitions, ± half of the distance from the least to the most. One
 thread each.
