@@ -277,6 +277,42 @@ fn no_beat_of_a_live_loop_allocates() {
     }
 }
 
+/// Nor does a step in space, whatever the task, the reference, the shapes around the arm and its way of giving way.
+#[test]
+fn no_step_in_space_allocates() {
+    const LINE: &str = "'line', relative = true, end = [0.0, 0.1, 0.1], duration = 0.3";
+    const CIRCLE: &str = "'circle', relative = true, center = [0.0, 0.05, 0.0], radius = 0.05, angular_velocity = 2.0";
+    for (task, reference) in [("position", LINE), ("pointing", CIRCLE), ("pose", LINE)] {
+        for (avoidance, preview) in [("null_space", ""), ("cbf", ""), ("cbf", ", preview = {}")] {
+            let text = format!(
+                "
+                duration = 0.5
+                q0 = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+                arm = {{ model = 'panda' }}
+                reference = {{ kind = {reference} }}
+                plant = {{ payload = {{ mass = 0.5 }} }}
+                obstacles = [
+                    {{ shape = {{ kind = 'sphere', radius = 0.08 }}, position = [-0.05, -0.3, 0.62],
+                       motion = {{ kind = 'linear', velocity = [0.0, 0.2, 0.0] }} }},
+                    {{ shape = {{ kind = 'capsule', a = [0.0, 0.0, 0.0], b = [0.3, 0.0, 0.0], radius = 0.05 }},
+                       position = [0.2, 0.35, 0.6] }},
+                    {{ shape = {{ kind = 'box', size = [0.2, 0.2, 0.2] }}, position = [0.6, 0.3, 0.3] }},
+                    {{ shape = {{ kind = 'half_space', normal = [0.0, 0.0, 1.0] }}, position = [0.0, 0.0, 0.0] }} ]
+                controller = {{ task = '{task}', avoidance = '{avoidance}',
+                    field = {{ kind = 'bounded', gain = 20.0, influence = 0.25 }},
+                    yielding = {{ margin = 0.02{preview} }} }}
+                simulation = {{ control = 'hold', integrator = 'semi_implicit_euler' }}"
+            );
+            let mut run = Scenario::from_toml(&text).unwrap().prepare().unwrap().run;
+            let count = allocations(|| while run.step() {});
+            assert_eq!(count, 0, "{task}, {avoidance}{preview}");
+            let outcome = run.outcome();
+            assert_ne!(outcome.status, Status::Diverged, "{}", outcome.message);
+            assert!(outcome.record.force.iter().any(|force| *force > 0.0), "nothing pushed");
+        }
+    }
+}
+
 /// Nor does any operator of an arm in space, whatever the task.
 #[test]
 fn no_operator_of_a_spatial_arm_allocates() {
