@@ -66,13 +66,17 @@ pub fn eigen<const M: usize>(mut a: SMatrix<f64, M, M>) -> (SVector<f64, M>, SMa
                 let theta = (a[(q, q)] - a[(p, p)]) / (2.0 * a[(p, q)]);
                 let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
                 let c = 1.0 / t.hypot(1.0);
-                let mut rotation = SMatrix::<f64, M, M>::identity();
-                rotation[(p, p)] = c;
-                rotation[(q, q)] = c;
-                rotation[(p, q)] = t * c;
-                rotation[(q, p)] = -t * c;
-                a = rotation.transpose() * a * rotation;
-                v *= rotation;
+                let s = t * c;
+                for k in 0..M {
+                    let (x, y) = (a[(p, k)], a[(q, k)]);
+                    (a[(p, k)], a[(q, k)]) = (c * x - s * y, s * x + c * y);
+                }
+                for m in [&mut a, &mut v] {
+                    for k in 0..M {
+                        let (x, y) = (m[(k, p)], m[(k, q)]);
+                        (m[(k, p)], m[(k, q)]) = (x * c - y * s, x * s + y * c);
+                    }
+                }
             }
         }
     }
