@@ -583,14 +583,21 @@ def spatial_scenes(
 
 
 def assert_passive(
-    stored: Callable[[float], float],
-    scene: Scene | SpatialScene,
-    terms: vff.Terms,
-    ddq: Array,
-    tau_ext: Array,
+    scene: Scene | SpatialScene, tau_ext: Array, jacobian: Callable[[Array, Array], Array]
 ) -> None:
-    """The energy stored in the null space a time h later changes at the rate νᵀZᵀ(τ_ext + τ_vff) − νᵀD_nν."""
-    case = scene.case
+    """The null space stores energy at the rate νᵀZᵀ(τ_ext + τ_vff) − νᵀD_nν; `jacobian` is J of (q, q̇).
+
+    V_n = ½q̇ᵀMq̇ − ½ẋᵀΛẋ needs no basis; Zν = N q̇ and D_q = √d M √d.
+    """
+    case, terms = scene.case, scene.terms()
+    ddq = case.arm.forward_dynamics(case.q, case.dq, terms.tau + tau_ext)
+
+    def stored(h: float) -> float:
+        q, dq = case.q + h * case.dq + h * h / 2 * ddq, case.dq + h * ddq
+        M, J = case.arm.mass_matrix(q), jacobian(q, dq)
+        dx = J @ dq
+        return float(dq @ M @ dq - dx @ np.linalg.solve(J @ np.linalg.solve(M, J.T), dx)) / 2
+
     # A step that changes the state by 1e-4 at most, whatever the accelerations.
     h = 1e-4 / (1 + np.abs(case.dq).max() + np.abs(ddq).max())
     rate = (8 * (stored(h) - stored(-h)) - (stored(2 * h) - stored(-2 * h))) / (12 * h)

@@ -19,6 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
+from mujoco_forces import forces
 
 Array = NDArray[np.float64]
 CASES = 200
@@ -104,24 +105,14 @@ def by_mujoco(c: Case) -> dict[str, Array]:
     data.qpos[:], data.qvel[:] = c.q, c.dq
     data.ctrl[:] = c.tau
     mujoco.mj_forward(model, data)
-    out = {"tip": data.site_xpos[tip][:2].copy(), "forward dynamics": data.qacc.copy()}
-    mass = np.zeros((n, n))
-    mujoco.mj_fullM(model, data, mass)
+    out = {"tip": data.site_xpos[tip][:2].copy()}
     jacobian = np.zeros((3, n))
     mujoco.mj_jacSite(model, data, jacobian, None, tip)
-    out["M"], out["J"] = mass, jacobian[:2].copy()
+    out["J"] = jacobian[:2].copy()
     jacobian_dot = np.zeros((3, n))
     mujoco.mj_jacDot(model, data, jacobian_dot, None, data.site_xpos[tip], model.site(tip).bodyid[0])
     out["J̇ q̇"] = jacobian_dot[:2] @ c.dq
-    bias = data.qfrc_bias.copy()
-    data.qacc[:] = c.ddq
-    mujoco.mj_inverse(model, data)
-    out["inverse dynamics"] = data.qfrc_inverse.copy()
-    data.qvel[:] = 0.0
-    mujoco.mj_forward(model, data)
-    out["g"] = data.qfrc_bias.copy()
-    out["C q̇"] = bias - out["g"]
-    return out
+    return out | forces(model, data, c.ddq)
 
 
 ENGINES = {"Pinocchio": by_pinocchio, "MuJoCo": by_mujoco}

@@ -19,6 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
+from mujoco_forces import forces
 from published import MODELS, chains, coordinates, pin, reduced_to
 from strategies import random_arm, written_in_space
 from vffnull import arms
@@ -132,9 +133,8 @@ def by_mujoco(model: Any, arm: vff.Arm, q: Array, dq: Array, ddq: Array, tau: Ar
     data, n = mujoco.MjData(model), arm.n
     data.qpos[:], data.qvel[:], data.qfrc_applied[:] = q, dq, tau
     mujoco.mj_forward(model, data)
-    out = {"forward dynamics": data.qacc.copy()}
     mujoco.mj_energyVel(model, data)
-    out["kinetic energy"], out["potential energy"] = np.array(data.energy[1]), np.array(data.energy[0])
+    out = {"kinetic energy": np.array(data.energy[1]), "potential energy": np.array(data.energy[0])}
     bodies = [model.body(name).id for name in arm.link_names]
     out["frames of the links"] = np.tile(np.eye(4), (n, 1, 1))
     out["frames of the links"][:, :3, :3] = data.xmat[bodies].reshape(n, 3, 3)
@@ -146,22 +146,12 @@ def by_mujoco(model: Any, arm: vff.Arm, q: Array, dq: Array, ddq: Array, tau: Ar
     turn = data.xmat[last].reshape(3, 3)
     out["tip"] = data.xpos[last] + turn @ np.array(tool["position"])
     out["axes of the tip"] = turn @ rotation(tool["orientation"])
-    mass = np.zeros((n, n))
-    mujoco.mj_fullM(model, data, mass)
     linear, angular = np.zeros((2, 3, n))
     mujoco.mj_jac(model, data, linear, angular, out["tip"], last)
-    out["M"], out["J"] = mass, np.vstack([linear, angular])
+    out["J"] = np.vstack([linear, angular])
     mujoco.mj_jacDot(model, data, linear, angular, out["tip"], last)
     out["J̇"] = np.vstack([linear, angular])
-    bias = data.qfrc_bias.copy()
-    data.qfrc_applied[:], data.qacc[:] = 0.0, ddq
-    mujoco.mj_inverse(model, data)
-    out["inverse dynamics"] = data.qfrc_inverse.copy()
-    data.qvel[:] = 0.0
-    mujoco.mj_forward(model, data)
-    out["g"] = data.qfrc_bias.copy()
-    out["C q̇"] = bias - out["g"]
-    return out
+    return out | forces(model, data, ddq)
 
 
 def deviations(

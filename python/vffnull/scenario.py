@@ -186,8 +186,7 @@ class Scenario:
     @property
     def plant(self) -> _core.Arm:
         """The physical arm: `arm` with what ``[plant]`` changes of it, payload included."""
-        found: _core.Arm = _core.plant(self._document)
-        return found
+        return _core.plant(self._document)
 
     def to_dict(self) -> Document:
         """The document, as a copy of its own."""
