@@ -96,7 +96,7 @@ pub fn beside(joints: &[[f64; 2]]) -> Vec<[f64; 2]> {
 pub fn barriers(n: usize, discs: usize) -> Scenario {
     let mut scenario = scene(n, discs, EULER);
     scenario.controller.avoidance = Avoidance::Cbf;
-    scenario.controller.yielding.activation = 100.0;
+    scenario.controller.yielding.activation = Some(100.0);
     scenario.controller.yielding.margin = 0.45;
     scenario
 }

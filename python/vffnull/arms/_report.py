@@ -35,7 +35,7 @@ class Report:
     fits : tuple of Fit
         The fitted capsules.
     touching : tuple of (str, str)
-        Pairs of links that touch in the reference posture and are therefore not measured.
+        Pairs of links that touch in the reference posture, or nearly always, and are therefore not measured.
     """
 
     source: str
@@ -83,7 +83,7 @@ class Report:
         if pairs:
             lines.append("not measured against each other: " + _pairs(pairs))
         if self.touching:
-            lines.append("of these, touching in the reference posture: " + _pairs(self.touching))
+            lines.append("of these, touching in the reference posture or nearly always: " + _pairs(self.touching))
         lines += ["", *(f"odd: {message}" for message in self.warnings)] if self.warnings else []
         return "\n".join(lines)
 

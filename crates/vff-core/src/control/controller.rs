@@ -184,8 +184,10 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
     }
 
-    /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37).
+    /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37). The QP of `cbf` has the speeds among its rows, and
+    /// finds other joints for the same motion.
     fn commanded_acceleration(&mut self) -> Vector<M> {
+        let keeps_speeds = self.slack().is_some();
         let Self { robot, space, gains, reference, .. } = self;
         let error = match &self.avoider {
             Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
@@ -194,7 +196,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         let [dx_r, ddx_r] = robot.resolve(&reference.x, &reference.dx, &reference.ddx);
         let speed = &robot.limits().velocity;
         self.law.brake = 0.0;
-        if gains.enforce_limits && !speed.is_empty() {
+        if gains.enforce_limits && !keeps_speeds && !speed.is_empty() {
             // The task velocity that K and D ask for: ẍ_c = ẍ_r − D (ẋ − ẋ_d).
             let pull = gains.stiffness.component_mul(&error).component_div(&gains.damping);
             let dx_d = dx_r - pull;

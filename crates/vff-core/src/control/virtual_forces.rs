@@ -1,11 +1,11 @@
 //! The push of the field: forces on the links, their torque, and the power they exchange.
 
+use super::distance::OwnPair;
 use super::settings::SelfCollision;
 use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
-use crate::interrupt;
 use crate::math::dot;
-use crate::math::{Body, Capsule, Nearest, Vector, keep_least, nearest};
+use crate::math::{Body, Nearest, Vector, keep_least};
 use crate::robot::Robot;
 use crate::world::{CollisionQuery, Contact};
 use std::ops::Range;
@@ -204,57 +204,46 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     ) {
         self.self_clearance = f64::INFINITY;
         let mut bodies = std::mem::take(&mut self.bodies);
-        bodies.clear();
-        bodies.extend(robot.bodies());
-        let middle = |shape: &Capsule<D>| shape.start + shape.direction * (0.5 * shape.length);
-        for pair in robot.body_pairs() {
-            interrupt::spend(8);
-            let [Body { shape: a, .. }, Body { shape: b, .. }] = pair.map(|i| &bodies[i]);
-            let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
-            if (middle(a) - middle(b)).norm() - size > self.self_clearance.max(reach) {
-                continue;
+        OwnPair::for_each_within(robot, &mut bodies, f64::INFINITY, |pair| {
+            let distance = pair.nearest.distance;
+            self.self_clearance = self.self_clearance.min(distance);
+            if distance < reach {
+                self.part(robot, space, field, pair);
             }
-            let found = nearest(a, b);
-            self.self_clearance = self.self_clearance.min(found.distance);
-            if found.distance < reach {
-                let links = pair.map(|i| bodies[i].link);
-                self.part(robot, space, field, links, &found);
-            }
-        }
+            self.self_clearance.max(reach)
+        });
         self.bodies = bodies;
     }
 
-    /// Pushes two bodies of these links apart.
+    /// Pushes two bodies of the arm apart.
     fn part<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
         field: &Field,
-        links: [usize; 2],
-        found: &Nearest<D>,
+        pair: &OwnPair<D>,
     ) {
-        links.iter().for_each(|link| self.push_link(*link));
-        let Nearest { points, normal, distance, .. } = found;
+        let OwnPair { links, nearest: Nearest { points, normal, distance, .. }, .. } = pair;
+        links.iter().flatten().for_each(|link| self.push_link(*link));
         let response = field.at(*distance);
-        let velocity = |k: usize| robot.point_velocity(links[k], &points[k]);
-        let closing = normal.dot(&(velocity(1) - velocity(0)));
+        let rate = pair.rate(robot);
         let mut force = response.force;
-        if field.approach_damping > 0.0 && closing > 0.0 {
-            robot.point_jacobian_tr_mul(links[1], &points[1], normal, &mut self.scratch);
-            robot.point_jacobian_tr_mul(links[0], &points[0], normal, &mut self.column);
-            self.column.iter_mut().zip(&self.scratch).for_each(|(a, b)| *a -= b);
+        if field.approach_damping > 0.0 && rate < 0.0 {
+            pair.gradient(robot, &mut self.column, &mut self.scratch);
             robot.mass_solve(&self.column, &mut self.scratch);
             let mobility = dot(&self.column, &self.scratch);
             let damping = self.damping(robot, space, field, *distance, response, mobility);
-            force += damping * closing;
-            self.approach_power -= damping * closing * closing;
+            force -= damping * rate;
+            self.approach_power -= damping * rate * rate;
         }
         self.potential += response.potential;
         let force = normal * force;
-        self.resultant[links[0]] += force;
-        self.resultant[links[1]] -= force;
-        robot.add_force(&mut self.wrenches, links[0], &points[0], &force);
-        robot.add_force(&mut self.wrenches, links[1], &points[1], &-force);
+        for ((link, point), force) in links.iter().zip(points).zip([force, -force]) {
+            if let Some(link) = link {
+                self.resultant[*link] += force;
+                robot.add_force(&mut self.wrenches, *link, point, &force);
+            }
+        }
     }
 
     /// c = 2 ζ √(k m_n) h(d) \[N·s/m\], with the mass m_n that the null space shows along the normal,

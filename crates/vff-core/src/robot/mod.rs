@@ -18,7 +18,7 @@ pub mod spatial;
 #[cfg(feature = "models")]
 pub mod urdf;
 
-use crate::math::{Body, Pose, Vector};
+use crate::math::{Body, Capsule, Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -213,7 +213,12 @@ pub trait Robot<const D: usize> {
     fn bodies(&self) -> impl Iterator<Item = Body<D>> {
         (0..self.body_count()).map(|i| self.body(i))
     }
-    /// The pairs of bodies that must not touch each other, the lower index first.
+    /// Bodies that the base carries, in the world: they do not move. An arm may touch its own base.
+    fn still_bodies(&self) -> &[Capsule<D>] {
+        &[]
+    }
+    /// The pairs of bodies that must not touch each other, the lower index first; the still ones are counted behind the
+    /// others.
     fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]>;
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` \[m/s\].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;

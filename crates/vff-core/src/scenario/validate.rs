@@ -7,8 +7,11 @@ use super::numbers::{each, length, not_negative, number, positive};
 use crate::control::avoidance::barrier;
 use crate::control::avoidance::preview::PreviewSettings;
 use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
+use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
-use crate::control::{Avoidance, Formulation, Settings, Yielding, extended_jacobian};
+use crate::control::{
+    Avoidance, Formulation, SelfCollision, Settings, TaskKind, Yielding, extended_jacobian,
+};
 use crate::field::{Field, FieldKind};
 use crate::math::memory;
 use crate::robot::Limits;
@@ -179,6 +182,10 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
     }
     number("singularity", settings.singularity, positive)?;
     yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
+    if settings.yielding.keep.is_some() && settings.task == TaskKind::Position {
+        let problem = "needs a task with an orientation: a position has nothing else to give way";
+        return Err(ScenarioError::new("yielding.keep", Problem::Other(problem.into())));
+    }
     if settings.avoidance == Avoidance::Cbf {
         look_ahead(settings)?;
     }
@@ -214,17 +221,15 @@ fn yielding(yielding: &Yielding) -> Validated {
     let Yielding { margin, rate, inner, outer, saturation, activation, .. } = yielding;
     let Yielding { task_weight, slack_price, speed, .. } = yielding;
     number("inner", *inner, not_negative)?;
-    if let Some(rate) = rate {
-        number("rate", *rate, positive)?;
-    }
     for (path, value) in [
-        ("margin", margin),
-        ("saturation", saturation),
+        ("rate", rate),
         ("activation", activation),
         ("task_weight", task_weight),
         ("slack_price", slack_price),
-        ("speed", speed),
     ] {
+        value.map_or(Ok(()), |value| number(path, value, positive))?;
+    }
+    for (path, value) in [("margin", margin), ("saturation", saturation), ("speed", speed)] {
         number(path, *value, positive)?;
     }
     if outer <= inner {
@@ -239,7 +244,7 @@ fn yielding(yielding: &Yielding) -> Validated {
 
 /// `[controller.yielding.preview]`.
 fn preview(settings: &PreviewSettings) -> Validated {
-    let PreviewSettings { period, horizon, trigger, clearance, speed, .. } = settings;
+    let PreviewSettings { period, horizon, trigger, clearance, speed, error, .. } = settings;
     for (path, value) in [
         ("period", period),
         ("horizon", horizon),
@@ -248,6 +253,9 @@ fn preview(settings: &PreviewSettings) -> Validated {
         ("speed", speed),
     ] {
         number(path, *value, positive)?;
+    }
+    if let Some(error) = error {
+        number("error", *error, positive)?;
     }
     if trigger > horizon {
         let requirement = format!("at most horizon = {horizon}");
@@ -298,9 +306,12 @@ fn look_ahead(settings: &Settings) -> Validated {
 pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Validated {
     let per_pair = n.saturating_mul(barriers);
     let square = n.saturating_mul(n);
+    let keeps_apart = settings.self_collision == SelfCollision::Avoid;
+    let own = if keeps_apart { square.saturating_mul(OwnPair::<3>::FEATURES) / 2 } else { 0 };
     let (path, numbers) = match (settings.avoidance, settings.formulation) {
         (Avoidance::Cbf, _) => {
-            let rows = per_pair.saturating_add(4 * n).saturating_mul(n.saturating_add(20));
+            let rows = per_pair.saturating_add(own).saturating_add(4 * n);
+            let rows = rows.saturating_mul(n.saturating_add(20));
             let ahead = if settings.yielding.preview.is_some() { 2 } else { 1 };
             let numbers = rows.saturating_add(square.saturating_mul(5));
             ("avoidance", numbers.saturating_mul(ahead))

@@ -7,14 +7,15 @@
 //!         −τ_max ≤ Mq̈ + Cq̇ + g ≤ τ_max
 //! ```
 
-use super::Yielding;
-use crate::control::distance::DistanceRate;
+use super::{Keep, Yielding};
+use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, Torque};
+use crate::control::{OperationalSpace, TaskMetric, Torque};
 use crate::interrupt;
 use crate::math::dot;
 use crate::robot::Robot;
 use crate::world::Contact;
+use nalgebra::SMatrix;
 
 /// k where it is not given \[1/s\].
 pub const RATE: f64 = 40.0;
@@ -22,6 +23,52 @@ pub const RATE: f64 = 40.0;
 /// k \[1/s\].
 pub fn rate(settings: &Yielding) -> f64 {
     settings.rate.unwrap_or(RATE)
+}
+
+/// Bodies of the arm that are farther apart \[m\] cannot touch within a few 1/k.
+pub const OWN_REACH: f64 = 0.3;
+
+/// What they are kept apart \[m\]: little, because shapes that are fitted to links contain more than these.
+const OWN_MARGIN: f64 = 0.005;
+
+/// What holds where nothing is given.
+struct Usual {
+    /// W_x \[kg\].
+    task_weight: f64,
+    /// ρ: a row that costs as much as the task is violated by a 2000th.
+    slack_price: f64,
+    /// \[m\].
+    activation: f64,
+}
+
+/// In a space of dimension `D`: arms in space are heavier and smaller, and leave less of a null space.
+fn usual<const D: usize>() -> Usual {
+    if D > 2 {
+        Usual { task_weight: 300.0, slack_price: 6e5, activation: 0.4 }
+    } else {
+        Usual { task_weight: 20.0, slack_price: 4e4, activation: 1.2 }
+    }
+}
+
+/// How much more what is to be kept weighs.
+const KEPT: f64 = 10.0;
+
+/// How near pairs are rows of the QP \[m\] in a space of dimension `D`.
+pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
+    settings.activation.unwrap_or(usual::<D>().activation)
+}
+
+/// W_x = `task_weight` S², what is kept `KEPT` times that (T69).
+pub fn weight<const D: usize, const M: usize>(
+    settings: &Yielding,
+    metric: &TaskMetric<M>,
+) -> SMatrix<f64, M, M> {
+    let mut weight = metric.weight() * settings.task_weight.unwrap_or(usual::<D>().task_weight);
+    if let Some(keep) = settings.keep {
+        let kept = if keep == Keep::Position { 0..D } else { D..M };
+        kept.for_each(|i| weight[(i, i)] *= KEPT);
+    }
+    weight
 }
 
 /// Barriers that may be violated at one instant; beyond that the QP is left unfinished.
@@ -43,6 +90,19 @@ pub struct Barrier {
     softness: Vec<f64>,
     /// Largest speed of every joint \[rad/s\].
     speed: Vec<f64>,
+    /// See [`Yielding`].
+    rate: f64,
+    margin: f64,
+    slack_price: f64,
+}
+
+/// What is near: pairs of a body and an obstacle, and of two bodies of the arm.
+#[derive(Debug, Clone, Copy)]
+pub struct Near<'a, const D: usize> {
+    /// The distances from obstacles.
+    pub pairs: &'a [Contact<D>],
+    /// The distances of the bodies from each other.
+    pub own: &'a [OwnPair<D>],
 }
 
 impl Barrier {
@@ -61,6 +121,9 @@ impl Barrier {
             bounds: vec![],
             softness: vec![],
             speed: settings.joint_speeds(robot),
+            rate: rate(settings),
+            margin: settings.margin,
+            slack_price: settings.slack_price.unwrap_or(usual::<D>().slack_price),
         };
         this.reserve(0);
         this
@@ -82,20 +145,21 @@ impl Barrier {
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].
     pub fn act<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
-        settings: &Yielding,
         robot: &R,
         space: &OperationalSpace<M>,
-        pairs: &[Contact<D>],
+        weight: &SMatrix<f64, M, M>,
+        near: Near<'_, D>,
         bias: &[f64],
         torque: &mut Torque,
     ) -> f64 {
         robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
         self.normals.clear();
         self.bounds.clear();
-        self.keep_distances(settings, robot, pairs);
-        self.keep_joints(settings, robot);
+        self.keep_distances(robot, near);
+        let distances = self.bounds.len();
+        self.keep_joints(robot);
         self.softness.clear();
-        self.softness.resize(self.bounds.len(), 1.0 / settings.slack_price);
+        self.softness.resize(self.bounds.len(), 1.0 / self.slack_price);
         let limits = &robot.limits().torque;
         let within = |(tau, limit): (&f64, &f64)| tau.abs() <= *limit;
         if self.bounds.iter().all(|bound| *bound <= 0.0)
@@ -103,7 +167,7 @@ impl Barrier {
         {
             return 0.0;
         }
-        self.weigh(settings, robot, space);
+        self.weigh(&(weight - space.lambda), robot);
         self.keep_torques(limits, &torque.total);
         let outcome = self.program.solve(&Problem {
             hessian: &self.hessian,
@@ -119,34 +183,47 @@ impl Barrier {
         let n = y.len();
         torque.add_to_task(|i| dot(&self.mass[i * n..(i + 1) * n], y));
         let missing = |(a, bound): (&[f64], &f64)| bound - dot(a, y);
-        let rows = self.normals.chunks_exact(n).zip(&self.bounds).take(pairs.len());
+        let rows = self.normals.chunks_exact(n).zip(&self.bounds).take(distances);
         rows.map(missing).fold(0.0, f64::max)
     }
 
     /// d̈ + 2kḋ + k²(d − margin) ≥ −δ (T67), with the exact d̈ (T60).
-    fn keep_distances<R: Robot<D>, const D: usize>(
-        &mut self,
-        settings: &Yielding,
-        robot: &R,
-        pairs: &[Contact<D>],
-    ) {
-        let (k, n) = (rate(settings), self.nominal.len());
-        for pair in pairs {
-            interrupt::spend(64 + n);
+    fn keep_distances<R: Robot<D>, const D: usize>(&mut self, robot: &R, near: Near<'_, D>) {
+        for pair in near.pairs {
             let motion = DistanceRate::cautious(robot, pair);
-            let start = self.normals.len();
-            self.normals.resize(start + n, 0.0);
-            let row = &mut self.normals[start..];
-            robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
-            let present = dot(row, &self.nominal) + motion.bias;
-            let height = pair.distance - settings.margin;
-            self.bounds.push(-(present + 2.0 * k * motion.rate + k * k * height));
+            self.keep_distance(pair.distance - self.margin, motion, |row, _| {
+                robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            });
+        }
+        for pair in near.own {
+            let height = pair.nearest.distance - OWN_MARGIN;
+            self.keep_distance(height, pair.motion(robot), |row, scratch| {
+                pair.gradient(robot, row, scratch);
+            });
         }
     }
 
+    /// The row of a distance that is so much above what is to be kept \[m\].
+    #[inline]
+    fn keep_distance(
+        &mut self,
+        height: f64,
+        motion: DistanceRate,
+        gradient: impl FnOnce(&mut [f64], &mut [f64]),
+    ) {
+        let Self { rate: k, nominal, normals, bounds, scratch, .. } = self;
+        interrupt::spend(64 + nominal.len());
+        let start = normals.len();
+        normals.resize(start + nominal.len(), 0.0);
+        let row = &mut normals[start..];
+        gradient(row, scratch);
+        let present = dot(row, nominal) + motion.bias;
+        bounds.push(-(present + 2.0 * *k * motion.rate + *k * *k * height));
+    }
+
     /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
-    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, settings: &Yielding, robot: &R) {
-        let (k, n) = (rate(settings), self.nominal.len());
+    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        let (k, n) = (self.rate, self.nominal.len());
         let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
         for i in 0..n {
             interrupt::spend(2 * n);
@@ -165,15 +242,13 @@ impl Barrier {
         }
     }
 
-    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69), W_x = `task_weight` S².
+    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69); `difference` is W_x − Λ.
     fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
-        settings: &Yielding,
+        difference: &SMatrix<f64, M, M>,
         robot: &R,
-        space: &OperationalSpace<M>,
     ) {
         let n = self.nominal.len();
-        let weight = space.metric.weight() * settings.task_weight - space.lambda;
         self.scratch.fill(0.0);
         for i in 0..n {
             interrupt::spend(16 * n);
@@ -181,7 +256,7 @@ impl Barrier {
             self.scratch[i] = 1.0;
             robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);
             self.scratch[i] = 0.0;
-            let weighted = weight * robot.jacobian_column::<M>(i);
+            let weighted = difference * robot.jacobian_column::<M>(i);
             let (hessian, mass) = (&mut self.hessian[row.clone()], &self.mass[row]);
             for k in 0..=i {
                 hessian[k] = mass[k] + robot.jacobian_column::<M>(k).dot(&weighted);

@@ -9,11 +9,14 @@ pub mod preview;
 pub mod priority;
 pub mod relaxed;
 
+use super::distance::OwnPair;
+use super::settings::SelfCollision;
 use super::{Avoidance, Gains, OperationalSpace, TaskMetric, Torque, VirtualForces};
-use crate::math::Vector;
+use crate::math::{Body, Vector};
 use crate::robot::Robot;
 use crate::world::{CollisionQuery, Contact};
-use barrier::Barrier;
+use barrier::{Barrier, Near};
+use nalgebra::SMatrix;
 use preview::PreviewSettings;
 use priority::Priority;
 use serde::Deserialize;
@@ -33,16 +36,29 @@ pub struct Yielding {
     pub outer: f64,
     /// e_max \[m\] > 0: a larger error pulls no harder than this one, in `relaxed`.
     pub saturation: f64,
-    /// Pairs nearer than this \[m\], > 0, are rows of the quadratic program (QP) of `cbf`.
-    pub activation: f64,
+    /// Pairs nearer than this \[m\], > 0, are rows of the quadratic program (QP) of `cbf`. This and the next two have other
+    /// defaults in the plane than in space.
+    pub activation: Option<f64>,
     /// W_x > 0 \[kg\], the weight of the end effector's acceleration in `cbf`.
-    pub task_weight: f64,
+    pub task_weight: Option<f64>,
+    /// What of a pose gives way last in `cbf`; by default position and orientation alike.
+    pub keep: Option<Keep>,
     /// ρ > 0, the weight of a violated row.
-    pub slack_price: f64,
+    pub slack_price: Option<f64>,
     /// Largest joint speed \[rad/s\], > 0, in `cbf`, where the arm has no velocity limits of its own.
     pub speed: f64,
     /// Look-ahead on top of `cbf`; none by default.
     pub preview: Option<PreviewSettings>,
+}
+
+/// What of the pose of the end effector gives way last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Keep {
+    /// The orientation gives way first.
+    Position,
+    /// The position gives way first.
+    Orientation,
 }
 
 impl Default for Yielding {
@@ -53,9 +69,10 @@ impl Default for Yielding {
             inner: 0.05,
             outer: 0.3,
             saturation: 0.5,
-            activation: 1.2,
-            task_weight: 20.0,
-            slack_price: 4e4,
+            activation: None,
+            task_weight: None,
+            keep: None,
+            slack_price: None,
             speed: 6.0,
             preview: None,
         }
@@ -75,8 +92,17 @@ impl Yielding {
 pub struct Avoider<const D: usize, const M: usize> {
     settings: Yielding,
     metric: TaskMetric<M>,
+    /// W_x (T69).
+    weight: SMatrix<f64, M, M>,
+    /// How near a pair matters \[m\].
+    reach: f64,
     /// The pairs that matter at the observed state; of `cbf` the barriers.
     pairs: Vec<Contact<D>>,
+    /// Those of the arm's own bodies, of `cbf`, and the most there may be: none, if they may touch each other.
+    own: Vec<OwnPair<D>>,
+    most_own: usize,
+    /// The bodies, gathered where they are measured against each other.
+    bodies: Vec<Body<D>>,
     strategy: Strategy,
     slack: f64,
 }
@@ -102,10 +128,21 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             }
             Avoidance::Cbf => Strategy::Barrier(Barrier::new(robot, settings)),
         };
+        let keeps_apart =
+            gains.self_collision == SelfCollision::Avoid && gains.avoidance == Avoidance::Cbf;
+        let own_pairs = if keeps_apart { robot.body_pairs().count() } else { 0 };
         Some(Box::new(Self {
             settings: settings.clone(),
+            weight: barrier::weight::<D, M>(settings, &metric),
             metric,
+            reach: match gains.avoidance {
+                Avoidance::Cbf => barrier::activation::<D>(settings),
+                _ => settings.outer,
+            },
             pairs: vec![],
+            own: vec![],
+            most_own: OwnPair::<D>::FEATURES * own_pairs,
+            bodies: vec![],
             strategy,
             slack: 0.0,
         }))
@@ -118,14 +155,16 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
 
     /// Forgets the pairs and makes room for so many: all may come near later, and nothing must allocate then.
     pub fn reserve(&mut self, count: usize) {
-        let Self { pairs, strategy, .. } = self;
+        let Self { pairs, own, most_own, strategy, .. } = self;
         pairs.clear();
         match strategy {
             Strategy::Relaxed => {}
             Strategy::Priority(_) => pairs.reserve(count),
             Strategy::Barrier(barrier) => {
                 pairs.reserve(count);
-                barrier.reserve(count);
+                own.clear();
+                own.reserve(*most_own);
+                barrier.reserve(count + *most_own);
             }
         }
     }
@@ -138,18 +177,32 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             _ => surroundings.obstacle_count(),
         };
         self.reserve(robot.body_count() * obstacles);
-        let Self { settings, pairs, strategy, .. } = self;
+        if self.most_own > 0 {
+            self.measure_bodies(robot);
+        }
+        let Self { reach, pairs, strategy, .. } = self;
+        let visit = |pair: &Contact<D>| pairs.push(*pair);
         match strategy {
             Strategy::Relaxed => {}
             Strategy::Priority(_) => {
-                let visit = |pair: &Contact<D>| pairs.push(*pair);
-                surroundings.for_each_contact(bodies, settings.outer, |_, _| {}, visit);
+                surroundings.for_each_contact(bodies, *reach, |_, _| {}, visit);
             }
-            Strategy::Barrier(_) => {
-                surroundings
-                    .for_each_barrier(bodies, settings.activation, |pair| pairs.push(*pair));
-            }
+            Strategy::Barrier(_) => surroundings.for_each_barrier(bodies, *reach, visit),
         }
+    }
+
+    /// Takes in the pairs of the arm's own bodies that are near each other.
+    fn measure_bodies<R: Robot<D>>(&mut self, robot: &R) {
+        let Self { reach, own, bodies, .. } = self;
+        let reach = reach.min(barrier::OWN_REACH);
+        OwnPair::for_each_within(robot, bodies, reach, |pair| {
+            pair.for_each_feature(|feature| {
+                if feature.nearest.distance < reach {
+                    own.push(*feature);
+                }
+            });
+            reach
+        });
     }
 
     /// The error that the stiffness of the task is to act on, at these distances of the links \[m\].
@@ -172,12 +225,13 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         bias: &[f64],
         torque: &mut Torque,
     ) {
-        let Self { settings, pairs, strategy, slack, .. } = self;
+        let Self { settings, weight, pairs, own, strategy, slack, .. } = self;
         match strategy {
             Strategy::Relaxed => relaxed::act(settings, robot, space, forces, torque),
             Strategy::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
             Strategy::Barrier(barrier) => {
-                *slack = barrier.act(settings, robot, space, pairs, bias, torque);
+                let near = Near { pairs, own };
+                *slack = barrier.act(robot, space, weight, near, bias, torque);
             }
         }
     }

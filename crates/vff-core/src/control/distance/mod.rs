@@ -10,8 +10,11 @@
 
 #[cfg(test)]
 mod in_space;
+mod own_pair;
 
-use crate::math::{Nearest, Vector, beside, crossing, smoothstep};
+pub use own_pair::OwnPair;
+
+use crate::math::{Vector, beside, crossing, smoothstep};
 use crate::robot::Robot;
 use crate::world::{Contact, Feature, TOUCHING};
 
@@ -125,26 +128,6 @@ impl DistanceRate {
             _ => 0.0,
         };
         Self { rate, bias: normal.dot(&along) + turning }
-    }
-
-    /// For two bodies of `robot`, which come nearest at `nearest`. d̈ = n̂ᵀ(J_a − J_b) q̈ + bias, with the Jacobians of
-    /// the two points.
-    pub fn between<R: Robot<D>, const D: usize>(
-        robot: &R,
-        bodies: [usize; 2],
-        nearest: &Nearest<D>,
-    ) -> Self {
-        let Nearest { points, normal, .. } = nearest;
-        let bodies = bodies.map(|i| robot.body(i));
-        let at = |k: usize| robot.point_velocity(bodies[k].link, &points[k]);
-        let bias = |k: usize| robot.point_bias_acceleration(bodies[k].link, &points[k]);
-        let turning = [0, 1].map(|k| {
-            let ahead = points[k] + bodies[k].shape.direction;
-            robot.point_velocity(bodies[k].link, &ahead) - at(k)
-        });
-        let velocity = at(0) - at(1);
-        let sliding = nearest.sliding([&bodies[0].shape, &bodies[1].shape], &velocity, turning);
-        Self { rate: normal.dot(&velocity), bias: normal.dot(&(bias(0) - bias(1))) + sliding }
     }
 }
 
@@ -374,38 +357,5 @@ pub(super) mod tests {
         let sliding = w * perp(state.link(0).direction).dot(&Vector::<2>::new(0.6, 0.5)); // ṡ
         let naive = motion.bias + sliding * sliding / rho;
         assert!(naive - curvature > 0.1, "{naive}");
-    }
-
-    proptest! {
-        /// Two links of a planar arm that share no joint: ḋ and the bias are those of the distance along the
-        /// motion with q̈ = 0.
-        #[test]
-        fn between_links_of_the_plane(
-            q in prop::collection::vec(-2.0..2.0, 5), dq in prop::collection::vec(-2.0..2.0, 5),
-            pair in prop::sample::select(vec![[0, 2], [0, 3], [1, 4], [0, 4], [2, 4]]),
-        ) {
-            let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.7, 1.0); 5], Vector::<2>::zeros()));
-            let at = |t: f64| {
-                let mut state = arm.state();
-                let q: Vec<f64> = q.iter().zip(&dq).map(|(q, dq)| q + t * dq).collect();
-                state.update(&q, &dq);
-                state
-            };
-            let h = 1e-4;
-            let found = |t: f64| {
-                let state = at(t);
-                nearest(&state.body(pair[0]).shape, &state.body(pair[1]).shape)
-            };
-            let [before, now, after] = [found(-h), found(0.0), found(h)];
-            prop_assume!(before.slides == now.slides && after.slides == now.slides);
-            prop_assume!((before.points[0] - after.points[0]).norm() < 1e-2);
-            prop_assume!(now.distance > 0.05);
-            let motion = DistanceRate::between(&at(0.0), pair, &now);
-            let slope = (after.distance - before.distance) / (2.0 * h);
-            let curvature = (after.distance - 2.0 * now.distance + before.distance) / (h * h);
-            prop_assert!((motion.rate - slope).abs() < 1e-4 * (1.0 + slope.abs()));
-            prop_assert!((motion.bias - curvature).abs() < 1e-3 * (1.0 + curvature.abs()),
-                "{motion:?} {curvature} {:?}", now.slides);
-        }
     }
 }

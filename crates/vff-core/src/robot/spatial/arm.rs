@@ -21,7 +21,10 @@ pub struct SpatialArm {
     pub(super) fixed: Vec<Fixed>,
     pub(super) tool: Frame,
     pub(super) bodies: Vec<FixedBody>,
-    /// The pairs of bodies that must not touch: of links that share no joint and are not to be ignored.
+    /// Bodies of the base, in the world.
+    pub(super) still: Vec<Capsule<3>>,
+    /// The pairs of bodies that must not touch, the still ones behind the others: of links that share no joint and are not
+    /// to be ignored.
     pub(super) pairs: Vec<[usize; 2]>,
     total_mass: f64,
 }
@@ -60,7 +63,8 @@ impl SpatialArm {
     /// Checks a description and prepares it.
     ///
     /// Axes and quaternions are normalised if their norm is within 1e-6 of 1. Spheres and capsules of links become
-    /// what is measured; shapes of the base, which does not move, stay in the description.
+    /// what is measured; those of the base, which does not move, are measured against links alone. Other shapes of the
+    /// base stay in the description.
     ///
     /// # Errors
     /// With the path of the first value that is wrong.
@@ -90,25 +94,28 @@ impl SpatialArm {
         }
         let inward = before.transpose();
         let links = description.link_names();
-        let mut bodies = vec![];
+        let (mut bodies, mut still) = (vec![], vec![]);
         for (i, LinkShape { link, shape }) in description.collision.iter().enumerate() {
+            let ends = shape.rounded(&format!("collision[{i}].shape"));
             // The base comes first.
-            let Some(link) = links[1..].iter().position(|name| name == link) else { continue };
-            let (a, b, radius) = shape.rounded(&format!("collision[{i}].shape"))?;
-            let inward = fixed[link].alignment.transpose();
-            let (start, along) = (inward * a, inward * (b - a));
-            let length = along.norm();
-            // A sphere has no direction: any will do.
-            let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
-            bodies.push(FixedBody { link, capsule: Capsule { start, direction, length, radius } });
+            if let Some(link) = links[1..].iter().position(|name| name == link) {
+                let (a, b, radius) = ends?;
+                let inward = fixed[link].alignment.transpose();
+                bodies.push(FixedBody { link, capsule: rounded(inward * a, inward * b, radius) });
+            } else if let Ok((a, b, radius)) = ends {
+                let position = Vector::from(description.mount.position);
+                let placed = |end: Vector<3>| mount.rotate(&end) + position;
+                still.push(rounded(placed(a), placed(b), radius));
+            }
         }
         Ok(Self {
             tool: Frame {
                 rotation: inward * orientation(description.tool.orientation)?.matrix(),
                 position: inward * Vector::from(description.tool.position),
             },
-            pairs: pairs(&bodies, &links[1..], &description.ignore),
+            pairs: pairs(&bodies, still.len(), &links, &description.ignore),
             bodies,
+            still,
             total_mass: description.joints.iter().map(|joint| joint.mass).sum(),
             limits: Limits {
                 joint: description.joint_limits.clone(),
@@ -174,19 +181,35 @@ impl SpatialArm {
     }
 }
 
-/// The pairs of bodies on links that share no joint, the lower index first, without those to `ignore`.
-fn pairs(bodies: &[FixedBody], links: &[String], ignore: &[[String; 2]]) -> Vec<[usize; 2]> {
+/// The capsule between two points, which may be the same: a sphere has no direction, any will do.
+fn rounded(start: Vector<3>, end: Vector<3>, radius: f64) -> Capsule<3> {
+    let along = end - start;
+    let length = along.norm();
+    let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
+    Capsule { start, direction, length, radius }
+}
+
+/// The pairs of bodies on links that share no joint, the lower index first, without those to `ignore`. `links` begins with
+/// the base, whose bodies have the indices behind those of the others.
+fn pairs(
+    bodies: &[FixedBody],
+    still: usize,
+    links: &[String],
+    ignore: &[[String; 2]],
+) -> Vec<[usize; 2]> {
     let ignored = |i: usize, j: usize| {
         let named = |name: &String, link: usize| *name == links[link];
         let both =
             |[a, b]: &[String; 2]| (named(a, i) && named(b, j)) || (named(a, j) && named(b, i));
         ignore.iter().any(both)
     };
+    // Counted from the base.
+    let link = |i: usize| bodies.get(i).map_or(0, |body| body.link + 1);
     let apart = |[i, j]: &[usize; 2]| {
-        let (i, j) = (bodies[*i].link, bodies[*j].link);
+        let (i, j) = (link(*i), link(*j));
         i.abs_diff(j) > 1 && !ignored(i, j)
     };
-    let all = (0..bodies.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
+    let all = (0..bodies.len() + still).flat_map(|j| (0..j).map(move |i| [i, j]));
     all.filter(apart).collect()
 }
 
@@ -320,7 +343,8 @@ mod tests {
         );
     }
 
-    /// A box or a hull on a link is a description, but no body; on the base it is neither measured nor refused.
+    /// A box or a hull on a link is refused; on the base it is neither measured nor refused, and what is round there does
+    /// not move.
     #[test]
     fn links_carry_what_is_round() {
         let cube =
@@ -337,6 +361,9 @@ mod tests {
         let bodies: Vec<_> =
             arm.bodies.iter().map(|body| (body.link, body.capsule.radius)).collect();
         assert_eq!(bodies, [(1, 0.1)]);
+        assert_eq!(arm.still.iter().map(|body| body.radius).collect::<Vec<_>>(), [0.2]);
+        // The first link is the neighbour of the base.
+        assert_eq!(arm.pairs, [[0, 1]]);
         assert_eq!(arm.description().collision.len(), 3);
     }
 

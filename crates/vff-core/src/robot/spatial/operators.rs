@@ -6,7 +6,7 @@ use super::algebra::{ArticulatedInertia, Spatial};
 use super::state::{Joint, SpatialState};
 use super::task::TaskForces;
 use super::{dense, task};
-use crate::math::{Body, Pointing, SpatialPose, Vector};
+use crate::math::{Body, Capsule, Pointing, SpatialPose, Vector};
 use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -376,6 +376,10 @@ impl Robot<3> for SpatialState {
     fn body(&self, i: usize) -> Body<3> {
         let (link, shape) = SpatialState::body(self, i);
         Body { link, shape }
+    }
+
+    fn still_bodies(&self) -> &[Capsule<3>] {
+        &self.arm.still
     }
 
     fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]> {

@@ -82,6 +82,8 @@ pub struct Forecast {
     pub distance: f64,
     /// Mean error of the task \[m\], angles times the characteristic length.
     pub error: f64,
+    /// Largest error of the task \[m\] after the first step.
+    pub worst: f64,
 }
 
 /// What a candidate costs of which this is predicted (T73).

@@ -27,6 +27,18 @@ pub fn fastest_rate(duration: f64) -> Option<f64> {
     (duration <= MOST_STEPS * STEP).then(|| STEP_TIMES_RATE * MOST_STEPS / duration)
 }
 
+/// What a closed-loop rollout has come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Foreseen {
+    /// Nothing so far that the arm should avoid.
+    #[default]
+    Nothing,
+    /// The end effector has to give way, but nothing is hit.
+    Error,
+    /// A contact.
+    Contact,
+}
+
 /// The closed loop in the look-ahead, with its workspace.
 #[derive(Debug, Clone)]
 pub struct ClosedLoopRollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
@@ -42,16 +54,19 @@ pub struct ClosedLoopRollout<R: Manipulator<D, M>, const D: usize, const M: usiz
     count: usize,
     /// The smallest distance that is no contact \[m\].
     least: f64,
+    /// The largest error of the task that is accepted \[m\], and whether there was a larger one.
+    most: f64,
+    strays: bool,
 }
 
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRollout<R, D, M> {
-    /// Of the law with these gains on `robot`, over `duration` \[s\].
+    /// Of the law with these gains on `robot`, over `duration` \[s\], with errors of the task up to `error` \[m\] accepted.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "positive, and not too many"
     )]
-    pub fn new(robot: &R, gains: &Gains<M>, duration: f64) -> Self {
+    pub fn new(robot: &R, gains: &Gains<M>, duration: f64, error: Option<f64>) -> Self {
         let n = robot.dof();
         let zeros = || vec![0.0; n];
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
@@ -68,6 +83,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
             step,
             done: count,
             count,
+            most: error.unwrap_or(f64::INFINITY),
+            strays: false,
         }
     }
 
@@ -81,6 +98,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         self.q.copy_from_slice(robot.configuration());
         self.dq.copy_from_slice(robot.velocity());
         self.done = 0;
+        self.strays = false;
     }
 
     /// Ends it early.
@@ -99,8 +117,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         self.done
     }
 
-    /// Goes on up to this share of the whole and returns whether there was a contact. It began `ago` \[s\] before the
-    /// present, for which `surroundings` and `reference`, in so many seconds, speak.
+    /// Goes on up to this share of the whole and returns what there was: a contact at once, a large error of the task at
+    /// the end. It began `ago` \[s\] before the present, for which `surroundings` and `reference`, in so many seconds,
+    /// speak.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn go_on(
         &mut self,
@@ -109,7 +128,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         surroundings: &dyn Prediction<D>,
         obstacles: &[usize],
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
-    ) -> bool {
+    ) -> Foreseen {
         let due = due(self.count, share).min(self.count);
         while self.done < due {
             let after = self.step * self.done as f64 - ago;
@@ -117,13 +136,15 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
             self.controller.observe(&self.q, &self.dq, &mut later);
             if self.controller.forces().clearance().iter().any(|distance| *distance < self.least) {
                 self.stop();
-                return true;
+                return Foreseen::Contact;
             }
             self.controller.command(&reference(after));
+            let error = self.controller.gains().metric::<D>().norm(self.controller.error());
+            self.strays |= error > self.most;
             self.advance();
             self.done += 1;
         }
-        false
+        if self.strays && !self.is_running() { Foreseen::Error } else { Foreseen::Nothing }
     }
 
     /// One step of semi-implicit Euler.
@@ -158,9 +179,10 @@ mod tests {
         let gains = Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
         let world = World::new(discs);
         let obstacles: Vec<usize> = (0..world.len()).collect();
-        let mut rollout = ClosedLoopRollout::<PlanarState, 2, 2>::new(&state, &gains, DURATION);
+        let mut rollout =
+            ClosedLoopRollout::<PlanarState, 2, 2>::new(&state, &gains, DURATION, None);
         rollout.begin(&state);
-        let hit = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference);
+        let hit = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference) == Foreseen::Contact;
 
         let mut controller = Controller::new(state, gains);
         let mut world = world;

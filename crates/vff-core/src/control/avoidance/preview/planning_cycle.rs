@@ -5,7 +5,7 @@
 //! out, and only if that is hit, too, every step tries its share of the candidates.
 
 use super::candidate::{Candidate, Forecast, cost};
-use super::closed_loop_rollout::ClosedLoopRollout;
+use super::closed_loop_rollout::{ClosedLoopRollout, Foreseen};
 use super::prediction::Prediction;
 use super::rollout::{RATE, Rollout};
 use super::{PreviewSettings, due};
@@ -23,6 +23,9 @@ const BLEND: f64 = 60.0;
 /// Roll-outs at the beginning of a cycle: of the law as it is, and of the candidate that is being followed.
 const FIRST: usize = 2;
 
+/// The share of an error of the task that triggers the search down to which a candidate is kept.
+const KEPT_UP: f64 = 0.5;
+
 /// Planning cycles that a closed-loop rollout takes.
 const CYCLES: f64 = 2.0;
 
@@ -36,12 +39,13 @@ pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// Time since the beginning of the cycle, and since the last control step \[s\]; infinite before the first.
     elapsed: f64,
     since: f64,
-    /// What the law as it is leads to, how long ago that began \[s\], and whether the last one was hit.
+    /// What the law as it is leads to, how long ago that began \[s\], and what the last one has come to.
     closed_loop: ClosedLoopRollout<R, D, M>,
     begun: f64,
-    hit: bool,
-    /// Whether the best candidate so far is being followed, that candidate, and its cost.
+    foreseen: Foreseen,
+    /// Whether the best candidate so far is being followed, whether it must hold the task, that candidate, and its cost.
     active: bool,
+    holds: bool,
     best: Candidate,
     cost: f64,
     /// How many candidates this cycle has tried, and how many it is to try.
@@ -69,10 +73,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             noise: Noise::new(*seed, STREAM),
             elapsed: f64::INFINITY,
             since: f64::INFINITY,
-            closed_loop: ClosedLoopRollout::new(robot, gains, settings.trigger),
+            closed_loop: ClosedLoopRollout::new(robot, gains, settings.trigger, settings.error),
             begun: 0.0,
-            hit: false,
+            foreseen: Foreseen::Nothing,
             active: false,
+            holds: false,
             best: Candidate::idle(n),
             cost: 0.0,
             tried: 0,
@@ -91,8 +96,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         (self.elapsed, self.since) = (f64::INFINITY, f64::INFINITY);
         (self.tried, self.count) = (0, 0);
         self.closed_loop.stop();
-        self.hit = false;
+        self.foreseen = Foreseen::Nothing;
         self.active = false;
+        self.holds = false;
         self.weight = 0.0;
         self.best.make_idle();
     }
@@ -149,7 +155,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
     ) {
-        let Self { settings, rollout, best, trial, active, margin, closed_loop, .. } = self;
+        let Self { settings, rollout, best, trial, active, holds, margin, closed_loop, .. } = self;
         let (horizon, margin) = (settings.horizon, *margin);
         best.switch -= self.elapsed;
         self.elapsed = 0.0;
@@ -161,12 +167,18 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         closed_loop.reserve(surroundings.count());
         trial.make_idle();
         // A candidate is given up only once the law as it is keeps the margin over the whole horizon.
-        *active |= std::mem::take(&mut self.hit);
+        match std::mem::take(&mut self.foreseen) {
+            Foreseen::Contact => (*active, *holds) = (true, false),
+            Foreseen::Error if !*active => (*active, *holds) = (true, true),
+            _ => {}
+        }
         let (until, enough) = if *active { (horizon, margin) } else { (settings.trigger, 0.0) };
+        let most = settings.error.map_or(f64::INFINITY, |e| if *active { KEPT_UP * e } else { e });
         let step = rollout.step;
         let free = |so_far: Forecast, s: f64| s + step > until + 1e-9 && so_far.distance >= enough;
         let idle = rollout.forecast(trial, surroundings, 0.0, &free);
-        let ahead = !rollout.obstacles.is_empty() && idle.distance < enough;
+        let contact = idle.distance < enough;
+        let ahead = !rollout.obstacles.is_empty() && (contact || idle.worst > most);
         if !*active && ahead {
             closed_loop.begin(robot);
             self.begun = 0.0;
@@ -180,6 +192,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             self.aim.copy_from_slice(robot.velocity());
         }
         let present = rollout.forecast(best, surroundings, 0.0, &|_, _| false);
+        // The null space alone was not enough.
+        *holds &= present.distance >= margin;
         self.cost = cost(settings, margin, present, best.holds);
         let of_idle = cost(settings, margin, idle, true);
         if of_idle <= self.cost {
@@ -201,14 +215,14 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         if closed_loop.is_running() {
             let share = (*begun + *since) / (CYCLES * settings.period);
             let obstacles = &rollout.obstacles;
-            self.hit = closed_loop.go_on(share, *begun, surroundings, obstacles, reference);
+            self.foreseen = closed_loop.go_on(share, *begun, surroundings, obstacles, reference);
         }
     }
 
     /// Tries the candidates that are due, new ones and variations of the best so far, and keeps the best (T73).
     fn search(&mut self, surroundings: &dyn Prediction<D>) {
         let due = self.due();
-        let Self { settings, margin, noise, best, cost: least, trial, rollout, .. } = self;
+        let Self { settings, margin, noise, best, cost: least, holds, trial, rollout, .. } = self;
         for k in self.tried..due {
             if 2 * k >= self.count || k % 2 == 0 {
                 trial.copy_from(best);
@@ -217,6 +231,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             } else {
                 trial.draw(noise, settings.speed * if k % 3 == 0 { 0.4 } else { 1.0 });
             }
+            trial.holds |= *holds;
             trial.limit(&rollout.speed);
             let price = |forecast| cost(settings, *margin, forecast, trial.holds);
             let worse = |so_far, _| price(so_far) > *least;

@@ -158,14 +158,18 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.v.copy_from_slice(&self.start[1]);
         self.apart.clear();
         self.apart.resize(self.bodies.len() * self.obstacles.len(), Apart::default());
-        let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0 };
+        let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0, worst: 0.0 };
         for k in 0..self.reference.len() {
             let s = self.step * k as f64;
             interrupt::spend(8 * self.apart.len());
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = self.scout.pose().error(&sample.x);
-            forecast.error += self.metric.norm(&e) / self.reference.len() as f64;
+            let error = self.metric.norm(&e);
+            forecast.error += error / self.reference.len() as f64;
+            if k > 0 {
+                forecast.worst = forecast.worst.max(error);
+            }
             forecast.distance = forecast.distance.min(self.measure(surroundings, s - ago));
             if enough(forecast, s) {
                 break;

@@ -13,6 +13,9 @@ pub struct PreviewSettings {
     /// A contact predicted within this time \[s\], > 0 and at most `horizon`, triggers the search for a motion that
     /// avoids it.
     pub trigger: f64,
+    /// An error of the end effector \[m\], > 0, angles times the characteristic length: a larger one predicted within the
+    /// time `trigger` triggers the search for a motion that avoids it within the null space. By default none does.
+    pub error: Option<f64>,
     /// Steps of a roll-out, ≥ 1.
     pub steps: usize,
     /// Candidates per planning cycle, ≥ 1.
@@ -29,6 +32,7 @@ impl Default for PreviewSettings {
             period: 0.02,
             horizon: 1.2,
             trigger: 1.2,
+            error: None,
             steps: 16,
             candidates: 64,
             clearance: 0.1,
