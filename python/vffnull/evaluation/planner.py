@@ -32,7 +32,17 @@ from vffnull import _core
 from vffnull.errors import InputError
 from vffnull.scenario import ScenarioLike, prepare
 
-__all__ = ["VERDICTS", "Kinematics", "World", "escape", "feasibility", "is_clear", "reference_points"]
+__all__ = [
+    "VERDICTS",
+    "Kinematics",
+    "Motion",
+    "World",
+    "escape",
+    "feasibility",
+    "is_clear",
+    "reference_points",
+    "travelled",
+]
 
 Array = NDArray[np.float64]
 
@@ -138,10 +148,16 @@ def reference_points(reference: Mapping[str, Any], tip: Array, times: Array) -> 
     if reference["kind"] != "line":
         raise InputError(f"reference.kind: expected setpoint or line, not {reference['kind']}")
     start = np.asarray(reference.get("start", tip), dtype=float)
-    s = np.clip(times / reference["duration"], 0.0, 1.0)
-    share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    share = travelled(times / reference["duration"])
     points: Array = start + share[:, None] * (np.asarray(reference["end"], dtype=float) - start)
     return points
+
+
+def travelled(share: Array) -> Array:
+    """The travelled fraction of a line from rest to rest, over the fraction of its time."""
+    s = np.clip(share, 0.0, 1.0)
+    fraction: Array = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return fraction
 
 
 class Kinematics:
@@ -183,7 +199,7 @@ class World:
     """
 
     def __init__(self, obstacles: Sequence[Mapping[str, Any]]) -> None:
-        self._motions = [_Motion(each) for each in obstacles]
+        self._motions = [Motion(each) for each in obstacles]
         self.middle = np.zeros((len(obstacles), 2))
         """Middle of every obstacle, from its position [m]."""
         self.reach = np.zeros(len(obstacles))
@@ -247,19 +263,28 @@ class _Edges:
         self.of = np.array([edge[3] for edge in edges], dtype=int)
 
 
-class _Motion:
-    """Where an obstacle is."""
+class Motion:
+    """Where an obstacle is, in the plane or in space.
 
-    def __init__(self, obstacle: Mapping[str, Any]) -> None:
-        self.position = np.asarray(obstacle.get("position", (0.0, 0.0)), dtype=float)
+    Parameters
+    ----------
+    obstacle : Mapping
+        With its position.
+    dimension : {2, 3}, optional
+        Of the space.
+    """
+
+    def __init__(self, obstacle: Mapping[str, Any], dimension: int = 2) -> None:
+        self.position = np.asarray(obstacle.get("position", np.zeros(dimension)), dtype=float)
         self.motion = obstacle.get("motion") or {"kind": "static"}
 
     def __call__(self, times: Array) -> Array:
+        """Positions at instants [s], (k, dimension) [m]."""
         motion = self.motion
         if motion["kind"] == "waypoints":
             points = np.asarray(motion["points"], dtype=float)
             return np.stack([np.interp(times, motion["times"], column) for column in points.T], axis=1)
-        away = np.zeros((len(times), 2))
+        away = np.zeros((len(times), len(self.position)))
         if motion["kind"] == "linear":
             away = times[:, None] * np.asarray(motion["velocity"], dtype=float)
         if motion["kind"] == "sinusoid":
