@@ -22,7 +22,7 @@ from vffnull._progress import Counter, counted
 from vffnull.errors import InputError
 from vffnull.evaluation import scenes
 from vffnull.evaluation.controllers import CONTROLLERS, chosen
-from vffnull.evaluation.planner import feasibility
+from vffnull.evaluation.planner import ANGLE, TIP, feasibility
 from vffnull.evaluation.table import Column, Table
 from vffnull.result import Result, Status
 from vffnull.scenario import Scenario
@@ -30,8 +30,6 @@ from vffnull.scenario import Scenario
 __all__ = ["Evaluation", "check_path", "encounter", "evaluate", "identity", "join", "scores", "loop_times"]
 
 TOUCH = 1e-3  # m, overlap that counts as a collision
-TIP = 1e-2  # m, error up to which the tip counts as held
-ANGLE = 5e-2  # rad, error of the orientation up to which it does, for the tasks pointing and pose in space
 NEAR = 0.1  # m: without avoidance, an obstacle this near to a link is an encounter
 EVERY = 10  # steps per recorded row
 _BLOCK = 48  # scenes at a time, so that their records fit into memory
@@ -248,7 +246,7 @@ def _block(
     """The rows of a few scenes under all controllers."""
     pool = ThreadPoolExecutor(threads)  # the search runs outside the GIL
     try:
-        verdicts = list(pool.map(lambda scene: known.get(scene.name) or _verdict(scene), block))
+        verdicts = list(pool.map(lambda scene: known.get(scene.name) or feasibility(scene), block))
     finally:  # Ctrl-C does not wait for searches that have not begun
         pool.shutdown(wait=False, cancel_futures=True)
 
@@ -264,10 +262,6 @@ def _block(
         results = free if changes == CONTROLLERS["no avoidance"] else run(changes)
         for scene, verdict, span, result in zip(block, verdicts, spans, results, strict=True):
             yield {**identity(scene, verdict, name), **_scores_of(result, span)}
-
-
-def _verdict(scene: Scenario) -> str:
-    return "not asked" if scene.arm.dimension == 3 else feasibility(scene)
 
 
 def identity(scene: Scenario, verdict: str, controller: str) -> dict[str, Any]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from vffnull._arguments import whole
 from vffnull.errors import InputError, InputTypeError
-from vffnull.evaluation.planner import Kinematics, World, reference_points
+from vffnull.evaluation.geometry.plane import Kinematics, World
+from vffnull.evaluation.planner import reference_points
 from vffnull.evaluation.scenes.common import (
     EVALUATION,
     FAMILIES,

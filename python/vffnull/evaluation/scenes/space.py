@@ -13,7 +13,7 @@ from vffnull import _core
 from vffnull._arguments import whole
 from vffnull._arm import rotation
 from vffnull.errors import InputError
-from vffnull.evaluation.bodies import Bodies, Things
+from vffnull.evaluation.geometry.space import Bodies, Things
 from vffnull.evaluation.planner import travelled
 from vffnull.evaluation.scenes.common import (
     EVALUATION,

@@ -1,8 +1,6 @@
-"""Links and obstacles in space, and how far they are from each other, with NumPy alone.
+"""Links and obstacles in space, and how far they are from each other.
 
-A second implementation of the geometry that shares nothing with the core's: the generator of scenes uses it,
-and tests check with it what the core's planner has found. Links are capsules (a sphere has both ends in one
-place), obstacles are spheres, capsules and boxes.
+Links are capsules (a sphere has both ends in one place), obstacles are spheres, capsules and boxes.
 """
 
 from __future__ import annotations
@@ -11,14 +9,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vffnull._arm import SpatialArm, rotation
-from vffnull.evaluation.planner import Motion
+from vffnull.evaluation.geometry.motion import Array, Motion
 
 __all__ = ["Bodies", "Things", "box_to_segments", "segment_to_segments"]
-
-Array = NDArray[np.float64]
 
 _INVERSE_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 _HALVINGS = 40  # of the golden section: 1e-8 of a segment
