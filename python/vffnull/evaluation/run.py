@@ -214,7 +214,7 @@ def _listed(given: Any) -> list[Any]:
     return list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
 
 
-def _in_space(category: Any, arms: list[Any], tasks: list[Any]) -> list[Callable[[int], Scenario]]:
+def _in_space(category: Any, arms: list[Any], tasks: list[Any]) -> list[partial[Scenario]]:
     """What makes scenes in space of a seed: all families of the categories, one by one."""
     families: list[Any] = []
     for each in _listed(category):
@@ -378,25 +378,40 @@ def loop_times(
     n: int | Iterable[int] = (4, 6, 9),
     count: int = 3,
     seed: int = scenes.EVALUATION.start,
+    *,
+    space: bool = False,
+    arm: str | Iterable[str] = scenes.ARMS,
+    task: str | Iterable[str] = ("position", "pose"),
 ) -> str:
-    """How long one step of the closed loop takes, as Markdown: median, 99th percentile and maximum.
+    """How long one step of the closed loop takes, as Markdown: median, percentiles and maximum.
 
     Every step of `count` scenes is timed alone, on one thread, called from Python: law, plant and, twice, the
     reading of the clock.
 
     Parameters
     ----------
-    controllers, category, n, count, seed : optional
+    controllers, category, n, count, seed, space, arm, task : optional
         As in `evaluate`.
     """
-    lines = ["| controller | joints | p50 [µs] | p99 [µs] | max [µs] |", "|---|--:|--:|--:|--:|"]
+    made: dict[str, Callable[[int], Scenario]] = {}
+    if space:
+        for make in _in_space(category, _listed(arm), _listed(task)):
+            made[" | ".join(make.args[1:])] = make
+    else:
+        made = {str(joints): partial(scenes.random, category, joints) for joints in _listed(n)}
+    kinds = ["arm", "task"] if space else ["joints"]
+    heads = ["controller", *kinds, "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "max [µs]"]
+    lines = [
+        f"| {' | '.join(heads)} |",
+        "|---" * (1 + 2 * space) + "|--:" * (len(heads) - 1 - 2 * space) + "|",
+    ]
     for name, changes in chosen(controllers).items():
-        for joints in _listed(n):
+        for kind, make in made.items():
             taken: list[int] = []
             for each in range(seed, seed + count):
-                taken += _timed(scenes.random(category, joints, each).replace(**changes))
-            p50, p99, most = (1e-3 * x for x in np.percentile(taken, (50, 99, 100)))
-            lines.append(f"| {name} | {joints} | {p50:.2f} | {p99:.2f} | {most:.0f} |")
+                taken += _timed(make(each).replace(**changes))
+            p50, p99, p999, most = (1e-3 * x for x in np.percentile(taken, (50, 99, 99.9, 100)))
+            lines.append(f"| {name} | {kind} | {p50:.2f} | {p99:.2f} | {p999:.2f} | {most:.0f} |")
     return "\n".join(lines)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -44,48 +43,21 @@ _START = 0.08  # from every link to every obstacle at t = 0
 _ITSELF = 0.05  # between links with two or more between them, all along the reference
 _BASE = 0.08  # from the base and the first link, which cannot get out of the way, at all times
 _SHOULDER = 0.22  # from the second joint, at all times: the second link turns about it
-_HAND = (
-    0.06  # from the last two links, which a held tip leaves little freedom, where the tip is not in question
-)
+_HAND = 0.06  # from the last two links, which a held tip leaves little freedom; not on a blocked path
 _END = 0.1  # path-crossed: from the last two links, once the tip is due at the end of the line
 _FLOOR = 0.02  # from the plane that the base stands on to every link but the base
 
 _LIMIT = 0.2  # rad, from joint limits, all along the reference
-_DAMPED = (
-    0.1  # smallest eigenvalue of the inverse task inertia times the mass of the arm: 3 times the threshold
-)
+# Smallest eigenvalue of the inverse task inertia times the mass of the arm: 3 times the threshold of the law.
+_DAMPED = 0.1
+_SPEED = 0.6  # of the joints' speed limits, along the reference
 
 
-@dataclass(frozen=True)
-class _Model:
-    """What scenes have to know of an arm.
-
-    Attributes
-    ----------
-    ready : tuple of float
-        A usual posture [rad].
-    spread : tuple of float
-        How far starts are from it at most [rad].
-    posture_stiffness : float or list of float
-        Of the spring back to the start [N·m/rad].
-    """
-
-    ready: tuple[float, ...]
-    spread: tuple[float, ...]
-    posture_stiffness: float | tuple[float, ...] = 5.0
-
-
-_MODELS = {
-    "panda": _Model((0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854), (2.0, 0.7, 0.6, 0.5, 0.8, 0.6, 0.9)),
-    # A spring that holds the other joints makes the light last link of these two swing at 1 kHz.
-    "iiwa14": _Model(
-        (0.0, 0.6, 0.0, -1.6, 0.0, 0.9, 0.0),
-        (2.0, 0.5, 0.6, 0.4, 0.8, 0.5, 0.9),
-        (5.0, 5.0, 5.0, 5.0, 5.0, 5.0, 1.0),
-    ),
-    "ur5e": _Model(
-        (0.0, -1.57, 1.57, -1.57, -1.57, 0.0), (2.0, 0.6, 0.6, 0.6, 0.7, 1.0), (5.0, 5.0, 5.0, 5.0, 5.0, 0.1)
-    ),
+# A usual posture, and how far starts are from it at most [rad].
+_POSTURES = {
+    "panda": ((0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854), (2.0, 0.7, 0.6, 0.5, 0.8, 0.6, 0.9)),
+    "iiwa14": ((0.0, 0.6, 0.0, -1.6, 0.0, 0.9, 0.0), (2.0, 0.5, 0.6, 0.4, 0.8, 0.5, 0.9)),
+    "ur5e": ((0.0, -1.57, 1.57, -1.57, -1.57, 0.0), (2.0, 0.6, 0.6, 0.6, 0.7, 1.0)),
 }
 
 
@@ -157,17 +129,17 @@ class _Scene:
     @classmethod
     def drawn(cls, draw: Draw, name: str, task: str, family: str) -> _Scene | None:
         """An arm that can follow a random reference; none if this one cannot."""
-        model, (arm, bodies) = _MODELS[name], _bodies(name)
-        q = np.array([r + draw.uniform(-s, s) for r, s in zip(model.ready, model.spread, strict=True)])
+        arm, bodies = _bodies(name)
+        q = np.array([usual + draw.uniform(-far, far) for usual, far in zip(*_POSTURES[name], strict=True)])
         q = np.round(q, 4)
         along: Array | None = None
         turn = np.zeros(3)
         time = 0.0
         if family in ("path-crossed", "clutter") or draw.whole(0, 1):
-            shortest, longest = (0.05, 0.15) if family in ("links-swept", "crowd") else (0.25, 0.5)
+            shortest, longest = (0.05, 0.15) if family in ("links-swept", "crowd") else (0.2, 0.4)
             along = draw.uniform(shortest, longest) * draw.direction_in_space()
             turn = draw.uniform(0.0, 0.5) * draw.whole(0, 1) * draw.direction_in_space()
-            time = draw.uniform(1.5, 2.5)
+            time = draw.uniform(2.0, 3.0)
         motion = _following(arm, bodies, task, q, along, turn, time)
         if motion is None:
             return None
@@ -213,7 +185,6 @@ class _Scene:
         return point
 
     def scenario(self, seed: int) -> Scenario:
-        stiffness = _MODELS[self.name].posture_stiffness
         document = {
             "name": f"{self.family}-{self.name}-{self.task}-{seed}",
             "description": f"Random scene of the family {self.family}",
@@ -225,8 +196,6 @@ class _Scene:
                 "stiffness": 900.0,
                 "damping": 60.0,
                 "null_damping": 6.0,
-                "posture": [float(q) for q in self.motion[0]],
-                "posture_stiffness": list(stiffness) if isinstance(stiffness, tuple) else stiffness,
                 "field": {"kind": "bounded", "gain": 100.0, "influence": 0.3},
                 "joint_limit_field": {"kind": "bounded", "gain": 10.0, "influence": 0.3},
             },
@@ -272,6 +241,9 @@ def _following(
             arrived = share == 1.0
         found.append(q)
     motion = np.array(found)
+    limits = arm.velocity_limits
+    if limits is not None and (np.abs(np.diff(motion, axis=0)) > _SPEED * limits * times[1]).any():
+        return None
     return motion if _apart(bodies, motion[::4]) else None
 
 
