@@ -132,9 +132,41 @@ def test_an_escape_stays_one_when_an_obstacle_is_taken_away(seed: int) -> None:
 def test_feasibility_refuses_what_it_cannot_judge() -> None:
     with pytest.raises(InputTypeError, match="expected a name, a path, a dict or a Scenario, not a int"):
         vff.feasibility(3)  # type: ignore[arg-type]
-    pose = {"controller.task": "pose", "reference.point": [2.8, 1.6, 0.0]}
-    with pytest.raises(vff.errors.ScenarioError, match=r"controller\.task.*position only"):
-        vff.feasibility(vff.Scenario.load("paper-1").replace(**pose))
+    short = {"reference.point": [2.8, 1.6, 0.0]}
+    with pytest.raises(vff.errors.ScenarioError, match=r"reference\.point"):
+        vff.feasibility(vff.Scenario.load("paper-1").replace(**short))
+
+
+def test_a_planar_pose_is_held_with_its_angle() -> None:
+    """Six links hold a pose at which a disc passes their middle; three links have no freedom for it."""
+    q0 = [1.2, -0.6, -0.6, -0.5, 0.3, 0.4]
+    scene = {
+        "duration": 4.0,
+        "q0": q0,
+        "arm": {"lengths": [1.0] * 6, "masses": 1.0},
+        "controller": {"task": "pose"},
+        "obstacles": [
+            {
+                "shape": {"kind": "circle", "radius": 0.15},
+                "position": [1.6, 2.9],
+                "motion": {"kind": "linear", "velocity": [0.0, -0.35]},
+            }
+        ],
+    }
+    links = np.cumsum(q0)
+    pose = [float(np.cos(links).sum()), float(np.sin(links).sum()), float(links[-1])]
+    scene["reference"] = {"kind": "setpoint", "point": pose}
+    verdict, motion = planner.escape(scene)
+    assert verdict == "with tip" and motion is not None
+    angle = motion.sum(axis=1)
+    assert np.abs(angle - pose[2]).max() <= planner.ANGLE
+    tip = plane.Kinematics(np.ones(6), 0.0).joints(motion)[:, -1]
+    assert np.linalg.norm(tip - pose[:2], axis=1).max() <= planner.TIP
+    few = {"q0": q0[:3], "arm": {"lengths": [2.0, 2.0, 2.0], "masses": 1.0}}
+    links = np.cumsum(q0[:3])
+    pose = [float(2 * np.cos(links).sum()), float(2 * np.sin(links).sum()), float(links[-1])]
+    few["reference"] = {"kind": "setpoint", "point": pose}
+    assert vff.feasibility(scene | few) == "without tip"
 
 
 @pytest.mark.parametrize(

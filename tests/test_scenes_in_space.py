@@ -89,17 +89,18 @@ def test_families_are_what_they_say(arm: str, task: str, seed: int) -> None:
     made = {family: scenes.in_space(family, arm, task, seed) for family in scenes.FAMILIES}
     q = {family: following(scene, task) for family, scene in made.items()}
     hand, first, all_links = slice(-2, None), slice(0, 1), slice(None)
+    # A position leaves the law another way to turn the hand than the generator's.
+    slack = 0.005 if task == "pose" else 0.04
     for family, scene in made.items():
-        # The law follows the reference in its own way; the generator's way differs by a few millimetres.
-        assert room(scene, q[family], first).min() > 0.075, family
+        assert room(scene, q[family], first).min() > 0.08 - slack, family
         if family != "path-crossed":
-            assert room(scene, q[family], hand).min() > 0.03, family
+            assert room(scene, q[family], hand).min() > 0.06 - slack, family
         if family in ("links-swept", "path-crossed"):
             assert room(scene, q[family], all_links).min() < 0.0, family
     assert 1 <= len(made["links-swept"]["obstacles"]) <= 2
     assert room(made["path-crossed"], q["path-crossed"], hand).min() < 0.0
     end = INSTANTS >= made["path-crossed"]["reference.duration"]
-    assert room(made["path-crossed"], q["path-crossed"], hand)[end].min() > 0.07
+    assert room(made["path-crossed"], q["path-crossed"], hand)[end].min() > 0.1 - 1.5 * slack
     assert all("motion" not in each for each in made["clutter"]["obstacles"])
     crowd = made["crowd"]["obstacles"]
     assert 3 <= len(crowd) <= 6

@@ -141,7 +141,7 @@ def evaluate(
         raise click.UsageError("--arm and --task are of scenes in space: add --space")
     if space and joints:
         raise click.UsageError("--joints is of scenes in the plane: --space takes --arm")
-    which = {"space": space, "arm": arms or scenes.ARMS, "task": tasks or ("position", "pose")}
+    of_arms, of_tasks = arms or scenes.ARMS, tasks or ("position", "pose")
     if save_to is not None:  # find out before the runs, not after them
         evaluation.check_path(save_to)
     evaluation.wilson(0, 1)
@@ -153,14 +153,23 @@ def evaluate(
         seed,
         threads,
         progress=interactive(),
-        **which,
+        space=space,
+        arm=of_arms,
+        task=of_tasks,
     )
     if as_json:
         echo_json(_rates(outcome))
     else:
         click.echo(outcome.table())
     if times:
-        table = evaluation.loop_times(controllers or None, n=joints or (4, 6, 9), seed=seed, **which)
+        table = evaluation.loop_times(
+            controllers or None,
+            n=joints or (4, 6, 9),
+            seed=seed,
+            space=space,
+            arm=of_arms,
+            task=of_tasks,
+        )
         click.echo("\n" + table, err=as_json)
     files = [outcome.save(save_to)] if save_to is not None else []
     files += outcome.plot(plot_to, figure_format) if plot_to is not None else []

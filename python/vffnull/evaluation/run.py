@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -393,10 +393,10 @@ def loop_times(
     controllers, category, n, count, seed, space, arm, task : optional
         As in `evaluate`.
     """
-    made: dict[str, Callable[[int], Scenario]] = {}
+    made: dict[str, partial[Scenario]]
     if space:
-        for make in _in_space(category, _listed(arm), _listed(task)):
-            made[" | ".join(make.args[1:])] = make
+        makers = _in_space(category, _listed(arm), _listed(task))
+        made = {" | ".join(make.args[1:]): make for make in makers}
     else:
         made = {str(joints): partial(scenes.random, category, joints) for joints in _listed(n)}
     kinds = ["arm", "task"] if space else ["joints"]

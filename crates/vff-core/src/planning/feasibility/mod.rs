@@ -166,4 +166,66 @@ mod tests {
         assert_eq!(disc("[5.0, 3.0]", "[0.0, -0.6]"), Verdict::WithoutTip);
         assert_eq!(disc("[-1.0, 0.0]", "[0.5, 0.0]"), Verdict::NoneFound);
     }
+
+    /// A Panda that holds its tool: nothing in the way; a ball through the elbow, from which one free joint
+    /// swings away; a ball through the hand, which has to give way; one through the first link, which cannot.
+    #[cfg(feature = "models")]
+    #[test]
+    fn scenes_in_space_whose_answer_is_known() {
+        let panda = |task: &str, more: &str| {
+            let text = format!(
+                "duration = 4.0\nq0 = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]\n\
+                 controller = {{ task = \"{task}\" }}\nreference = {{ kind = \"setpoint\" }}\n{more}"
+            );
+            let (verdict, motion) = assess(&Scenario::from_toml(&text).unwrap()).unwrap();
+            assert_eq!(motion.is_some(), verdict != Verdict::NoneFound);
+            verdict
+        };
+        let ball = |task: &str, arm: &str, position: &str, velocity: &str| {
+            panda(
+                task,
+                &format!(
+                    "arm = {{ model = \"panda\"{arm} }}\n[[obstacles]]\n\
+                 shape = {{ kind = \"sphere\", radius = 0.08 }}\nposition = {position}\n\
+                 motion = {{ kind = \"linear\", velocity = {velocity} }}"
+                ),
+            )
+        };
+        assert_eq!(panda("pose", "arm = { model = \"panda\" }"), Verdict::WithTip);
+        for task in ["position", "pointing", "pose"] {
+            let elbow = ball(task, "", "[-0.05, -0.6, 0.62]", "[0.0, 0.3, 0.0]");
+            assert_eq!(elbow, Verdict::WithTip, "{task}");
+            let hand = ball(task, "", "[0.3, -0.7, 0.54]", "[0.0, 0.4, 0.0]");
+            assert_eq!(hand, Verdict::WithoutTip, "{task}");
+        }
+        let shoulder = ball("position", "", "[0.0, -0.7, 0.25]", "[0.0, 0.4, 0.0]");
+        assert_eq!(shoulder, Verdict::NoneFound);
+        // The same elbow, of joints that hardly move, or slowly.
+        let stiff = ", joint_limits = [[-0.02, 0.02], [-0.81, -0.76], [-0.02, 0.02], [-2.38, -2.33], \
+                     [-0.02, 0.02], [1.55, 1.59], [0.76, 0.81]]";
+        let slow = ", velocity_limits = [0.01, 0.01, 0.01, 0.01, 0.01, 0.01, 0.01]";
+        for arm in [stiff, slow] {
+            let elbow = ball("position", arm, "[-0.05, -0.6, 0.62]", "[0.0, 0.3, 0.0]");
+            assert_eq!(elbow, Verdict::NoneFound, "{arm}");
+        }
+    }
+
+    /// A motion stays within joint limits that the same scene without them leaves.
+    #[test]
+    fn planar_joint_limits_are_kept() {
+        let text = "duration = 3.0\nq0 = [1.2, -0.6, -0.6, -0.5, 0.3, 0.4]\n\
+             reference = { kind = \"setpoint\", point = [5.025409086959208, 1.0172560207580585] }\n\
+             [arm]\nlengths = [1, 1, 1, 1, 1, 1]\nmasses = 1.0\n\
+             joint_limits = [0.3, 1.9]\n[[obstacles]]\nshape = { kind = \"circle\", radius = 0.15 }\n\
+             position = [1.6, 2.9]\nmotion = { kind = \"linear\", velocity = [0.0, -0.35] }";
+        let limits = [[0.9, 1.5], [-1.2, 0.0], [-1.0, 0.2], [-0.9, 0.1], [-0.4, 0.9], [-0.4, 1.0]];
+        let listed = format!("joint_limits = {limits:?}");
+        let text = text.replace("joint_limits = [0.3, 1.9]", &listed);
+        let (verdict, motion) = assess(&Scenario::from_toml(&text).unwrap()).unwrap();
+        assert_eq!(verdict, Verdict::WithTip);
+        for q in motion.unwrap() {
+            let kept = q.iter().zip(&limits).all(|(q, [lower, upper])| lower <= q && q <= upper);
+            assert!(kept, "{q:?}");
+        }
+    }
 }
