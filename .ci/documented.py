@@ -60,6 +60,7 @@ LEFT_OUT = {
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
+    "python docs/evaluate.py --space": "as the one of the plane",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
     "python -m timeit": "names the command; the next line of its table is run",

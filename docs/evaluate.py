@@ -1,8 +1,11 @@
 """Write docs/evaluation.md and its figures: `python docs/evaluate.py`, with vffnull[evaluate,peers].
 
+`python docs/evaluate.py --space` writes docs/evaluation-spatial.md instead.
+
 Finished parts are kept in target/evaluation, so that an interrupted run resumes where it was. Remove the
 parts of a controller after changing it (`verdicts.json` may stay: it does not depend on controllers).
-`python docs/evaluate.py 34` takes 34 instead of 334 scenes for each category and number of joints.
+`python docs/evaluate.py 34` takes 34 instead of 334 scenes for each category and number of joints, in space
+instead of 60 for each family, arm and task.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 
 import vffnull as vff
 from vffnull import evaluation, scenes
+from vffnull.evaluation.planner import VERDICTS
 
 DOCS = Path(__file__).resolve().parent
 KEPT = DOCS.parent / "target" / "evaluation"
@@ -74,16 +78,16 @@ These scenes are not random: `vffnull list` names them.
 """
 
 
-def main(count: int) -> None:
+def in_the_plane(count: int) -> None:
     """Run what is not there yet, and write the document."""
     ours = evaluation.join(
         kept(
             f"{name.replace(' ', '-')}-{category}-{n}-{first}-{size}",
-            category,
-            n,
             first,
             size,
             {name: changes},
+            category=category,
+            n=n,
         )
         for name, changes in evaluation.CONTROLLERS.items()
         for category in scenes.CATEGORIES
@@ -116,18 +120,115 @@ def chunks(count: int) -> list[tuple[int, int]]:
     return [(FIRST + start, min(CHUNK, count - start)) for start in starts]
 
 
+SPACE = 60  # scenes for each family, arm and task
+TASKS = ("position", "pose")
+
+HEAD_IN_SPACE = """# Controllers against each other in space
+
+{total} random scenes of three arms under {controllers} controllers, made by `python docs/evaluate.py
+--space{count}`, vffnull {version}. `vffnull.scenes.in_space` generates the scenes from a seed; seeds
+from 1 000 000 on are used here, and no parameter has been tuned on them. The arms are a Panda, an iiwa
+14 and a UR5e with their makers' limits of angle, speed and torque; the tasks are a position and a pose,
+which leaves the seven-joint arms one degree of freedom and the UR5e none. Scenes last 4 s.
+
+**links-swept**: one or two bodies of 4 to 12 cm push against links between shoulder and wrist, or go
+through their place, at 0.2 to 0.6 m/s; the hand has room. **path-crossed**: a body lies on the hand's
+line, or crosses it when the hand is there. **clutter**: bodies at rest about the links and the hand's
+free path, half of the scenes with a shelf of boards. **crowd**: three to six spheres move through the
+arm's place; the hand has room.
+
+**Feasibility.** A planner that knows the future searches for a collision-free motion of the arm, without
+any controller. The motion keeps 1 mm or more from everything, within the arm's limits of joint angles
+and speeds, at accelerations up to 10 rad/s²: first with the tip held ("with tip"), then without this
+condition ("without tip"). The rule was fixed before any controller was run; the module
+`planning/feasibility` states it in full. "None found" does not prove that no such motion exists.
+
+**Collision**: an overlap of more than 1 mm. The tip is **held** if it is within 1 cm of its reference
+and, where the task has an orientation, turned from it by 0.05 rad at most. **Success**: no collision,
+and the tip held at all times. **Returned**: no collision, and the tip held at the end. Rates are in per
+cent, with 95 % confidence intervals (Wilson score). "Feasible" scenes are those in which a
+collision-free motion exists; "feasible with tip" are those in which it also holds the tip. The encounter
+lasts as long as the arm without avoidance has an obstacle within 0.1 m. Numbers that are not rates are
+medians of the runs that completed; the effort contains the torque against gravity. Every controller has
+the settings of the scene (K = 900/s², D = 60/s, null damping 6/s, a bounded field of 100 N from 0.3 m
+on, one of 10 N·m from 0.3 rad before joint limits) and otherwise the defaults; the unprojected field is
+that of Khatib (1986).
+
+![Collision and success rates of all controllers in the four families.](figures/evaluation-spatial/rates.png)
+"""
+
+
+def in_space(count: int) -> None:
+    """The same in space."""
+    ours = evaluation.join(
+        kept(
+            f"{name.replace(' ', '-')}-{family}-{arm}-{task}-{FIRST}-{count}",
+            FIRST,
+            count,
+            {name: changes},
+            category=family,
+            space=True,
+            arm=arm,
+            task=task,
+        )
+        for name, changes in evaluation.CONTROLLERS.items()
+        for family in scenes.FAMILIES
+        for arm in scenes.ARMS
+        for task in TASKS
+    )
+    ours.plot(DOCS / "figures" / "evaluation-spatial")
+    given = "" if count == SPACE else f" {count}"
+    total = len(ours) // len(ours.controllers)
+    parts = [
+        HEAD_IN_SPACE.format(
+            total=total, controllers=len(ours.controllers), count=given, version=vff.__version__
+        ),
+        ours.table(),
+        TAIL.replace("figures/evaluation/", "figures/evaluation-spatial/"),
+        arms_and_tasks(ours),
+        causes(ours, KINDS_IN_SPACE),
+        "## Time of a step\n\nControl law and plant, in crowds, called from Python on one thread. The "
+        "maximum is caused by other programs on the machine.\n",
+        evaluation.loop_times(space=True, task=TASKS),
+    ]
+    (DOCS / "evaluation-spatial.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
+
+
+def arms_and_tasks(outcome: vff.Evaluation) -> str:
+    """What becomes of every family, arm and task."""
+    names = ("null-space field", *CBF)
+    lines = [
+        "## Arms and tasks\n\nFor every controller: collisions in feasible scenes / success in scenes that "
+        "are feasible with tip / returned in feasible scenes [%].\n",
+        "| family | arm | task | scenes: with tip, without, none | " + " | ".join(names) + " |",
+        "|---|---|---|--:" + "|--:" * len(names) + "|",
+    ]
+    for family in outcome.families:
+        for arm in scenes.ARMS:
+            for task in TASKS:
+                rows = outcome.where(family=family, arm=arm, task=task)
+                found = list(rows.where(controller=names[0]).columns["feasibility"])
+                cells = [", ".join(str(found.count(verdict)) for verdict in VERDICTS)]
+                for name in names:
+                    rates = rows.where(controller=name).rates()
+                    three = ("collisions_feasible", "success_feasible_with_tip", "returned_feasible")
+                    shares = (rates[key] for key in three)
+                    cells.append(" / ".join(f"{100 * r.value:.0f}" if r.total else "–" for r in shares))
+                lines.append(f"| {family} | {arm} | {task} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
 def kept(
     name: str,
-    category: int | str,
-    n: int,
     first: int,
     size: int,
     controllers: dict[str, dict[str, object]] | None = None,
+    **which: object,
 ) -> vff.Evaluation:
     """A part of the evaluation, run unless there is a file of it."""
     file = KEPT / f"{name}.npz"
     if not file.exists():
-        outcome = evaluation.evaluate(controllers, category, n, size, first, verdicts=verdicts())
+        outcome = evaluation.evaluate(controllers, count=size, seed=first, verdicts=verdicts(), **which)
         verdicts(outcome.verdicts)
         np.savez(file, controllers=np.array(outcome.controllers), **outcome.columns)
         print(f"{name}: done", file=sys.stderr, flush=True)
@@ -217,7 +318,7 @@ def parameters() -> str:
         for name, changes in VARIANTS.items()
     }
     found = evaluation.join(
-        kept(f"training-{family}-{n}", family, n, scenes.TRAINING.start, CHUNK, controllers)
+        kept(f"training-{family}-{n}", scenes.TRAINING.start, CHUNK, controllers, category=family, n=n)
         for family in scenes.FAMILIES
         for n in SIZES
     )
@@ -264,24 +365,36 @@ CAUSES = {
 }
 
 
-def causes(outcome: vff.Evaluation) -> str:
-    """Why cbf collides in feasible scenes, run by run."""
+KINDS_IN_SPACE = {
+    "speed limit": "a joint is at 95 % of its maker's speed limit, and the distance yields",
+    "torque limit": "a joint is at its maker's torque limit",
+    "joint limit": "a joint is within 0.05 rad of the end of its range",
+}
+
+
+def causes(outcome: vff.Evaluation, others: dict[str, str] | None = None) -> str:
+    """Why cbf collides in feasible scenes, run by run; `others` replace the words on limits."""
+    words = CAUSES | (others or {})
     rows = outcome.where(controller=CBF, collided=True).feasible.columns
     found: dict[tuple[str, str], dict[str, list[tuple[float, float, float]]]] = {
         (family, name): defaultdict(list) for family in outcome.families for name in CBF
     }
-    keys = (rows[key] for key in ("family", "controller", "n", "seed"))
-    for family, name, n, seed in zip(*keys, strict=True):
-        scene = scenes.random(str(family), int(n), int(seed))
+    keys = ("arm", "task") if "arm" in rows else ("n",)
+    every = zip(*(rows[key] for key in ("family", "controller", "seed", *keys)), strict=True)
+    for family, name, seed, *kind in every:
+        if len(kind) == 2:
+            scene = scenes.in_space(str(family), str(kind[0]), str(kind[1]), int(seed))
+        else:
+            scene = scenes.random(str(family), int(kind[0]), int(seed))
         why, *numbers = cause(vff.simulate(scene, evaluation.CONTROLLERS[str(name)]))
         found[str(family), str(name)][why].append((numbers[0], numbers[1], numbers[2]))
-    kinds = [kind for kind in CAUSES if any(kind in counts for counts in found.values())]
+    kinds = [kind for kind in words if any(kind in counts for counts in found.values())]
     lines = [
         "## Where cbf collides although a collision-free motion exists\n",
         "Every such run is classified by what happens in the 0.2 s before the first contact; the "
         "first cause that "
-        "applies counts. The default barrier of the joint speed is 6 rad/s.\n",
-        *(f"- **{kind}**: {CAUSES[kind]}." for kind in kinds),
+        "applies counts." + ("\n" if others else " The default barrier of the joint speed is 6 rad/s.\n"),
+        *(f"- **{kind}**: {words[kind]}." for kind in kinds),
         "",
         "| family | controller | runs | " + " | ".join(kinds) + " |",
         "|---|---|--:" + "|--:" * len(kinds) + "|",
@@ -312,7 +425,7 @@ def cause(result: vff.Result) -> tuple[str, float, float, float]:
     arm, obstacles = result.scenario.arm, result.scenario["obstacles"]
     pairs = vff.distances(arm, q, dq, obstacles, float(result.t[hit]))
     touched = pairs.gradient[np.argmin(pairs.distance)]
-    M_inv, J = np.linalg.inv(arm.mass_matrix(q)), arm.jacobian(q)
+    M_inv, J = np.linalg.inv(arm.mass_matrix(q)), arm.jacobian(q)[: result.error.shape[1]]
     N = np.eye(arm.n) - M_inv @ J.T @ np.linalg.solve(J @ M_inv @ J.T, J)
     mobility = float(touched @ M_inv @ touched)
     authority = float(touched @ N @ M_inv @ touched) / mobility
@@ -328,11 +441,24 @@ def cause(result: vff.Result) -> tuple[str, float, float, float]:
         why = "pinched"
     elif mobility < 1.0 / 20.0:
         why = "out of reach"
-    elif speed > 5.7:
-        why = "speed limit"
     else:
-        why = "tip first" if authority < 0.1 else "cornered"
+        why = at_a_limit(result, before) or ("tip first" if authority < 0.1 else "cornered")
     return why, slack, authority, speed
+
+
+def at_a_limit(result: vff.Result, rows: slice) -> str | None:
+    """Which limit of the joints is reached in some rows."""
+    arm = result.scenario.arm
+    speed, torque = np.abs(result.dq[rows]), np.abs(result.tau[rows])
+    if (speed > (5.7 if arm.velocity_limits is None else 0.95 * arm.velocity_limits)).any():
+        return "speed limit"
+    if arm.torque_limits is not None and (torque > 0.999 * arm.torque_limits).any():
+        return "torque limit"
+    if arm.joint_limits is not None:
+        middle, half = arm.joint_limits.mean(axis=1), 0.5 * np.ptp(arm.joint_limits, axis=1)
+        if (np.abs(result.q[rows] - middle) > half - 0.05).any():
+            return "joint limit"
+    return None
 
 
 def jumping(result: vff.Result, hit: int, pair: int) -> bool:
@@ -344,5 +470,13 @@ def jumping(result: vff.Result, hit: int, pair: int) -> bool:
     return bool(steps.max() > 0.1)
 
 
+def main(arguments: list[str]) -> None:
+    """The document of the plane or, with --space, of space; a number is that of the scenes."""
+    space = "--space" in arguments
+    numbers = [int(each) for each in arguments if each != "--space"]
+    count = numbers[0] if numbers else SPACE if space else COUNT
+    (in_space if space else in_the_plane)(count)
+
+
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else COUNT)
+    main(sys.argv[1:])

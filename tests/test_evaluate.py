@@ -190,6 +190,106 @@ def test_command_as_json() -> None:
     assert told["success_feasible_with_tip"]["total"] == len(outcome.where(feasibility="with tip"))
 
 
+# -------------------------------------------------------------------------------------------------- in space
+
+
+@pytest.fixture(scope="module")
+def in_space() -> vff.Evaluation:
+    return vff.evaluate(
+        ("no avoidance", "null-space field", "cbf"), count=1, seed=1, threads=2, space=True, arm="panda"
+    )
+
+
+def test_scenes_in_space_have_arm_and_task(in_space: vff.Evaluation) -> None:
+    """One row per scene and controller; what a row says is what the run was."""
+    assert len(in_space) == 4 * 2 * 3 and "n" not in in_space.columns
+    assert set(in_space.columns["arm"]) == {"panda"}
+    assert set(in_space.columns["task"]) == {"position", "pose"}
+    assert in_space.families == list(scenes.FAMILIES)
+    for family in scenes.FAMILIES:
+        scene = scenes.in_space(family, "panda", "pose", 1)
+        result = vff.simulate(scene, evaluation.CONTROLLERS["cbf"])
+        rows = in_space.where(scene=scene.name, controller="cbf").columns
+        row = {key: column[0] for key, column in rows.items()}
+        error, angle = (np.linalg.norm(part, axis=1) for part in np.split(result.error, 2, axis=1))
+        assert row["seed"] == 1 and row["feasibility"] == vff.feasibility(scene)
+        assert row["min_clearance"] == pytest.approx(result.clearance.min(), abs=1e-12)
+        assert row["max_error"] == pytest.approx(error.max(), rel=1e-9)
+        assert row["max_angle"] == pytest.approx(angle.max(), rel=0.01, abs=1e-6)
+        clear = result.clearance.min() >= -1e-3
+        assert row["success"] == (clear and error.max() <= 1e-2 and angle.max() <= 5e-2)
+        assert row["returned"] == (clear and error[-1] <= 1e-2 and angle[-1] <= 5e-2)
+    position = in_space.where(task="position").columns
+    assert np.isnan(position["max_angle"].astype(float)).all()
+
+
+def test_avoidance_decides_in_space(in_space: vff.Evaluation) -> None:
+    hits = [in_space.where(controller=name).rate("collided").count for name in in_space.controllers]
+    assert hits[0] > hits[1] >= hits[2]
+
+
+def test_an_angle_beyond_its_bound_is_no_success() -> None:
+    """Against a position alone: what counts is the worse of the two, and the end of the run."""
+    t = np.linspace(0.0, 1.0, 5)
+    given = {
+        "status": "completed",
+        "t": t,
+        "error": np.zeros(5),
+        "span": (0.0, 0.3),
+        "min_clearance": 0.1,
+        "max_error": 0.0,
+        "effort": 1.0,
+        "rms_jerk": 1.0,
+        "end_time": 1.0,
+    }
+    straight = evaluation.scores(**given)
+    assert straight["success"] and straight["returned"] and np.isnan(straight["max_angle"])
+    turned = evaluation.scores(**given, angle=np.array([0.0, 0.06, 0.06, 0.02, 0.0]))
+    assert not turned["success"] and turned["returned"]
+    assert turned["max_angle"] == 0.06 and turned["recovery_time"] == pytest.approx(0.45)
+    gone = evaluation.scores(**given, angle=np.full(5, 0.06))
+    assert not gone["returned"] and math.isnan(gone["recovery_time"])
+    hit = evaluation.scores(**(given | {"min_clearance": -0.01}))
+    assert not hit["success"] and not hit["returned"]
+
+
+def test_tables_and_figures_of_space(in_space: vff.Evaluation, tmp_path: Path) -> None:
+    assert "**crowd**: 2 scenes, escape:" in in_space.table()
+    for picture in in_space.plot(tmp_path, "svg"):
+        assert picture.stat().st_size > 10_000
+    with in_space.save(tmp_path / "rows.csv").open(encoding="utf-8", newline="") as file:
+        assert next(csv.DictReader(file))["arm"] == "panda"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"arm": "puma"}, "arm: expected one of panda, iiwa14, ur5e, not 'puma'"),
+        ({"arm": ()}, "no family, no arm or no task"),
+        ({"task": "poses"}, "task: expected one of position, pointing, pose"),
+        ({"category": "swept"}, "family: expected one of links-swept"),
+        ({"category": 3}, "family: expected one of links-swept"),
+    ],
+)
+def test_wrong_arguments_in_space_are_named(arguments: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        vff.evaluate(**({"count": 1, "seed": 0, "space": True} | arguments))
+
+
+def test_command_in_space(tmp_path: Path) -> None:
+    arguments = ["--space", "--arm", "ur5e", "--task", "position", "--category", "crowd", "--count", "1"]
+    arguments += ["--seed", "0", "--controller", "cbf", "--json"]
+    command = [sys.executable, "-m", "vffnull", "evaluate"]
+    done = subprocess.run([*command, *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)["crowd"]["cbf"]
+    outcome = vff.evaluate("cbf", "crowd", count=1, seed=0, space=True, arm="ur5e", task="position")
+    assert told["returned_feasible"]["count"] == outcome.feasible.rate("returned").count
+    for wrong in (["--arm", "panda"], ["--space", "-n", "4"]):
+        done = subprocess.run([*command, *wrong], capture_output=True, text=True)
+        assert done.returncode == 2 and "--space" in done.stderr
+
+
 # --------------------------------------------------------------------------------------------------- Ctrl-C
 
 

@@ -34,7 +34,7 @@ def evaluation() -> vff.Evaluation:
         status="completed", t=np.zeros(1), error=np.zeros(1), span=None, min_clearance=1.0, max_error=0.0,
         effort=1.0, rms_jerk=1.0, end_time=8.0,
     )  # fmt: skip
-    return vff.Evaluation.of([{**identity(scene, 4, 0, "with tip", "cbf"), **row}], ("cbf",))
+    return vff.Evaluation.of([{**identity(scene, "with tip", "cbf"), **row}], ("cbf",))
 
 
 WRITERS: dict[str, Callable[[vff.Result, Path], object]] = {

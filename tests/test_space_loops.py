@@ -141,7 +141,6 @@ def test_against_the_clock() -> None:
     [
         (lambda: vff.live("panda-sweep", open_browser=False, block=False), "in space.*vffnull animate"),
         (lambda: vff.simulate("panda-sweep", {"perception": {"kind": "range"}}), "range sensors.*planar"),
-        (lambda: vff.feasibility("ur5e-sweep"), "in the plane only"),
     ],
 )
 def test_what_is_of_the_plane_says_so(ask: Any, words: str) -> None:

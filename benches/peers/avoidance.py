@@ -95,7 +95,7 @@ def run(way: Way, scene: vff.Scenario, free: vff.Result, n: int, seed: int, verd
         rms_jerk=jerk,
         end_time=float(state.t),
     )
-    return {**evaluation.identity(scene, n, seed, verdict, way.name), **row}
+    return {**evaluation.identity(scene, verdict, way.name), **row}
 
 
 def evaluate(

@@ -994,7 +994,7 @@ def feasibility(document: Mapping[str, Any]) -> tuple[str, _Array | None]:
     Parameters
     ----------
     document : Mapping
-        The scenario; its task is a position.
+        The scenario, in the plane or in space.
 
     Returns
     -------
@@ -1006,7 +1006,7 @@ def feasibility(document: Mapping[str, Any]) -> tuple[str, _Array | None]:
     Raises
     ------
     vffnull.errors.ScenarioError
-        If the scenario cannot be read or its task is a pose.
+        If the scenario cannot be read, or its reference does not fit its task.
     """
 
 def real_time(

@@ -12,12 +12,36 @@ family             category  what happens
 ``crowd``          2         3 to 8 discs move through the arm's place
 =================  ========  ==================================================================
 
+`random` makes them in the plane, of arms with links of 1 m. `in_space` makes them around published arms
+(`ARMS`), of bodies of 4 to 12 cm, 4 s long; there links are swept and crowds pass with the hand's place free,
+and half of the clutter has a shelf.
+
 No controller takes part in making a scene. Every number is drawn from NumPy's PCG64 and rounded to 0.1 mm or
 0.1 mrad; neither its stream nor the rounding depends on versions or machines.
 """
 
 from __future__ import annotations
 
-from vffnull.evaluation.scenes import CATEGORIES, DURATION, EVALUATION, FAMILIES, TRAINING, random
+from vffnull.evaluation.scenes import (
+    ARMS,
+    CATEGORIES,
+    DURATION,
+    EVALUATION,
+    FAMILIES,
+    TASKS,
+    TRAINING,
+    in_space,
+    random,
+)
 
-__all__ = ["CATEGORIES", "DURATION", "EVALUATION", "FAMILIES", "TRAINING", "random"]
+__all__ = [
+    "ARMS",
+    "CATEGORIES",
+    "DURATION",
+    "EVALUATION",
+    "FAMILIES",
+    "TASKS",
+    "TRAINING",
+    "in_space",
+    "random",
+]

@@ -37,7 +37,7 @@ pub struct Residual {
 
 impl Residual {
     /// Of an error of a task in space of dimension `D`.
-    fn of<const D: usize, const M: usize>(error: &Vector<M>) -> Self {
+    pub(crate) fn of<const D: usize, const M: usize>(error: &Vector<M>) -> Self {
         let square =
             |range: std::ops::Range<usize>| range.map(|i| error[i] * error[i]).sum::<f64>();
         let angle = square(D..M).sqrt();
@@ -52,7 +52,7 @@ impl Residual {
     }
 
     /// The distance \[m\] where an angle is an arc at `length`.
-    fn size(&self, length: f64) -> f64 {
+    pub(crate) fn size(&self, length: f64) -> f64 {
         self.position.hypot(length * self.angle)
     }
 

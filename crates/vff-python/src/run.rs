@@ -154,7 +154,7 @@ pub fn run_many<'py>(
 /// Parameters
 /// ----------
 /// document : Mapping
-///     The scenario; its task is a position.
+///     The scenario, in the plane or in space.
 ///
 /// Returns
 /// -------
@@ -166,7 +166,7 @@ pub fn run_many<'py>(
 /// Raises
 /// ------
 /// vffnull.errors.ScenarioError
-///     If the scenario cannot be read or its task is a pose.
+///     If the scenario cannot be read, or its reference does not fit its task.
 #[pyfunction(name = "feasibility")]
 pub fn assess_feasibility<'py>(
     py: Python<'py>,

@@ -31,6 +31,18 @@ def _complete_category(_: click.Context, _param: click.Parameter, begun: str) ->
     return [CompletionItem(name) for name in names if name.startswith(begun)]
 
 
+def _complete_arm(_: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
+    from vffnull.evaluation.scenes import ARMS
+
+    return [CompletionItem(name) for name in ARMS if name.startswith(begun)]
+
+
+def _complete_task(_: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
+    from vffnull.evaluation.scenes import TASKS
+
+    return [CompletionItem(name) for name in TASKS if name.startswith(begun)]
+
+
 @click.command()
 @click.option(
     "--controller",
@@ -55,14 +67,31 @@ def _complete_category(_: click.Context, _param: click.Parameter, begun: str) ->
     multiple=True,
     type=int,
     metavar="N",
-    help="Number of joints; repeatable. 4, 6 and 9 by default.",
+    help="Number of joints in the plane; repeatable. 4, 6 and 9 by default.",
+)
+@click.option("--space", is_flag=True, help="Scenes in space instead of the plane.")
+@click.option(
+    "--arm",
+    "arms",
+    multiple=True,
+    metavar="NAME",
+    help="An arm in space; repeatable. panda, iiwa14 and ur5e by default.",
+    shell_complete=_complete_arm,
+)
+@click.option(
+    "--task",
+    "tasks",
+    multiple=True,
+    metavar="TASK",
+    help="position, pointing or pose in space; repeatable. position and pose by default.",
+    shell_complete=_complete_task,
 )
 @click.option(
     "--count",
     type=int,
     default=100,
     show_default=True,
-    help="Scenes for each category and number of joints.",
+    help="Scenes for each category and number of joints; in space for each family, arm and task.",
 )
 @click.option("--seed", type=int, default=1_000_000, show_default=True, help="Seed of the first scene.")
 @click.option("--threads", type=int, metavar="K", help="As many as there are cores by default.")
@@ -81,6 +110,9 @@ def evaluate(
     controllers: tuple[str, ...],
     categories: tuple[str, ...],
     joints: tuple[int, ...],
+    space: bool,
+    arms: tuple[str, ...],
+    tasks: tuple[str, ...],
     count: int,
     seed: int,
     threads: int | None,
@@ -96,13 +128,20 @@ def evaluate(
     vffnull evaluate --count 20
     vffnull evaluate --category crowd -n 6 --count 200 --save crowd.csv --plot figures/
     vffnull evaluate --controller cbf --controller "null-space field" --category 1
+    vffnull evaluate --space --arm panda --task pose --count 20
 
     Seeds below 1000000 are for tuning, the others for evaluation. Needs the extra vffnull[evaluate].
 
     Exit codes: 0 fine, 2 wrong input, 130 interrupted.
     """
     from vffnull import evaluation
+    from vffnull.evaluation import scenes
 
+    if not space and (arms or tasks):
+        raise click.UsageError("--arm and --task are of scenes in space: add --space")
+    if space and joints:
+        raise click.UsageError("--joints is of scenes in the plane: --space takes --arm")
+    of_arms, of_tasks = arms or scenes.ARMS, tasks or ("position", "pose")
     if save_to is not None:  # find out before the runs, not after them
         evaluation.check_path(save_to)
     evaluation.wilson(0, 1)
@@ -114,13 +153,23 @@ def evaluate(
         seed,
         threads,
         progress=interactive(),
+        space=space,
+        arm=of_arms,
+        task=of_tasks,
     )
     if as_json:
         echo_json(_rates(outcome))
     else:
         click.echo(outcome.table())
     if times:
-        table = evaluation.loop_times(controllers or None, n=joints or (4, 6, 9), seed=seed)
+        table = evaluation.loop_times(
+            controllers or None,
+            n=joints or (4, 6, 9),
+            seed=seed,
+            space=space,
+            arm=of_arms,
+            task=of_tasks,
+        )
         click.echo("\n" + table, err=as_json)
     files = [outcome.save(save_to)] if save_to is not None else []
     files += outcome.plot(plot_to, figure_format) if plot_to is not None else []

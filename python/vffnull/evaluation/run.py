@@ -6,6 +6,7 @@ import csv
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from vffnull._progress import Counter, counted
 from vffnull.errors import InputError
 from vffnull.evaluation import scenes
 from vffnull.evaluation.controllers import CONTROLLERS, chosen
-from vffnull.evaluation.planner import feasibility
+from vffnull.evaluation.planner import ANGLE, TIP, feasibility
 from vffnull.evaluation.table import Column, Table
 from vffnull.result import Result, Status
 from vffnull.scenario import Scenario
@@ -29,7 +30,6 @@ from vffnull.scenario import Scenario
 __all__ = ["Evaluation", "check_path", "encounter", "evaluate", "identity", "join", "scores", "loop_times"]
 
 TOUCH = 1e-3  # m, overlap that counts as a collision
-TIP = 1e-2  # m, error up to which the tip counts as held
 NEAR = 0.1  # m: without avoidance, an obstacle this near to a link is an encounter
 EVERY = 10  # steps per recorded row
 _BLOCK = 48  # scenes at a time, so that their records fit into memory
@@ -47,12 +47,17 @@ class Evaluation(Table):
 
     Notes
     -----
-    Columns: ``scene``, ``category``, ``family``, ``n``, ``seed``, ``feasibility``, ``controller``,
-    ``status``; ``collided``, an overlap of more than 1 mm; ``diverged``; ``success``, no collision and the
-    tip within 1 cm of its reference throughout; ``min_clearance`` [m]; ``max_error``, the largest distance of
-    the tip from its reference [m]; ``rms_error_during`` and ``rms_error_after`` the encounter [m];
-    ``recovery_time`` from the end of the encounter until the tip stays within 1 cm [s]; ``effort``, the
-    integral of the squared torque [N²·m²·s]; ``rms_jerk`` of the joint angles [rad/s³]; ``end_time`` [s].
+    Columns: ``scene``, ``category``, ``family``, ``n`` or, in space, ``arm`` and ``task``, ``seed``,
+    ``feasibility``, ``controller``, ``status``; ``collided``, an overlap of more than 1 mm; ``diverged``;
+    ``success``, no collision and the tip held throughout; ``returned``, no collision and the tip held at the
+    end of the run; ``min_clearance`` [m]; ``max_error``, the largest distance of the tip from its reference
+    [m]; ``max_angle``, the same of its orientation [rad], NaN without one; ``rms_error_during`` and
+    ``rms_error_after`` the encounter [m]; ``recovery_time`` from the end of the encounter until the tip stays
+    held [s]; ``effort``, the integral of the squared torque, that against gravity included [N²·m²·s];
+    ``rms_jerk`` of the joint angles [rad/s³]; ``end_time`` [s].
+
+    The tip is held if it is within 1 cm of its reference and, for the tasks pointing and pose in space,
+    turned from it by 0.05 rad at most.
     """
 
     def save(self, path: str | Path) -> Path:
@@ -117,8 +122,12 @@ def evaluate(
     threads: int | None = None,
     progress: bool | Counter | None = None,
     verdicts: Mapping[str, str] | None = None,
+    *,
+    space: bool = False,
+    arm: str | Iterable[str] = scenes.ARMS,
+    task: str | Iterable[str] = ("position", "pose"),
 ) -> Evaluation:
-    """Run controllers on random scenes.
+    """Run controllers on random scenes, in the plane or in space.
 
     Parameters
     ----------
@@ -128,9 +137,9 @@ def evaluate(
     category : int, str, or iterable of them, optional
         1 or 2, or families of `vffnull.scenes`; both categories by default.
     n : int or iterable of int, optional
-        Numbers of joints.
+        Numbers of joints, in the plane.
     count : int, optional
-        Scenes for each category and each number of joints.
+        Scenes for each category and each number of joints; in space for each family, arm and task.
     seed : int, optional
         Seed of the first scene; the others follow. Evaluation seeds by default: tune to others.
     threads : int, optional
@@ -141,6 +150,10 @@ def evaluate(
         What `vffnull.feasibility` says of scenes, by their names, where it is known already, for instance
         `Evaluation.verdicts` of an earlier call; the planner is asked about the others, which takes most of
         the time.
+    space : bool, optional
+        Whether the scenes are those of `vffnull.scenes.in_space`.
+    arm, task : str or iterable of str, optional
+        Of scenes in space: some of `vffnull.scenes.ARMS` and `vffnull.scenes.TASKS`.
 
     Returns
     -------
@@ -176,18 +189,21 @@ def evaluate(
     seed = whole("seed", seed, 0, scenes.EVALUATION.stop - count)
     if threads is not None:
         threads = whole("threads", threads, 1, MOST_THREADS)
-    categories = [category] if isinstance(category, str) else _listed(category)
-    sizes = _listed(n)
-    wanted = [(c, k, s) for c in categories for k in sizes for s in range(seed, seed + count)]
-    if not wanted:
-        raise InputError("evaluate: no category or no number of joints is given")
+    if space:
+        wanted = _in_space(category, _listed(arm), _listed(task))
+    else:
+        wanted = [partial(scenes.random, c, k) for c in _listed(category) for k in _listed(n)]
+    drawn = [partial(make, each) for make in wanted for each in range(seed, seed + count)]
+    if not drawn:
+        kinds = "no family, no arm or no task" if space else "no category or no number of joints"
+        raise InputError(f"evaluate: {kinds} is given")
 
-    total = len(wanted) * len(compared)
+    total = len(drawn) * len(compared)
     rows: list[dict[str, Any]] = []
     with counted(progress, total) as report:
-        for first in range(0, len(wanted), _BLOCK):
-            block = [scenes.random(*each) for each in wanted[first : first + _BLOCK]]
-            rows += _block(block, wanted[first : first + _BLOCK], compared, threads, verdicts or {})
+        for first in range(0, len(drawn), _BLOCK):
+            block = [make() for make in drawn[first : first + _BLOCK]]
+            rows += _block(block, compared, threads, verdicts or {})
             if report is not None:
                 report(len(rows), total)
     return Evaluation.of(rows, tuple(compared))
@@ -195,7 +211,16 @@ def evaluate(
 
 def _listed(given: Any) -> list[Any]:
     """One or several, as a list."""
-    return list(given) if isinstance(given, Iterable) else [given]
+    return list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+
+
+def _in_space(category: Any, arms: list[Any], tasks: list[Any]) -> list[partial[Scenario]]:
+    """What makes scenes in space of a seed: all families of the categories, one by one."""
+    families: list[Any] = []
+    for each in _listed(category):
+        known = isinstance(each, int) and not isinstance(each, bool) and each in scenes.CATEGORIES
+        families += scenes.CATEGORIES[each] if known else [each]
+    return [partial(scenes.in_space, f, a, t) for f in dict.fromkeys(families) for a in arms for t in tasks]
 
 
 def join(parts: Iterable[Evaluation]) -> Evaluation:
@@ -214,7 +239,6 @@ def join(parts: Iterable[Evaluation]) -> Evaluation:
 
 def _block(
     block: Sequence[Scenario],
-    wanted: Sequence[tuple[int | str, int, int]],
     compared: Mapping[str, Mapping[str, Any]],
     threads: int | None,
     known: Mapping[str, str],
@@ -236,21 +260,20 @@ def _block(
     spans = [encounter(result) for result in free]
     for name, changes in compared.items():
         results = free if changes == CONTROLLERS["no avoidance"] else run(changes)
-        for scene, (_, n, seed), verdict, span, result in zip(
-            block, wanted, verdicts, spans, results, strict=True
-        ):
-            yield {**identity(scene, n, seed, verdict, name), **_scores_of(result, span)}
+        for scene, verdict, span, result in zip(block, verdicts, spans, results, strict=True):
+            yield {**identity(scene, verdict, name), **_scores_of(result, span)}
 
 
-def identity(scene: Scenario, n: int, seed: int, verdict: str, controller: str) -> dict[str, Any]:
-    """The columns that say which run a row is of."""
-    family = scene.name.rsplit("-", 2)[0]
+def identity(scene: Scenario, verdict: str, controller: str) -> dict[str, Any]:
+    """The columns that say which run a row is of; a random scene says the rest by its name."""
+    family = next(each for each in scenes.FAMILIES if scene.name.startswith(f"{each}-"))
+    *kind, seed = scene.name.removeprefix(f"{family}-").split("-")
     return {
         "scene": scene.name,
         "category": next(c for c, families in scenes.CATEGORIES.items() if family in families),
         "family": family,
-        "n": n,
-        "seed": seed,
+        **({"n": int(kind[0])} if len(kind) == 1 else dict(zip(("arm", "task"), kind, strict=True))),
+        "seed": int(seed),
         "feasibility": verdict,
         "controller": controller,
     }
@@ -267,10 +290,12 @@ def _scores_of(result: Result, span: tuple[float, float] | None) -> dict[str, An
     metrics = result.metrics
     worst = [metrics[f"max_error_{part}"] for part in ("transient", "tail")]
     clearance, effort, jerk = (metrics[name] for name in ("min_clearance", "effort", "rms_jerk"))
+    position, rotation = np.split(result.error, [result.scenario.arm.dimension], axis=1)
     return scores(
         status=str(result.status),
         t=result.t,
-        error=np.linalg.norm(result.error[:, :2], axis=1),
+        error=np.linalg.norm(position, axis=1),
+        angle=np.linalg.norm(rotation, axis=1) if rotation.size else None,
         span=span,
         min_clearance=np.inf if clearance is None else clearance,
         max_error=max((each for each in worst if each is not None), default=np.nan),
@@ -291,23 +316,31 @@ def scores(
     effort: float,
     rms_jerk: float,
     end_time: float,
+    angle: Column | None = None,
 ) -> dict[str, Any]:
-    """The columns that say how a run went, whoever made it; `error` [m] at the instants `t` [s]."""
+    """The columns that say how a run went, whoever made it.
+
+    `error` [m] and, for tasks with an orientation, `angle` [rad] are taken at the instants `t` [s].
+    """
     collided = min_clearance < -TOUCH
     through = status in (Status.COMPLETED, Status.COLLIDED)
+    max_angle = np.nan if angle is None else angle.max(initial=0.0)
+    off = error if angle is None else np.maximum(error, TIP / ANGLE * angle)  # held up to TIP
     during = after = recovery = np.nan
     if span is not None:
         inside = (t >= span[0]) & (t <= span[1])
         late = t > span[1]
         during, after = _rms(error[inside]), _rms(error[late])
-        recovery = _recovery(t[late] - span[1], error[late]) if through else np.nan
+        recovery = _recovery(t[late] - span[1], off[late]) if through else np.nan
     return {
         "status": status,
         "collided": collided,
         "diverged": not through,
-        "success": through and not collided and max_error <= TIP,
+        "success": through and not collided and max_error <= TIP and not max_angle > ANGLE,
+        "returned": bool(through and not collided and off[-1] <= TIP),
         "min_clearance": min_clearance,
         "max_error": max_error,
+        "max_angle": max_angle,
         "rms_error_during": during,
         "rms_error_after": after,
         "recovery_time": recovery,
@@ -345,25 +378,40 @@ def loop_times(
     n: int | Iterable[int] = (4, 6, 9),
     count: int = 3,
     seed: int = scenes.EVALUATION.start,
+    *,
+    space: bool = False,
+    arm: str | Iterable[str] = scenes.ARMS,
+    task: str | Iterable[str] = ("position", "pose"),
 ) -> str:
-    """How long one step of the closed loop takes, as Markdown: median, 99th percentile and maximum.
+    """How long one step of the closed loop takes, as Markdown: median, percentiles and maximum.
 
     Every step of `count` scenes is timed alone, on one thread, called from Python: law, plant and, twice, the
     reading of the clock.
 
     Parameters
     ----------
-    controllers, category, n, count, seed : optional
+    controllers, category, n, count, seed, space, arm, task : optional
         As in `evaluate`.
     """
-    lines = ["| controller | joints | p50 [µs] | p99 [µs] | max [µs] |", "|---|--:|--:|--:|--:|"]
+    made: dict[str, partial[Scenario]]
+    if space:
+        makers = _in_space(category, _listed(arm), _listed(task))
+        made = {" | ".join(make.args[1:]): make for make in makers}
+    else:
+        made = {str(joints): partial(scenes.random, category, joints) for joints in _listed(n)}
+    kinds = ["arm", "task"] if space else ["joints"]
+    heads = ["controller", *kinds, "p50 [µs]", "p99 [µs]", "p99.9 [µs]", "max [µs]"]
+    lines = [
+        f"| {' | '.join(heads)} |",
+        "|---" * (1 + 2 * space) + "|--:" * (len(heads) - 1 - 2 * space) + "|",
+    ]
     for name, changes in chosen(controllers).items():
-        for joints in _listed(n):
+        for kind, make in made.items():
             taken: list[int] = []
             for each in range(seed, seed + count):
-                taken += _timed(scenes.random(category, joints, each).replace(**changes))
-            p50, p99, most = (1e-3 * x for x in np.percentile(taken, (50, 99, 100)))
-            lines.append(f"| {name} | {joints} | {p50:.2f} | {p99:.2f} | {most:.0f} |")
+                taken += _timed(make(each).replace(**changes))
+            p50, p99, p999, most = (1e-3 * x for x in np.percentile(taken, (50, 99, 99.9, 100)))
+            lines.append(f"| {name} | {kind} | {p50:.2f} | {p99:.2f} | {p999:.2f} | {most:.0f} |")
     return "\n".join(lines)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vffnull._extras import extra
 from vffnull.errors import InputError
 from vffnull.evaluation.planner import VERDICTS
-from vffnull.evaluation.scenes import FAMILIES
+from vffnull.evaluation.scenes.common import FAMILIES
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -119,6 +119,7 @@ class Table:
             "collisions_feasible": self.feasible.rate("collided"),
             "success": self.rate("success"),
             "success_feasible_with_tip": self.where(feasibility=VERDICTS[0]).rate("success"),
+            "returned_feasible": self.feasible.rate("returned"),
             "diverged": self.rate("diverged"),
         }
 
@@ -150,8 +151,8 @@ class Table:
             f"**{family}**: {len(scenes_of)} scenes, escape: {verdicts}",
             "",
             "| controller | collisions, all [%] | collisions, feasible [%] | success, all [%] "
-            "| success, feasible with tip [%] | diverged [%] |",
-            "|---|--:|--:|--:|--:|--:|",
+            "| success, feasible with tip [%] | returned, feasible [%] | diverged [%] |",
+            "|---|--:|--:|--:|--:|--:|--:|",
         ]
         for name in self.controllers:
             of = rows.where(controller=name)

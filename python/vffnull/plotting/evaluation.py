@@ -72,7 +72,7 @@ def clearance(evaluation: Table) -> Figure:
         _steps(ax, rows, "min_clearance", 1e2)
         ax.axvline(0.0, color=style.INK, linewidth=0.6)
         ax.set_title(family)
-        ax.set_xlim(-40, 60)
+        ax.set_xlim(*((-20, 30) if "arm" in evaluation.columns else (-40, 60)))
     axes[0].set_ylabel("share of runs below")
     fig.supxlabel("smallest clearance [cm], where an escape exists", fontsize=8)
     _key(fig, axes[0])

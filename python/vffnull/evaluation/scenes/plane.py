@@ -1,38 +1,36 @@
-"""The generator of random scenes; `vffnull.scenes` is where users find it."""
+"""Random scenes in the plane."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vffnull._arguments import whole
 from vffnull.errors import InputError, InputTypeError
-from vffnull.evaluation.planner import Kinematics, World, reference_points
+from vffnull.evaluation.geometry.plane import Kinematics, World
+from vffnull.evaluation.planner import reference_points
+from vffnull.evaluation.scenes.common import (
+    EVALUATION,
+    FAMILIES,
+    Array,
+    Document,
+    Draw,
+    Travel,
+    push,
+    rounded,
+)
 from vffnull.scenario import Scenario
 
-__all__ = ["CATEGORIES", "DURATION", "EVALUATION", "FAMILIES", "TRAINING", "random"]
-
-Array = NDArray[np.float64]
-Document = dict[str, Any]
-
-FAMILIES = ("links-swept", "path-crossed", "clutter", "crowd")
-"""Families of random scenes; the number of a family's stream is its place here."""
+__all__ = ["CATEGORIES", "DURATION", "random"]
 
 CATEGORIES: dict[int, tuple[str, ...]] = {1: FAMILIES[:1], 2: FAMILIES[1:]}
 """Families of each category."""
 
-TRAINING = range(0, 1_000_000)
-"""Seeds for tuning."""
-
-EVALUATION = range(1_000_000, 2_000_000)
-"""Seeds for evaluation; nothing may be tuned to them."""
-
 DURATION = 8.0  # s
 RADIUS = 0.03  # m, half the thickness of the links
+TRAVEL = Travel(DURATION, swing=(0.5, 1.2), away=(0.8, 1.8), wait=1.5, begin=1.0)
 
 # Free space at the start and throughout [m]: without it, no motion could avoid contact.
 _START = 0.25  # from every link to every obstacle at t = 0
@@ -73,7 +71,7 @@ def random(category: int | str, n: int, seed: int) -> Scenario:
     """
     n, seed = whole("n", n, 3, 12), whole("seed", seed, 0, EVALUATION.stop - 1)
     family = _family(category, seed)
-    draw = _Draw((FAMILIES.index(family), n, seed))
+    draw = Draw((FAMILIES.index(family), n, seed))
     while True:
         scene = _Scene(draw, n, family)
         if _MAKE[family](scene, draw):
@@ -93,42 +91,20 @@ def _family(category: int | str, seed: int) -> str:
     return families[seed % len(families)]
 
 
-class _Draw:
-    """Random numbers from the raw stream of PCG64, which NumPy promises never to change."""
-
-    def __init__(self, key: tuple[int, ...]) -> None:
-        self._bits = np.random.PCG64(np.random.SeedSequence(key))
-
-    def uniform(self, low: float, high: float) -> float:
-        share = (int(self._bits.random_raw()) >> 11) * 2.0**-53
-        return round(low + (high - low) * share, 4)
-
-    def whole(self, low: int, high: int) -> int:
-        """From `low` to `high`, both included."""
-        return low + (int(self._bits.random_raw()) >> 11) % (high - low + 1)
-
-    def direction(self) -> Array:
-        angle = self.uniform(-math.pi, math.pi)
-        return np.array([math.cos(angle), math.sin(angle)])
-
-    def sign(self) -> int:
-        return 2 * self.whole(0, 1) - 1
-
-
 class _Scene:
     """An arm in a random posture with a task, and the obstacles so far."""
 
-    def __init__(self, draw: _Draw, n: int, family: str) -> None:
+    def __init__(self, draw: Draw, n: int, family: str) -> None:
         self.n, self.family = n, family
         self.arm = Kinematics(np.ones(n), RADIUS)
         self.q0, self.joints = _posture(draw, self.arm)
         tip = self.joints[-1]
-        self.reference: Document = {"kind": "setpoint", "point": _rounded(tip, 17)}
+        self.reference: Document = {"kind": "setpoint", "point": rounded(tip, 17)}
         if family in ("path-crossed", "clutter") or draw.whole(0, 1):
             shortest, longest = (0.05, 0.2) if family in ("links-swept", "crowd") else (0.25, 0.45)
             end = _line(draw, n, tip, shortest * n, longest * n)
             time = draw.uniform(4.0, 6.0)
-            self.reference = {"kind": "line", "end": _rounded(end), "duration": time}
+            self.reference = {"kind": "line", "end": rounded(end), "duration": time}
         self.times = np.arange(0.0, DURATION + 0.025, 0.05)
         self.path = reference_points(self.reference, tip, self.times)
         self.obstacles: list[Document] = []
@@ -168,7 +144,7 @@ class _Scene:
         return Scenario.from_dict(document)
 
 
-def _posture(draw: _Draw, arm: Kinematics) -> tuple[Array, Array]:
+def _posture(draw: Draw, arm: Kinematics) -> tuple[Array, Array]:
     """A posture away from singularities whose links keep clear of each other."""
     while True:
         q = np.array([draw.uniform(-math.pi, math.pi)] + [draw.uniform(-1.2, 1.2) for _ in range(arm.n - 1)])
@@ -180,7 +156,7 @@ def _posture(draw: _Draw, arm: Kinematics) -> tuple[Array, Array]:
             return q, joints
 
 
-def _line(draw: _Draw, n: int, tip: Array, shortest: float, longest: float) -> Array:
+def _line(draw: Draw, n: int, tip: Array, shortest: float, longest: float) -> Array:
     """The end of a straight path of the tip that stays between 0.3 and 0.85 of the reach."""
     while True:
         end = tip + draw.uniform(shortest, longest) * draw.direction()
@@ -190,19 +166,19 @@ def _line(draw: _Draw, n: int, tip: Array, shortest: float, longest: float) -> A
             return end
 
 
-def _links_swept(scene: _Scene, draw: _Draw) -> bool:
+def _links_swept(scene: _Scene, draw: Draw) -> bool:
     """Bodies that come from 0.8 m and more away and push 0 to 0.5 m past a point of the arm."""
     wanted = draw.whole(1, 2)
     for _ in range(200):
         target = _on_arm(scene, draw, 1.0, 0.75 * scene.n)
-        motion = _push(draw, target, draw.direction(), draw.uniform(0.0, 0.5))
+        motion = push(draw, TRAVEL, target, draw.direction(), draw.uniform(0.0, 0.5))
         scene.place(_body(draw, draw.uniform(0.1, 0.25), *motion), tip=_TIP)
         if len(scene.obstacles) == wanted:
             return True
     return False
 
 
-def _path_crossed(scene: _Scene, draw: _Draw) -> bool:
+def _path_crossed(scene: _Scene, draw: Draw) -> bool:
     """One body on the tip's line, at rest or crossing it when the tip is there; half the time one beside."""
     duration = scene.reference["duration"]
     for _ in range(50):
@@ -212,7 +188,7 @@ def _path_crossed(scene: _Scene, draw: _Draw) -> bool:
         on = on + draw.uniform(0.0, 0.6) * size * draw.direction()
         speed = draw.uniform(0.1, 0.5) * draw.whole(0, 1)
         velocity = speed * draw.direction()
-        motion = {"kind": "linear", "velocity": _rounded(velocity)} if speed else None
+        motion = {"kind": "linear", "velocity": rounded(velocity)} if speed else None
         if scene.place(_body(draw, size, on - when * velocity, motion), end=_END):
             break
     else:
@@ -225,7 +201,7 @@ def _path_crossed(scene: _Scene, draw: _Draw) -> bool:
     return True
 
 
-def _clutter(scene: _Scene, draw: _Draw) -> bool:
+def _clutter(scene: _Scene, draw: Draw) -> bool:
     """Bodies at rest about the arm and its path, 0.15 m or more from the path."""
     wanted = draw.whole(3, 8)
     for _ in range(300):
@@ -237,21 +213,21 @@ def _clutter(scene: _Scene, draw: _Draw) -> bool:
     return False
 
 
-def _crowd(scene: _Scene, draw: _Draw) -> bool:
+def _crowd(scene: _Scene, draw: Draw) -> bool:
     """Discs that go straight, swing or come and go, each to within 1.2 m of the arm or its path, and on."""
     wanted = draw.whole(3, 8)
     for _ in range(300):
         about = _on_arm(scene, draw, 1.0, scene.n) if draw.whole(0, 2) else _on_path(scene, draw)
         target = about + draw.uniform(0.0, 1.2) * draw.direction()
-        position, motion = _push(draw, target, draw.direction(), draw.uniform(0.0, 0.8))
+        position, motion = push(draw, TRAVEL, target, draw.direction(), draw.uniform(0.0, 0.8))
         disc = {"kind": "circle", "radius": draw.uniform(0.1, 0.25)}
-        scene.place({"shape": disc, "position": _rounded(position), "motion": motion})
+        scene.place({"shape": disc, "position": rounded(position), "motion": motion})
         if len(scene.obstacles) == wanted:
             return True
     return False
 
 
-_MAKE: dict[str, Callable[[_Scene, _Draw], bool]] = {
+_MAKE: dict[str, Callable[[_Scene, Draw], bool]] = {
     "links-swept": _links_swept,
     "path-crossed": _path_crossed,
     "clutter": _clutter,
@@ -259,7 +235,7 @@ _MAKE: dict[str, Callable[[_Scene, _Draw], bool]] = {
 }
 
 
-def _on_arm(scene: _Scene, draw: _Draw, low: float, high: float) -> Array:
+def _on_arm(scene: _Scene, draw: Draw, low: float, high: float) -> Array:
     """A point of the arm at the start, by its distance from the base along the links [m]."""
     along = min(draw.uniform(low, high), scene.n - 1e-9)
     link = int(along)
@@ -268,59 +244,31 @@ def _on_arm(scene: _Scene, draw: _Draw, low: float, high: float) -> Array:
     return point
 
 
-def _on_path(scene: _Scene, draw: _Draw) -> Array:
+def _on_path(scene: _Scene, draw: Draw) -> Array:
     point: Array = scene.path[draw.whole(0, len(scene.path) - 1)]
     return point
 
 
-def _push(draw: _Draw, target: Array, along: Array, depth: float) -> tuple[Array, Document]:
-    """Where a body starts and how it moves `depth` [m] past a target, at 0.2 to 0.6 m/s."""
-    speed = draw.uniform(0.2, 0.6)
-    kind = draw.whole(0, 2)
-    if kind == 0:  # straight, farthest at the end of the run
-        start = target - along * (speed * DURATION - depth)
-        return start, {"kind": "linear", "velocity": _rounded(speed * along)}
-    if kind == 1:  # swings, from the far end
-        swing = draw.uniform(0.5, 1.2)
-        middle = target - along * (swing - depth)
-        return middle, {
-            "kind": "sinusoid",
-            "amplitude": _rounded(swing * along),
-            "angular_frequency": round(speed / swing, 4),
-            "phase": -1.5708,
-        }
-    # comes, stays, goes
-    away, wait = draw.uniform(0.8, 1.8), draw.uniform(0.0, 1.5)
-    begin, trip = draw.uniform(0.0, 1.0), (away + depth) / speed
-    times = np.cumsum([begin, trip, max(wait, 0.1), trip])
-    near, far = _rounded(target + depth * along), _rounded(target - away * along)
-    return target - away * along, {
-        "kind": "waypoints",
-        "times": _rounded(times),
-        "points": [far, near, near, far],
-    }
-
-
-def _body(draw: _Draw, size: float, position: Array, motion: Document | None) -> Document:
+def _body(draw: Draw, size: float, position: Array, motion: Document | None) -> Document:
     """A disc half the time, else a capsule, a box or a polygon, of which nothing is beyond `size`."""
     kind = draw.whole(0, 5)
     angle = 0.0
     shape: Document = {"kind": "circle", "radius": size}
     if kind == 3:
-        end = _rounded(0.5 * size * draw.direction())
+        end = rounded(0.5 * size * draw.direction())
         shape = {"kind": "capsule", "a": [-x for x in end], "b": end, "radius": round(0.5 * size, 4)}
     elif kind == 4:
         tilt = draw.uniform(0.4, 1.1)
         sides = [2.0 * size * math.cos(tilt), 2.0 * size * math.sin(tilt)]
         angle = draw.uniform(0.0, math.pi)
-        shape = {"kind": "box", "size": _rounded(sides)}
+        shape = {"kind": "box", "size": rounded(sides)}
     elif kind == 5:
         corners = draw.whole(3, 6)
         turns = (
             (np.arange(corners) + [draw.uniform(-0.3, 0.3) for _ in range(corners)]) * 2 * math.pi / corners
         )
-        shape = {"kind": "polygon", "vertices": [_rounded(size * _unit(turn)) for turn in turns]}
-    obstacle: Document = {"shape": shape, "position": _rounded(position)}
+        shape = {"kind": "polygon", "vertices": [rounded(size * _unit(turn)) for turn in turns]}
+    obstacle: Document = {"shape": shape, "position": rounded(position)}
     if angle:
         obstacle["angle"] = angle
     if motion is not None:
@@ -330,7 +278,3 @@ def _body(draw: _Draw, size: float, position: Array, motion: Document | None) ->
 
 def _unit(angle: float) -> Array:
     return np.array([math.cos(angle), math.sin(angle)])
-
-
-def _rounded(values: Array | list[float], digits: int = 4) -> list[float]:
-    return [round(float(value), digits) for value in values]
