@@ -1136,6 +1136,26 @@ class Episodes:
 
     def __len__(self) -> int: ...
 
+def hull(points: ArrayLike) -> list[list[int]]:
+    """The faces of the convex hull of points in space.
+
+    Parameters
+    ----------
+    points : (k, 3) array_like
+        The points [m].
+
+    Returns
+    -------
+    list of list of int
+        Of each face the indices of its corners, counter-clockwise from outside. What lies in one plane is
+        one face.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If they have no hull that an obstacle can be made of.
+    """
+
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """Read TOML.
 

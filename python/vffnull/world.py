@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
-from vffnull.errors import InputTypeError, ScenarioError
+from vffnull._hull import hull
+from vffnull.errors import InputError, InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -107,12 +108,13 @@ def _motion(kind: str, **parameters: object) -> Motion:
 class Obstacle:
     """A solid body.
 
-    Made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, `capsule` or `box` in both.
+    Made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, and in both by `capsule`,
+    `box` or `convex`.
 
     Attributes
     ----------
     kind : str
-        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"capsule"`` or ``"box"``.
+        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"convex"``, ``"capsule"`` or ``"box"``.
     dimensions : tuple of (str, value)
         The shape in the obstacle's own frame, in a form that can be compared and hashed.
     position : tuple of float
@@ -248,6 +250,32 @@ class Obstacle:
         middle = corners.mean(axis=0)
         return _obstacle("polygon", middle, motion=motion, vertices=corners - middle)
 
+    @staticmethod
+    def convex(vertices: ArrayLike, motion: Motion | None = None) -> Obstacle:
+        """The convex hull of points, in any order; its position is the mean of its corners.
+
+        Points within the hull do not count. In the plane this is a `polygon`.
+
+        Parameters
+        ----------
+        vertices : (k, 2) or (k, 3) array_like
+            Points at rest [m]: three or more that do not lie on a line, in space four or more that do not lie
+            in a plane. There, the hull has at most 64 corners.
+        motion : Motion, optional
+            How it moves.
+        """
+        points = _points(vertices)
+        if points is None or not _finite(points):  # the core says what is wrong with them
+            return _obstacle("convex", (0.0, 0.0, 0.0), motion=motion, vertices=vertices)
+        if points.shape[1] == 2:
+            return Obstacle.polygon(hull(points), motion)
+        try:
+            corners = points[sorted({i for face in _core.hull(points) for i in face})]
+        except InputError:
+            return _obstacle("convex", points.mean(axis=0), motion=motion, vertices=points)
+        middle = corners.mean(axis=0)
+        return _obstacle("convex", middle, motion=motion, vertices=corners - middle)
+
     @property
     def shape(self) -> Mapping[str, Any]:
         """The shape as a part of a scenario document."""
@@ -306,6 +334,12 @@ def _points(given: object) -> NDArray[np.float64] | None:
     except (TypeError, ValueError):
         return None
     return points if points.ndim == 2 and points.shape[1] in (2, 3) and len(points) else None
+
+
+def _finite(points: NDArray[np.float64]) -> bool:
+    import numpy as np
+
+    return bool(np.isfinite(points).all())
 
 
 def _obstacle(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _record
+from vffnull import _core, _record
 from vffnull._extras import extra
 from vffnull.logs import header
 
@@ -63,9 +63,16 @@ def write(result: Result, path: Path) -> None:
 
 
 def _strips(corners: NDArray[Any]) -> list[NDArray[Any]]:
-    """The edges of a core in space, or the point twice that it is: a line whose radius is drawn."""
+    """The edges of a core in space, of a hull its faces, or the point twice that it is.
+
+    These are lines whose radius is drawn.
+    """
+    from vffnull.plotting import geometry
+
     count = len(corners)
     if count == 1:
         return [corners[[0, 0]]]
+    if not geometry.is_block(corners):
+        return [corners[[*ring, ring[0]]] for ring in _core.hull(corners)]
     pairs = [(i, i | bit) for bit in (1, 2, 4) if bit < count for i in range(count) if not i & bit]
     return [corners[list(pair)] for pair in pairs]

@@ -7,7 +7,7 @@ use crate::robot::Robot;
 use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
 use crate::robot::spatial::SpatialState;
 use crate::robot::spatial::cases::{Case, case, link};
-use crate::world::space::{Obstacle, Shape, World};
+use crate::world::space::{Obstacle, Shape, World, check_hull};
 use crate::world::{CollisionQuery, Contact, Feature, Motion};
 use proptest::prelude::*;
 use std::cell::RefCell;
@@ -43,6 +43,9 @@ fn shape() -> impl Strategy<Value = (usize, Shape)> {
             .prop_map(|(a, b, radius)| (1, Shape::Capsule { a, b, radius })),
         [0.1..1.5, 0.1..1.5, 0.1..1.5].prop_map(|size| (2, Shape::Box { size })),
         Just((3, Shape::HalfSpace { normal: [0.0, 0.6, 0.8] })),
+        prop::collection::vec(three(1.0), 4..12)
+            .prop_filter("flat", |vertices| check_hull(vertices).is_ok())
+            .prop_map(|vertices| (4, Shape::Convex { vertices })),
     ]
 }
 
@@ -108,7 +111,7 @@ fn features() -> [Kind; 5] {
 #[test]
 fn rates_are_derivatives_of_the_distance() {
     let met = RefCell::new(HashMap::<_, usize>::new());
-    let config = ProptestConfig { max_global_rejects: 40_000, ..ProptestConfig::with_cases(4000) };
+    let config = ProptestConfig { max_global_rejects: 50_000, ..ProptestConfig::with_cases(5000) };
     proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), motion in motion())| {
         let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
         let h = 4e-4;
@@ -141,13 +144,16 @@ fn rates_are_derivatives_of_the_distance() {
         (1, vec![side, end, edge, crossing]),
         (2, vec![side, end, face, edge, crossing]),
         (3, vec![face]),
+        (4, vec![side, end, face, edge, crossing]),
     ] {
         for feature in features() {
             assert_eq!(count(kind, feature) > 10, expected.contains(&feature), "{kind} {met:?}");
         }
     }
-    // Axes inside a box that leave it across an edge, and through a face.
-    assert!(count(12, crossing) > 10 && count(12, face) > 10, "{met:?}");
+    // Axes inside a box or a hull that leave it across an edge, and through a face.
+    for kind in [12, 14] {
+        assert!(count(kind, crossing) > 10 && count(kind, face) > 10, "{met:?}");
+    }
 }
 
 proptest! {

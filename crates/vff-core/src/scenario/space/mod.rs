@@ -16,7 +16,7 @@ use crate::math::rotation::UnitQuaternion;
 use crate::robot::{Model, SpatialArm, SpatialState};
 use crate::simulation::{Options, PerceptionSettings, Physics, Space, System, Unsensed};
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
-use crate::world::space::{Obstacle, Shape};
+use crate::world::space::{Obstacle, Shape, check_hull};
 use std::sync::Arc;
 
 /// The tables of a scenario in space that depend on its dimension.
@@ -72,6 +72,9 @@ fn shape(shape: &Shape) -> Result<(), ScenarioError> {
         Shape::Box { size } => {
             (0..3).try_for_each(|axis| number(&format!("size[{axis}]"), size[axis], positive))
         }
+        Shape::Convex { vertices } => check_hull(vertices).map_err(|error| {
+            ScenarioError::new("vertices", Problem::Other(format!("expected {error}")))
+        }),
         Shape::HalfSpace { normal } => {
             let norm = Vector::from(*normal).norm();
             if (norm - 1.0).abs() <= crate::math::rotation::UNIT_TOLERANCE {

@@ -55,6 +55,10 @@ mod tests {
             Shape::Box { size: [1.0, 2.0, 3.0] }
         );
         assert_eq!(
+            shape("shape = { convex = { vertices = [[0, 0, 0], [1, 0, 0]] } }"),
+            Shape::Convex { vertices: vec![[0.0; 3], [1.0, 0.0, 0.0]] }
+        );
+        assert_eq!(
             shape("shape = { half_space = { normal = [0, 0, 1] } }"),
             Shape::HalfSpace { normal: [0.0, 0.0, 1.0] }
         );

@@ -4,6 +4,7 @@ use super::axis::{Nearest, Probe, seen_from};
 use super::cuboid::Cuboid;
 use super::half_space::to_half_space;
 use super::hierarchy::Boxes;
+use super::hull::Hull;
 use super::point::{distance_to_point, to_point};
 use super::segment::{distance_to_segment, to_segment};
 use super::{Obstacle, Shape};
@@ -36,7 +37,6 @@ pub struct Volume {
     pub(super) core: Core,
     /// To be subtracted from the distance to the core \[m\].
     pub(super) radius: f64,
-    barriers: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -44,6 +44,7 @@ pub(super) enum Core {
     Point(Vector<3>),
     Segment(Capsule<3>),
     Box(Box<Cuboid>),
+    Hull(Box<Hull>),
     /// With the outward normal.
     HalfSpace(Vector<3>),
 }
@@ -55,24 +56,32 @@ impl Solid<3> for Volume {
 
     fn new(obstacle: &Obstacle) -> Self {
         let turn = UnitQuaternion::new(obstacle.orientation).unwrap_or_default();
-        let (core, radius) = match obstacle.shape {
-            Shape::Sphere { radius } => (Core::Point(Vector::zeros()), radius),
+        let (core, radius) = match &obstacle.shape {
+            Shape::Sphere { radius } => (Core::Point(Vector::zeros()), *radius),
             Shape::Capsule { a, b, radius } => {
-                let segment = Capsule::new(turn.rotate(&a.into()), turn.rotate(&b.into()), 0.0);
+                let [a, b] = [a, b].map(|end| turn.rotate(&Vector::from(*end)));
+                let segment = Capsule::new(a, b, 0.0);
                 let is_point = !segment.length.is_normal();
                 let core =
                     if is_point { Core::Point(segment.start) } else { Core::Segment(segment) };
-                (core, radius)
+                (core, *radius)
             }
             Shape::Box { size } => {
                 let half = Vector::from(size.map(|length| 0.5 * length));
                 (Core::Box(Box::new(Cuboid { axes: turn.matrix(), half })), 0.0)
             }
+            Shape::Convex { vertices } => {
+                let core = match Hull::new(vertices) {
+                    Ok(hull) => Core::Hull(Box::new(hull.turned(&turn))),
+                    Err(_) => Core::Point(Vector::zeros()),
+                };
+                (core, 0.0)
+            }
             Shape::HalfSpace { normal } => {
-                (Core::HalfSpace(turn.rotate(&Vector::from(normal).normalize())), 0.0)
+                (Core::HalfSpace(turn.rotate(&Vector::from(*normal).normalize())), 0.0)
             }
         };
-        Self { core, radius, barriers: obstacle.shape.barriers() }
+        Self { core, radius }
     }
 
     #[inline]
@@ -87,6 +96,7 @@ impl Solid<3> for Volume {
             Core::Point(point) => distance_to_point(&axis, point),
             Core::Segment(segment) => distance_to_segment(&axis, segment),
             Core::Box(cuboid) => cuboid.distance(&axis),
+            Core::Hull(hull) => hull.distance(&axis),
             Core::HalfSpace(normal) => to_half_space(&axis, normal).distance,
         };
         distance - self.radius - link.radius
@@ -98,8 +108,15 @@ impl Solid<3> for Volume {
         self.contact_of(pair, &nearest, link.radius, state)
     }
 
+    /// One with a sphere; otherwise one of each end of the link, and one with each end, corner and edge of the core.
     fn barriers(&self) -> usize {
-        self.barriers
+        2 + match &self.core {
+            Core::Point(_) => return 1,
+            Core::Segment(_) => 2 + 1,
+            Core::Box(_) => 8 + 12,
+            Core::Hull(hull) => hull.corners.len() + hull.edges.len(),
+            Core::HalfSpace(_) => 0,
+        }
     }
 
     #[inline]
@@ -115,6 +132,7 @@ impl Solid<3> for Volume {
 
     fn extent(&self) -> [Vector<3>; 2] {
         let (middle, half) = match &self.core {
+            Core::Hull(hull) => return hull.extent(),
             Core::Point(point) => (*point, Vector::zeros()),
             Core::Segment(segment) => {
                 let half = segment.direction * (0.5 * segment.length);
@@ -140,6 +158,7 @@ impl Volume {
             Core::Point(point) => to_point(axis, point),
             Core::Segment(segment) => to_segment(axis, segment),
             Core::Box(cuboid) => cuboid.nearest(axis),
+            Core::Hull(hull) => hull.nearest(axis),
             Core::HalfSpace(normal) => to_half_space(axis, normal),
         }
     }
@@ -174,6 +193,7 @@ impl Volume {
 mod tests {
     use super::super::oracle::*;
     use super::*;
+    use crate::world::Feature;
     use proptest::prelude::*;
 
     proptest! {
@@ -195,8 +215,12 @@ mod tests {
             prop_assert!((found.point - joint).norm() < 1e-14);
             prop_assert!((link.clamp(&found.point) - found.point).norm() < 1e-14);
             prop_assert!(distance_to_core(&obstacle, &on_core) < 1e-13, "{found:?}");
+            // (Behind an edge of a hull that is sharper than a right angle is its other side.)
+            let sharp = matches!(obstacle.shape, Shape::Convex { .. }) && found.feature != Feature::Face;
             let inside = on_core - found.normal * 1e-9;
-            prop_assert!(radius > 0.0 || distance_to_core(&obstacle, &inside) < 1e-13, "{found:?}");
+            prop_assert!(
+                radius > 0.0 || sharp || distance_to_core(&obstacle, &inside) < 1e-13, "{found:?}"
+            );
         }
 
         /// Asked alone, the distance is that of the contact, to the last bit.
@@ -273,7 +297,7 @@ mod tests {
 
         #[test]
         fn lattice_positions_are_exact(
-            start in [0i8..7, 0i8..7, 0i8..7], way in [-3i8..4, -3i8..4, -3i8..4], kind in 0usize..4,
+            start in [0i8..7, 0i8..7, 0i8..7], way in [-3i8..4, -3i8..4, -3i8..4], kind in 0usize..5,
         ) {
             // Parallel, collinear, touching, sharing a corner: all that chance avoids.
             let start = start.map(|x| f64::from(x) - 3.0);
@@ -287,6 +311,7 @@ mod tests {
                 Shape::Capsule { a: [-1.0, 0.0, 0.0], b: [1.0, 0.0, 0.0], radius: 0.0 },
                 Shape::Box { size: [2.0, 2.0, 4.0] },
                 Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
+                Shape::Convex { vertices: tetrahedron().to_vec() },
             ][kind].clone();
             let obstacle = fixed(shape, [0.0; 3]);
             let expected = searched_distance(&link, &obstacle);
@@ -336,6 +361,11 @@ mod tests {
         }
     }
 
+    /// On the lattice.
+    fn tetrahedron() -> [[f64; 3]; 4] {
+        [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
+    }
+
     #[test]
     fn unusable_values_do_not_panic() {
         let shapes = [
@@ -344,6 +374,9 @@ mod tests {
             Shape::Capsule { a: [f64::NAN; 3], b: [0.0; 3], radius: 0.1 },
             Shape::Box { size: [0.0, 1.0, 1.0] },
             Shape::Box { size: [f64::NAN, 1.0, -1.0] },
+            Shape::Convex { vertices: vec![] },
+            Shape::Convex { vertices: vec![[f64::NAN; 3]; 5] },
+            Shape::Convex { vertices: tetrahedron().to_vec() },
             Shape::HalfSpace { normal: [0.0; 3] },
         ];
         for shape in shapes {
@@ -369,6 +402,7 @@ mod tests {
                 Shape::Sphere { radius: 0.1 },
                 Shape::Capsule { a: [0.0; 3], b: [1.0; 3], radius: 0.1 },
                 Shape::Box { size: [1.0; 3] },
+                Shape::Convex { vertices: tetrahedron().to_vec() },
                 Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
             ] {
                 let found = contact(&link, &fixed(shape.clone(), [0.0; 3]));
@@ -390,6 +424,7 @@ mod tests {
             Shape::Capsule { a: [0.0; 3], b: [0.0; 3], radius: 0.1 },
             Shape::Box { size: [2.0, 2.0, 2.0] },
             Shape::Box { size: [1.0, 1.0, 1e-12] },
+            Shape::Convex { vertices: tetrahedron().to_vec() },
             Shape::HalfSpace { normal: [0.0, 1.0, 0.0] },
         ] {
             for link in [link, ball] {
