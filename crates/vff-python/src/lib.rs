@@ -41,7 +41,7 @@ mod _core {
         assess_feasibility, check, format_toml, parse_toml, run, run_many, schema, schema_json,
     };
     #[pymodule_export]
-    use crate::shapes::hull;
+    use crate::shapes::{hull, rotations};
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
     #[pymodule_export]

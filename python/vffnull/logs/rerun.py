@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core, _record
+from vffnull._arm import quaternion
 from vffnull._extras import extra
 from vffnull.logs import header
 
@@ -57,8 +58,16 @@ def write(result: Result, path: Path) -> None:
             else:
                 strips, thick = _strips(corners), radius or None
             log.log(f"scene/obstacle_{i}", rr.LineStrips3D(strips, radii=thick), static=True)
-            place = rr.Transform3D.columns(translation=in_space(scene.obstacles[:, i]))
-            log.send_columns(f"scene/obstacle_{i}", time, place)
+            places, rotation = in_space(scene.obstacles[:, i]), scene.rotations[i]
+            if rotation is None:
+                columns = rr.Transform3D.columns(translation=places)
+            else:
+                turned = np.tile(np.eye(3), (len(places), 1, 1))
+                turned[:, : rotation.shape[1], : rotation.shape[1]] = rotation
+                columns = rr.Transform3D.columns(
+                    translation=places, quaternion=np.roll(quaternion(turned), -1, axis=1)
+                )
+            log.send_columns(f"scene/obstacle_{i}", time, columns)
         log.flush()
 
 

@@ -82,7 +82,7 @@ def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Lay
             assert isinstance(each, Body)
             if each.role == "link":
                 solids.append(Solid(each.corners, each.radius, _tint(colour, 0.25)))
-            elif travels(scene.obstacles[:, each.index]):
+            elif scene.stirs(each.index):
                 part = _cut(each.corners, each.radius, box)
                 solids += [] if part is None else [Solid(part, each.radius, _tint(COLOURS["obstacle"], 0.3))]
         found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
@@ -116,7 +116,7 @@ def bounds(scene: Scene) -> tuple[Array, Array]:
     for index, (corners, radius) in enumerate(scene.cores):
         if geometry.is_surface(corners):
             continue  # a surface has no end
-        places = scene.obstacles[:, index, None] + corners
+        places = scene.solid(index)
         starts, ends = places.min(axis=1) - radius, places.max(axis=1) + radius
         near = np.all((ends > inner[0] - 0.5 * reach) & (starts < inner[1] + 0.5 * reach), axis=1)
         if near.any():

@@ -252,6 +252,11 @@ impl Hull {
         (enters <= leaves).then_some(enters)
     }
 
+    /// From the obstacle's position to the farthest corner \[m\].
+    pub(super) fn reach(&self) -> f64 {
+        self.corners.iter().map(|corner| corner.point.norm()).fold(0.0, f64::max)
+    }
+
     /// Opposite corners of a box around it \[m\].
     pub(super) fn extent(&self) -> [Vector<3>; 2] {
         let points = || self.corners.iter().map(|corner| corner.point);

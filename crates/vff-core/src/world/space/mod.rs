@@ -19,7 +19,7 @@ mod hierarchy;
 mod hull;
 mod obstacle;
 #[cfg(test)]
-mod oracle;
+pub(super) mod oracle;
 mod point;
 mod rays;
 mod segment;

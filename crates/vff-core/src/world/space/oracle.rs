@@ -130,7 +130,9 @@ pub(super) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
 }
 
 pub(super) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
-    Obstacle { shape, position, orientation: [1.0, 0.0, 0.0, 0.0], motion: Motion::default() }
+    let orientation = [1.0, 0.0, 0.0, 0.0];
+    let angular_velocity = [0.0; 3];
+    Obstacle { shape, position, orientation, angular_velocity, motion: Motion::default() }
 }
 
 pub(super) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {
@@ -150,7 +152,7 @@ pub(super) fn direction() -> impl Strategy<Value = Vec3> {
 }
 
 /// Capsules, and sometimes a ball.
-pub(super) fn any_link() -> impl Strategy<Value = Capsule<3>> {
+pub(in crate::world) fn any_link() -> impl Strategy<Value = Capsule<3>> {
     let length = prop_oneof![5 => 0.05..3.0, 1 => Just(0.0)];
     (three(2.0), direction(), length, 0.0..0.3)
         .prop_map(|(start, direction, length, radius)| Capsule { start, direction, length, radius })
@@ -199,9 +201,9 @@ pub(super) fn any_hull() -> impl Strategy<Value = Shape> {
     )
 }
 
-pub(super) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
+pub(in crate::world) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
     (any_shape(), three(1.0), any_orientation()).prop_map(|((_, shape), position, orientation)| {
-        Obstacle { shape, position: position.into(), orientation, motion: Motion::default() }
+        Obstacle { orientation, ..fixed(shape, position.into()) }
     })
 }
 

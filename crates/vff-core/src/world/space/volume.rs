@@ -9,7 +9,7 @@ use super::point::{distance_to_point, to_point};
 use super::segment::{distance_to_segment, to_segment};
 use super::{Obstacle, Shape};
 use crate::math::{Capsule, UnitQuaternion, Vector};
-use crate::world::{Contact, Description, Motion, MotionState, Pair, Solid};
+use crate::world::{Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
 
 impl Description<3> for Obstacle {
     fn set_position(&mut self, position: Vector<3>) {
@@ -24,6 +24,19 @@ impl Description<3> for Obstacle {
     #[inline]
     fn motion(&self) -> &Motion<3> {
         &self.motion
+    }
+
+    fn turning(&self) -> Option<Turning<3>> {
+        match &self.motion {
+            Motion::Waypoints { times, orientations, .. } if !orientations.is_empty() => {
+                let turn = |q: &[f64; 4]| UnitQuaternion::new(*q).unwrap_or_default();
+                let steps = orientations
+                    .windows(2)
+                    .map(|pair| Spin::spatial(&(turn(&pair[1]) * turn(&pair[0]).inverse()).log()));
+                Some(Turning::through(times, steps))
+            }
+            _ => Turning::steady(Spin::spatial(&self.angular_velocity.into())),
+        }
     }
 
     fn set_motion(&mut self, motion: Motion<3>) {
@@ -89,6 +102,11 @@ impl Solid<3> for Volume {
         *link
     }
 
+    #[inline]
+    fn body(probe: &Probe) -> Capsule<3> {
+        *probe
+    }
+
     #[inline(always)] // most links are too far from most obstacles for anything else
     fn distance(&self, link: &Probe, position: &Vector<3>) -> f64 {
         let axis = seen_from(link, position);
@@ -145,6 +163,17 @@ impl Solid<3> for Volume {
         [middle - half, middle + half]
     }
 
+    fn reach(&self) -> f64 {
+        let farthest = match &self.core {
+            Core::Point(point) => point.norm(),
+            Core::Segment(segment) => segment.start.norm().max(segment.end().norm()),
+            Core::Box(cuboid) => cuboid.half.norm(),
+            Core::Hull(hull) => hull.reach(),
+            Core::HalfSpace(_) => f64::INFINITY,
+        };
+        farthest + self.radius
+    }
+
     fn cast(&self, origin: &Vector<3>, direction: &Vector<3>, range: f64) -> Option<f64> {
         self.meet_ray(origin, direction, range)
     }
@@ -184,6 +213,7 @@ impl Volume {
             witness: point - normal * (distance - self.radius),
             velocity: state.velocity,
             acceleration: state.acceleration,
+            spin: Spin::NONE,
             feature,
         }
     }
