@@ -189,6 +189,7 @@ fn proximity(c: &mut Criterion) {
             shape,
             position: [0.0, 0.0],
             angle: 0.3,
+            angular_velocity: 0.0,
             motion: Motion::default(),
         }]);
         let mut next = links.iter().cycle();

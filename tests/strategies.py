@@ -222,7 +222,7 @@ def scenes(
 # ------------------------------------------------------------------------------------------------ in space
 
 WIDTHS = {"position": 3, "pointing": 5, "pose": 6}
-BODIES = ("sphere", "capsule", "box", "half_space")
+BODIES = ("sphere", "capsule", "box", "convex", "half_space")
 
 
 def random_arm(rng: np.random.Generator, n: int) -> dict[str, Any]:
@@ -457,7 +457,16 @@ def body(
             return vff.Obstacle.capsule(place - half, place + half, 0.4 * size, motion)
         case "box":
             edges = size * np.array([1.2, 0.9, 0.6])
-            return vff.Obstacle.box(place, edges, motion=motion, orientation=orientation)
+            spin = 3.0 * orientation[1:]
+            return vff.Obstacle.box(
+                place, edges, motion=motion, orientation=orientation, angular_velocity=spin
+            )
+        case "convex":
+            corners = (
+                0.9 * size * np.array([[1.0, 0.0, 0.0], [-0.6, 0.7, 0.0], [-0.6, -0.7, 0.2], [0.2, 0.0, 0.9]])
+            )
+            vertices = place + (corners - corners.mean(axis=0)) @ turn(orientation).T
+            return vff.Obstacle.convex(vertices, motion, angular_velocity=-orientation[1:])
         case _:
             return vff.Obstacle.half_space(place, normal, motion)
 
@@ -497,7 +506,8 @@ class SpatialScene:
                 key: (R @ value).tolist() if key in ("velocity", "amplitude") else value
                 for key, value in solid.get("motion", {"kind": "static"}).items()
             }
-            moved.append(solid | frame(solid) | {"motion": motion})
+            spin = R @ solid.get("angular_velocity", np.zeros(3))
+            moved.append(solid | frame(solid) | {"motion": motion, "angular_velocity": spin.tolist()})
         both_rows = np.kron(np.eye(2), R)
         return replace(
             self,

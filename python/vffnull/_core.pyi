@@ -1136,6 +1136,49 @@ class Episodes:
 
     def __len__(self) -> int: ...
 
+def hull(points: ArrayLike) -> list[list[int]]:
+    """The faces of the convex hull of points in space.
+
+    Parameters
+    ----------
+    points : (k, 3) array_like
+        The points [m].
+
+    Returns
+    -------
+    list of list of int
+        Of each face the indices of its corners, counter-clockwise from outside. What lies in one plane is
+        one face.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If they have no hull that an obstacle can be made of.
+    """
+
+def rotations(obstacle: _Document, dimension: int, times: ArrayLike) -> _Array | None:
+    """How an obstacle is turned over time, compared with its position at rest.
+
+    Parameters
+    ----------
+    obstacle : dict
+        The obstacle as in a scenario.
+    dimension : int
+        Of the space that it is in, 2 or 3.
+    times : (T,) array_like
+        Instants [s].
+
+    Returns
+    -------
+    (T, dimension, dimension) ndarray or None
+        A rotation matrix per instant; None if the obstacle does not turn.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If it is no obstacle there.
+    """
+
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """Read TOML.
 

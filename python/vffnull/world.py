@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
-from vffnull.errors import InputTypeError, ScenarioError
+from vffnull._hull import hull
+from vffnull.errors import InputError, InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -78,8 +79,16 @@ class Motion:
         return _motion("sinusoid", amplitude=amplitude, angular_frequency=angular_frequency, phase=phase)
 
     @staticmethod
-    def waypoints(times: ArrayLike, points: ArrayLike) -> Motion:
+    def waypoints(
+        times: ArrayLike,
+        points: ArrayLike,
+        *,
+        angles: ArrayLike | None = None,
+        orientations: ArrayLike | None = None,
+    ) -> Motion:
         """Go from point to point at constant speed; wait at the first before, at the last after.
+
+        With rotations it turns at a constant rate meanwhile, in space about one axis and the shorter way.
 
         Parameters
         ----------
@@ -87,8 +96,15 @@ class Motion:
             Increasing instants [s].
         points : (k, 2) or (k, 3) array_like
             Where the obstacle's position is then [m]; the first one must be the obstacle's position.
+        angles : (k,) array_like, optional
+            Its angle then, in the plane [rad]; the first one must be the obstacle's angle.
+        orientations : (k, 4) array_like, optional
+            Its orientation then, in space: unit quaternions ``[w, x, y, z]``; the first one must be the
+            obstacle's orientation.
         """
-        return _motion("waypoints", times=times, points=points)
+        rotations = {"angles": angles, "orientations": orientations}
+        given = {name: each for name, each in rotations.items() if each is not None}
+        return _motion("waypoints", times=times, points=points, **given)
 
     def to_dict(self) -> Document:
         """The motion as a part of a scenario document."""
@@ -107,12 +123,13 @@ def _motion(kind: str, **parameters: object) -> Motion:
 class Obstacle:
     """A solid body.
 
-    Made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, `capsule` or `box` in both.
+    Made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, and in both by `capsule`,
+    `box` or `convex`.
 
     Attributes
     ----------
     kind : str
-        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"capsule"`` or ``"box"``.
+        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"convex"``, ``"capsule"`` or ``"box"``.
     dimensions : tuple of (str, value)
         The shape in the obstacle's own frame, in a form that can be compared and hashed.
     position : tuple of float
@@ -121,6 +138,9 @@ class Obstacle:
         Orientation of the obstacle's frame in the plane [rad].
     orientation : tuple of float or None
         Orientation of the obstacle's frame in space, a unit quaternion ``(w, x, y, z)``; None is not turned.
+    angular_velocity : float or tuple of float or None
+        How fast it turns about its position [rad/s]: in the plane a number, anticlockwise; in space a vector
+        along world axes; None does not turn.
     motion : Motion or None
         How the position changes with time; None stays.
 
@@ -136,12 +156,19 @@ class Obstacle:
     angle: float = 0.0
     motion: Motion | None = None
     orientation: tuple[float, float, float, float] | None = None
+    angular_velocity: float | tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         _core.check("obstacle", self.to_dict())
 
     @staticmethod
-    def circle(center: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
+    def circle(
+        center: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
         """A disc.
 
         Parameters
@@ -152,11 +179,19 @@ class Obstacle:
             Radius [m], positive.
         motion : Motion, optional
             How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
         """
-        return _obstacle("circle", center, motion=motion, radius=radius)
+        return _obstacle("circle", center, motion=motion, spin=angular_velocity, radius=radius)
 
     @staticmethod
-    def sphere(center: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
+    def sphere(
+        center: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
         """A ball in space.
 
         Parameters
@@ -167,11 +202,19 @@ class Obstacle:
             Radius [m], positive.
         motion : Motion, optional
             How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
         """
-        return _obstacle("sphere", center, motion=motion, radius=radius)
+        return _obstacle("sphere", center, motion=motion, spin=angular_velocity, radius=radius)
 
     @staticmethod
-    def half_space(point: ArrayLike, normal: ArrayLike, motion: Motion | None = None) -> Obstacle:
+    def half_space(
+        point: ArrayLike,
+        normal: ArrayLike,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
         """Everything behind a plane: a floor, a wall, a ceiling.
 
         Parameters
@@ -182,11 +225,20 @@ class Obstacle:
             Unit vector out of the solid.
         motion : Motion, optional
             How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
         """
-        return _obstacle("half_space", point, motion=motion, normal=normal)
+        return _obstacle("half_space", point, motion=motion, spin=angular_velocity, normal=normal)
 
     @staticmethod
-    def capsule(a: ArrayLike, b: ArrayLike, radius: float, motion: Motion | None = None) -> Obstacle:
+    def capsule(
+        a: ArrayLike,
+        b: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
         """All points nearer than `radius` to the segment from `a` to `b`; its position is the midpoint.
 
         Parameters
@@ -197,13 +249,17 @@ class Obstacle:
             Radius [m], positive.
         motion : Motion, optional
             How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
         """
         ends = _points([a, b])
         if ends is None:  # the core says what is wrong with them
-            return _obstacle("capsule", (0.0, 0.0), motion=motion, a=a, b=b, radius=radius)
+            return _obstacle(
+                "capsule", (0.0, 0.0), motion=motion, spin=angular_velocity, a=a, b=b, radius=radius
+            )
         middle = ends.mean(axis=0)
         a, b = ends - middle
-        return _obstacle("capsule", middle, motion=motion, a=a, b=b, radius=radius)
+        return _obstacle("capsule", middle, motion=motion, spin=angular_velocity, a=a, b=b, radius=radius)
 
     @staticmethod
     def box(
@@ -213,6 +269,7 @@ class Obstacle:
         motion: Motion | None = None,
         *,
         orientation: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
     ) -> Obstacle:
         """A rectangle, in space a cuboid.
 
@@ -228,11 +285,26 @@ class Obstacle:
             How it moves.
         orientation : (4,) array_like, optional
             Rotation of the box in space, a unit quaternion ``[w, x, y, z]``.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
         """
-        return _obstacle("box", center, angle=angle, motion=motion, orientation=orientation, size=size)
+        return _obstacle(
+            "box",
+            center,
+            angle=angle,
+            motion=motion,
+            spin=angular_velocity,
+            orientation=orientation,
+            size=size,
+        )
 
     @staticmethod
-    def polygon(vertices: ArrayLike, motion: Motion | None = None) -> Obstacle:
+    def polygon(
+        vertices: ArrayLike,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
         """A convex polygon; its position is the mean of the vertices.
 
         Parameters
@@ -241,12 +313,51 @@ class Obstacle:
             Corners at rest [m], in order.
         motion : Motion, optional
             How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
         """
         corners = _points(vertices)
         if corners is None:  # no mean to take: the core says what is wrong with them
-            return _obstacle("polygon", (0.0, 0.0), motion=motion, vertices=vertices)
+            return _obstacle("polygon", (0.0, 0.0), motion=motion, spin=angular_velocity, vertices=vertices)
         middle = corners.mean(axis=0)
-        return _obstacle("polygon", middle, motion=motion, vertices=corners - middle)
+        return _obstacle("polygon", middle, motion=motion, spin=angular_velocity, vertices=corners - middle)
+
+    @staticmethod
+    def convex(
+        vertices: ArrayLike,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """The convex hull of points, in any order; its position is the mean of its corners.
+
+        Points within the hull do not count. In the plane this is a `polygon`.
+
+        Parameters
+        ----------
+        vertices : (k, 2) or (k, 3) array_like
+            Points at rest [m]: three or more that do not lie on a line, in space four or more that do not lie
+            in a plane. There, the hull has at most 64 corners.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        points = _points(vertices)
+        if points is None or not _finite(points):  # the core says what is wrong with them
+            return _obstacle(
+                "convex", (0.0, 0.0, 0.0), motion=motion, spin=angular_velocity, vertices=vertices
+            )
+        if points.shape[1] == 2:
+            return Obstacle.polygon(hull(points), motion, angular_velocity=angular_velocity)
+        try:
+            corners = points[sorted({i for face in _core.hull(points) for i in face})]
+        except InputError:
+            return _obstacle(
+                "convex", points.mean(axis=0), motion=motion, spin=angular_velocity, vertices=points
+            )
+        middle = corners.mean(axis=0)
+        return _obstacle("convex", middle, motion=motion, spin=angular_velocity, vertices=corners - middle)
 
     @property
     def shape(self) -> Mapping[str, Any]:
@@ -260,6 +371,8 @@ class Obstacle:
             document["angle"] = self.angle
         if self.orientation is not None:
             document["orientation"] = list(self.orientation)
+        if self.angular_velocity is not None:
+            document["angular_velocity"] = plain(self.angular_velocity)
         if self.motion is not None:
             document["motion"] = plain(self.motion)
         return document
@@ -271,6 +384,8 @@ class Obstacle:
             parts.append(f"angle={self.angle!r}")
         if self.orientation is not None:
             parts.append(f"orientation={self.orientation!r}")
+        if self.angular_velocity is not None:
+            parts.append(f"angular_velocity={self.angular_velocity!r}")
         if self.motion is not None:
             parts.append(f"motion={self.motion!r}")
         return f"<Obstacle {self.kind}: {', '.join(parts)}>"
@@ -308,6 +423,12 @@ def _points(given: object) -> NDArray[np.float64] | None:
     return points if points.ndim == 2 and points.shape[1] in (2, 3) and len(points) else None
 
 
+def _finite(points: NDArray[np.float64]) -> bool:
+    import numpy as np
+
+    return bool(np.isfinite(points).all())
+
+
 def _obstacle(
     kind: str,
     position: ArrayLike,
@@ -315,8 +436,9 @@ def _obstacle(
     angle: float = 0.0,
     motion: Motion | None,
     orientation: ArrayLike | None = None,
+    spin: ArrayLike | None = None,
     **dimensions: object,
 ) -> Obstacle:
     shape = tuple((name, frozen(value)) for name, value in dimensions.items())
-    turned = None if orientation is None else frozen(orientation)
-    return Obstacle(kind, shape, frozen(position), frozen(angle), motion, turned)
+    turned, turns = (None if each is None else frozen(each) for each in (orientation, spin))
+    return Obstacle(kind, shape, frozen(position), frozen(angle), motion, turned, turns)

@@ -594,7 +594,13 @@ fn start() -> ChainState {
 }
 
 fn disc(radius: f64, position: V, motion: Motion<2>) -> Obstacle {
-    Obstacle { shape: Shape::Circle { radius }, position: position.into(), angle: 0.0, motion }
+    Obstacle {
+        shape: Shape::Circle { radius },
+        position: position.into(),
+        angle: 0.0,
+        angular_velocity: 0.0,
+        motion,
+    }
 }
 
 fn linear(velocity: [f64; 2]) -> Motion<2> {

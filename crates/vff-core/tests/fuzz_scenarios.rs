@@ -630,11 +630,15 @@ fn obstacles() -> impl Strategy<Value = String> {
             format!("{{ kind = \"sinusoid\", amplitude = {size}, angular_frequency = {speed} }}")
         }),
     ];
-    (shape, two(), between(-7.0, 7.0), motion, two(), any::<bool>()).prop_map(
-        |(shape, position, angle, motion, to, walks)| {
-            let walk = format!("{{ kind = \"waypoints\", times = [0, 0.02], points = [{position}, {to}] }}");
+    let turns = (between(-9.0, 9.0), 0usize..3);
+    (shape, two(), between(-7.0, 7.0), motion, two(), any::<bool>(), turns).prop_map(
+        |(shape, position, angle, motion, to, walks, (rate, turns))| {
+            let angles =
+                if turns == 1 { format!(", angles = [{angle}, {rate}]") } else { String::new() };
+            let walk = format!("{{ kind = \"waypoints\", times = [0, 0.02], points = [{position}, {to}]{angles} }}");
             let motion = if walks { walk } else { motion };
-            format!("[[obstacles]]\nshape = {shape}\nposition = {position}\nangle = {angle}\nmotion = {motion}\n")
+            let spin = if turns == 2 { format!("angular_velocity = {rate}\n") } else { String::new() };
+            format!("[[obstacles]]\nshape = {shape}\nposition = {position}\nangle = {angle}\nmotion = {motion}\n{spin}")
         },
     )
 }

@@ -142,7 +142,7 @@ fn no_period_allocates() {
     assert_eq!(count(30), count(300));
 }
 
-/// A crowd that is sorted anew many times while it drifts, half of it standing still.
+/// A crowd that is sorted anew many times while it drifts, half of it standing still, some of it turning.
 #[test]
 fn no_step_allocates_in_a_crowd() {
     for simulation in [
@@ -156,9 +156,14 @@ fn no_step_allocates_in_a_crowd() {
             let (x, y) = (f64::from(j % 40), f64::from(j / 40));
             let velocity = [0.4 * (y - 12.0), 0.3 * (20.0 - x)];
             scenario.scene.plane_mut().unwrap().obstacles.push(Obstacle {
-                shape: Shape::Circle { radius: 0.02 },
+                shape: if j % 3 == 0 {
+                    Shape::Box { size: [0.03, 0.02] }
+                } else {
+                    Shape::Circle { radius: 0.02 }
+                },
                 position: [0.5 * (x - 20.0), 0.5 * (y - 12.0)],
                 angle: 0.0,
+                angular_velocity: if j % 5 == 0 { 2.0 } else { 0.0 },
                 motion: if j % 2 == 0 { Motion::Linear { velocity } } else { Motion::default() },
             });
         }
@@ -297,6 +302,8 @@ fn no_step_in_space_allocates() {
                     {{ shape = {{ kind = 'capsule', a = [0.0, 0.0, 0.0], b = [0.3, 0.0, 0.0], radius = 0.05 }},
                        position = [0.2, 0.35, 0.6] }},
                     {{ shape = {{ kind = 'box', size = [0.2, 0.2, 0.2] }}, position = [0.6, 0.3, 0.3] }},
+                    {{ shape = {{ kind = 'convex', vertices = [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]] }},
+                       position = [0.5, -0.3, 0.4], angular_velocity = [0.0, 1.0, 2.0] }},
                     {{ shape = {{ kind = 'half_space', normal = [0.0, 0.0, 1.0] }}, position = [0.0, 0.0, 0.0] }} ]
                 controller = {{ task = '{task}', avoidance = '{avoidance}',
                     field = {{ kind = 'bounded', gain = 20.0, influence = 0.25 }},

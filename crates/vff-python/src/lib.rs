@@ -11,6 +11,7 @@ mod live;
 mod models;
 mod real_time;
 mod run;
+mod shapes;
 mod simulation;
 mod turns;
 mod vector;
@@ -39,6 +40,8 @@ mod _core {
     use crate::run::{
         assess_feasibility, check, format_toml, parse_toml, run, run_many, schema, schema_json,
     };
+    #[pymodule_export]
+    use crate::shapes::{hull, rotations};
     #[pymodule_export]
     use crate::simulation::{Simulation, State};
     #[pymodule_export]

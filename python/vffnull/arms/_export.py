@@ -265,6 +265,9 @@ def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Ma
         corners = np.array(list(product((-0.5, 0.5), repeat=3))) * shape["size"]
         ET.SubElement(asset, "mesh", name=name, vertex=_text(corners.ravel()))
         form = {"type": "mesh", "mesh": name}
+    elif shape["kind"] == "convex":
+        ET.SubElement(asset, "mesh", name=name, vertex=_text(np.ravel(shape["vertices"])))
+        form = {"type": "mesh", "mesh": name}
     else:
         form = _mjcf_form(shape)
     ET.SubElement(body, "geom", {"name": name, **form, **_TOUCHED})

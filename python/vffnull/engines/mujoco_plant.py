@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
+from vffnull._arm import quaternion, rotation
 from vffnull._from_core import result_of
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
@@ -98,6 +99,11 @@ class MuJoCoPlant:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = document["q0"]
         self.data.qvel[:] = document.get("dq0", 0.0)
+        obstacles = document.get("obstacles", [])
+        dimension = self._loop.obstacles(0.0).shape[1]
+        turning = [_core.rotations(each, dimension, [0.0]) is not None for each in obstacles]
+        self._turning = {k: each for k, each in enumerate(obstacles) if turning[k]}
+        self._upright = rotation(self.data.mocap_quat)
         self.contacts = 0
 
     def step(self, t: float, torque: Array | Law) -> bool:
@@ -120,6 +126,11 @@ class MuJoCoPlant:
         data.time = t
         places = self._loop.obstacles(t)
         data.mocap_pos[:, : places.shape[1]] = places
+        for k, obstacle in self._turning.items():
+            turn = np.eye(3)
+            size = places.shape[1]
+            turn[:size, :size] = _core.rotations(obstacle, size, [t])
+            data.mocap_quat[k] = quaternion(turn @ self._upright[k])
         law = None
         if callable(torque):
             law = _callback(torque)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _record
+from vffnull import _core, _record
+from vffnull._arm import quaternion
 from vffnull._extras import extra
 from vffnull.logs import header
 
@@ -57,15 +58,30 @@ def write(result: Result, path: Path) -> None:
             else:
                 strips, thick = _strips(corners), radius or None
             log.log(f"scene/obstacle_{i}", rr.LineStrips3D(strips, radii=thick), static=True)
-            place = rr.Transform3D.columns(translation=in_space(scene.obstacles[:, i]))
-            log.send_columns(f"scene/obstacle_{i}", time, place)
+            places, rotation = in_space(scene.obstacles[:, i]), scene.rotations[i]
+            if rotation is None:
+                columns = rr.Transform3D.columns(translation=places)
+            else:
+                turned = np.tile(np.eye(3), (len(places), 1, 1))
+                turned[:, : rotation.shape[1], : rotation.shape[1]] = rotation
+                columns = rr.Transform3D.columns(
+                    translation=places, quaternion=np.roll(quaternion(turned), -1, axis=1)
+                )
+            log.send_columns(f"scene/obstacle_{i}", time, columns)
         log.flush()
 
 
 def _strips(corners: NDArray[Any]) -> list[NDArray[Any]]:
-    """The edges of a core in space, or the point twice that it is: a line whose radius is drawn."""
+    """The edges of a core in space, of a hull its faces, or the point twice that it is.
+
+    These are lines whose radius is drawn.
+    """
+    from vffnull.plotting import geometry
+
     count = len(corners)
     if count == 1:
         return [corners[[0, 0]]]
+    if not geometry.is_block(corners):
+        return [corners[[*ring, ring[0]]] for ring in _core.hull(corners)]
     pairs = [(i, i | bit) for bit in (1, 2, 4) if bit < count for i in range(count) if not i & bit]
     return [corners[list(pair)] for pair in pairs]

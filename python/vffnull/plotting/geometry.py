@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vffnull import _core
 from vffnull._arm import rotation
+from vffnull._hull import hull, turn
 
 Array = NDArray[np.float64]
 
@@ -27,13 +29,14 @@ def core_in_space(
     middle: ArrayLike = (0.0, 0.0, 0.0),
     reach: float = 1.0,
 ) -> tuple[Array, float]:
-    """Corners (2ᵈ, 3) of a shape's core in an obstacle's frame turned by a quaternion, and its radius.
+    """Corners (·, 3) of a shape's core in an obstacle's frame turned by a quaternion, and its radius.
 
-    A core has d edges that are orthogonal to one another: none in a ball, one in a capsule, three in a box;
-    of a half-space two, which span as much of its surface as lies within `reach` of the foot of `middle`,
-    relative to the obstacle's position. Corner number i has the edges of the bits of i.
+    A core is a block or the hull of its corners. A block has d edges that are orthogonal to one another: none
+    in a ball, one in a capsule, three in a box; of a half-space two, which span as much of its surface as
+    lies within `reach` of the foot of `middle`, relative to the obstacle's position. It has 2ᵈ corners, of
+    which number i has the edges of the bits of i.
     """
-    turn = np.eye(3) if orientation is None else rotation(orientation)
+    turned = np.eye(3) if orientation is None else rotation(orientation)
     match shape["kind"]:
         case "capsule":
             ends = np.array([shape["a"], shape["b"]], dtype=float)
@@ -43,14 +46,22 @@ def core_in_space(
             start, edges = -size / 2, np.diag(size)
         case "half_space":
             normal = np.asarray(shape["normal"], dtype=float)
-            place = turn.T @ np.asarray(middle, dtype=float)
+            place = turned.T @ np.asarray(middle, dtype=float)
             sides = np.linalg.svd(normal[None])[2][1:]
             foot = place - (place @ normal) * normal
             start, edges = foot - reach * sides.sum(axis=0), 2.0 * reach * sides
+        case "convex":
+            vertices = np.asarray(shape["vertices"], dtype=float)
+            return vertices[sorted({i for face in _core.hull(vertices) for i in face})] @ turned.T, 0.0
         case _:
             start, edges = np.zeros(3), np.zeros((0, 3))
+    return _block(start, edges) @ turned.T, float(shape.get("radius", 0.0))
+
+
+def _block(start: Array, edges: Array) -> Array:
+    """Corners (2ᵈ, 3) of the block with edges (d, 3) from a corner (3,)."""
     bits = np.arange(2 ** len(edges))[:, None] >> np.arange(len(edges)) & 1
-    return (start + bits @ edges) @ turn.T, float(shape.get("radius", 0.0))
+    return np.asarray(start + bits @ edges)
 
 
 def core(shape: Mapping[str, Any], angle: float = 0.0) -> tuple[Array, float]:
@@ -106,32 +117,10 @@ def outline(corners: Array, radius: float, view: Array | None = None) -> Array:
     return rounded(flat, radius)
 
 
-def hull(points: Array) -> Array:
-    """Corners of the convex hull of points of the plane, anticlockwise."""
-    order = points[np.lexsort(points.T[::-1])]
-
-    def chain(along: Array) -> list[Array]:
-        found: list[Array] = []
-        for p in along:
-            while len(found) > 1 and _turn(found[-2], found[-1], p) <= 0.0:
-                found.pop()
-            found.append(p)
-        return found[:-1]
-
-    corners = [*chain(order), *chain(order[::-1])]
-    return np.array(corners) if corners else points[:1]
-
-
 def _area(corners: Array) -> float:
     """Twice the area of a polygon, positive where it is anticlockwise."""
     x, y = corners.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-
-
-def _turn(a: Array, b: Array, c: Array) -> float:
-    """Twice the area of a triangle, positive where it is anticlockwise."""
-    (ux, uy), (vx, vy) = b - a, c - a
-    return float(ux * vy - uy * vx)
 
 
 def rounded(corners: Array, radius: float) -> Array:
@@ -187,8 +176,24 @@ def nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     return np.take_along_axis(first, best, 0)[0], np.take_along_axis(second, best, 0)[0]
 
 
+def is_block(corners: Array) -> bool:
+    """Whether the core in space with these corners (·, 3) is a block, not only a hull."""
+    if len(corners) not in (1, 2, 4, 8):
+        return False
+    start, edges = edges_in_space(corners)
+    size = float(np.abs(edges).max(initial=0.0))
+    across = edges @ edges.T
+    right = np.abs(across - np.diag(np.diag(across))).max(initial=0.0) <= 1e-9 * size**2
+    return bool(right and np.abs(_block(start, edges) - corners).max() <= 1e-9 * size)
+
+
+def is_surface(corners: Array) -> bool:
+    """Whether these are the corners of a piece of a plane."""
+    return len(corners) == 4 and is_block(corners)
+
+
 def edges_in_space(corners: Array) -> tuple[Array, Array]:
-    """Start (…, 3) and edges (…, d, 3) of a core of `core_in_space`, of its corners (…, 2ᵈ, 3)."""
+    """Start (…, 3) and edges (…, d, 3) of a block, of its corners (…, 2ᵈ, 3)."""
     count = corners.shape[-2].bit_length() - 1
     start = corners[..., 0, :]
     edges = [corners[..., 1 << i, :] - start for i in range(count)]
@@ -196,11 +201,13 @@ def edges_in_space(corners: Array) -> tuple[Array, Array]:
 
 
 def nearest_in_space(a: Array, b: Array, corners: Array) -> tuple[Array, Array]:
-    """The points of segments ab (…, 3) and of cores (…, 2ᵈ, 3) that are nearest to each other.
+    """The points of segments ab (T, 3) and of cores (T, ·, 3) that are nearest to each other.
 
-    The distance is a convex function of the place on the segment, so that its least value is enclosed in an
-    interval that becomes shorter by a third at a time.
+    For a block the distance is a convex function of the place on the segment, so that its least value is
+    enclosed in an interval that becomes shorter by a third at a time.
     """
+    if not is_block(corners[0]):
+        return _nearest_of_hull(a, b, corners)
     start, edges = edges_in_space(corners)
     squares = np.maximum((edges**2).sum(-1), 1e-300)
 
@@ -226,10 +233,33 @@ def nearest_in_space(a: Array, b: Array, corners: Array) -> tuple[Array, Array]:
     return on_segment, onto(on_segment)
 
 
+def _nearest_of_hull(a: Array, b: Array, corners: Array) -> tuple[Array, Array]:
+    """The same for a hull: the nearest of its edges, or the foot of an end of the segment within a face."""
+    faces = _core.hull(corners[0])
+    sides = {(i, j) for ring in faces for i, j in zip(ring, [*ring[1:], ring[0]], strict=True) if i < j}
+    starts, ends = (corners[:, list(each)] for each in zip(*sorted(sides), strict=True))
+    on_segment, on_hull = nearest(a[:, None], b[:, None], starts, ends)
+    for ring in faces:
+        around = corners[:, ring]
+        sides_of = np.roll(around, -1, axis=1) - around
+        normal = np.cross(sides_of[:, 0], sides_of[:, 1])
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        for end in (a, b):
+            height = ((end - around[:, 0]) * normal).sum(-1)
+            foot = end - height[:, None] * normal
+            inward = np.cross(normal[:, None], sides_of)
+            within = (((foot[:, None] - around) * inward).sum(-1) >= 0.0).all(axis=-1) & (height >= 0.0)
+            place = np.where(within[:, None], foot, np.inf)
+            on_segment = np.concatenate([on_segment, np.broadcast_to(end, foot.shape)[:, None]], axis=1)
+            on_hull = np.concatenate([on_hull, place[:, None]], axis=1)
+    best = np.argmin(np.linalg.norm(on_segment - on_hull, axis=-1), axis=1)[:, None, None]
+    return np.take_along_axis(on_segment, best, 1)[:, 0], np.take_along_axis(on_hull, best, 1)[:, 0]
+
+
 def distance(place: Array, corners: Array, radius: float) -> float:
     """How far a place (2,) is from a body of the plane; negative inside."""
     away = min(float(np.linalg.norm(place - _onto(place, a, b))) for a, b in edges_of(corners))
-    sides = [_turn(a, b, place) for a, b in edges_of(corners)] if len(corners) > 2 else [-1.0, 1.0]
+    sides = [turn(a, b, place) for a, b in edges_of(corners)] if len(corners) > 2 else [-1.0, 1.0]
     within = all(side >= 0.0 for side in sides) or all(side <= 0.0 for side in sides)
     return (-away if within else away) - radius
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vffnull import _core
 from vffnull._arm import SpatialArm
 from vffnull._record import recorded
 from vffnull.errors import InputError
@@ -165,6 +166,8 @@ class Scene:
         Axes of the end effector's frame as columns, in space.
     base : (3,) ndarray, optional
         Where an arm in space stands [m], which need not be the origin of its first joint.
+    rotations : tuple of (T, D, D) ndarray or None, optional
+        How every obstacle is turned, compared with its core; None of one that does not turn.
     """
 
     t: Array
@@ -181,6 +184,7 @@ class Scene:
     solids: tuple[Part, ...] | None = None
     turns: Array | None = None
     base: Array | None = None
+    rotations: tuple[Array | None, ...] = ()
 
     @classmethod
     def of_result(cls, result: Result) -> Scene:
@@ -198,6 +202,7 @@ class Scene:
             reference=result.x_ref[:, :size],
             strength=result.force,
             sensed=result.sensed,
+            rotations=tuple(_core.rotations(each, size, result.t) for each in document.get("obstacles", [])),
         )
 
     @classmethod
@@ -267,6 +272,23 @@ class Scene:
         """Whether the reference goes anywhere."""
         return travels(self.reference)
 
+    def corners(self, index: int) -> Array:
+        """Corners of an obstacle's core, relative to its position (T, ·, D) [m].
+
+        Once only, (1, ·, D), of one that does not turn.
+        """
+        corners, _ = self.cores[index]
+        rotation = self.rotations[index] if self.rotations else None
+        return corners[None] if rotation is None else np.einsum("tij,kj->tki", rotation, corners)
+
+    def solid(self, index: int) -> Array:
+        """Corners of an obstacle's core (T, ·, D) [m]."""
+        return self.corners(index) + self.obstacles[:, index, None]
+
+    def stirs(self, index: int) -> bool:
+        """Whether an obstacle moves or turns."""
+        return travels(self.obstacles[:, index]) or len(self.corners(index)) > 1
+
     def pick(self, rows: Rows) -> Scene:
         """The scene at some of its instants."""
         return dataclasses.replace(
@@ -283,6 +305,7 @@ class Scene:
             if self.solids is None
             else tuple(Part(each.index, each.corners[rows], each.radius) for each in self.solids),
             turns=None if self.turns is None else self.turns[rows],
+            rotations=tuple(None if each is None else each[rows] for each in self.rotations),
         )
 
     @cached_property
@@ -300,8 +323,8 @@ class Scene:
         a, b = self.joints[:, :-1], self.joints[:, 1:]
         points, directions = a.copy(), np.zeros_like(a)
         least = np.full(a.shape[:2], np.inf)
-        for index, (corners, radius) in enumerate(self.cores):
-            for c, d in geometry.edges_of(corners + self.obstacles[:, index, None]):
+        for index, (_, radius) in enumerate(self.cores):
+            for c, d in geometry.edges_of(self.solid(index)):
                 on_link, on_obstacle = geometry.nearest(a, b, c[:, None], d[:, None])
                 away = on_link - on_obstacle
                 distance = np.linalg.norm(away, axis=-1)
@@ -319,8 +342,8 @@ class Scene:
         for part in (each for each in self.parts if each.index >= 0):
             i = part.index
             ends = part.corners if part.corners.shape[1] <= 2 else part.corners.mean(axis=1, keepdims=True)
-            for index, (corners, radius) in enumerate(self.cores):
-                core = corners + self.obstacles[:, index, None]
+            for index, (_, radius) in enumerate(self.cores):
+                core = self.solid(index)
                 on_link, on_obstacle = geometry.nearest_in_space(ends[:, 0], ends[:, -1], core)
                 away = on_link - on_obstacle
                 distance = np.linalg.norm(away, axis=-1)
@@ -336,14 +359,18 @@ class Scene:
         """Everything that there is at one instant, or what has one of some roles, in the order of `ROLES`."""
         return [each for role in ROLES if only is None or role in only for each in self._parts(role, row)]
 
+    def _solid_at(self, index: int, row: int) -> Array:
+        corners = self.corners(index)
+        return np.asarray(corners[row if len(corners) > 1 else 0] + self.obstacles[row, index])
+
     def _parts(self, role: Role, row: int) -> Iterator[Primitive]:
         match role:
             case "influence" if self.influence > 0.0:
-                for index, (corners, radius) in enumerate(self.cores):
-                    yield Body(role, index, corners + self.obstacles[row, index], radius + self.influence)
+                for index, (_, radius) in enumerate(self.cores):
+                    yield Body(role, index, self._solid_at(index, row), radius + self.influence)
             case "obstacle":
-                for index, (corners, radius) in enumerate(self.cores):
-                    yield Body(role, index, corners + self.obstacles[row, index], radius)
+                for index, (_, radius) in enumerate(self.cores):
+                    yield Body(role, index, self._solid_at(index, row), radius)
             case "base" if self.dimension == 3:
                 for part in self.parts:
                     if part.index < 0:
@@ -402,6 +429,9 @@ class Scene:
         reach = 0.35 * float((high - low).max())
         inner = low, high
         for index, (corners, radius) in enumerate(self.cores):
+            if len(self.corners(index)) > 1:  # as far as it reaches on its way round
+                reaches = float(np.linalg.norm(corners, axis=1).max())
+                corners, radius = np.zeros((1, self.dimension)), radius + reaches
             points = geometry.outline(corners, radius, view)
             ring = geometry.outline(corners, radius + self.influence, view)
             place = geometry.seen(self.obstacles[:, index], view)

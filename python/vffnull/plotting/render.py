@@ -1,8 +1,8 @@
 """Bodies in space as a picture: one ray per dot along the view, and what it meets first.
 
-Balls, rods with round ends, boxes and pieces of planes are met exactly, so that everything covers what is
-behind it and nothing is made of facets. There is no perspective: parallel stays parallel, and a metre is as
-long at the back as in front.
+Balls, rods with round ends, boxes, convex hulls and pieces of planes are met exactly, so that everything
+covers what is behind it and nothing is made of facets. There is no perspective: parallel stays parallel, and
+a metre is as long at the back as in front.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from vffnull import _core
 from vffnull.plotting import geometry
 
 Array = NDArray[np.float64]
@@ -182,6 +183,9 @@ def _surfaces(corners: Array, radius: float, x: Array, y: Array) -> Iterator[tup
     if len(corners) <= 2:
         yield _rod(corners, radius, x, y), partial(_off_the_axis, corners, radius)
         return
+    if not geometry.is_block(corners):
+        yield from _hull(corners, x, y)
+        return
     start, edges = geometry.edges_in_space(corners)
     pairs = [(0, 1)] if len(edges) == 2 else [(0, 1), (1, 2), (0, 2)]
     for i, j in pairs:
@@ -228,6 +232,22 @@ def _face(base: Array, e: Array, f: Array, x: Array, y: Array) -> Array:
     u, v = (dx * f[1] - dy * f[0]) / across, (e[0] * dy - e[1] * dx) / across
     inside = (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
     return np.where(inside, base[2] + u * e[2] + v * f[2], -np.inf)
+
+
+def _hull(corners: Array, x: Array, y: Array) -> Iterator[tuple[Array, Normals]]:
+    """The depth of every face of a hull that is seen, −∞ beside it, and its normals."""
+    for ring in _core.hull(corners):
+        around = corners[ring]
+        sides = np.roll(around, -1, axis=0) - around
+        out = np.cross(sides[0], sides[1])
+        out /= np.linalg.norm(out)
+        if out[2] < 1e-12:
+            continue  # seen from behind, or from its edge
+        depth = around[0, 2] - (out[0] * (x - around[0, 0]) + out[1] * (y - around[0, 1])) / out[2]
+        for corner, side in zip(around, sides, strict=True):
+            left = side[0] * (y - corner[1]) - side[1] * (x - corner[0])
+            depth = np.where(left >= 0.0, depth, -np.inf)
+        yield depth, partial(_everywhere, out)
 
 
 def _everywhere(normal: Array, x: Array, _y: Array, _depth: Array) -> Array:

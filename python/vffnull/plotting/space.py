@@ -50,7 +50,7 @@ def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) 
     roles: tuple[Role, ...] = ("obstacle", "base", "link", "tool")
     for each in scene.at(row, roles if tool else roles[:-1]):
         match each:
-            case Body(role="obstacle", corners=corners, radius=radius) if len(corners) == 4 and radius == 0.0:
+            case Body(role="obstacle", corners=corners, radius=radius) if geometry.is_surface(corners):
                 surfaces.append(Solid(corners, radius, np.array(to_rgb(COLOURS["obstacle"]))))
             case Body(role="obstacle", corners=corners, radius=radius):
                 found = _cut(corners, radius, box)
@@ -82,7 +82,7 @@ def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Lay
             assert isinstance(each, Body)
             if each.role == "link":
                 solids.append(Solid(each.corners, each.radius, _tint(colour, 0.25)))
-            elif travels(scene.obstacles[:, each.index]):
+            elif scene.stirs(each.index):
                 part = _cut(each.corners, each.radius, box)
                 solids += [] if part is None else [Solid(part, each.radius, _tint(COLOURS["obstacle"], 0.3))]
         found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
@@ -114,9 +114,9 @@ def bounds(scene: Scene) -> tuple[Array, Array]:
     )
     inner, reach = (low.copy(), high.copy()), 0.3 * float((high - low).max())
     for index, (corners, radius) in enumerate(scene.cores):
-        if len(corners) == 4:
+        if geometry.is_surface(corners):
             continue  # a surface has no end
-        places = scene.obstacles[:, index, None] + corners
+        places = scene.solid(index)
         starts, ends = places.min(axis=1) - radius, places.max(axis=1) + radius
         near = np.all((ends > inner[0] - 0.5 * reach) & (starts < inner[1] + 0.5 * reach), axis=1)
         if near.any():
@@ -128,7 +128,7 @@ def bounds(scene: Scene) -> tuple[Array, Array]:
         below = [
             float(corners[:, 2].mean() + scene.obstacles[0, index, 2])
             for index, (corners, _) in enumerate(scene.cores)
-            if len(corners) == 4
+            if geometry.is_surface(corners)
         ]
         low[2] = min([floor, *(z for z in below if floor - 0.15 * scene.reach < z)])
     return low, high
@@ -248,9 +248,11 @@ def _cut(corners: Array, radius: float, box: tuple[Array, Array]) -> Array | Non
         ends = np.where(np.isnan(ends), [[-np.inf], [np.inf]], ends)
         first, last = max(0.0, float(ends.min(axis=0).max())), min(1.0, float(ends.max(axis=0).min()))
         return a + np.array([[first], [last]]) * along if first < last else corners
+    if len(corners) != 8 or not geometry.is_block(corners):
+        return corners
     _, edges = geometry.edges_in_space(corners)
     straight = (np.abs(edges) > 1e-9).sum(axis=1) <= 1
-    return np.clip(corners, low, high) if len(corners) == 8 and straight.all() else corners
+    return np.clip(corners, low, high) if straight.all() else corners
 
 
 def key(scene: Scene) -> list[Line2D]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vffnull.plotting import canvas, space, style
-from vffnull.plotting.primitives import Marks, Scene, travels
+from vffnull.plotting.primitives import Marks, Scene
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -87,7 +87,7 @@ def draw(ax: Axes, scene: Scene, rows: list[Any], colours: list[Any]) -> None:
     """The arm and the obstacles at some instants, each in its colour; what never moves is drawn once."""
     for index, body in enumerate(scene.at(0, ["obstacle"])):
         places = scene.obstacles[:, index]
-        if travels(places):
+        if scene.stirs(index):
             canvas.path(ax, places)
             for row, colour in zip(rows, colours, strict=True):
                 there = scene.at(row, ["obstacle"])[index]

@@ -36,13 +36,11 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
         "target": _place(scene.reference),
         "obstacles": _place(scene.obstacles),
         "outlines": [
-            _packed(np.zeros((0, 2)) if _is_part(scene, *core) else geometry.outline(*core))
-            for core in scene.cores
+            _packed(np.zeros((0, 2))) if _is_part(scene, *core) else _outline(scene, i)
+            for i, core in enumerate(scene.cores)
         ],
         "halos": [
-            _packed(geometry.outline(corners, radius + scene.influence))
-            for corners, radius in scene.cores
-            if scene.influence > 0.0
+            _outline(scene, i, scene.influence) for i in range(len(scene.cores)) if scene.influence > 0.0
         ],
         "points": _place(points),
         "forces": _place(forces),
@@ -60,6 +58,13 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
     }
 
 
+def _outline(scene: Scene, index: int, around: float = 0.0) -> str | list[str]:
+    """What is so near an obstacle [m], relative to its position; of one that turns, one at every instant."""
+    radius = scene.cores[index][1] + around
+    found = [_packed(geometry.outline(corners, radius)) for corners in scene.corners(index)]
+    return found if len(found) > 1 else found[0]
+
+
 def _parts(scene: Scene, colours: list[str]) -> Iterator[dict[str, Any]]:
     """Balls and rods in space, of the arm and of the obstacles: the nearest has to be drawn last."""
     if scene.dimension == 2:
@@ -69,7 +74,7 @@ def _parts(scene: Scene, colours: list[str]) -> Iterator[dict[str, Any]]:
         yield _rod(part.corners, part.radius, colour)
     for index, (corners, radius) in enumerate(scene.cores):
         if _is_part(scene, corners, radius):
-            yield _rod(corners + scene.obstacles[:, index, None], radius, _OBSTACLE)
+            yield _rod(scene.solid(index), radius, _OBSTACLE)
 
 
 def _is_part(scene: Scene, corners: NDArray[Any], _radius: float) -> bool:

@@ -6,8 +6,10 @@
 
   const runs = JSON.parse($("motion").textContent).map(run => {
     for (const name of ["t", "joints", "tip", "target", "obstacles", "points", "forces"]) run[name] = unpack(run[name]);
-    run.outlines = run.outlines.map(unpack);
-    run.halos = run.halos.map(unpack);
+    // Of an obstacle that turns there is one at every instant.
+    const outline = one => Array.isArray(one) ? one.map(unpack) : unpack(one);
+    run.outlines = run.outlines.map(outline);
+    run.halos = run.halos.map(outline);
     for (const part of run.parts) { part.ends = unpack(part.ends); part.depth = unpack(part.depth); }
     for (const name in run.now) run.now[name] = unpack(run.now[name]);
     return run;
@@ -28,9 +30,10 @@
 
   const evens = (flat, from, to) => Array.from({ length: (to - from) / 2 }, (_, i) => flat[from + 2 * i]);
   const split = (flat, from, to) => ({ x: evens(flat, from, to), y: evens(flat, from + 1, to + 1) });
-  const moved = (outlines, places, from) => {
-    const xs = [], ys = [];
-    outlines.forEach((points, k) => {
+  const moved = (outlines, places, row, count) => {
+    const xs = [], ys = [], from = row * count * 2;
+    outlines.forEach((outline, k) => {
+      const points = Array.isArray(outline) ? outline[row] : outline;
       const { x, y } = split(points, 0, points.length);
       xs.push(x.map(v => v + places[from + 2 * k]));
       ys.push(y.map(v => v + places[from + 2 * k + 1]));
@@ -57,8 +60,8 @@
     if (flat) set("joints", { x, y });
     const pair = (values, i) => [values[i], values[i + 1]], each = [...run.radii.keys()];
     if (flat) set("links", { xs: each.map(i => pair(x, i)), ys: each.map(i => pair(y, i)), colour: run.colours });
-    set("solids", moved(run.outlines, run.obstacles, row * k * 2));
-    set("halos", moved(run.halos, run.obstacles, row * k * 2));
+    set("solids", moved(run.outlines, run.obstacles, row, k));
+    set("halos", moved(run.halos, run.obstacles, row, k));
     set("target", split(run.target, row * 2, row * 2 + 2));
     set("trail", split(run.tip, 0, row * 2 + 2));
     const bodies = { xs: [], ys: [], colour: [] };

@@ -12,6 +12,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from vffnull import _core
 from vffnull.plotting import geometry, primitives
 from vffnull.plotting.primitives import Arrow, Body
 from vffnull.scenario import Scenario
@@ -112,6 +113,7 @@ class Scene:
         self._obstacles: list[viser.MeshHandle] = []
         self._halos: list[viser.MeshHandle] = []
         self._shapes: list[tuple[Array, float]] = []
+        self._given: list[Mapping[str, Any]] = []
         self._memory: deque[tuple[Array, Array]] = deque(maxlen=MEMORY)
         self._held: dict[int, Held] = {}
         self._made = 0
@@ -130,6 +132,7 @@ class Scene:
         name = f"/obstacle-{self._made}"
         handle = self._plate(name, geometry.outline(*shape), OBSTACLE, self._at("obstacle"))
         self._shapes.append(shape)
+        self._given.append(obstacle)
         self._obstacles.append(handle)
         self._halos.append(self._add_halo(f"{name}-halo", shape))
         self._memory.clear()
@@ -149,6 +152,7 @@ class Scene:
         for handles in (self._obstacles, self._halos):
             handles.pop(index).remove()
         self._shapes.pop(index)
+        self._given.pop(index)
         self._memory.clear()
         self._held.clear()
         self._forget(index)
@@ -249,6 +253,11 @@ class Scene:
         for handle, halo, place in zip(self._obstacles, self._halos, scene.obstacles[0], strict=False):
             handle.position = (*place, self._at("obstacle"))
             halo.position = (*place, self._at("halo"))
+        for handle, halo, given in zip(self._obstacles, self._halos, self._given, strict=True):
+            rotation = _core.rotations(given, 2, [state["t"]])
+            if rotation is not None:
+                half = 0.5 * float(np.arctan2(rotation[0, 1, 0], rotation[0, 0, 0]))
+                handle.wxyz = halo.wxyz = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
         self._target.position = (*scene.reference[0], self._at("target"))
         self._tip.position = (*scene.tip[0], self._at("tip"))
         self._memory.append((scene.reference[0], scene.obstacles[0]))

@@ -499,6 +499,7 @@ mod tests {
             shape: Shape::Circle { radius: 0.2 },
             position: [near.x + x, near.y + y],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::Linear { velocity },
         };
         let mut world = World::new(vec![disc(0.5, 0.6, [-1.0, -0.4]), disc(-0.7, 0.2, [0.0, 0.0])]);

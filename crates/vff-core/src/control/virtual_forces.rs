@@ -332,6 +332,7 @@ mod tests {
             witness: normal * -0.3,
             velocity: normal,
             acceleration: Vector::<2>::zeros(),
+            spin: crate::world::Spin::NONE,
             feature: Feature::End { distance: 0.3 },
         };
         let mut forces = VirtualForces::new(4, 4);

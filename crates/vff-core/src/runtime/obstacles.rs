@@ -2,7 +2,7 @@
 
 use crate::scenario::{self, ScenarioError};
 use crate::simulation::{Plane, Space};
-use crate::world::{plane, space};
+use crate::world::{Description, plane, space};
 use toml::Table;
 
 /// Obstacles in any space: the list of all that there are.
@@ -31,6 +31,15 @@ impl AnyObstacles {
         Ok(())
     }
 
+    /// How the first one is turned at these instants \[s\], compared with its description: one matrix after the other, row by
+    /// row. None if it does not turn.
+    pub fn rotations(&self, times: &[f64]) -> Option<Vec<f64>> {
+        match self {
+            Self::Plane(obstacles) => rotations(obstacles.first()?, times),
+            Self::Space(obstacles) => rotations(obstacles.first()?, times),
+        }
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         match self {
@@ -43,4 +52,10 @@ impl AnyObstacles {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
+
+fn rotations<const D: usize>(obstacle: &impl Description<D>, times: &[f64]) -> Option<Vec<f64>> {
+    let turning = obstacle.turning()?;
+    let rows = |t: &f64| turning.at(*t).rotation.transpose().as_slice().to_vec();
+    Some(times.iter().flat_map(rows).collect())
 }

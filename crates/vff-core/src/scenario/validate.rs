@@ -13,7 +13,7 @@ use crate::control::{
     Avoidance, Formulation, SelfCollision, Settings, TaskKind, Yielding, extended_jacobian,
 };
 use crate::field::{Field, FieldKind};
-use crate::math::memory;
+use crate::math::{UnitQuaternion, memory};
 use crate::robot::Limits;
 use crate::simulation::{
     ActuatorSettings, Control, Measurement, MeasurementSettings, Options, Perception,
@@ -21,6 +21,7 @@ use crate::simulation::{
 };
 use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
+use std::fmt::Debug;
 use toml::Value;
 
 type Validated = Result<(), ScenarioError>;
@@ -396,13 +397,51 @@ pub fn motion_from<const D: usize>(motion: &Motion<D>, position: [f64; D]) -> Va
     }
 }
 
+/// What turns an obstacle that stands like `first` at the start: its angular velocity, or rotations at way points, of which
+/// it has those of the space that it is in.
+pub fn turning<R: PartialEq + Debug>(
+    spins: bool,
+    path: &str,
+    rotations: &[R],
+    first: &R,
+) -> Validated {
+    match rotations.first() {
+        Some(_) if spins => {
+            let problem = format!("absent beside `motion.{path}`, which say how it turns");
+            Err(ScenarioError::new(
+                "angular_velocity",
+                Problem::Other(format!("must be {problem}")),
+            ))
+        }
+        Some(given) if given != first => {
+            let requirement = format!("that of the obstacle, {first:?}");
+            Err(ScenarioError::out_of_range(format!("motion.{path}[0]"), &requirement, given))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The motion of an obstacle.
 pub fn motion<const D: usize>(motion: &Motion<D>) -> Validated {
-    let Motion::Waypoints { times, points } = motion else { return Ok(()) };
+    let Motion::Waypoints { times, points, angles, orientations } = motion else { return Ok(()) };
     if times.is_empty() {
         return Err(ScenarioError::out_of_range("times", "at least one instant", times));
     }
     length("points", points.len(), times.len())?;
+    for (path, count, dimension, other) in [
+        ("angles", angles.len(), 2, "the plane; in space they are `orientations`"),
+        ("orientations", orientations.len(), 3, "space; in the plane they are `angles`"),
+    ] {
+        if count > 0 && dimension != D {
+            return Err(ScenarioError::new(path, Problem::Other(format!("belong to {other}"))));
+        }
+        if count > 0 {
+            length(path, count, times.len())?;
+        }
+    }
+    for (i, orientation) in orientations.iter().enumerate() {
+        self::orientation(&format!("orientations[{i}]"), orientation)?;
+    }
     let speed =
         |i: usize, axis: usize| (points[i][axis] - points[i - 1][axis]) / (times[i] - times[i - 1]);
     for i in 1..times.len() {
@@ -413,6 +452,13 @@ pub fn motion<const D: usize>(motion: &Motion<D>) -> Validated {
         }
     }
     Ok(())
+}
+
+/// A rotation in space.
+pub fn orientation(path: &str, quaternion: &[f64; 4]) -> Validated {
+    UnitQuaternion::new(*quaternion)
+        .map(drop)
+        .map_err(|error| ScenarioError::new(path, Problem::Other(error.to_string())))
 }
 
 /// Whether two points are the same to the last digit, as copied numbers are.

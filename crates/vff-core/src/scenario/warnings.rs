@@ -4,7 +4,7 @@ use super::Scenario;
 use super::scene::ObstacleOf;
 use crate::control::Settings;
 use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
-use crate::world::{Description, World};
+use crate::world::{World, top_speed};
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant \[rad\].
@@ -80,7 +80,7 @@ impl Scenario {
         }
         let controller = closed_loop.controller();
         let h = self.simulation.control_period();
-        let speed = obstacles.iter().map(|o| o.motion().top_speed()).fold(0.0, f64::max);
+        let speed = obstacles.iter().map(top_speed::<S::Solid, D>).fold(0.0, f64::max);
         let now = controller.stable_period(&mut World::<S::Solid, D>::new(obstacles.to_vec()));
         let (worst, when) = match controller.stable_period_against(speed) {
             coming if speed > 0.0 && coming.period < now.period => {

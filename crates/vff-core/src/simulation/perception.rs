@@ -4,7 +4,7 @@ use super::measurement::rounded;
 use crate::math::{Body, Capsule, Noise, Vector, cross, perp};
 use crate::robot::Robot;
 use crate::world::plane::{Outline, World};
-use crate::world::{self, CollisionQuery, Contact, Feature, Positions, Solid};
+use crate::world::{self, CollisionQuery, Contact, Feature, Positions, Solid, Spin};
 use serde::Deserialize;
 
 /// The `[perception]` table of a scenario.
@@ -314,6 +314,7 @@ fn touch(index: usize, body: &Body<2>, side: usize, witness: Vector<2>) -> Conta
         witness,
         velocity: Vector::zeros(),
         acceleration: Vector::zeros(),
+        spin: Spin::NONE,
         feature: if inside {
             Feature::Side { distance: gap }
         } else {
@@ -345,6 +346,7 @@ mod tests {
             shape: Shape::Box { size: [10.0, 1.0] },
             position: [0.0, 2.5],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.0, speed] },
         }])
     }
@@ -447,6 +449,7 @@ mod tests {
             shape: Shape::Circle { radius: 0.2 },
             position: [0.5, y],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::default(),
         };
         let world = World::new(vec![disc(1.0), disc(-0.7)]);

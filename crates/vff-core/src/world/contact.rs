@@ -1,5 +1,6 @@
 //! The nearest pair of points between a body of the robot and an obstacle.
 
+use super::Spin;
 use crate::math::Vector;
 
 /// Where a body of the robot and an obstacle come nearest, in the world frame.
@@ -26,6 +27,8 @@ pub struct Contact<const D: usize> {
     pub velocity: Vector<D>,
     /// Acceleration of the obstacle at the witness \[m/s²\].
     pub acceleration: Vector<D>,
+    /// How the obstacle turns.
+    pub spin: Spin<D>,
     /// What meets what: how the normal turns when the two move.
     pub feature: Feature<D>,
 }

@@ -44,8 +44,7 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
         let span = 1e-2;
         let valid = [0.0, span];
         let [fixed, moving] = [true, false].map(|is_static| {
-            let of_this_kind =
-                |&j: &usize| obstacles[j].description.motion().is_static() == is_static;
+            let of_this_kind = |&j: &usize| obstacles[j].is_static == is_static;
             Tree::new((0..obstacles.len()).filter(of_this_kind).collect(), obstacles, valid)
         });
         Self {
@@ -150,7 +149,7 @@ fn box_of<S: Solid<D>, const D: usize>(
 ) -> [Vector<D>; 2] {
     let description = &obstacle.description;
     let [low, high] = description.motion().extent(t0, t1, description.position());
-    let [rear, front] = obstacle.solid.extent();
+    let [rear, front] = obstacle.extent();
     let (low, high) = (low + rear, high + front);
     let one = Vector::repeat(1.0);
     let size = [low, high, rear, front].iter().fold(one, |a, b| a + b.abs());
@@ -205,18 +204,19 @@ pub(super) mod tests {
     use super::*;
     use crate::math::{Body, Capsule, ThirdOrderFilter};
     use crate::world::plane::{Obstacle, Outline, Shape};
-    use crate::world::{CollisionQuery, Motion, World};
+    use crate::world::{CollisionQuery, Motion, Named, World};
     use proptest::prelude::*;
 
     /// The same obstacles, all of them measured for every link.
     fn plain<S: Solid<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
-        World { crowd: None, ..World::new(obstacles.to_vec()) }
+        let world = World::new(obstacles.to_vec());
+        World { named: Named::each(&world.obstacles, vec![]), ..world }
     }
 
     /// The same obstacles in a hierarchy, however few they are.
     fn crowded<S: Solid<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
         let world = plain(obstacles);
-        World { crowd: Some(Crowd::new(&world.obstacles)), ..world }
+        World { named: Named::Crowd(Box::new(Crowd::new(&world.obstacles))), ..world }
     }
 
     /// Everything that the world tells, to the last bit (the text of a number is unique).
@@ -255,12 +255,14 @@ pub(super) mod tests {
             );
             for j in 0..plain.len() {
                 let text = |w: &World<S, D>| {
-                    format!("{} {} {}", w.position(j), w.velocity(j), w.acceleration(j))
+                    let turn = w.turn_at(j, t);
+                    format!("{} {} {} {turn:?}", w.position(j), w.velocity(j), w.acceleration(j))
                 };
                 assert_eq!(text(&crowded), text(&plain));
             }
         }
-        crowded.crowd.unwrap().renewals
+        let Named::Crowd(crowd) = crowded.named else { panic!("no crowd") };
+        crowd.renewals
     }
 
     /// Small steps and great leaps, there and back.
@@ -316,20 +318,30 @@ pub(super) mod tests {
             (point(2.0), -9.0..9.0, scale(), -9.0..9.0).prop_map(|(amplitude, omega, s, phase)| {
                 Motion::Sinusoid { amplitude, angular_frequency: s * omega, phase }
             }),
-            prop::collection::vec(point(5.0), 4).prop_map(|points| Motion::Waypoints {
-                times: vec![-1.0, 0.5, 0.501, 3.0],
-                points
-            }),
+            prop::collection::vec(point(5.0), 4)
+                .prop_map(|points| Motion::waypoints(vec![-1.0, 0.5, 0.501, 3.0], points)),
             [vector(), vector()].prop_map(|[from, to]| {
                 Motion::Carried(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
             }),
         ]
     }
 
+    /// Of turning; half of them do not.
+    pub fn rate() -> impl Strategy<Value = f64> {
+        prop_oneof![Just(0.0), -9.0..9.0]
+    }
+
     fn obstacle() -> impl Strategy<Value = Obstacle> {
-        (shape(), point(5.0), -4.0..4.0, motion()).prop_map(|(shape, position, angle, motion)| {
-            Obstacle { shape, position, angle, motion }
-        })
+        (shape(), point(5.0), [-4.0..4.0, -4.0..4.0], motion(), rate()).prop_map(
+            |(shape, position, [angle, other], mut motion, angular_velocity)| {
+                if let Motion::Waypoints { angles, .. } = &mut motion
+                    && other > 0.0
+                {
+                    *angles = vec![angle, angle - other, other, angle];
+                }
+                Obstacle { shape, position, angle, angular_velocity, motion }
+            },
+        )
     }
 
     fn link() -> impl Strategy<Value = Capsule<2>> {
@@ -378,7 +390,13 @@ pub(super) mod tests {
                     _ => Motion::Sinusoid { amplitude: [1.0, x], angular_frequency: y, phase: x },
                 };
                 let shape = Shape::Circle { radius: 0.1 };
-                Obstacle { shape, position: [x - 10.0, y - 10.0], angle: 0.0, motion }
+                Obstacle {
+                    shape,
+                    position: [x - 10.0, y - 10.0],
+                    angle: 0.0,
+                    angular_velocity: 0.0,
+                    motion,
+                }
             })
             .collect();
         let links = |t: f64| {
@@ -396,6 +414,7 @@ pub(super) mod tests {
             shape: Shape::Circle { radius: 0.1 },
             position: [x, 0.0],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [1.0, 0.0] },
         };
         let obstacles: Vec<_> = (0..50).map(|j| disc(f64::from(j))).collect();

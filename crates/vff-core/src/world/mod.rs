@@ -18,15 +18,18 @@ pub mod plane;
 mod query;
 mod solid;
 pub mod space;
+mod turning;
 
 pub use contact::{Contact, Feature, Pair};
 pub use crowd::HORIZON;
 pub use motion::{Motion, MotionState};
 pub use query::{CollisionQuery, Positions};
-pub use solid::{Description, Hierarchy, Solid};
+pub use solid::{Description, Hierarchy, Solid, top_speed};
+pub use turning::{Rotation, Spin, Turn, Turning};
 
 use crate::math::{ThirdOrderFilter, Vector};
 use crowd::Crowd;
+use std::mem::take;
 
 /// Separations up to this \[m\] count as touching: the difference of two points that near is
 /// mostly rounding and has no direction, whereas a separating axis always has one.
@@ -45,8 +48,20 @@ pub struct World<S: Solid<D>, const D: usize> {
     barriers: usize,
     /// The present instant \[s\].
     time: f64,
-    /// Which obstacles may be near, where they are too many to ask each.
-    crowd: Option<Crowd<S, D>>,
+    /// Which obstacles are asked, where these are not simply all of them, none of which turns.
+    named: Named<S, D>,
+}
+
+/// How it is known which obstacles are asked.
+#[derive(Debug, Clone, Default)]
+enum Named<S: Solid<D>, const D: usize> {
+    /// All of them; none turns.
+    #[default]
+    All,
+    /// All of them, and some turn. They are numbered here.
+    Turning(Vec<usize>),
+    /// Those that may be near, where they are too many to ask each.
+    Crowd(Box<Crowd<S, D>>),
 }
 
 /// An obstacle with what is computed once (`solid`) and when it is needed (`state`).
@@ -57,14 +72,29 @@ struct Placed<S: Solid<D>, const D: usize> {
     state: MotionState<D>,
     /// The instant that the state belongs to \[s\]; any, if the obstacle is static.
     time: f64,
+    /// Whether it neither moves nor turns.
+    is_static: bool,
+    /// How it turns, if it does.
+    turned: Option<Box<Turned<D>>>,
+}
+
+/// How an obstacle turns, and how it is turned at the instant of its state.
+#[derive(Debug, Clone)]
+struct Turned<const D: usize> {
+    turning: Turning<D>,
+    now: Turn<D>,
 }
 
 impl<S: Solid<D>, const D: usize> Placed<S, D> {
     fn new(description: S::Obstacle) -> Self {
+        let turned =
+            description.turning().map(|turning| Box::new(Turned { now: turning.at(0.0), turning }));
         Self {
             solid: S::new(&description),
             state: description.motion().at(0.0, description.position()),
             time: 0.0,
+            is_static: description.motion().is_static() && turned.is_none(),
+            turned,
             description,
         }
     }
@@ -72,7 +102,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     /// Whether the state is that at time `t` \[s\]. Compared as bits: only the very same instant is.
     #[inline]
     fn is_at(&self, t: f64) -> bool {
-        self.time.to_bits() == t.to_bits() || self.description.motion().is_static()
+        self.time.to_bits() == t.to_bits() || self.is_static
     }
 
     /// The state at time `t` \[s\].
@@ -86,7 +116,23 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     fn move_to(&mut self, t: f64) {
         if !self.is_at(t) {
             (self.state, self.time) = (self.moved_to(t), t);
+            if let Some(turned) = &mut self.turned {
+                turned.now = turned.turning.at(t);
+            }
         }
+    }
+
+    /// How it is turned at time `t` \[s\]; none if it does not turn.
+    #[inline]
+    fn turn_at(&self, t: f64) -> Option<Turn<D>> {
+        let turned = self.turned.as_ref()?;
+        Some(if self.is_at(t) { turned.now } else { turned.turning.at(t) })
+    }
+
+    /// How it is turned at the instant of its state.
+    #[inline]
+    fn turn(&self) -> Option<&Turn<D>> {
+        self.turned.as_ref().map(|turned| &turned.now)
     }
 
     #[inline(never)]
@@ -97,7 +143,72 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     /// The distance between the surfaces of obstacle and link \[m\], bit for bit that of their contact.
     #[inline(always)]
     fn distance(&self, link: &S::Probe) -> f64 {
-        self.solid.distance(link, &self.state.position)
+        let position = &self.state.position;
+        match self.turn() {
+            None => self.solid.distance(link, position),
+            Some(turn) => self.solid.distance(&Self::seen(link, position, turn), &Vector::zeros()),
+        }
+    }
+
+    /// A body as the obstacle sees it that is at this position and turned so.
+    #[inline]
+    fn seen(link: &S::Probe, position: &Vector<D>, turn: &Turn<D>) -> S::Probe {
+        S::probe(&turn.see(&S::body(link), position))
+    }
+
+    /// Their contact, were the obstacle in this state and turned so.
+    #[inline]
+    fn contact(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+    ) -> Contact<D> {
+        let Some(turn) = turn else { return self.solid.contact(pair, link, state) };
+        let seen = Self::seen(link, &state.position, turn);
+        let found = self.solid.contact(pair, &seen, &MotionState::at_rest(Vector::zeros()));
+        turn.place(&found, state)
+    }
+
+    /// All distances that must be kept so that `contact` is, which is that of this pair at the instant of the state.
+    #[inline]
+    fn for_each_barrier(
+        &self,
+        contact: &Contact<D>,
+        link: &S::Probe,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let Self { solid, state, .. } = self;
+        let Some(turn) = self.turn() else {
+            return solid.for_each_barrier(contact, link, state, visit);
+        };
+        let (seen, rest) =
+            (Self::seen(link, &state.position, turn), MotionState::at_rest(Vector::zeros()));
+        let found = solid.contact(contact.pair(), &seen, &rest);
+        solid.for_each_barrier(&found, &seen, &rest, |row| visit(&turn.place(row, state)));
+    }
+
+    /// Opposite corners of a box that holds it however it is turned, relative to its position \[m\].
+    fn extent(&self) -> [Vector<D>; 2] {
+        if self.turned.is_some() {
+            let reach = Vector::repeat(self.solid.reach());
+            [-reach, reach]
+        } else {
+            self.solid.extent()
+        }
+    }
+}
+
+impl<S: Solid<D>, const D: usize> Named<S, D> {
+    /// All of these, with `room` for their numbers.
+    fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
+        if obstacles.iter().all(|obstacle| obstacle.turned.is_none()) {
+            return Self::All;
+        }
+        room.clear();
+        room.extend(0..obstacles.len());
+        Self::Turning(room)
     }
 }
 
@@ -112,11 +223,14 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// them mean nothing.
     pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(Placed::new).collect();
-        let moves = |&j: &usize| !obstacles[j].description.motion().is_static();
-        let moving = (0..obstacles.len()).filter(moves).collect();
-        let crowd = (obstacles.len() >= crowd::LEAST).then(|| Crowd::new(&obstacles));
+        let moving = (0..obstacles.len()).filter(|&j| !obstacles[j].is_static).collect();
+        let named = if obstacles.len() >= crowd::LEAST {
+            Named::Crowd(Box::new(Crowd::new(&obstacles)))
+        } else {
+            Named::each(&obstacles, vec![])
+        };
         let barriers = barriers_of(&obstacles);
-        Self { obstacles, moving, barriers, time: 0.0, crowd }
+        Self { obstacles, moving, barriers, time: 0.0, named }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
@@ -137,9 +251,9 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         if t.to_bits() == self.time.to_bits() {
             return;
         }
-        match &mut self.crowd {
-            Some(crowd) => crowd.update(&self.obstacles, self.time, t),
-            None => self.moving.iter().for_each(|&j| self.obstacles[j].move_to(t)),
+        match &mut self.named {
+            Named::Crowd(crowd) => crowd.update(&self.obstacles, self.time, t),
+            _ => self.moving.iter().for_each(|&j| self.obstacles[j].move_to(t)),
         }
         self.time = t;
     }
@@ -165,8 +279,13 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.obstacles[j].state_at(t).position
     }
 
+    /// How obstacle `j` is turned at time `t` \[s\], compared with its description; none if it does not turn.
+    pub fn turn_at(&self, j: usize, t: f64) -> Option<Turn<D>> {
+        self.obstacles[j].turn_at(t)
+    }
+
     /// Lets go of the motion of obstacle `j` and carries it to `goal` \[m\] from now on, smoothly, with
-    /// the pole `rate` \[1/s\].
+    /// the pole `rate` \[1/s\]. It turns as before.
     ///
     /// Drags change a motion at any time, which the hierarchy of a crowd is not made for: from
     /// then on every obstacle is asked.
@@ -176,6 +295,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         let now = [position, velocity, acceleration];
         let filter = ThirdOrderFilter::new(self.time, now, goal, rate);
         obstacle.description.set_motion(Motion::Carried(filter));
+        obstacle.is_static = false;
         self.rearrange();
     }
 
@@ -194,11 +314,14 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// Does what has to be done when the obstacles are not what they were. Allocates only when there are
     /// more that move than ever before.
     fn rearrange(&mut self) {
-        self.crowd = None;
+        let room = match take(&mut self.named) {
+            Named::Turning(numbers) => numbers,
+            _ => vec![],
+        };
+        self.named = Named::each(&self.obstacles, room);
         self.barriers = barriers_of(&self.obstacles);
-        let moves = |&j: &usize| !self.obstacles[j].description.motion().is_static();
         self.moving.clear();
-        self.moving.extend((0..self.obstacles.len()).filter(moves));
+        self.moving.extend((0..self.obstacles.len()).filter(|&j| !self.obstacles[j].is_static));
         for obstacle in &mut self.obstacles {
             obstacle.move_to(self.time);
         }
@@ -224,7 +347,13 @@ mod tests {
     use crate::math::{Body, Capsule, Vector};
 
     fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
-        Obstacle { shape: Shape::Circle { radius: 0.5 }, position, angle: 0.0, motion }
+        Obstacle {
+            shape: Shape::Circle { radius: 0.5 },
+            position,
+            angle: 0.0,
+            angular_velocity: 0.0,
+            motion,
+        }
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use crate::math::{Point, ThirdOrderFilter, Vector, sin_cos};
 use serde::Deserialize;
 
-/// The prescribed motion of an obstacle: a translation; its angle stays.
+/// The prescribed motion of an obstacle. It says where the obstacle is, and at way points how it is turned; what turns it
+/// otherwise is its angular velocity.
 ///
 /// The values are taken as they are; `scenario` validates them (finite, `times` strictly
 /// increasing and as many as `points`).
@@ -38,6 +39,13 @@ pub enum Motion<const D: usize> {
         /// Position at each instant \[m\].
         #[serde(deserialize_with = "Point::read_list")]
         points: Vec<[f64; D]>,
+        /// In the plane, angle at each instant \[rad\]; at a constant rate from one to the next. Empty: none.
+        #[serde(default)]
+        angles: Vec<f64>,
+        /// In space, orientation at each instant: quaternions \[w, x, y, z\] of norm 1 within 10⁻⁶; about one axis at a
+        /// constant rate from one to the next, the shorter way. Empty: none.
+        #[serde(default)]
+        orientations: Vec<[f64; 4]>,
     },
     /// Carried to a place by hand while the loop runs; no scenario says so.
     #[serde(skip)]
@@ -57,7 +65,7 @@ pub struct MotionState<const D: usize> {
 
 impl<const D: usize> MotionState<D> {
     /// At rest at `position` \[m\].
-    fn at_rest(position: Vector<D>) -> Self {
+    pub(super) fn at_rest(position: Vector<D>) -> Self {
         Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros() }
     }
 }
@@ -69,6 +77,11 @@ impl<const D: usize> Default for Motion<D> {
 }
 
 impl<const D: usize> Motion<D> {
+    /// From point to point \[m\] at these instants \[s\], without turning.
+    pub fn waypoints(times: Vec<f64>, points: Vec<[f64; D]>) -> Self {
+        Self::Waypoints { times, points, angles: vec![], orientations: vec![] }
+    }
+
     /// The same motion elsewhere: where it names points, they are displaced by `shift` \[m\].
     #[must_use]
     pub fn shifted(&self, shift: &Vector<D>) -> Self {
@@ -92,7 +105,7 @@ impl<const D: usize> Motion<D> {
             Self::Sinusoid { amplitude, angular_frequency, .. } => {
                 Vector::from(*amplitude).norm() * angular_frequency.abs()
             }
-            Self::Waypoints { times, points } => {
+            Self::Waypoints { times, points, .. } => {
                 let leg = |i: usize| {
                     let [from, to] = [points[i - 1], points[i]].map(Vector::<D>::from);
                     (to - from).norm() / (times[i] - times[i - 1])
@@ -124,7 +137,7 @@ impl<const D: usize> Motion<D> {
                     acceleration: amplitude * (-omega * omega * sin),
                 }
             }
-            Self::Waypoints { times, points } => along(times, points, t, position0),
+            Self::Waypoints { times, points, .. } => along(times, points, t, position0),
             Self::Carried(filter) => {
                 let [position, velocity, acceleration] = filter.at(t);
                 MotionState { position, velocity, acceleration }
@@ -151,7 +164,7 @@ impl<const D: usize> Motion<D> {
                         .map(|sin| position0 + amplitude * sin),
                 )
             }
-            Self::Waypoints { times, points } => {
+            Self::Waypoints { times, points, .. } => {
                 let n = times.len().min(points.len());
                 let (times, points) = (&times[..n], &points[..n]);
                 let first = times.partition_point(|&time| time <= t0).max(1);
@@ -250,7 +263,7 @@ mod tests {
             let t = times[leg] + fraction * (times[leg + 1] - times[leg]);
             let expected: Vector<2> = Vector::from(points[leg]) * (1.0 - fraction)
                 + Vector::from(points[leg + 1]) * fraction;
-            let motion = Motion::Waypoints { times, points };
+            let motion = Motion::waypoints(times, points);
             let found = motion.at(t, Vector::zeros()).position;
             prop_assert!((found - expected).norm() < 1e-14);
             check_derivatives(&motion, t, Vector::zeros());
@@ -274,8 +287,8 @@ mod tests {
                 Motion::Linear { velocity: amplitude },
                 Motion::Sinusoid { amplitude, angular_frequency, phase },
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
-                Motion::Waypoints { times: vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points },
-                Motion::Waypoints { times: vec![], points: vec![] },
+                Motion::waypoints(vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points),
+                Motion::waypoints(vec![], vec![]),
                 Motion::Carried(ThirdOrderFilter::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
@@ -301,10 +314,8 @@ mod tests {
 
     #[test]
     fn waypoints_wait_at_both_ends_and_are_right_continuous() {
-        let motion = Motion::Waypoints {
-            times: vec![1.0, 2.0, 4.0],
-            points: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 4.0]],
-        };
+        let motion =
+            Motion::waypoints(vec![1.0, 2.0, 4.0], vec![[0.0, 0.0], [1.0, 0.0], [1.0, 4.0]]);
         let at = |t| motion.at(t, Vector::<2>::new(9.0, 9.0));
         assert_eq!(at(0.0), MotionState::at_rest(Vector::<2>::new(0.0, 0.0)));
         assert_eq!(at(1.0).velocity, Vector::<2>::new(1.0, 0.0));
@@ -324,7 +335,7 @@ mod tests {
             (vec![0.0], vec![[1.0, 1.0], [2.0, 2.0]]),
             (vec![f64::NAN, 1.0], vec![[1.0, 1.0], [2.0, 2.0]]),
         ] {
-            let motion = Motion::Waypoints { times, points };
+            let motion = Motion::waypoints(times, points);
             for t in [-1.0, 0.0, 0.5, 2.0, f64::NAN] {
                 motion.at(t, position0);
             }

@@ -1,6 +1,6 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
-use super::{Contact, Pair, Placed, Solid, World};
+use super::{Contact, Named, Pair, Placed, Solid, World};
 use crate::interrupt;
 use crate::math::{Body, Vector};
 
@@ -37,7 +37,7 @@ pub trait CollisionQuery<const D: usize> {
     }
 
     /// The contact of body number `index` with `obstacle`, were that carried on for `after` \[s\], or back for −`after`, at
-    /// its present velocity.
+    /// its present velocity and rate of turning.
     fn contact_after(
         &self,
         index: usize,
@@ -77,15 +77,22 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             &moved
         };
         let pair = Pair { body: index, link: body.link, obstacle: j };
-        obstacle.solid.contact(pair, &S::probe(&body.shape), state)
+        let turn = obstacle.turn_at(self.time);
+        obstacle.contact(pair, &S::probe(&body.shape), state, turn.as_ref())
     }
 
     /// The distance \[m\] from `origin` along the unit vector `direction` to the first obstacle within
     /// `range` \[m\]; 0 inside one. The obstacles stand where the last [`update`](Self::update) put them.
     pub fn cast(&self, origin: Vector<D>, direction: Vector<D>, range: f64) -> Option<f64> {
         let hit = |obstacle: &Placed<S, D>| {
-            let position = obstacle.state_at(self.time).position;
-            obstacle.solid.cast(&(origin - position), &direction, range)
+            let offset = origin - obstacle.state_at(self.time).position;
+            match obstacle.turn_at(self.time) {
+                None => obstacle.solid.cast(&offset, &direction, range),
+                Some(turn) => {
+                    let [offset, along] = [offset, direction].map(|v| turn.rotation.tr_mul(&v));
+                    obstacle.solid.cast(&offset, &along, range)
+                }
+            }
         };
         self.obstacles.iter().filter_map(hit).reduce(f64::min)
     }
@@ -99,42 +106,54 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>, &S::Probe, &Placed<S, D>),
     ) {
-        let Self { obstacles, crowd, time, .. } = self;
+        let Self { obstacles, named, time, .. } = self;
         if obstacles.is_empty() {
             return;
         }
-        let mut meet = |pair: Pair, probe: &S::Probe, obstacle: &Placed<S, D>| {
-            let contact = obstacle.solid.contact(pair, probe, &obstacle.state);
+        let mut meet = |contact: &Contact<D>, probe: &S::Probe, obstacle: &Placed<S, D>| {
             if contact.distance < reach {
-                visit(&contact, probe, obstacle);
+                visit(contact, probe, obstacle);
             }
         };
         // The same is done with all as with the few that a crowd names: measured first, and only bodies with
-        // something in reach are looked at again. Two loops, for the first needs all the registers.
+        // something in reach are looked at again. Two loops, for the first needs all the registers, and asks nobody
+        // whether it turns.
         let bodies = bodies.into_iter().enumerate();
-        let Some(crowd) = crowd else {
+        if let Named::All = named {
             for (body, Body { link, shape }) in bodies {
                 let probe = S::probe(&shape);
-                let least = least_distance(&*obstacles, &probe);
+                let least = least_distance(obstacles.iter(), |obstacle| {
+                    obstacle.solid.distance(&probe, &obstacle.state.position)
+                });
                 distance(link, least);
                 if least < reach {
                     for (j, obstacle) in obstacles.iter().enumerate() {
-                        meet(Pair { body, link, obstacle: j }, &probe, obstacle);
+                        let pair = Pair { body, link, obstacle: j };
+                        let contact = obstacle.solid.contact(pair, &probe, &obstacle.state);
+                        meet(&contact, &probe, obstacle);
                     }
                 }
             }
             return;
-        };
+        }
         for (body, Body { link, shape }) in bodies {
             interrupt::spend(256);
             let probe = S::probe(&shape);
-            let near = crowd.near(obstacles, *time, &probe, reach);
-            let least = least_distance(near.iter().map(|&j| &obstacles[j]), &probe);
+            let near = match named {
+                Named::All => &[],
+                Named::Turning(all) => &all[..],
+                Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, reach),
+            };
+            let least = least_distance(near.iter().map(|&j| &obstacles[j]), |obstacle| {
+                obstacle.distance(&probe)
+            });
             distance(link, least);
             if least < reach {
                 interrupt::spend(64 * near.len());
                 for &j in near {
-                    meet(Pair { body, link, obstacle: j }, &probe, &obstacles[j]);
+                    let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
+                    let contact = obstacle.contact(pair, &probe, &obstacle.state, obstacle.turn());
+                    meet(&contact, &probe, obstacle);
                 }
             }
         }
@@ -173,7 +192,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             reach,
             |_, _| {},
             |contact, probe, obstacle| {
-                obstacle.solid.for_each_barrier(contact, probe, &obstacle.state, |barrier| {
+                obstacle.for_each_barrier(contact, probe, |barrier| {
                     if barrier.distance < reach {
                         visit(barrier);
                     }
@@ -194,7 +213,8 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let mut state = placed.state_at(self.time);
         state.position += state.velocity * after;
         let pair = Pair { body: index, link: body.link, obstacle };
-        placed.solid.contact(pair, &S::probe(&body.shape), &state)
+        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        placed.contact(pair, &S::probe(&body.shape), &state, turn.as_ref())
     }
 }
 
@@ -211,10 +231,10 @@ impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
 /// The distance between the surfaces of a body and the nearest of these obstacles \[m\]; ∞ if there are none.
 #[inline(always)] // discs, by far the most frequent, stay within the loop over the bodies
 fn least_distance<'a, S: Solid<D> + 'a, const D: usize>(
-    obstacles: impl IntoIterator<Item = &'a Placed<S, D>>,
-    probe: &S::Probe,
+    obstacles: impl Iterator<Item = &'a Placed<S, D>>,
+    distance: impl Fn(&Placed<S, D>) -> f64,
 ) -> f64 {
-    let distances = obstacles.into_iter().map(|obstacle| obstacle.distance(probe));
+    let distances = obstacles.map(distance);
     let least = distances.fold(f64::INFINITY, |a, b| if b < a { b } else { a });
     // Of 0 and −0 either may have been the first: + 0 makes them one.
     least + 0.0

@@ -4,7 +4,7 @@
 //! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
 //! [`Hierarchy`] of boxes for crowds.
 
-use super::{Contact, Motion, MotionState, Pair};
+use super::{Contact, Motion, MotionState, Pair, Turning};
 use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
 
@@ -16,12 +16,14 @@ pub trait Description<const D: usize>: Clone + Debug {
     fn set_position(&mut self, position: Vector<D>);
     /// Motion from the initial position.
     fn motion(&self) -> &Motion<D>;
+    /// How it turns from the orientation that is described; none if it does not.
+    fn turning(&self) -> Option<Turning<D>>;
     /// Lets it move otherwise.
     fn set_motion(&mut self, motion: Motion<D>);
 }
 
-/// The shape of an obstacle made ready for queries, relative to its position. Obstacles only translate,
-/// so it never changes.
+/// The shape of an obstacle made ready for queries, relative to its position and in the orientation that is described. It
+/// never changes: where an obstacle turns, it is the body that is turned for the query ([`Turn`](super::Turn)).
 pub trait Solid<const D: usize>: Clone + Debug {
     /// What it is made of.
     type Obstacle: Description<D>;
@@ -35,6 +37,9 @@ pub trait Solid<const D: usize>: Clone + Debug {
 
     /// Makes a body ready.
     fn probe(body: &Capsule<D>) -> Self::Probe;
+
+    /// The body that was made ready.
+    fn body(probe: &Self::Probe) -> Capsule<D>;
 
     /// The signed distance between the surfaces of an obstacle at `position` and a body \[m\], bit for bit
     /// that of their [`contact`](Self::contact).
@@ -58,9 +63,20 @@ pub trait Solid<const D: usize>: Clone + Debug {
     /// Opposite corners of a box around it, the lower ones first \[m\].
     fn extent(&self) -> [Vector<D>; 2];
 
+    /// How far its surface reaches from its position \[m\].
+    fn reach(&self) -> f64;
+
     /// The distance \[m\] from `origin` along the unit vector `direction` to its surface, if that is within
     /// `range`; 0 inside.
     fn cast(&self, origin: &Vector<D>, direction: &Vector<D>, range: f64) -> Option<f64>;
+}
+
+/// A speed that no point of the surface exceeds \[m/s\]; that of its position, if the surface has no end.
+pub fn top_speed<S: Solid<D>, const D: usize>(obstacle: &S::Obstacle) -> f64 {
+    let speed = obstacle.motion().top_speed();
+    let Some(turning) = obstacle.turning() else { return speed };
+    let reach = S::new(obstacle).reach();
+    if reach.is_finite() { speed + turning.top_rate() * reach } else { speed }
 }
 
 /// Boxes around obstacles, numbered from 0, that are found by where they are. `P` is a body of the robot.

@@ -7,7 +7,7 @@ use crate::robot::Robot;
 use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
 use crate::robot::spatial::SpatialState;
 use crate::robot::spatial::cases::{Case, case, link};
-use crate::world::space::{Obstacle, Shape, World};
+use crate::world::space::{Obstacle, Shape, World, check_hull};
 use crate::world::{CollisionQuery, Contact, Feature, Motion};
 use proptest::prelude::*;
 use std::cell::RefCell;
@@ -43,25 +43,48 @@ fn shape() -> impl Strategy<Value = (usize, Shape)> {
             .prop_map(|(a, b, radius)| (1, Shape::Capsule { a, b, radius })),
         [0.1..1.5, 0.1..1.5, 0.1..1.5].prop_map(|size| (2, Shape::Box { size })),
         Just((3, Shape::HalfSpace { normal: [0.0, 0.6, 0.8] })),
+        prop::collection::vec(three(1.0), 4..12)
+            .prop_filter("flat", |vertices| check_hull(vertices).is_ok())
+            .prop_map(|vertices| (4, Shape::Convex { vertices })),
     ]
 }
 
 /// Near the link of `c`, so that penetration occurs, too.
-fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], motion: Motion<3>) -> Obstacle {
+fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Moving) -> Obstacle {
     let body = body_of(&c.state()).shape;
     let middle = body.start + body.direction * (0.5 * body.length);
+    let position = middle + Vector::from(offset);
     let orientation = UnitQuaternion::exp(&turn.into()).to_array();
-    Obstacle { shape, position: (middle + Vector::from(offset)).into(), orientation, motion }
+    let Moving { motion, angular_velocity } = moving;
+    let motion = motion.shifted(&position);
+    Obstacle { shape, position: position.into(), orientation, angular_velocity, motion }
 }
 
-fn motion() -> impl Strategy<Value = Motion<3>> {
-    prop_oneof![
+/// How an obstacle moves and turns.
+#[derive(Debug, Clone)]
+struct Moving {
+    motion: Motion<3>,
+    angular_velocity: [f64; 3],
+}
+
+fn moving() -> impl Strategy<Value = Moving> {
+    let motion = prop_oneof![
         Just(Motion::default()),
         three(1.0).prop_map(|velocity| Motion::Linear { velocity }),
         (three(1.0), 0.2..2.0, -1.0..1.0).prop_map(|(amplitude, angular_frequency, phase)| {
             Motion::Sinusoid { amplitude, angular_frequency, phase }
         }),
-    ]
+        // About where it is: the position is that of the obstacle wherever the points are.
+        (three(1.0), three(2.0)).prop_map(|(way, turn)| {
+            let turned = UnitQuaternion::exp(&turn.into()).to_array();
+            let orientations = vec![[1.0, 0.0, 0.0, 0.0], turned];
+            let (times, points) = (vec![-1.0, 1.0], vec![way.map(|x| -x), way]);
+            Motion::Waypoints { times, points, angles: vec![], orientations }
+        }),
+    ];
+    let angular_velocity = prop_oneof![1 => Just([0.0; 3]), 2 => three(2.0)];
+    (motion, angular_velocity)
+        .prop_map(|(motion, angular_velocity)| Moving { motion, angular_velocity })
 }
 
 /// The arm at time t of the motion q + q̇t + ½q̈t² (`u` is q̈).
@@ -108,9 +131,9 @@ fn features() -> [Kind; 5] {
 #[test]
 fn rates_are_derivatives_of_the_distance() {
     let met = RefCell::new(HashMap::<_, usize>::new());
-    let config = ProptestConfig { max_global_rejects: 40_000, ..ProptestConfig::with_cases(4000) };
-    proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), motion in motion())| {
-        let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
+    let config = ProptestConfig { max_global_rejects: 50_000, ..ProptestConfig::with_cases(5000) };
+    proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), moving in moving())| {
+        let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
         let h = 4e-4;
         let samples: Vec<_> =
             (-2..=2).map(|k| contact_at(&c, &mut world, h * f64::from(k)).1).collect();
@@ -141,13 +164,16 @@ fn rates_are_derivatives_of_the_distance() {
         (1, vec![side, end, edge, crossing]),
         (2, vec![side, end, face, edge, crossing]),
         (3, vec![face]),
+        (4, vec![side, end, face, edge, crossing]),
     ] {
         for feature in features() {
             assert_eq!(count(kind, feature) > 10, expected.contains(&feature), "{kind} {met:?}");
         }
     }
-    // Axes inside a box that leave it across an edge, and through a face.
-    assert!(count(12, crossing) > 10 && count(12, face) > 10, "{met:?}");
+    // Axes inside a box or a hull that leave it across an edge, and through a face.
+    for kind in [12, 14] {
+        assert!(count(kind, crossing) > 10 && count(kind, face) > 10, "{met:?}");
+    }
 }
 
 proptest! {
@@ -157,9 +183,9 @@ proptest! {
     /// one pair of features hands over to the next.
     #[test]
     fn rates_are_integrals_through_feature_changes(
-        c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), motion in motion(),
+        c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), moving in moving(),
     ) {
-        let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
+        let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
         let steps = 1500;
         let h = 0.3 / f64::from(steps);
         let (mut integral, mut bound, mut farthest, mut changes) = (0.0, 0.0, 0.0_f64, 0);
@@ -192,9 +218,9 @@ proptest! {
     /// never more.
     #[test]
     fn cautious_is_exact_away_from_ends(
-        c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), motion in motion(),
+        c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), moving in moving(),
     ) {
-        let mut world = World::new(vec![placed(&c, shape, offset, turn, motion)]);
+        let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
         let (state, contact) = contact_at(&c, &mut world, 0.0);
         let body = body_of(&state).shape;
         let [exact, cautious] =
@@ -232,6 +258,7 @@ fn barriers_have_no_peak_at_parallel_axes() {
         shape: bar,
         position: [0.0; 3],
         orientation: [1.0, 0.0, 0.0, 0.0],
+        angular_velocity: [0.0; 3],
         motion: Motion::default(),
     }]);
     let (mut peak, mut most): (f64, f64) = (0.0, 0.0);

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! The bias is more than n̂ᵀ(J̇_c q̇ − a_o): the normal turns, and the nearest point slides along the
-//! link (T60–T62). A barrier without these terms believes a distance that it does not have.
+//! link (T60–T62). A barrier without these terms believes a distance that it does not have. Beside an obstacle that
+//! turns, all of it is said as the obstacle sees it (T108).
 
 #[cfg(test)]
 mod in_space;
@@ -30,6 +31,50 @@ pub struct DistanceRate {
 /// Sine of the angle beyond the end of a link within which [`DistanceRate::cautious`] fades.
 const FADE: f64 = 0.2;
 
+/// How the point of the link moves that is nearest, as the obstacle sees it, and how the link's axis turns.
+struct Relative<'a, R, const D: usize> {
+    robot: &'a R,
+    contact: &'a Contact<D>,
+    /// Velocity of the point of the link in the world \[m/s\].
+    at_point: Vector<D>,
+    /// Ṗ: its velocity relative to the obstacle, which turns \[m/s\].
+    velocity: Vector<D>,
+}
+
+impl<'a, R: Robot<D>, const D: usize> Relative<'a, R, D> {
+    #[inline(always)]
+    fn new(robot: &'a R, contact: &'a Contact<D>) -> Self {
+        let Contact { link, point, witness, spin, .. } = contact;
+        let at_point = robot.point_velocity(*link, point);
+        let mut velocity = at_point - contact.velocity;
+        if !spin.is_none() {
+            velocity -= spin.rate_of(&(point - witness));
+        }
+        Self { robot, contact, at_point, velocity }
+    }
+
+    /// Its acceleration while q̈ = 0, with what the turning of the obstacle adds: Euler's term is none at a constant rate,
+    /// there remain those of the centre and of Coriolis \[m/s²\].
+    #[inline(always)]
+    fn acceleration(&self) -> Vector<D> {
+        let Contact { link, point, witness, spin, .. } = self.contact;
+        let along = self.robot.point_bias_acceleration(*link, point) - self.contact.acceleration;
+        if spin.is_none() {
+            return along;
+        }
+        along - spin.rate_of(&(spin.rate_of(&(point - witness)) + self.velocity * 2.0))
+    }
+
+    /// How fast the link's axis along `t` turns towards the normal \[1/s\].
+    #[inline(always)]
+    fn tilt(&self, t: &Vector<D>) -> f64 {
+        let Contact { link, point, normal, spin, .. } = self.contact;
+        let rate = self.robot.point_velocity(*link, &(point + t)) - self.at_point;
+        let tilt = normal.dot(&rate);
+        if spin.is_none() { tilt } else { tilt - normal.dot(&spin.rate_of(t)) }
+    }
+}
+
 impl DistanceRate {
     /// The same without the jump of the bias where the nearest point arrives at an end of the link and stops
     /// sliding: the term −ṡ²/ρ fades out beyond it instead (T66). Never more than the exact one, but where an axis is
@@ -49,13 +94,11 @@ impl DistanceRate {
         }
         let mut motion = Self::new(robot, contact);
         if let Feature::End { distance } = contact.feature {
-            let Contact { body, link, point, normal, .. } = contact;
-            let t = robot.body(*body).shape.direction;
-            let beyond = normal.dot(&t).abs() / FADE;
+            let t = robot.body(contact.body).shape.direction;
+            let beyond = contact.normal.dot(&t).abs() / FADE;
             if beyond < 1.0 {
-                let at_point = robot.point_velocity(*link, point);
-                let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
-                let sliding = t.dot(&(at_point - contact.velocity)) + distance * tilt;
+                let relative = Relative::new(robot, contact);
+                let sliding = t.dot(&relative.velocity) + distance * relative.tilt(&t);
                 let fade = 1.0 - beyond * beyond * (3.0 - 2.0 * beyond);
                 motion.bias -= fade * sliding * sliding / distance;
             }
@@ -70,13 +113,13 @@ impl DistanceRate {
         edge: &Vector<D>,
         distance: f64,
     ) -> Self {
-        let Contact { body, link, point, normal, .. } = contact;
-        let at_point = robot.point_velocity(*link, point);
-        let relative = at_point - contact.velocity;
+        let normal = &contact.normal;
+        let seen = Relative::new(robot, contact);
+        let relative = seen.velocity;
         let rate = normal.dot(&relative);
-        let along = robot.point_bias_acceleration(*link, point) - contact.acceleration;
-        let t = robot.body(*body).shape.direction;
-        let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
+        let along = seen.acceleration();
+        let t = robot.body(contact.body).shape.direction;
+        let tilt = seen.tilt(&t);
         let cos = t.dot(edge);
         let sin_squared = (t - edge * cos).norm_squared();
         // Squared, it goes to 0 faster than sin².
@@ -104,16 +147,15 @@ impl DistanceRate {
     /// For the contact of a link of `robot` at its present state.
     #[inline]
     pub fn new<R: Robot<D>, const D: usize>(robot: &R, contact: &Contact<D>) -> Self {
-        let Contact { body, link, point, normal, .. } = contact;
-        let at_point = robot.point_velocity(*link, point);
-        let relative = at_point - contact.velocity; // Ṗ
+        let Contact { body, normal, .. } = contact;
+        let seen = Relative::new(robot, contact);
+        let relative = seen.velocity;
         let rate = normal.dot(&relative);
-        let along = robot.point_bias_acceleration(*link, point) - contact.acceleration;
+        let along = seen.acceleration();
         let turning = match contact.feature {
             Feature::Side { distance } => {
                 let t = robot.body(*body).shape.direction;
-                let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
-                beside(&relative, normal, rate, &t, tilt, distance)
+                beside(&relative, normal, rate, &t, seen.tilt(&t), distance)
             }
             Feature::End { distance } => (relative - normal * rate).norm_squared() / distance,
             Feature::Edge { edge, distance } if D > 2 => {
@@ -121,8 +163,7 @@ impl DistanceRate {
             }
             Feature::Crossing { edge, distance } if D > 2 => {
                 let t = robot.body(*body).shape.direction;
-                let tilt = normal.dot(&(robot.point_velocity(*link, &(point + t)) - at_point));
-                crossing(&relative, [&t, &edge], [tilt, 0.0], distance)
+                crossing(&relative, [&t, &edge], [seen.tilt(&t), 0.0], distance)
             }
             // A face. (In the plane there are no edges.)
             _ => 0.0,
@@ -169,14 +210,17 @@ pub(super) mod tests {
             (two(), 0.2..2.0, one()).prop_map(|(amplitude, angular_frequency, phase)| {
                 Motion::Sinusoid { amplitude, angular_frequency, phase }
             }),
-            two().prop_map(|[x, y]| Motion::Waypoints {
+            (two(), one()).prop_map(|([x, y], angle)| Motion::Waypoints {
                 times: vec![-1.0, 1.0],
                 points: vec![[0.0, 0.0], [x, y]],
+                angles: vec![0.0, 3.0 * angle],
+                orientations: vec![],
             }),
         ];
-        (shape, [-3.0..3.0f64, -3.0..3.0], -PI..PI, motion).prop_map(
-            |((kind, shape), position, angle, motion)| {
-                (kind, Obstacle { shape, position, angle, motion })
+        let rate = prop_oneof![Just(0.0), -2.0..2.0f64];
+        (shape, [-3.0..3.0f64, -3.0..3.0], -PI..PI, motion, rate).prop_map(
+            |((kind, shape), position, angle, motion, angular_velocity)| {
+                (kind, Obstacle { shape, position, angle, angular_velocity, motion })
             },
         )
     }
@@ -264,6 +308,7 @@ pub(super) mod tests {
             shape: Shape::Circle { radius: 0.1 },
             position: [0.0, 0.5],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [0.6, 0.0] },
         };
         let (k, margin, dt) = (20.0, 0.03, 1e-4);
@@ -315,6 +360,7 @@ pub(super) mod tests {
                 shape: Shape::Circle { radius: 0.1 },
                 position: [x, 0.5],
                 angle: 0.0,
+                angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.3, 0.0] },
             };
             let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);
@@ -345,6 +391,7 @@ pub(super) mod tests {
             shape: Shape::Circle { radius: 0.1 },
             position: [0.6, 0.5],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::default(),
         };
         let contact = World::new(vec![disc]).contact(0, &state.body(0), 0);

@@ -124,6 +124,26 @@ pub fn trace<T: de::DeserializeOwned>() -> Result<Kind, Fault> {
 }
 
 impl Kind {
+    /// The same without a key of this name, wherever it is.
+    #[must_use]
+    pub fn without(self, name: &str) -> Self {
+        let inside = |kind: Box<Self>| Box::new(kind.without(name));
+        match self {
+            Self::NumberOrList(kind) => Self::NumberOrList(inside(kind)),
+            Self::List(kind) => Self::List(inside(kind)),
+            Self::Tuple(length, kind) => Self::Tuple(length, inside(kind)),
+            Self::Table(keys) => {
+                let kept = keys.into_iter().filter(|key| key.name != name);
+                Self::Table(kept.map(|key| Key { kind: key.kind.without(name), ..key }).collect())
+            }
+            Self::Choice { variants, next } => {
+                let variants = variants.into_iter().map(|(each, kind)| (each, kind.without(name)));
+                Self::Choice { variants: variants.collect(), next }
+            }
+            other => other,
+        }
+    }
+
     /// Ends a pass: notes what it has found out, and whether anything is left to find out.
     fn conclude(&mut self, missing: bool) -> bool {
         match self {

@@ -17,6 +17,7 @@ use crate::simulation::{
     Control, Options, Perception, PerceptionSettings, Physics, PlanarSystem, Plane,
 };
 use crate::trajectory::{Reference, Trajectory};
+use crate::world::Motion;
 use crate::world::plane::{Obstacle, Shape, is_convex};
 use std::sync::Arc;
 
@@ -42,7 +43,10 @@ impl Described<2> for Plane {
 
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
-        validate::motion_from(&obstacle.motion, obstacle.position)
+        let Obstacle { angle, angular_velocity, motion, position, .. } = obstacle;
+        validate::motion_from(motion, *position)?;
+        let Motion::Waypoints { angles, .. } = motion else { return Ok(()) };
+        validate::turning(*angular_velocity != 0.0, "angles", angles, angle)
     }
 
     fn perception(

@@ -12,11 +12,11 @@ use super::scene::{Described, Prepared, Scene};
 use super::validate;
 use crate::inverse_kinematics::{Residual, Solver, Unreachable};
 use crate::math::Vector;
-use crate::math::rotation::UnitQuaternion;
 use crate::robot::{Model, SpatialArm, SpatialState};
 use crate::simulation::{Options, PerceptionSettings, Physics, Space, System, Unsensed};
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
-use crate::world::space::{Obstacle, Shape};
+use crate::world::Motion;
+use crate::world::space::{Obstacle, Shape, check_hull};
 use std::sync::Arc;
 
 /// The tables of a scenario in space that depend on its dimension.
@@ -41,10 +41,12 @@ impl Described<3> for Space {
 
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
-        UnitQuaternion::new(obstacle.orientation).map_err(|error| {
-            ScenarioError::new("orientation", Problem::Other(error.to_string()))
-        })?;
-        validate::motion_from(&obstacle.motion, obstacle.position)
+        let Obstacle { orientation, angular_velocity, motion, position, .. } = obstacle;
+        validate::orientation("orientation", orientation)?;
+        validate::motion_from(motion, *position)?;
+        let Motion::Waypoints { orientations, .. } = motion else { return Ok(()) };
+        let spins = angular_velocity.iter().any(|rate| *rate != 0.0);
+        validate::turning(spins, "orientations", orientations, orientation)
     }
 
     fn perception(
@@ -72,6 +74,9 @@ fn shape(shape: &Shape) -> Result<(), ScenarioError> {
         Shape::Box { size } => {
             (0..3).try_for_each(|axis| number(&format!("size[{axis}]"), size[axis], positive))
         }
+        Shape::Convex { vertices } => check_hull(vertices).map_err(|error| {
+            ScenarioError::new("vertices", Problem::Other(format!("expected {error}")))
+        }),
         Shape::HalfSpace { normal } => {
             let norm = Vector::from(*normal).norm();
             if (norm - 1.0).abs() <= crate::math::rotation::UNIT_TOLERANCE {

@@ -23,7 +23,7 @@ mod face;
 mod hierarchy;
 mod obstacle;
 #[cfg(test)]
-mod oracle;
+pub(super) mod oracle;
 mod outline;
 mod point;
 mod rays;

@@ -13,9 +13,12 @@ pub struct Obstacle {
     /// Initial position \[m\]: where the origin of the own frame lies. Default (0, 0).
     #[serde(default)]
     pub position: [f64; 2],
-    /// Angle of the own frame \[rad\], constant. Default 0.
+    /// Angle of the own frame \[rad\] at t = 0. Default 0.
     #[serde(default)]
     pub angle: f64,
+    /// How fast it turns about its position \[rad/s\], anticlockwise. Default 0.
+    #[serde(default)]
+    pub angular_velocity: f64,
     /// Motion from the initial position. Default: none.
     #[serde(default)]
     pub motion: Motion<2>,
@@ -34,6 +37,7 @@ mod tests {
                 shape: Shape::Circle { radius: 0.3 },
                 position: [0.0; 2],
                 angle: 0.0,
+                angular_velocity: 0.0,
                 motion: Motion::Static {},
             }
         );
@@ -45,10 +49,12 @@ mod tests {
             "shape = { box = { size = [1, 2.0] } }\n\
              position = [1.5, 2.0]\n\
              angle = 0.5\n\
+             angular_velocity = -2\n\
              motion = { sinusoid = { amplitude = [0, 1], angular_frequency = 0.5 } }",
         )
         .unwrap();
         assert_eq!(obstacle.shape, Shape::Box { size: [1.0, 2.0] });
+        assert_eq!((obstacle.angle, obstacle.angular_velocity), (0.5, -2.0));
         assert_eq!(
             obstacle.motion,
             Motion::Sinusoid { amplitude: [0.0, 1.0], angular_frequency: 0.5, phase: 0.0 }

@@ -66,7 +66,7 @@ pub(super) fn translated(link: &Capsule<2>, by: Vector<2>) -> Capsule<2> {
 }
 
 pub(super) fn fixed(shape: Shape, position: [f64; 2], angle: f64) -> Obstacle {
-    Obstacle { shape, position, angle, motion: Motion::default() }
+    Obstacle { shape, position, angle, angular_velocity: 0.0, motion: Motion::default() }
 }
 
 pub(super) fn contact(link: &Capsule<2>, obstacle: &Obstacle) -> Contact<2> {
@@ -77,7 +77,7 @@ pub(super) fn capsule(start: [f64; 2], end: [f64; 2], radius: f64) -> Capsule<2>
     Capsule::new(start.into(), end.into(), radius)
 }
 
-pub(super) fn any_link() -> impl Strategy<Value = Capsule<2>> {
+pub(in crate::world) fn any_link() -> impl Strategy<Value = Capsule<2>> {
     (-2.0..2.0, -2.0..2.0, 0.05..3.0, 0.0..TAU, 0.0..0.3).prop_map(
         |(x, y, length, angle, radius)| {
             let end = vec2(x, y) + rotated(vec2(length, 0.0), angle);
@@ -104,7 +104,7 @@ pub(super) fn any_polygon() -> impl Strategy<Value = Shape> {
     )
 }
 
-pub(super) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
+pub(in crate::world) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
     let coordinate = || -1.0..1.0;
     let shape = prop_oneof![
         (0.0..0.5).prop_map(|radius| Shape::Circle { radius }),

@@ -5,7 +5,9 @@ use super::face::{Face, faces};
 use super::hierarchy::Boxes;
 use super::{Obstacle, Shape, Vec2, from_glam, shape, to_glam};
 use crate::math::{Capsule, Vector};
-use crate::world::{Contact, Description, Feature, Motion, MotionState, Pair, Solid};
+use crate::world::{
+    Contact, Description, Feature, Motion, MotionState, Pair, Solid, Spin, Turning,
+};
 
 impl Description<2> for Obstacle {
     #[inline]
@@ -20,6 +22,16 @@ impl Description<2> for Obstacle {
     #[inline]
     fn motion(&self) -> &Motion<2> {
         &self.motion
+    }
+
+    fn turning(&self) -> Option<Turning<2>> {
+        match &self.motion {
+            Motion::Waypoints { times, angles, .. } if !angles.is_empty() => {
+                let steps = angles.windows(2).map(|pair| Spin::planar(pair[1] - pair[0]));
+                Some(Turning::through(times, steps))
+            }
+            _ => Turning::steady(Spin::planar(self.angular_velocity)),
+        }
     }
 
     fn set_motion(&mut self, motion: Motion<2>) {
@@ -84,6 +96,16 @@ impl Solid<2> for Outline {
         Probe { axis: Axis::new(link), radius: link.radius }
     }
 
+    #[inline]
+    fn body(Probe { axis, radius }: &Probe) -> Capsule<2> {
+        Capsule {
+            start: from_glam(axis.start),
+            direction: from_glam(axis.forward),
+            length: axis.length,
+            radius: *radius,
+        }
+    }
+
     #[inline(always)] // most links are too far from most obstacles for anything else
     fn distance(&self, link: &Probe, position: &Vector<2>) -> f64 {
         let axis = link.axis.seen_from(to_glam(*position));
@@ -132,6 +154,15 @@ impl Solid<2> for Outline {
         [low - Vec2::splat(self.radius), high + Vec2::splat(self.radius)].map(from_glam)
     }
 
+    fn reach(&self) -> f64 {
+        let farthest = match &self.core {
+            Core::Point(point) => point.length(),
+            Core::Segment(face) => face.start.length().max(face.end().length()),
+            Core::Convex(faces) => faces.iter().map(|face| face.start.length()).fold(0.0, f64::max),
+        };
+        farthest + self.radius
+    }
+
     fn cast(&self, origin: &Vector<2>, direction: &Vector<2>, range: f64) -> Option<f64> {
         self.meet_ray(to_glam(*origin), to_glam(*direction), range)
     }
@@ -169,6 +200,7 @@ impl Outline {
             witness: from_glam(point - normal * (distance - self.radius)),
             velocity: state.velocity,
             acceleration: state.acceleration,
+            spin: Spin::NONE,
             feature: match meets {
                 Meets::Side => Feature::Side { distance },
                 Meets::End => Feature::End { distance },

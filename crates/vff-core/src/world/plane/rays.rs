@@ -50,7 +50,13 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn world(shape: Shape, position: [f64; 2], angle: f64) -> World {
-        World::new(vec![Obstacle { shape, position, angle, motion: Motion::default() }])
+        World::new(vec![Obstacle {
+            shape,
+            position,
+            angle,
+            angular_velocity: 0.0,
+            motion: Motion::default(),
+        }])
     }
 
     proptest! {
@@ -114,6 +120,7 @@ mod tests {
             shape: Shape::Circle { radius: 0.5 },
             position: [x, 0.0],
             angle: 0.0,
+            angular_velocity: 0.0,
             motion: Motion::Linear { velocity: [speed, 0.0] },
         };
         let mut world = World::new(vec![disc(3.0, 1.0), disc(6.0, -1.0)]);

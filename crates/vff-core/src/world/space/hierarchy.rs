@@ -67,16 +67,17 @@ mod tests {
     use super::super::{Obstacle, Shape, Volume, World};
     use crate::math::{Body, Capsule};
     use crate::world::crowd::REGROUP;
-    use crate::world::crowd::tests::{check, motion, point, reach, scale, times};
+    use crate::world::crowd::tests::{check, motion, point, rate, reach, scale, times};
     use crate::world::{CollisionQuery, Motion};
     use proptest::prelude::*;
 
     fn obstacle() -> impl Strategy<Value = Obstacle> {
-        (any_obstacle(), point(5.0), motion()).prop_map(|(obstacle, position, motion)| Obstacle {
-            position,
-            motion,
-            ..obstacle
-        })
+        (any_obstacle(), point(5.0), motion(), direction(), rate()).prop_map(
+            |(obstacle, position, motion, axis, rate)| {
+                let angular_velocity = (axis * rate).into();
+                Obstacle { position, motion, angular_velocity, ..obstacle }
+            },
+        )
     }
 
     fn link() -> impl Strategy<Value = Capsule<3>> {

@@ -1,14 +1,14 @@
 //! Obstacles in space: the only directory that names parry3d.
 //!
 //! As in the [plane](super::plane), a link is queried as its axis and an obstacle as its *core*: what remains when the
-//! radius is taken away (sphere → point, capsule → segment, box and half-space → themselves). The radii are subtracted
+//! radius is taken away (sphere → point, capsule → segment, box, hull and half-space → themselves). The radii are subtracted
 //! afterwards. Where the axis itself meets the core, the distance is minus the penetration depth: the shortest
 //! translation of the link that frees it.
 //!
-//! Distances are exact to rounding, all in closed form (T92–T95). parry's general routines are not used, for the
+//! Distances are exact to rounding, all in closed form (T92–T95, T107). parry's general routines are not used, for the
 //! reasons given there; its hierarchy of boxes ([`Boxes`]) finds what is near among many.
 //!
-//! A file per pair: axis and `point`, `segment`, `cuboid`, `half_space`. A file per question: `barriers`, `rays`,
+//! A file per pair: axis and `point`, `segment`, `cuboid`, `hull`, `half_space`. A file per question: `barriers`, `rays`,
 //! `hierarchy`.
 
 mod axis;
@@ -16,9 +16,10 @@ mod barriers;
 mod cuboid;
 mod half_space;
 mod hierarchy;
+mod hull;
 mod obstacle;
 #[cfg(test)]
-mod oracle;
+pub(super) mod oracle;
 mod point;
 mod rays;
 mod segment;
@@ -27,6 +28,7 @@ mod volume;
 
 pub use axis::Probe;
 pub use hierarchy::Boxes;
+pub use hull::{HullError, MOST_CORNERS, check_hull, faces_of_hull};
 pub use obstacle::Obstacle;
 pub use shape::Shape;
 pub use volume::Volume;

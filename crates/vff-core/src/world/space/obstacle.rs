@@ -13,9 +13,12 @@ pub struct Obstacle {
     /// Initial position \[m\]: where the origin of the own frame lies. Default (0, 0, 0).
     #[serde(default)]
     pub position: [f64; 3],
-    /// Orientation of the own frame, constant: a quaternion \[w, x, y, z\] of norm 1 within 10⁻⁶. Default: none.
+    /// Orientation of the own frame at t = 0: a quaternion \[w, x, y, z\] of norm 1 within 10⁻⁶. Default: none.
     #[serde(default = "identity")]
     pub orientation: [f64; 4],
+    /// Angular velocity with which it turns about its position \[rad/s\], world axes. Default: none.
+    #[serde(default)]
+    pub angular_velocity: [f64; 3],
     /// Motion from the initial position. Default: none.
     #[serde(default)]
     pub motion: Motion<3>,
@@ -38,6 +41,7 @@ mod tests {
                 shape: Shape::Sphere { radius: 0.3 },
                 position: [0.0; 3],
                 orientation: [1.0, 0.0, 0.0, 0.0],
+                angular_velocity: [0.0; 3],
                 motion: Motion::Static {},
             }
         );
@@ -55,6 +59,10 @@ mod tests {
             Shape::Box { size: [1.0, 2.0, 3.0] }
         );
         assert_eq!(
+            shape("shape = { convex = { vertices = [[0, 0, 0], [1, 0, 0]] } }"),
+            Shape::Convex { vertices: vec![[0.0; 3], [1.0, 0.0, 0.0]] }
+        );
+        assert_eq!(
             shape("shape = { half_space = { normal = [0, 0, 1] } }"),
             Shape::HalfSpace { normal: [0.0, 0.0, 1.0] }
         );
@@ -66,6 +74,7 @@ mod tests {
             "shape = { box = { size = [1, 2.0, 3] } }\n\
              position = [1.5, 2.0, 0.5]\n\
              orientation = [0, 1, 0, 0]\n\
+             angular_velocity = [0, 0.5, 0]\n\
              motion = { sinusoid = { amplitude = [0, 1, 2], angular_frequency = 0.5 } }",
         )
         .unwrap();
@@ -75,6 +84,7 @@ mod tests {
                 shape: Shape::Box { size: [1.0, 2.0, 3.0] },
                 position: [1.5, 2.0, 0.5],
                 orientation: [0.0, 1.0, 0.0, 0.0],
+                angular_velocity: [0.0, 0.5, 0.0],
                 motion: Motion::Sinusoid {
                     amplitude: [0.0, 1.0, 2.0],
                     angular_frequency: 0.5,

@@ -16,6 +16,7 @@ impl Volume {
             Core::Point(point) => ball(&(origin - point), direction, self.radius),
             Core::Segment(segment) => capsule(segment, self.radius, origin, direction),
             Core::Box(cuboid) => cuboid.meet_ray(origin, direction),
+            Core::Hull(hull) => hull.meet_ray(origin, direction),
             Core::HalfSpace(normal) => {
                 let (height, fall) = (normal.dot(origin), -normal.dot(direction));
                 match height > 0.0 {
@@ -121,7 +122,7 @@ mod tests {
         /// Along the axes of a box and a capsule, where slopes are 0.
         #[test]
         fn rays_along_the_axes(
-            x in -2i8..3, y in -2i8..3, k in 0usize..3, sign in prop::bool::ANY, kind in 0usize..3,
+            x in -2i8..3, y in -2i8..3, k in 0usize..3, sign in prop::bool::ANY, kind in 0usize..4,
         ) {
             let mut along = Vec3::zeros();
             along[k] = if sign { 1.0 } else { -1.0 };
@@ -131,6 +132,7 @@ mod tests {
                 Shape::Box { size: [1.0, 2.0, 3.0] },
                 Shape::Capsule { a: [0.0, 0.0, -1.0], b: [0.0, 0.0, 1.0], radius: 0.7 },
                 Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
+                Shape::Convex { vertices: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] },
             ][kind].clone();
             let obstacle = fixed(shape, [0.0; 3]);
             let at = |s: f64| height(&obstacle, &(origin + along * s));

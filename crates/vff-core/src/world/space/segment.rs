@@ -5,7 +5,7 @@ use crate::math::Vector;
 use crate::world::{Feature, TOUCHING};
 
 /// The nearest points of two segments.
-struct Feet {
+pub(super) struct Feet {
     /// Where they are along each \[m\].
     along: [f64; 2],
     /// From that of the second to that of the first.
@@ -14,14 +14,14 @@ struct Feet {
     cross: Vector<3>,
     /// Whether they are the feet of the common perpendicular: neither was cut off at an end.
     crossing: bool,
-    distance: f64,
+    pub(super) distance: f64,
 }
 
 /// The nearest points of the lines, the first cut off at the ends of its segment, the second below its foot and then the
 /// first below that (Ericson, Real-Time Collision Detection, 5.1.9). Where the two are nearly parallel the place is
 /// ill-conditioned, but the distance is not.
 #[inline(always)]
-fn feet(a: &Probe, b: &Probe) -> Feet {
+pub(super) fn feet(a: &Probe, b: &Probe) -> Feet {
     let (u, v, offset) = (&a.direction, &b.direction, a.start - b.start);
     let cross = u.cross(v);
     let (sin_squared, cos) = (cross.norm_squared(), u.dot(v));
@@ -46,7 +46,13 @@ fn is_inside(along: f64, length: f64) -> bool {
 /// Distance to a segment: never negative, because only by chance do the two meet.
 #[inline]
 pub(super) fn to_segment(axis: &Probe, core: &Probe) -> Nearest {
-    let Feet { along: [s, t], between, cross, crossing, distance } = feet(axis, core);
+    between(axis, core, &feet(axis, core))
+}
+
+/// The nearest points of an axis and an edge, which have these feet.
+#[inline]
+pub(super) fn between(axis: &Probe, core: &Probe, feet: &Feet) -> Nearest {
+    let Feet { along: [s, t], between, cross, crossing, distance } = *feet;
     let point = axis.start + axis.direction * s;
     let edge = core.direction;
     let sin = cross.norm();

@@ -29,22 +29,14 @@ pub enum Shape {
         /// Full lengths of the edges \[m\], all positive.
         size: [f64; 3],
     },
+    /// The convex hull of points.
+    Convex {
+        /// Four or more points that do not lie in one plane \[m\], not all of which need be corners.
+        vertices: Vec<[f64; 3]>,
+    },
     /// Everything on one side of a plane through the origin: a floor, a wall.
     HalfSpace {
         /// Unit vector out of the solid, of norm 1 within 10⁻⁶.
         normal: [f64; 3],
     },
-}
-
-impl Shape {
-    /// The most barriers that one link can have with it: one with a sphere; otherwise one of each end of the link, and one
-    /// with each end, corner and edge of the shape.
-    pub fn barriers(&self) -> usize {
-        match self {
-            Self::Sphere { .. } => 1,
-            Self::Capsule { .. } => 2 + 2 + 1,
-            Self::Box { .. } => 2 + 8 + 12,
-            Self::HalfSpace { .. } => 2,
-        }
-    }
 }

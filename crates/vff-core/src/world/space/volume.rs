@@ -4,11 +4,12 @@ use super::axis::{Nearest, Probe, seen_from};
 use super::cuboid::Cuboid;
 use super::half_space::to_half_space;
 use super::hierarchy::Boxes;
+use super::hull::Hull;
 use super::point::{distance_to_point, to_point};
 use super::segment::{distance_to_segment, to_segment};
 use super::{Obstacle, Shape};
 use crate::math::{Capsule, UnitQuaternion, Vector};
-use crate::world::{Contact, Description, Motion, MotionState, Pair, Solid};
+use crate::world::{Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
 
 impl Description<3> for Obstacle {
     fn set_position(&mut self, position: Vector<3>) {
@@ -25,6 +26,19 @@ impl Description<3> for Obstacle {
         &self.motion
     }
 
+    fn turning(&self) -> Option<Turning<3>> {
+        match &self.motion {
+            Motion::Waypoints { times, orientations, .. } if !orientations.is_empty() => {
+                let turn = |q: &[f64; 4]| UnitQuaternion::new(*q).unwrap_or_default();
+                let steps = orientations
+                    .windows(2)
+                    .map(|pair| Spin::spatial(&(turn(&pair[1]) * turn(&pair[0]).inverse()).log()));
+                Some(Turning::through(times, steps))
+            }
+            _ => Turning::steady(Spin::spatial(&self.angular_velocity.into())),
+        }
+    }
+
     fn set_motion(&mut self, motion: Motion<3>) {
         self.motion = motion;
     }
@@ -36,7 +50,6 @@ pub struct Volume {
     pub(super) core: Core,
     /// To be subtracted from the distance to the core \[m\].
     pub(super) radius: f64,
-    barriers: usize,
 }
 
 #[derive(Debug, Clone)]
@@ -44,6 +57,7 @@ pub(super) enum Core {
     Point(Vector<3>),
     Segment(Capsule<3>),
     Box(Box<Cuboid>),
+    Hull(Box<Hull>),
     /// With the outward normal.
     HalfSpace(Vector<3>),
 }
@@ -55,29 +69,42 @@ impl Solid<3> for Volume {
 
     fn new(obstacle: &Obstacle) -> Self {
         let turn = UnitQuaternion::new(obstacle.orientation).unwrap_or_default();
-        let (core, radius) = match obstacle.shape {
-            Shape::Sphere { radius } => (Core::Point(Vector::zeros()), radius),
+        let (core, radius) = match &obstacle.shape {
+            Shape::Sphere { radius } => (Core::Point(Vector::zeros()), *radius),
             Shape::Capsule { a, b, radius } => {
-                let segment = Capsule::new(turn.rotate(&a.into()), turn.rotate(&b.into()), 0.0);
+                let [a, b] = [a, b].map(|end| turn.rotate(&Vector::from(*end)));
+                let segment = Capsule::new(a, b, 0.0);
                 let is_point = !segment.length.is_normal();
                 let core =
                     if is_point { Core::Point(segment.start) } else { Core::Segment(segment) };
-                (core, radius)
+                (core, *radius)
             }
             Shape::Box { size } => {
                 let half = Vector::from(size.map(|length| 0.5 * length));
                 (Core::Box(Box::new(Cuboid { axes: turn.matrix(), half })), 0.0)
             }
+            Shape::Convex { vertices } => {
+                let core = match Hull::new(vertices) {
+                    Ok(hull) => Core::Hull(Box::new(hull.turned(&turn))),
+                    Err(_) => Core::Point(Vector::zeros()),
+                };
+                (core, 0.0)
+            }
             Shape::HalfSpace { normal } => {
-                (Core::HalfSpace(turn.rotate(&Vector::from(normal).normalize())), 0.0)
+                (Core::HalfSpace(turn.rotate(&Vector::from(*normal).normalize())), 0.0)
             }
         };
-        Self { core, radius, barriers: obstacle.shape.barriers() }
+        Self { core, radius }
     }
 
     #[inline]
     fn probe(link: &Capsule<3>) -> Probe {
         *link
+    }
+
+    #[inline]
+    fn body(probe: &Probe) -> Capsule<3> {
+        *probe
     }
 
     #[inline(always)] // most links are too far from most obstacles for anything else
@@ -87,6 +114,7 @@ impl Solid<3> for Volume {
             Core::Point(point) => distance_to_point(&axis, point),
             Core::Segment(segment) => distance_to_segment(&axis, segment),
             Core::Box(cuboid) => cuboid.distance(&axis),
+            Core::Hull(hull) => hull.distance(&axis),
             Core::HalfSpace(normal) => to_half_space(&axis, normal).distance,
         };
         distance - self.radius - link.radius
@@ -98,8 +126,15 @@ impl Solid<3> for Volume {
         self.contact_of(pair, &nearest, link.radius, state)
     }
 
+    /// One with a sphere; otherwise one of each end of the link, and one with each end, corner and edge of the core.
     fn barriers(&self) -> usize {
-        self.barriers
+        2 + match &self.core {
+            Core::Point(_) => return 1,
+            Core::Segment(_) => 2 + 1,
+            Core::Box(_) => 8 + 12,
+            Core::Hull(hull) => hull.corners.len() + hull.edges.len(),
+            Core::HalfSpace(_) => 0,
+        }
     }
 
     #[inline]
@@ -115,6 +150,7 @@ impl Solid<3> for Volume {
 
     fn extent(&self) -> [Vector<3>; 2] {
         let (middle, half) = match &self.core {
+            Core::Hull(hull) => return hull.extent(),
             Core::Point(point) => (*point, Vector::zeros()),
             Core::Segment(segment) => {
                 let half = segment.direction * (0.5 * segment.length);
@@ -125,6 +161,17 @@ impl Solid<3> for Volume {
         };
         let half = half.add_scalar(self.radius);
         [middle - half, middle + half]
+    }
+
+    fn reach(&self) -> f64 {
+        let farthest = match &self.core {
+            Core::Point(point) => point.norm(),
+            Core::Segment(segment) => segment.start.norm().max(segment.end().norm()),
+            Core::Box(cuboid) => cuboid.half.norm(),
+            Core::Hull(hull) => hull.reach(),
+            Core::HalfSpace(_) => f64::INFINITY,
+        };
+        farthest + self.radius
     }
 
     fn cast(&self, origin: &Vector<3>, direction: &Vector<3>, range: f64) -> Option<f64> {
@@ -140,6 +187,7 @@ impl Volume {
             Core::Point(point) => to_point(axis, point),
             Core::Segment(segment) => to_segment(axis, segment),
             Core::Box(cuboid) => cuboid.nearest(axis),
+            Core::Hull(hull) => hull.nearest(axis),
             Core::HalfSpace(normal) => to_half_space(axis, normal),
         }
     }
@@ -165,6 +213,7 @@ impl Volume {
             witness: point - normal * (distance - self.radius),
             velocity: state.velocity,
             acceleration: state.acceleration,
+            spin: Spin::NONE,
             feature,
         }
     }
@@ -174,6 +223,7 @@ impl Volume {
 mod tests {
     use super::super::oracle::*;
     use super::*;
+    use crate::world::Feature;
     use proptest::prelude::*;
 
     proptest! {
@@ -195,8 +245,12 @@ mod tests {
             prop_assert!((found.point - joint).norm() < 1e-14);
             prop_assert!((link.clamp(&found.point) - found.point).norm() < 1e-14);
             prop_assert!(distance_to_core(&obstacle, &on_core) < 1e-13, "{found:?}");
+            // (Behind an edge of a hull that is sharper than a right angle is its other side.)
+            let sharp = matches!(obstacle.shape, Shape::Convex { .. }) && found.feature != Feature::Face;
             let inside = on_core - found.normal * 1e-9;
-            prop_assert!(radius > 0.0 || distance_to_core(&obstacle, &inside) < 1e-13, "{found:?}");
+            prop_assert!(
+                radius > 0.0 || sharp || distance_to_core(&obstacle, &inside) < 1e-13, "{found:?}"
+            );
         }
 
         /// Asked alone, the distance is that of the contact, to the last bit.
@@ -273,7 +327,7 @@ mod tests {
 
         #[test]
         fn lattice_positions_are_exact(
-            start in [0i8..7, 0i8..7, 0i8..7], way in [-3i8..4, -3i8..4, -3i8..4], kind in 0usize..4,
+            start in [0i8..7, 0i8..7, 0i8..7], way in [-3i8..4, -3i8..4, -3i8..4], kind in 0usize..5,
         ) {
             // Parallel, collinear, touching, sharing a corner: all that chance avoids.
             let start = start.map(|x| f64::from(x) - 3.0);
@@ -287,6 +341,7 @@ mod tests {
                 Shape::Capsule { a: [-1.0, 0.0, 0.0], b: [1.0, 0.0, 0.0], radius: 0.0 },
                 Shape::Box { size: [2.0, 2.0, 4.0] },
                 Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
+                Shape::Convex { vertices: tetrahedron().to_vec() },
             ][kind].clone();
             let obstacle = fixed(shape, [0.0; 3]);
             let expected = searched_distance(&link, &obstacle);
@@ -336,6 +391,11 @@ mod tests {
         }
     }
 
+    /// On the lattice.
+    fn tetrahedron() -> [[f64; 3]; 4] {
+        [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
+    }
+
     #[test]
     fn unusable_values_do_not_panic() {
         let shapes = [
@@ -344,6 +404,9 @@ mod tests {
             Shape::Capsule { a: [f64::NAN; 3], b: [0.0; 3], radius: 0.1 },
             Shape::Box { size: [0.0, 1.0, 1.0] },
             Shape::Box { size: [f64::NAN, 1.0, -1.0] },
+            Shape::Convex { vertices: vec![] },
+            Shape::Convex { vertices: vec![[f64::NAN; 3]; 5] },
+            Shape::Convex { vertices: tetrahedron().to_vec() },
             Shape::HalfSpace { normal: [0.0; 3] },
         ];
         for shape in shapes {
@@ -369,6 +432,7 @@ mod tests {
                 Shape::Sphere { radius: 0.1 },
                 Shape::Capsule { a: [0.0; 3], b: [1.0; 3], radius: 0.1 },
                 Shape::Box { size: [1.0; 3] },
+                Shape::Convex { vertices: tetrahedron().to_vec() },
                 Shape::HalfSpace { normal: [0.0, 0.0, 1.0] },
             ] {
                 let found = contact(&link, &fixed(shape.clone(), [0.0; 3]));
@@ -390,6 +454,7 @@ mod tests {
             Shape::Capsule { a: [0.0; 3], b: [0.0; 3], radius: 0.1 },
             Shape::Box { size: [2.0, 2.0, 2.0] },
             Shape::Box { size: [1.0, 1.0, 1e-12] },
+            Shape::Convex { vertices: tetrahedron().to_vec() },
             Shape::HalfSpace { normal: [0.0, 1.0, 0.0] },
         ] {
             for link in [link, ball] {

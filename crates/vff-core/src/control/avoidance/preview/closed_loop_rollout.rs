@@ -215,6 +215,7 @@ mod tests {
                 shape: Shape::Circle { radius: 0.2 },
                 position: [1.3 + 0.1 * noise.draw(), 0.7 + side * (0.6 + 0.1 * noise.draw())],
                 angle: 0.0,
+                angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
             };
             let (least, hit) = both(&q, vec![disc(1.0), disc(-1.0)]);

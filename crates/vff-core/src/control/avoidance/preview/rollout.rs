@@ -204,8 +204,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                     continue;
                 }
                 let pair = surroundings.predicted_contact(i, &body, j, after);
-                *apart =
-                    Apart { room: pair.distance - *reach, drift: pair.velocity.norm() * *step };
+                // Of an obstacle that turns, other points may come faster than the nearest does.
+                let speed = if pair.spin.is_none() { pair.velocity.norm() } else { f64::INFINITY };
+                *apart = Apart { room: pair.distance - *reach, drift: speed * *step };
                 least = least.min(pair.distance);
                 if pair.distance < NEAR {
                     pairs.push(pair);

@@ -1,0 +1,488 @@
+//! An axis and a convex polyhedron, the hull of points.
+
+mod build;
+
+pub use build::{HullError, MOST_CORNERS, check_hull, faces_of_hull};
+
+use super::axis::{Nearest, PARALLEL, Probe, within};
+use super::segment::{Feet, between, feet};
+use crate::math::Vector;
+use crate::world::{Feature, TOUCHING};
+
+/// A convex polyhedron, relative to the obstacle's position.
+#[derive(Debug, Clone)]
+pub(super) struct Hull {
+    pub(super) corners: Vec<Corner>,
+    pub(super) edges: Vec<Edge>,
+    /// At most as many as there are bits in [`Facing`].
+    faces: Vec<Face>,
+    /// What rounding may make of a height \[m\].
+    slack: f64,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Corner {
+    pub(super) point: Vector<3>,
+    /// Unit vectors along the edges that meet here, away from it.
+    pub(super) along: Vec<Vector<3>>,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Edge {
+    pub(super) line: Probe,
+    /// The corners that it leads from and to.
+    ends: [usize; 2],
+    /// The faces that meet here.
+    faces: [usize; 2],
+    /// Unit vectors across the edge, into each of them.
+    pub(super) into: [Vector<3>; 2],
+}
+
+#[derive(Debug, Clone)]
+struct Face {
+    /// Unit vector, outward.
+    normal: Vector<3>,
+    /// Of its plane from the obstacle's position \[m\].
+    offset: f64,
+    /// The edges around it, and which of their faces it is.
+    border: Vec<(usize, usize)>,
+}
+
+/// Which faces an axis is above, somewhere.
+type Facing = u128;
+
+/// Where an axis and the hull come nearest.
+struct Found {
+    distance: f64,
+    part: Part,
+}
+
+/// What is nearest of the hull.
+enum Part {
+    /// The face with this number, to a place on the axis \[m\].
+    Face(usize, f64),
+    /// The edge with this number, its ends included.
+    Edge(usize, Feet),
+    /// The edge with this number, for an axis that overlaps the hull. With a unit vector across both and the place on the
+    /// axis \[m\].
+    Across(usize, Vector<3>, f64),
+}
+
+impl Face {
+    /// Signed distance of a point from its plane, positive outside.
+    #[inline(always)]
+    fn height(&self, point: &Vector<3>) -> f64 {
+        self.normal.dot(point) - self.offset
+    }
+}
+
+/// The face that an end of an axis is highest above, and how high.
+#[derive(Clone, Copy)]
+struct Highest {
+    face: usize,
+    height: f64,
+}
+
+impl Highest {
+    const NONE: Self = Self { face: 0, height: f64::NEG_INFINITY };
+
+    #[inline(always)]
+    fn or(self, face: usize, height: f64) -> Self {
+        if height > self.height { Self { face, height } } else { self }
+    }
+}
+
+impl Hull {
+    /// Signed distance of an axis.
+    #[inline(never)]
+    pub(super) fn nearest(&self, axis: &Probe) -> Nearest {
+        let Found { distance, part } = self.find(axis);
+        match part {
+            Part::Edge(i, feet) => between(axis, &self.edges[i].line, &feet),
+            Part::Face(i, along) => {
+                let (normal, point) = (self.faces[i].normal, axis.start + axis.direction * along);
+                Nearest { distance, normal, point, feature: Feature::Face }
+            }
+            Part::Across(i, normal, along) => {
+                let edge = self.edges[i].line.direction;
+                let crosses = axis.direction.cross(&edge).norm() > PARALLEL;
+                let feature =
+                    if crosses { Feature::Crossing { edge, distance } } else { Feature::Face };
+                let point = axis.start + axis.direction * along;
+                Nearest { distance, normal, point, feature }
+            }
+        }
+    }
+
+    /// The distance of [`nearest`](Self::nearest), bit for bit.
+    #[inline(never)]
+    pub(super) fn distance(&self, axis: &Probe) -> f64 {
+        self.find(axis).distance
+    }
+
+    /// Apart, the nearest points are an end of the axis above the inside of a face, or lie on an edge that meets a face
+    /// which the axis is above (T107).
+    #[inline(always)]
+    fn find(&self, axis: &Probe) -> Found {
+        let (a, b) = (axis.start, axis.end());
+        if !(a + b).sum().is_finite() {
+            return Found { distance: f64::NAN, part: Part::Face(0, 0.0) };
+        }
+        // One pass over the faces: which may matter, the highest of each end, what they leave of the axis.
+        let mut facing: Facing = 0;
+        let mut highest = [Highest::NONE; 2];
+        let (mut enters, mut leaves, mut apart) = (0f64, 1f64, false);
+        for (i, face) in self.faces.iter().enumerate() {
+            let (at_a, at_b) = (face.height(&a), face.height(&b));
+            facing |= Facing::from(at_a.max(at_b) > -self.slack) << i;
+            highest = [highest[0].or(i, at_a), highest[1].or(i, at_b)];
+            if at_a > 0.0 {
+                if at_b > 0.0 {
+                    apart = true;
+                } else {
+                    enters = enters.max(at_a / (at_a - at_b));
+                }
+            } else if at_b > 0.0 {
+                leaves = leaves.min(at_a / (at_a - at_b));
+            }
+        }
+        if !apart && enters <= leaves {
+            return self.way_out(axis);
+        }
+        let mut best = Found { distance: f64::INFINITY, part: Part::Face(0, 0.0) };
+        for (Highest { face, height }, point, along) in
+            [(highest[0], a, 0.0), (highest[1], b, axis.length)]
+        {
+            if height > 0.0 && height < best.distance && self.is_below(face, &point) {
+                best = Found { distance: height, part: Part::Face(face, along) };
+            }
+        }
+        for (i, edge) in self.edges.iter().enumerate() {
+            if edge.faces.iter().any(|face| facing >> face & 1 == 1) {
+                let feet = feet(axis, &edge.line);
+                if feet.distance < best.distance {
+                    best = Found { distance: feet.distance, part: Part::Edge(i, feet) };
+                }
+            }
+        }
+        if best.distance <= TOUCHING { self.way_out(axis) } else { best }
+    }
+
+    /// Whether the perpendicular from `point` to the plane of a face meets the face.
+    #[inline]
+    fn is_below(&self, face: usize, point: &Vector<3>) -> bool {
+        self.faces[face].border.iter().all(|&(edge, side)| {
+            let Edge { line, into, .. } = &self.edges[edge];
+            into[side].dot(&(point - line.start)) >= 0.0
+        })
+    }
+
+    /// The shortest way out for an axis that overlaps the hull, as for a box (T95): through a face, or across an edge of the
+    /// outline that the hull has along the axis.
+    #[inline(never)]
+    fn way_out(&self, axis: &Probe) -> Found {
+        let Probe { start: p, direction: d, length, .. } = *axis;
+        let end = axis.end();
+        let mut best = Found { distance: f64::NEG_INFINITY, part: Part::Face(0, 0.0) };
+        for (i, face) in self.faces.iter().enumerate() {
+            let (at_start, at_end) = (face.height(&p), face.height(&end));
+            let (distance, along) =
+                if at_end < at_start { (at_end, length) } else { (at_start, 0.0) };
+            if distance > best.distance {
+                best = Found { distance, part: Part::Face(i, along) };
+            }
+        }
+        // A link of length 0 has no direction.
+        if length <= 0.0 {
+            return best;
+        }
+        for (i, Edge { line, faces, .. }) in self.edges.iter().enumerate() {
+            let [one, other] = faces.map(|face| self.faces[face].normal);
+            let cross = d.cross(&line.direction);
+            let sin = cross.norm();
+            // An axis along an edge crosses none.
+            if one.dot(&d) * other.dot(&d) >= 0.0 || sin <= TOUCHING {
+                continue;
+            }
+            let normal = cross / sin.copysign(cross.dot(&(one + other)));
+            if normal.dot(&(p - line.start)) <= best.distance {
+                continue;
+            }
+            // Rounding tilts the normal of an axis nearly along the edge: no further than the hull reaches along it.
+            let farthest = self.corners.iter().map(|corner| normal.dot(&corner.point));
+            let farthest = farthest.fold(f64::NEG_INFINITY, f64::max);
+            let distance = normal.dot(&p).min(normal.dot(&end)) - farthest;
+            if distance > best.distance {
+                let offset = line.start - p;
+                let across = offset - line.direction * line.direction.dot(&offset);
+                let along = within(d.dot(&across) / (sin * sin), length);
+                best = Found { distance, part: Part::Across(i, normal, along) };
+            }
+        }
+        best
+    }
+
+    /// From the nearest point of the hull to a point outside.
+    pub(super) fn offset(&self, point: &Vector<3>) -> Vector<3> {
+        let heights = self.faces.iter().map(|face| face.height(point)).enumerate();
+        let highest = heights.fold(Highest::NONE, |best, (i, height)| best.or(i, height));
+        if self.is_below(highest.face, point) {
+            return self.faces[highest.face].normal * highest.height;
+        }
+        let beside = self.edges.iter().map(|edge| point - edge.line.clamp(point));
+        beside.fold(Vector::repeat(f64::INFINITY), |best, offset| {
+            if offset.norm_squared() < best.norm_squared() { offset } else { best }
+        })
+    }
+
+    /// Where a ray that starts at `origin` gets in, if it does: behind all the faces that it is above, and before it leaves.
+    pub(super) fn meet_ray(&self, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
+        let (mut enters, mut leaves) = (0f64, f64::INFINITY);
+        for face in &self.faces {
+            let (height, fall) = (face.height(origin), -face.normal.dot(direction));
+            if height > 0.0 {
+                if fall <= 0.0 {
+                    return None;
+                }
+                enters = enters.max(height / fall);
+            } else if fall < 0.0 {
+                leaves = leaves.min(height / fall);
+            }
+        }
+        (enters <= leaves).then_some(enters)
+    }
+
+    /// From the obstacle's position to the farthest corner \[m\].
+    pub(super) fn reach(&self) -> f64 {
+        self.corners.iter().map(|corner| corner.point.norm()).fold(0.0, f64::max)
+    }
+
+    /// Opposite corners of a box around it \[m\].
+    pub(super) fn extent(&self) -> [Vector<3>; 2] {
+        let points = || self.corners.iter().map(|corner| corner.point);
+        let (none, all) = (Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY));
+        [points().fold(none, |low, p| low.inf(&p)), points().fold(all, |high, p| high.sup(&p))]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::oracle::*;
+    use super::super::{Obstacle, Shape, World};
+    use super::*;
+    use crate::math::{Body, Capsule};
+    use crate::world::{CollisionQuery, Contact};
+    use proptest::prelude::*;
+
+    fn convex(vertices: &[[f64; 3]]) -> Shape {
+        Shape::Convex { vertices: vertices.to_vec() }
+    }
+
+    fn corners_of([x, y, z]: [f64; 3]) -> Vec<[f64; 3]> {
+        let signs = [-0.5, 0.5];
+        let along = |x: f64| signs.map(|sign| sign * x);
+        let mut corners = vec![];
+        for x in along(x) {
+            for y in along(y) {
+                corners.extend(along(z).map(|z| [x, y, z]));
+            }
+        }
+        corners
+    }
+
+    fn rows(link: &Capsule<3>, obstacle: &Obstacle) -> Vec<Contact<3>> {
+        let mut found = vec![];
+        let mut world = World::new(vec![obstacle.clone()]);
+        world.for_each_barrier([Body::new(0, *link)], f64::INFINITY, |row| found.push(*row));
+        found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        found
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(3000) })]
+
+        /// The hull of the corners of a box, and of points in its sides and inside, is the box: apart, in touch and
+        /// overlapping.
+        #[test]
+        fn a_box_is_the_hull_of_its_corners(
+            link in any_link(), size in [0.05..2.0, 0.05..2.0, 0.05..2.0], orientation in any_orientation(),
+            within in prop::collection::vec(([-0.5..=0.5, -0.5..=0.5, -0.5..=0.5], 0usize..4), 0..6),
+            depth in prop_oneof![Just(None), (-0.3..0.7).prop_map(Some)], seed in 0usize..8,
+        ) {
+            let mut vertices = corners_of(size);
+            vertices.rotate_left(seed);
+            for (mut point, side) in within {
+                if side < 3 {
+                    point[side] = 0.5;
+                }
+                vertices.push([0, 1, 2].map(|k: usize| point[k] * size[k]));
+            }
+            let [cuboid, hull] = [Shape::Box { size }, convex(&vertices)]
+                .map(|shape| Obstacle { orientation, ..fixed(shape, [0.3, -0.2, 0.1]) });
+            let before = contact(&link, &cuboid);
+            let way: f64 = depth.map_or(0.0, |depth| before.distance + link.radius + depth);
+            let link = translated(&link, &(before.normal * -way));
+            let (expected, found) = (contact(&link, &cuboid), contact(&link, &hull));
+            prop_assert!((found.distance - expected.distance).abs() < 1e-12, "{found:?} {expected:?}");
+            let axis_distance = expected.distance + link.radius;
+            // Parallel things have several nearest pairs, and so have ways out that are as short.
+            let ties = {
+                let by = |way: Vec3| contact(&translated(&link, &(way * 1e-7)), &cuboid).distance;
+                [Vec3::x(), Vec3::y(), Vec3::z()]
+                    .iter()
+                    .any(|way| (by(*way) + by(-way) - 2.0 * expected.distance).abs() > 1e-10)
+            };
+            if axis_distance.abs() > 1e-3 && !ties {
+                prop_assert!((found.normal - expected.normal).norm() < 1e-12 / axis_distance.abs().min(1.0),
+                    "{found:?} {expected:?}");
+                prop_assert_eq!(
+                    std::mem::discriminant(&found.feature), std::mem::discriminant(&expected.feature),
+                    "{:?} {:?}", found, expected
+                );
+            }
+            prop_assume!(axis_distance > 1e-9);
+            let (expected, found) = (rows(&link, &cuboid), rows(&link, &hull));
+            prop_assert_eq!(found.len(), expected.len());
+            for (found, expected) in found.iter().zip(&expected) {
+                // Relief is 10 m per metre that a foot lies off, and feet are as oblique as the axes are.
+                let far = expected.distance.max(1.0) * 1e-9;
+                let close = if expected.distance < axis_distance + 0.1 { 1e-12 } else { far };
+                let oblique = match expected.feature {
+                    Feature::Crossing { edge, .. } => link.direction.cross(&edge).norm_squared().min(1.0),
+                    _ => 1.0,
+                };
+                prop_assert!((found.distance - expected.distance).abs() < close / oblique, "{found:?} {expected:?}");
+            }
+            prop_assert!((found[0].distance - expected[0].distance).abs() < 1e-12);
+        }
+
+        /// Wherever the points are on their hull, those that are no corners do not count.
+        #[test]
+        fn points_within_do_not_count(
+            shape in any_hull(), link in any_link(), weights in prop::collection::vec(prop::collection::vec(0.0..1.0, 20), 0..8),
+        ) {
+            let Shape::Convex { vertices } = &shape else { unreachable!() };
+            let mean = |weights: &Vec<f64>| {
+                let total: f64 = weights.iter().zip(vertices).map(|(w, _)| w).sum();
+                let sum: Vec3 = weights.iter().zip(vertices).map(|(w, v)| Vec3::from(*v) * *w).sum();
+                (sum / total).into()
+            };
+            let more: Vec<_> = vertices.iter().copied().chain(weights.iter().map(mean)).rev().collect();
+            let [few, many] = [shape.clone(), convex(&more)].map(|shape| fixed(shape, [0.1, 0.2, 0.3]));
+            let (few, many) = (contact(&link, &few), contact(&link, &many));
+            prop_assert!((few.distance - many.distance).abs() < 1e-12, "{few:?} {many:?}");
+        }
+
+        /// Almost along an edge or a side, close by.
+        #[test]
+        fn nearly_parallel_axes_are_exact(
+            shape in any_hull(), edge in 0usize..1000, tilt in three(1.0), exponent in -18.0..0.0, gap in -12.0..0.0,
+            length in 0.1..3.0, along in -1.0..1.0,
+        ) {
+            let Shape::Convex { vertices } = &shape else { unreachable!() };
+            let hull = Hull::new(vertices).unwrap();
+            let edge = &hull.edges[edge % hull.edges.len()];
+            let out = -(edge.into[0] + edge.into[1]).normalize();
+            prop_assume!(out.norm().is_finite());
+            let direction = (edge.line.direction + tilt * f64::powf(10.0, exponent)).normalize();
+            let start = edge.line.start + out * f64::powf(10.0, gap) + edge.line.direction * along;
+            let link = Probe { start, direction, length, radius: 0.0 };
+            let obstacle = fixed(shape, [0.0; 3]);
+            let found = contact(&link, &obstacle);
+            let expected = searched_distance(&link, &obstacle);
+            prop_assert!((found.distance.max(0.0) - expected).abs() < 1e-12, "{found:?} is not {expected}");
+            prop_assert!((found.normal.norm() - 1.0).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn what_meets_what() {
+        let obstacle = fixed(convex(&corners_of([2.0; 3])), [0.0; 3]);
+        let meets = |start, end| contact(&capsule(start, end, 0.0), &obstacle).feature;
+        let is_along_z = |edge: Vec3| (edge.z.abs() - 1.0).abs() < 1e-15;
+        let root = 2f64.sqrt();
+        assert_eq!(meets([2.0, 0.0, 0.3], [3.0, 0.1, 0.5]), Feature::Face);
+        let found = meets([2.0, 2.0, 0.3], [3.0, 4.0, 0.5]);
+        assert!(
+            matches!(found, Feature::Edge { edge, distance } if is_along_z(edge) && (distance - root).abs() < 1e-15)
+        );
+        let found = meets([1.0, 3.0, 0.3], [3.0, 1.0, 0.5]);
+        assert!(
+            matches!(found, Feature::Crossing { edge, distance } if is_along_z(edge) && (distance - root).abs() < 1e-15)
+        );
+        assert_eq!(meets([2.0, 2.0, 2.0], [3.0, 4.0, 5.0]), Feature::End { distance: 3f64.sqrt() });
+        assert!(matches!(meets([0.0, 2.5, 2.0], [4.0, 1.5, 2.0]), Feature::Side { .. }));
+        // Through the box close to an edge: out across it.
+        let found = meets([0.3, 1.5, 0.3], [1.5, 0.3, 0.4]);
+        assert!(
+            matches!(found, Feature::Crossing { distance, .. } if (distance + 0.1 * root).abs() < 1e-14)
+        );
+    }
+
+    #[test]
+    fn corners_edges_and_faces() {
+        let count = |vertices: &[[f64; 3]]| {
+            let hull = Hull::new(vertices).unwrap();
+            [hull.corners.len(), hull.edges.len(), hull.faces.len()]
+        };
+        let cube = corners_of([1.0; 3]);
+        assert_eq!(count(&cube), [8, 12, 6]);
+        // A lattice of which most points are inside, within a side or on an edge.
+        let lattice: Vec<_> = (0..64).map(|i| [i % 4, i / 4 % 4, i / 16].map(f64::from)).collect();
+        assert_eq!(count(&lattice), [8, 12, 6]);
+        assert_eq!(count(&[cube.clone(), cube].concat()), [8, 12, 6]);
+        let tetrahedron = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        assert_eq!(count(&tetrahedron), [4, 6, 4]);
+        // Far from the origin, small, large, and a plate.
+        let moved = |scale: [f64; 3], by: f64| -> Vec<[f64; 3]> {
+            let corners = corners_of([1.0; 3]).into_iter();
+            corners.map(|p| [0, 1, 2].map(|k: usize| p[k] * scale[k] + by)).collect()
+        };
+        for (scale, by) in
+            [([1.0; 3], 1e3), ([1e-6; 3], 0.0), ([1e60; 3], 0.0), ([1.0, 1.0, 1e-5], 0.0)]
+        {
+            assert_eq!(count(&moved(scale, by)), [8, 12, 6], "{scale:?} {by}");
+        }
+        let ball: Vec<[f64; 3]> = directions(64).map(Into::into).collect();
+        assert_eq!(count(&ball), [64, 186, 124]);
+    }
+
+    /// Every face is a ring around its plane, and every side of it leads the other way in one other face.
+    #[test]
+    fn rings_of_faces() {
+        let mut cube = corners_of([1.0, 2.0, 3.0]);
+        cube.insert(3, [0.5, 0.0, 0.0]); // in a side
+        let faces = faces_of_hull(&cube).unwrap();
+        assert_eq!(faces.len(), 6);
+        let mut sides = std::collections::HashSet::new();
+        for ring in &faces {
+            assert_eq!(ring.len(), 4);
+            let at = |k: usize| Vec3::from(cube[ring[k % 4]]);
+            for k in 0..4 {
+                let out = (at(k + 1) - at(k)).cross(&(at(k + 2) - at(k + 1)));
+                assert!(out.dot(&at(k)) > 0.0, "{faces:?}");
+                assert!(sides.insert([ring[k], ring[(k + 1) % 4]]));
+            }
+        }
+        assert!(sides.iter().all(|[a, b]| sides.contains(&[*b, *a])) && sides.len() == 24);
+    }
+
+    #[test]
+    fn points_without_a_hull_are_refused() {
+        let refused = |vertices: &[[f64; 3]]| check_hull(vertices).unwrap_err();
+        let cube = corners_of([1.0; 3]);
+        assert_eq!(refused(&[]), HullError::TooFew(0));
+        assert_eq!(refused(&[cube[0]; 9]), HullError::TooFew(1));
+        assert_eq!(refused(&cube[..3]), HullError::TooFew(3));
+        assert_eq!(refused(&[[f64::NAN; 3]; 5]), HullError::TooFew(0));
+        let line: Vec<_> = (0..9).map(|k| [f64::from(k), 1.0, 2.0 * f64::from(k)]).collect();
+        assert!(matches!(refused(&line), HullError::Flat(_)));
+        let turned = crate::math::UnitQuaternion::exp(&vec3(0.3, -0.5, 0.2));
+        let plane: Vec<_> =
+            directions(30).map(|p| turned.rotate(&vec3(p.x, p.y, 0.0)).into()).collect();
+        assert!(matches!(refused(&plane), HullError::Flat(_)));
+        let ball: Vec<[f64; 3]> = directions(65).map(Into::into).collect();
+        assert_eq!(refused(&ball), HullError::TooManyCorners(65));
+        assert!(matches!(refused(&vec![[0.0; 3]; 10_001]), HullError::TooMany(10_001)));
+    }
+}
