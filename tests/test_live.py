@@ -21,7 +21,6 @@ import vffnull as vff
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
-from vffnull.viewer.presets import presets
 from vffnull.viewer.scene import view
 from vffnull.viewer.stories import STORIES
 from waiting import HANG, wait_for
@@ -205,20 +204,6 @@ def test_live_refuses(tmp_path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------------- the page
-
-
-def test_a_page_opens_what_it_can_show(tmp_path: Path) -> None:
-    """No preset is in space, and a scenario that is leaves the page as it was."""
-    offered = set(presets())
-    assert {"sweep-through", "crowd", "paper-1"} <= offered < set(vff.scenarios())
-    assert all(vff.Scenario.load(name).arm.dimension == 2 for name in offered)
-    page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
-    try:
-        with pytest.raises(ScenarioError, match=r"panda-sweep is in space.*vffnull report"):
-            page.open(vff.Scenario.load("panda-sweep"))
-        assert len(page.snapshot()["x"]) == 2 and page.snapshot()["status"] == "running"
-    finally:
-        page.stop()
 
 
 def test_a_page_changes_its_scene(tmp_path: Path) -> None:

@@ -82,10 +82,8 @@ def live(
     from vffnull._simulate import prepare
     from vffnull.viewer.guard import origins
     from vffnull.viewer.page import LivePage
-    from vffnull.viewer.presets import check
 
     ready = prepare(scenario)
-    check(ready)
     page = LivePage(ready, port, folder, origins(allow_origins))
     if block:
         print(f"{page.url}; Ctrl-C ends it")

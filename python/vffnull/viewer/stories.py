@@ -30,6 +30,20 @@ STORIES: dict[str, Story] = {
         "A disc swings through the arm, whose tip must stay on its target. The links give way. The pale arm "
         "is the same one without the null-space projection.",
     ),
+    "Elbow": Story(
+        "panda-sweep",
+        "A ball swings through the elbow of a Panda, which turns aside; its hand stays as it is. Drag the "
+        "ball into the elbow yourself, then switch the projection off.",
+        {
+            "obstacles.0.position": [-0.05, 0.0, 0.62],
+            "obstacles.0.motion": {
+                "kind": "sinusoid",
+                "amplitude": [0.0, -0.55, 0.0],
+                "angular_frequency": 0.6,
+                "phase": 1.5708,
+            },
+        },
+    ),
     "On path": Story(
         "on-path",
         "A disc lies on the tip's own path, where no null space helps. Barriers let the tip go around it.",
