@@ -86,6 +86,7 @@ class LivePage:
         self._with_ghost = True
         self._view = next(iter(kind_of(scenario).views))
         self._dragged = False
+        self._seen = False
         self._counts = Counts()
         self._folder = folder
         self._recording: Recording | None = None
@@ -154,6 +155,9 @@ class LivePage:
         self._scene: Scene = kind_of(self._scenario)(
             self._server, self._scenario, self._carry, self._aim, self._view, hint=not self._dragged
         )
+        self._clear_plots()
+
+    def _clear_plots(self) -> None:
         task = self._scenario.to_dict().get("controller", {}).get("task", "position")
         self._plots.clear(task != "position")
 
@@ -346,8 +350,17 @@ class LivePage:
         self._scene.camera(self._box(), client.camera.aspect).move(client)
 
     async def _welcome(self, client: viser.ClientHandle) -> None:
-        """Show the whole picture, now and whenever the room for it changes."""
+        """Show the whole picture, now and whenever the room for it changes. Whoever comes first sees the
+        scene from its beginning.
+        """
         fitted = 0.0
+        with self._lock:
+            seen, self._seen = self._seen, True
+            untouched = not self._dragged and self._recording is None and not self._over.is_set()
+            if not seen and untouched and self._live.snapshot()["status"] == "running":
+                for live in self._loops():
+                    live.reset()
+                self._clear_plots()
 
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:

@@ -15,7 +15,7 @@ from vffnull.errors import VffNullError
 from vffnull.scenario import Scenario, scenarios
 from vffnull.viewer.plots import measures
 from vffnull.viewer.scene.cup import SPILLS
-from vffnull.viewer.stories import STORIES
+from vffnull.viewer.stories import IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.viewer.tasks import TASKS, with_task
 
 LEAD = """
@@ -103,7 +103,10 @@ class Panel:
         self._field = gui.add_checkbox("Repulsive field", True)
         self._ghost = gui.add_checkbox("Pale arm: without projection", True)
         self._numbers = gui.add_html("")
-        self._stories = gui.add_button_group("Stories", tuple(STORIES))
+        self._stories = [
+            gui.add_button_group(label, tuple(stories))
+            for label, stories in (("Stories", IN_THE_PLANE), ("In space", IN_SPACE))
+        ]
         self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):
             self._preset = gui.add_dropdown("Preset", scenarios())
@@ -197,9 +200,11 @@ class Panel:
             if event.client is not None:
                 self._told(event.client, page.show_ghost, self._ghost.value)
 
-        @self._stories.on_click
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            self._told(event.client, self._tell, self._stories.value)
+        async def tell(event: viser.GuiEvent[Any]) -> None:
+            self._told(event.client, self._tell, event.target.value)
+
+        for group in self._stories:
+            group.on_click(tell)
 
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:

@@ -13,7 +13,7 @@ from vffnull.viewer.scene.meshes import AROUND, turned
 
 Array = NDArray[np.float64]
 
-SPILLS = np.radians(25.0)
+SPILLS = np.radians(15.0)
 """The tilt at which a full cup runs over [rad]."""
 _GLASS, _LIQUID = (150, 190, 215), (0, 114, 178)
 _ABOVE = 0.2

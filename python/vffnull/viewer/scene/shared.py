@@ -235,12 +235,14 @@ class Scene(ABC):
         self._obstacles.append(handle)
         self._halos.append(self._add_halo(f"{name}-halo", len(self._obstacles) - 1))
         self._changed()
-        self._make_draggable(handle)
+        if not self._endless(len(self._obstacles) - 1):
+            self._make_draggable(handle)
 
         @handle.on_click
         async def _(event: viser.SceneNodePointerEvent[Any]) -> None:
-            if handle in self._obstacles:
-                self._clicked(self._obstacles.index(handle), event)
+            obstacle = self._index_of(handle)
+            if obstacle is not None:
+                self._clicked(obstacle, event)
 
     def remove(self, index: int) -> None:
         """Take an obstacle out of the drawing."""
@@ -260,11 +262,20 @@ class Scene(ABC):
             handle.remove()
             self._halos[index] = self._add_halo(name, index)
 
+    def _endless(self, obstacle: int) -> bool:
+        """Whether it has no end, as a table, which must not catch every drag."""
+        return bool(self._documents[obstacle]["shape"]["kind"] == "half_space")
+
     def _make_draggable(self, handle: viser.MeshHandle) -> None:
         @handle.on_drag
         async def _(event: viser.SceneNodeDragEvent[Any]) -> None:
-            if handle in self._obstacles:
-                self._drag(event, self._obstacles.index(handle))
+            obstacle = self._index_of(handle)
+            if obstacle is not None:
+                self._drag(event, obstacle)
+
+    def _index_of(self, handle: viser.MeshHandle) -> int | None:
+        """Which obstacle it is, if it still is one; viser compares handles by their arrays, which fails."""
+        return next((i for i, each in enumerate(self._obstacles) if each is handle), None)
 
     def _changed(self) -> None:  # noqa: B027
         """Obstacles have come or gone."""

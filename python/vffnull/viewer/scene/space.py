@@ -129,13 +129,6 @@ class SpaceScene(Scene):
         handle = self._target if obstacle is None else self._obstacles[obstacle]
         return np.asarray(handle.position)
 
-    def _make_draggable(self, handle: viser.MeshHandle) -> None:
-        if not self._endless(self._obstacles.index(handle)):  # a table must not catch every drag
-            super()._make_draggable(handle)
-
-    def _endless(self, obstacle: int) -> bool:
-        return bool(self._documents[obstacle]["shape"]["kind"] == "half_space")
-
     def _clicked(self, obstacle: int, event: viser.SceneNodePointerEvent[Any]) -> None:
         """It waits where it is seen, and gets a gizmo; another click takes the gizmo away."""
         super()._clicked(obstacle, event)
