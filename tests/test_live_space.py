@@ -437,6 +437,7 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
     try:
         with chromium() as browser:
             page.look("Front")  # dragging along this picture goes along y and z
+            page.cast_shadows(False)  # half a minute of a software renderer
             tab = browser.new_page(viewport={"width": 1000, "height": 450}, device_scale_factor=0.5)
             tab.set_default_timeout(1000 * HANG)
             errors: list[str] = []
@@ -476,18 +477,19 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 assert box["x"] < x < box["x"] + box["width"]
                 return 1.0 - float(np.asarray(Image.open(BytesIO(shown)).convert("L")).mean()) / 255
 
+            def uncover() -> None:
+                """Close what is said about software renderers: it hides the ball."""
+                for close in tab.locator(".mantine-Notification-closeButton").all():
+                    close.evaluate("button => button.click()")
+
             wait_for(settled)
-            wait_for(lambda: darkness(PLACE) > 0.5)  # the ball
-            elbow = page.scenario.arm.forward_kinematics(page.snapshot()["q"])[3]
-            empty = PLACE + at(0.0, 0.0, 0.35)
-            assert 0.05 < darkness(
-                (elbow + page.scenario.arm.forward_kinematics(page.snapshot()["q"])[2]) / 2
-            )
-            assert darkness(empty) < 0.15
+            wait_for(lambda: (uncover(), darkness(PLACE) > 0.5)[1])  # the ball
+            assert darkness(at(0.0, 0.0, 0.05)) > 0.2  # the base
+            assert darkness(PLACE + at(0.0, 0.0, -0.35)) < 0.15  # nothing
             before, end = page.snapshot()["q"], PLACE + at(0.0, 0.35, 0.0)
             tab.mouse.move(*pixel(PLACE))
             tab.mouse.down()
-            for share in np.linspace(0.0, 1.0, 7)[1:]:
+            for share in np.linspace(0.0, 1.0, 5)[1:]:
                 tab.mouse.move(*pixel(PLACE + share * (end - PLACE)))
             wait_for(lambda: page._scene._held or page._scene._wanted or page._dragged)
             tab.mouse.up()

@@ -86,6 +86,7 @@ class LivePage:
         self._with_ghost = True
         self._view = next(iter(kind_of(scenario).views))
         self._dragged = False
+        self._shadows = True
         self._seen = False
         self._counts = Counts()
         self._folder = folder
@@ -153,7 +154,7 @@ class LivePage:
     def _draw_scene(self) -> None:
         """Draw the scenario from its start."""
         self._scene: Scene = kind_of(self._scenario)(
-            self._server, self._scenario, self._carry, self._aim, self._view, hint=not self._dragged
+            self._server, self._scenario, self._carry, self._aim, self._view, not self._dragged, self._shadows
         )
         self._clear_plots()
 
@@ -295,6 +296,13 @@ class LivePage:
             self._view = view
             self._scene.look(view)
             self._move_cameras()
+
+    def cast_shadows(self, on: bool) -> None:
+        """Whether bodies in space cast shadows; the scene begins anew."""
+        with self._lock:
+            if on != self._shadows and not self._over.is_set():
+                self._shadows = on
+                self.reset()
 
     @property
     def notes(self) -> list[str]:

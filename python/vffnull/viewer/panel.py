@@ -81,6 +81,9 @@ class Page(Protocol):
     def look(self, view: str) -> None:
         """Look at the scene in another way."""
 
+    def cast_shadows(self, on: bool) -> None:
+        """Whether bodies in space cast shadows."""
+
 
 class Panel:
     """Switches, sliders and read-outs.
@@ -131,6 +134,7 @@ class Panel:
             self._null_damping = gui.add_slider("Null damping", 0.0, 30.0, 0.5, 2.0, hint="[1/s]")
         with gui.add_folder("Details", expand_by_default=False):
             self._details = gui.add_html("")
+            self._shadows = gui.add_checkbox("Shadows", True, hint="Without a graphics card they are slow")
         self._connect()
 
     def show(self, scenario: Scenario) -> None:
@@ -144,7 +148,7 @@ class Panel:
         self._show_paused(False)
         self._show_views()
         put(self._task, settings.get("task", "position"))
-        self._task.visible = scenario.arm.dimension == 3
+        self._task.visible = self._shadows.visible = scenario.arm.dimension == 3
         self._apply(settings)
 
     def _show_settings(self, settings: dict[str, Any]) -> None:
@@ -221,6 +225,11 @@ class Panel:
         async def _(event: viser.GuiEvent[Any]) -> None:
             self._show_paused(False)
             self._told(event.client, page.reset)
+
+        @self._shadows.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._told(event.client, page.cast_shadows, self._shadows.value)
 
         @self._view.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:

@@ -87,6 +87,8 @@ class Scene(ABC):
         One of `views`; the first by default.
     hint : bool
         Whether to say that something can be dragged.
+    shadows : bool
+        Whether bodies in space cast shadows, which a computer without a graphics card has trouble with.
     """
 
     views: ClassVar[Mapping[str, str]]
@@ -105,7 +107,9 @@ class Scene(ABC):
         on_aim: Callable[[Array], None],
         view: str | None = None,
         hint: bool = True,
+        shadows: bool = True,
     ) -> None:
+        self._shadowed = shadows
         self._server, self._on_carry, self._on_aim = server, on_carry, on_aim
         self._arm = scenario.arm
         self.reach = self._reach_of(scenario)

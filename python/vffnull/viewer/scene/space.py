@@ -288,7 +288,9 @@ class SpaceScene(Scene):
     def _add_surroundings(self, scenario: Scenario) -> None:
         scene, reach = self._server.scene, self.reach
         scene.add_light_ambient("/light", intensity=1.7)
-        scene.add_light_directional("/sun", intensity=1.5, position=(1.2, -1.6, 3.0), cast_shadow=True)
+        scene.add_light_directional(
+            "/sun", intensity=1.5, position=(1.2, -1.6, 3.0), cast_shadow=self._shadowed
+        )
         scene.add_light_directional("/sky", intensity=0.5, position=(-2.0, 2.0, 1.0), cast_shadow=False)
         self._floor = float(frame(scenario.arm.to_dict().get("mount", {}))[2, 3])
         cell = 10.0 ** np.floor(np.log10(reach))
