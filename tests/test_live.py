@@ -23,7 +23,7 @@ from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
 from vffnull.viewer.scene import view
 from vffnull.viewer.stories import STORIES
-from waiting import HANG, wait_for
+from waiting import HANG, obey, wait_for
 
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": [3.0, 2.9]}
 """The scene of the page with its disc at rest above the arm."""
@@ -281,12 +281,6 @@ def test_every_obstacle_is_dragged_and_waits_at_a_click(page: Any) -> None:
         wait_for(lambda index=index, y=place[1] + 0.2: abs(page.snapshot()["obstacles"][index, 1] - y) < 0.01)
         obey(handle._impl.click_cb[0].callback(SimpleNamespace()))
     assert page._scene._index_of(page._scene._target) is None
-
-
-def obey(callback: Any) -> None:
-    """Let a callback that waits for nothing run."""
-    with pytest.raises(StopIteration):
-        callback.send(None)
 
 
 def test_a_paused_page_shows_what_is_dragged_and_counts_nothing(page: Any) -> None:

@@ -29,6 +29,8 @@ NEAR, HIT = np.array([230, 130, 30]), np.array([200, 20, 40])
 OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
     (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),
 )  # fmt: skip
+TABLE = (222, 214, 202)
+"""The colour of an obstacle without an end."""
 SHADES = 24
 """Colours of links are rounded to so many, so that they need not be sent in every frame."""
 TRAIL = 150
@@ -233,9 +235,10 @@ class Scene(ABC):
         self._made += 1
         core = self._core_of(obstacle)
         name = f"/obstacle-{self._made}"
-        handle = self._solid(name, core, OBSTACLE, "obstacle")
         self._documents.append(copy.deepcopy(dict(obstacle)))
         self._shapes.append(core)
+        colour = TABLE if self._endless(len(self._shapes) - 1) else OBSTACLE
+        handle = self._solid(name, core, colour, "obstacle")
         self._obstacles.append(handle)
         self._halos.append(self._add_halo(f"{name}-halo", len(self._obstacles) - 1))
         self._changed()
@@ -342,11 +345,7 @@ class Scene(ABC):
         self._tip.position = self._spot(tip, "tip")
         self._draw_trail(tip)
         self._draw_wanted(reference, places, state["status"] == "running")
-        if self._hint is not None and len(places) and len(self._shapes):
-            corners, radius = self._shapes[0]
-            above = places[0].copy()
-            above[-1] += radius + float(corners[:, -1].max()) + 0.01 * self.reach
-            self._hint.position = self._spot(above, "hint")
+        self._draw_hint(places)
         self._draw_more(state)
         if ghost is not None:
             self._place_arm(ghost["q"], ghost=True)
@@ -377,6 +376,15 @@ class Scene(ABC):
                 red, green, blue = (low + (high - low) * part).astype(int)
                 for handle in parts:
                     handle.color = (int(red), int(green), int(blue))
+
+    def _draw_hint(self, places: Array) -> None:
+        """Over the first obstacle that can be dragged."""
+        first = next((i for i in range(len(self._shapes)) if not self._endless(i)), None)
+        if self._hint is not None and first is not None and first < len(places):
+            corners, radius = self._shapes[first]
+            above = places[first].copy()
+            above[-1] += radius + float(corners[:, -1].max()) + 0.01 * self.reach
+            self._hint.position = self._spot(above, "hint")
 
     def _draw_trail(self, tip: Array) -> None:
         self._places.append(self._spot(tip, "trail"))

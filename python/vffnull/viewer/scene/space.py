@@ -38,11 +38,17 @@ VIEWS = {
 """Where from the arm is seen."""
 FOLLOW = "Follow"
 HINT = (
-    "Drag the dark obstacles and the green ring of the target along the picture; a click shows arrows that "
+    "Drag the dark obstacles and the green ring of the target; a click shows arrows that "
     "move them along one axis. Dragging elsewhere turns the view, the right button moves it, the wheel zooms."
 )
 LATE = 1.6
 """From where on an obstacle is out of sight [reaches]; it is brought back to where it is within it."""
+NO_WAY = 0.15
+"""What is nearer to the base's axis than this [reaches] is in no vertical plane of its own."""
+EDGE = 0.35
+"""Sine of the angle between a plane and the line of sight below which it is seen from its edge."""
+FAR = 1.5
+"""How far from the base something may be dragged in such a plane [reaches]."""
 STEP = 1e-4
 """What moves or turns by less [m, rad] is left where it is."""
 LEVEL = 1e-2
@@ -66,13 +72,18 @@ class SpaceScene(Scene):
         self._task = document.get("controller", {}).get("task", "position")
         self._view = ""
         self._gizmo: viser.TransformControlsHandle | None = None
+        self._sheets: dict[int, tuple[Array, Array | None]] = {}
         self._gripped: int | None = None
+        self._offset = np.zeros(3)
         self._cup: Cup | None = None
         self._followed: Array | None = None
         super().__init__(server, scenario, *arguments, **options)
         self._add_frames(document)
         self._lines = server.scene.add_line_segments(
-            "/distances", np.zeros((self._arm.n, 2, 3)), np.array((90, 90, 96)), thickness=0.004 * self.reach
+            "/distances",
+            np.zeros((self._arm.n, 2, 3)),
+            np.array((120, 120, 126)),
+            thickness=0.003 * self.reach,
         )
         self._distance = server.scene.add_label(
             "/distance", "", anchor="bottom-center", font_screen_scale=0.9, visible=False
@@ -82,21 +93,23 @@ class SpaceScene(Scene):
     # --------------------------------------------------------------------------------------------- cameras
 
     def camera(self, box: tuple[float, ...], aspect: float) -> Camera:
-        """From where the view says, so far away that the box is seen."""
+        """From where the view says, with the base in the middle and so far away that the box is just seen."""
         low, high = np.array(box[::2]), np.array(box[1::2])
+        base = self._still.joints[0, 0]
         low[2] = max(low[2], self._floor)
-        middle, size = (low + high) / 2, (high - low) / 2
+        side = max(high[1] - base[1], base[1] - low[1])
+        low[1], high[1] = base[1] - side, base[1] + side
+        middle = (low + high) / 2
         direction = np.array(VIEWS.get(self._view, VIEWS["Corner"]))
         direction /= np.linalg.norm(direction)
         right = np.cross([0.0, 0.0, 1.0], direction)
         right /= np.linalg.norm(right)
         above = np.cross(direction, right)
-        tall, wide, deep = (float(np.abs(axis) @ size) for axis in (above, right, direction))
-        slope = float(np.tan(FIELD_OF_VIEW / 2))
-        away = max(tall / slope, wide / (slope * max(aspect, 0.1))) + 0.5 * deep
-        x, y, z = middle
-        eye = middle + away * direction
-        return Camera((*eye.tolist(),), (float(x), float(y), float(z)), (0.0, 0.0, 1.0), FIELD_OF_VIEW, 100.0)
+        corners, _ = geometry.core_in_space({"kind": "box", "size": high - low})
+        tall, wide = np.abs(corners @ above), np.abs(corners @ right) / max(aspect, 0.1)
+        away = float(np.max(corners @ direction + np.maximum(tall, wide) / np.tan(FIELD_OF_VIEW / 2)))
+        x, y, z = (float(each) for each in middle + away * direction)
+        return Camera((x, y, z), (*middle.tolist(),), (0.0, 0.0, 1.0), FIELD_OF_VIEW, 100.0)
 
     def look(self, view: str) -> None:
         """See `Scene.look`."""
@@ -119,10 +132,36 @@ class SpaceScene(Scene):
     # ------------------------------------------------------------------------------------------------ drag
 
     def _grasp(self, event: viser.SceneNodeDragEvent[Any], hit: int | None) -> Held | None:
-        return Held(hit, self._place_of(hit) - np.asarray(event.start_position))
+        start = np.asarray(event.start_position)
+        self._sheets[event.client_id] = start, self._sheet(hit, start, event)
+        return Held(hit, self._place_of(hit) - start)
+
+    def _sheet(self, hit: int | None, start: Array, event: viser.SceneNodeDragEvent[Any]) -> Array | None:
+        """The normal of the plane in which something is dragged; None if that is the picture's.
+
+        An obstacle moves in the vertical plane through the base, so that it meets the arm where it is seen to
+        do so, unless that plane is seen from its edge.
+        """
+        way = (start - self._still.joints[0, 0])[:2]
+        away = float(np.linalg.norm(way))
+        if hit is None or away < NO_WAY * self.reach:
+            return None
+        normal = np.array([-way[1], way[0], 0.0]) / away
+        ahead = start - np.asarray(event.client.camera.position)
+        return normal if abs(normal @ ahead) > EDGE * np.linalg.norm(ahead) else None
 
     def _pointed(self, event: viser.SceneNodeDragEvent[Any]) -> Array:
-        return np.asarray(event.end_position)
+        end = np.asarray(event.end_position)
+        start, normal = self._sheets.get(event.client_id, (end, None))
+        if normal is None:
+            return end
+        eye = np.asarray(event.client.camera.position)
+        share = float((start - eye) @ normal) / (float((end - eye) @ normal) or np.inf)
+        place = eye + share * (end - eye)
+        base = self._still.joints[0, 0]
+        away = float(np.linalg.norm(place - base))
+        farthest = max(FAR * self.reach, float(np.linalg.norm(start - base)))
+        return place if share > 0.0 and away < farthest else end
 
     def _place_of(self, obstacle: int | None) -> Array:
         """Where an obstacle, or the target, is seen."""
@@ -132,14 +171,22 @@ class SpaceScene(Scene):
     def _clicked(self, obstacle: int, event: viser.SceneNodePointerEvent[Any]) -> None:
         """It waits where it is seen, and gets a gizmo; another click takes the gizmo away."""
         super()._clicked(obstacle, event)
-        self._toggle(obstacle)
+        self._toggle(obstacle, self._hit(obstacle, event) if self._endless(obstacle) else None)
 
-    def _toggle(self, obstacle: int | None) -> None:
+    def _hit(self, obstacle: int, event: viser.SceneNodePointerEvent[Any]) -> Array:
+        """Where the surface of a half-space was clicked, relative to its position."""
+        start, along = np.asarray(event.ray_origin), np.asarray(event.ray_direction)
+        place, normal = self._place_of(obstacle), self._normal(obstacle)
+        down = float(along @ normal)
+        away = float((place - start) @ normal) / down if down else 0.0
+        return np.asarray(start + away * along - place)
+
+    def _toggle(self, obstacle: int | None, offset: Array | None = None) -> None:
         """Give an obstacle, or the target, the gizmo, or take it away from there."""
         if self._gizmo is not None and self._gripped == obstacle:
             self.let_go()
         else:
-            self.grip(obstacle)
+            self.grip(obstacle, np.zeros(3) if offset is None else offset)
 
     def let_go(self) -> None:
         """Show no gizmo."""
@@ -147,10 +194,10 @@ class SpaceScene(Scene):
             self._gizmo.remove()
             self._gizmo = None
 
-    def grip(self, obstacle: int | None) -> None:
-        """Show a gizmo at an obstacle, or at the target."""
+    def grip(self, obstacle: int | None, offset: Array) -> None:
+        """Show a gizmo at an obstacle, or at the target, so far from its position (3,) [m]."""
         self.let_go()
-        self._gripped = obstacle
+        self._gripped, self._offset = obstacle, offset
         gizmo = self._gizmo = self._server.scene.add_transform_controls(
             "/gizmo",
             scale=0.3 * self.reach,
@@ -158,18 +205,18 @@ class SpaceScene(Scene):
             disable_rotations=True,
             depth_test=False,
             opacity=0.85,
-            position=self._place_of(obstacle),
+            position=self._place_of(obstacle) + offset,
         )
 
         @gizmo.on_update
         async def _(event: viser.TransformControlsEvent) -> None:
             if self._gizmo is gizmo:
-                self._move(self._gripped, np.asarray(gizmo.position))
+                self._move(self._gripped, np.asarray(gizmo.position) - self._offset)
 
     def _move(self, obstacle: int | None, place: Array) -> None:
         super()._move(obstacle, place)
         if self._gizmo is not None and self._gripped == obstacle:
-            self._gizmo.position = place
+            self._gizmo.position = place + self._offset
 
     def _changed(self) -> None:
         self.let_go()
@@ -280,10 +327,14 @@ class SpaceScene(Scene):
     def _halo_core(self, index: int) -> Core:
         corners, radius = self._shapes[index]
         if self._endless(index):
-            obstacle = self._documents[index]
-            turn = rotation(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
-            return corners + self.influence * turn @ np.asarray(obstacle["shape"]["normal"]), radius
+            return corners + self.influence * self._normal(index), radius
         return corners, radius + max(self.influence, 1e-6)
+
+    def _normal(self, obstacle: int) -> Array:
+        """The direction out of a half-space."""
+        document = self._documents[obstacle]
+        turn = rotation(document.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+        return np.asarray(turn @ np.asarray(document["shape"]["normal"], dtype=float))
 
     def _add_surroundings(self, scenario: Scenario) -> None:
         scene, reach = self._server.scene, self.reach
@@ -292,7 +343,7 @@ class SpaceScene(Scene):
             "/sun", intensity=1.5, position=(1.2, -1.6, 3.0), cast_shadow=self._shadowed
         )
         scene.add_light_directional("/sky", intensity=0.5, position=(-2.0, 2.0, 1.0), cast_shadow=False)
-        self._floor = float(frame(scenario.arm.to_dict().get("mount", {}))[2, 3])
+        self._floor = floor_of(scenario)
         cell = 10.0 ** np.floor(np.log10(reach))
         scene.add_grid(
             "/floor",
@@ -304,7 +355,7 @@ class SpaceScene(Scene):
             cell_color=(226, 228, 232),
             section_color=(204, 208, 214),
             shadow_opacity=0.2,
-            position=(0.0, 0.0, self._floor - 0.002 * reach),
+            position=(0.0, 0.0, self._floor + 0.002 * reach),
         )
         for i, part in enumerate(each for each in self._still.parts if each.index < 0):
             self._mesh(f"/base/{i}", solid(part.corners[0], part.radius), (120, 124, 132), casts=True)
@@ -325,7 +376,7 @@ class SpaceScene(Scene):
                         f"{name}/{k}",
                         solid(
                             (part.corners[0] - pose[:3, 3]) @ pose[:3, :3],
-                            part.radius * (0.9 if ghost else 1.0),
+                            part.radius * (0.8 if ghost else 1.0),
                         ),
                         GHOST if ghost else self.FREE,
                         opacity=0.28 if ghost else None,
@@ -396,6 +447,17 @@ def put(handle: viser.SceneNodeHandle, place: Array, wxyz: Array | None = None) 
         handle.position = place
     if wxyz is not None and np.abs(handle.wxyz - wxyz).max() > STEP:
         handle.wxyz = wxyz
+
+
+def floor_of(scenario: Scenario) -> float:
+    """The height of what the arm stands on [m]: of a table, else of its base."""
+    document = scenario.to_dict()
+    tables = [
+        float(each.get("position", (0.0, 0.0, 0.0))[2])
+        for each in document.get("obstacles", [])
+        if each["shape"]["kind"] == "half_space" and each["shape"]["normal"][2] > 1.0 - LEVEL
+    ]
+    return max(tables, default=float(frame(document["arm"].get("mount", {}))[2, 3]))
 
 
 def upright_in(hand: Array) -> Array:
