@@ -9,7 +9,7 @@ import viser
 from numpy.typing import NDArray
 
 from vffnull._arm import quaternion
-from vffnull.viewer.scene.meshes import AROUND, turned
+from vffnull.viewer.scene.meshes import turned
 
 Array = NDArray[np.float64]
 
@@ -88,52 +88,55 @@ class Cup:
         ring = np.linspace(0.0, 2 * np.pi, 9)
         lip = turned(np.stack([radius + wall * np.cos(ring), height + wall * np.sin(ring)], axis=1))
         scene.add_mesh_simple(f"{name}/in/lip", lip.vertices, lip.faces, cast_shadow=False, **glass)
-        self._body = self._pour(scene, f"{name}/in/liquid", (0.0, 0.0, wall))
-
-    def _pour(self, scene: viser.SceneApi, name: str, place: Any) -> viser.MeshSkinnedHandle:
-        """The liquid: its surface hangs on three bones around it that go up and down, and is always plane.
-
-        The circle of the surface is the one inside of the bones' triangle; the weights of a point are its
-        barycentric coordinates.
-        """
-        radius, level = self.liquid.radius, self.liquid.level
-        angles = np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False)
-        ring = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        corners = np.arange(3) * 2 * np.pi / 3
-        self._bones = 2.0 * radius * np.stack([np.cos(corners), np.sin(corners)], axis=1)
-        high = np.vstack([ring, ring, [[0.0, 0.0]]])
-        weights = (1.0 + 2.0 * high @ self._bones.T / (2.0 * radius) ** 2) / 3.0
-        vertices = np.vstack(
-            [np.column_stack([high, np.full(len(high), level)]), np.column_stack([ring, np.zeros(AROUND)])]
+        self._below = scene.add_mesh_simple(
+            f"{name}/in/below", *_cylinder(), color=_LIQUID, cast_shadow=False, receive_shadow=False
         )
-        still = np.vstack([np.zeros((len(high), 1)), np.ones((AROUND, 1))])
-        skin = np.hstack([np.vstack([weights, np.zeros((AROUND, 3))]), still])
-        i = np.arange(AROUND)
-        j, bottom, middle = (i + 1) % AROUND, len(high) + i, len(high) - 1
-        surface = np.stack([i, j, np.full(AROUND, middle)], axis=1)
-        outer, after = AROUND + i, AROUND + j
-        side = [np.stack([bottom, len(high) + j, after], axis=1), np.stack([bottom, after, outer], axis=1)]
-        places = np.vstack([np.column_stack([self._bones, np.full(3, level)]), np.zeros((1, 3))])
-        return scene.add_mesh_skinned(
-            name,
-            vertices,
-            np.vstack([surface, *side]),
-            bone_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)),
-            bone_positions=places,
-            skin_weights=skin,
-            color=_LIQUID,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-            position=place,
+        self._above = scene.add_mesh_simple(
+            f"{name}/in/above", *_wedge(), color=_LIQUID, cast_shadow=False, receive_shadow=False
         )
+        self._bottom = wall
+        self.follow(turn.T)
 
     def follow(self, hand: Array) -> None:
-        """Let the liquid find its level in a hand whose axes (3, 3) are columns."""
+        """Let the liquid find its level in a hand whose axes (3, 3) are columns.
+
+        Up to the lowest point of its surface it is a cylinder, and above that a wedge, which is one and the
+        same for every slope but for its height: all that is sent is where and how large they are.
+        """
         slope = self.liquid.turn((hand @ self._turn)[2])
-        heights = self.liquid.level + self._bones @ slope
-        for bone, place, height in zip(self._body.bones[:3], self._bones, heights, strict=True):
-            if abs(bone.position[2] - height) > _STEP:
-                bone.position = (*place, float(height))
-        if self._body.visible != (self.liquid.level > 0.0):
-            self._body.visible = self.liquid.level > 0.0
+        radius, level = self.liquid.radius, self.liquid.level
+        rise = max(radius * float(np.hypot(*slope)), _STEP)
+        heading = float(np.arctan2(slope[1], slope[0]))
+        low = max(level - rise, _STEP)
+        visible = level > 0.0
+        for part in (self._below, self._above):
+            if part.visible != visible:
+                part.visible = visible
+        if visible:
+            _put(self._below, self._bottom, (radius, radius, low))
+            _put(self._above, self._bottom + low, (radius, radius, rise))
+            turn = (np.cos(heading / 2), 0.0, 0.0, np.sin(heading / 2))
+            if rise > 2 * _STEP:  # a level surface looks the same from everywhere
+                self._above.wxyz = turn
+
+
+def _put(part: viser.MeshHandle, height: float, scale: tuple[float, float, float]) -> None:
+    """Move and stretch a part of the liquid, if that is seen."""
+    if abs(part.position[2] - height) > _STEP:
+        part.position = (0.0, 0.0, height)
+    if np.abs(np.subtract(part.scale, scale)).max() > _STEP:
+        part.scale = scale
+
+
+def _cylinder() -> tuple[Array, Any]:
+    """Of radius and height 1, without a top."""
+    made = turned(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0]]))
+    return made.vertices, made.faces
+
+
+def _wedge() -> tuple[Array, Any]:
+    """What is below the plane z = 1 + x in a cylinder of radius 1 that stands on z = 0, without a bottom."""
+    made = turned(np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 1.0], [0.0, 1.0]]))
+    vertices = made.vertices.copy()
+    vertices[:, 2] *= 1.0 + vertices[:, 0]
+    return vertices, made.faces
