@@ -1,13 +1,16 @@
-"""The film of the live page, in chromium: needs the extras viewer and test.
+"""The films of the live page, in chromium: needs the extras viewer and test.
 
-`live.gif` shows a disc that is dragged through the arm and back, as a loop. Between two pictures it is
-paused, so that a slow renderer changes nothing in what is seen.
+`live.gif` shows a disc that is dragged through an arm in the plane and back, `live-space.gif` a ball through
+the elbow of a Panda, each as a loop. Between two pictures the page is paused, so that a slow renderer changes
+nothing in what is seen. `python docs/make_live_figure.py live-space` makes one of them.
 """
 
 from __future__ import annotations
 
 import shutil
+import sys
 import time
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,52 +20,75 @@ from PIL import Image, ImageDraw
 from playwright.sync_api import sync_playwright
 
 import vffnull as vff
+from vffnull._arm import rotation
 
 FIGURES = Path(__file__).parent / "figures"
 WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-SIZE = (1400, 860)
-TOP, BOTTOM = np.array([2.6, 3.0]), np.array([2.75, 0.75])  # m, ends of the drag
-STEPS, PAUSE = 36, 0.15  # pictures, and seconds of the loop from one to the next
-WIDTH = 760  # of the film, pixels
 HAND = np.array([[0, 0], [0, 17], [4, 13], [7, 20], [10, 19], [7, 12], [12, 12]])
 
 
-def main() -> None:
-    scenario = vff.Scenario.load("swing")
-    still = {"obstacles.0.motion": None, "obstacles.0.position": TOP.tolist()}
-    page = vff.live(scenario.replace(**still), open_browser=False, block=False)
+@dataclass(frozen=True)
+class Film:
+    """An obstacle that is dragged from one place [m] to another and back."""
+
+    scenario: str
+    start: tuple[float, ...]
+    end: tuple[float, ...]
+    size: tuple[int, int] = (1400, 860)
+    """Of the page, pixels."""
+    width: int = 760
+    """Of the film, pixels."""
+    steps: int = 36
+    pause: float = 0.15
+    """Seconds of the loop from one picture to the next."""
+    colours: int = 160
+
+    def place(self, step: int) -> Any:
+        """Where the obstacle is dragged to."""
+        share = 0.5 - 0.5 * np.cos(2 * np.pi * max(step, 0) / self.steps)
+        return np.array(self.start) + share * (np.array(self.end) - self.start)
+
+
+FILMS = {
+    "live": Film("swing", (2.6, 3.0), (2.75, 0.75)),
+    "live-space": Film(
+        "panda-sweep", (-0.05, -0.5, 0.62), (-0.05, 0.12, 0.62), size=(1240, 720), colours=128
+    ),
+}
+
+
+def main(names: list[str]) -> None:
+    for name in names or FILMS:
+        pictures = shoot(FILMS[name])
+        save(pictures, FILMS[name], FIGURES / f"{name}.gif")
+
+
+def shoot(film: Film) -> list[Image.Image]:
+    """The pictures, after a third of a turn that brings the arm to where it is at the end of one."""
+    still = {"obstacles.0.motion": None, "obstacles.0.position": list(film.start)}
+    page = vff.live(vff.Scenario.load(film.scenario).replace(**still), open_browser=False, block=False)
     try:
         page.pause(True)  # while the browser builds the page
         with sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=WEBGL)
-            tab = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
-            tab.set_default_timeout(300_000)
+            tab = browser.new_page(viewport={"width": film.size[0], "height": film.size[1]})
+            tab.set_default_timeout(600_000)
             tab.goto(page.url)
             tab.wait_for_selector("#vff-tip")
             for close in tab.locator(".mantine-Notification-closeButton").all():
                 close.evaluate("button => button.click()")
-            pictures = [picture(page, tab, k) for k in range(-STEPS // 3, STEPS)][STEPS // 3 + 1 :]
+            first = film.steps // 3
+            pictures = [picture(film, page, tab, k) for k in range(-first, film.steps)][first + 1 :]
             browser.close()
     finally:
         page.stop()
-    small = [each.resize((WIDTH, WIDTH * SIZE[1] // SIZE[0]), Image.Resampling.LANCZOS) for each in pictures]
-    sheet = Image.new("RGB", (WIDTH, 6 * small[0].height))
-    for k in range(6):
-        sheet.paste(small[k * len(small) // 6], (0, k * small[0].height))
-    palette = sheet.quantize(colors=160, method=Image.Quantize.MEDIANCUT)
-    film = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in small]
-    film[0].save(
-        FIGURES / "live.gif", save_all=True, append_images=film[1:], duration=round(1000 * PAUSE), loop=0,
-        optimize=True,
-    )  # fmt: skip
+    return pictures
 
 
-def picture(page: Any, tab: Any, step: int) -> Image.Image:
-    """Drag the disc on, let the loop run for a moment, and take a picture of it with the hand."""
-    share = 0.5 - 0.5 * np.cos(2 * np.pi * max(step, 0) / STEPS)
-    place = TOP + share * (BOTTOM - TOP)
-    page._carry(0, place)
-    until = page.snapshot()["t"] + PAUSE
+def picture(film: Film, page: Any, tab: Any, step: int) -> Image.Image:
+    """Drag the obstacle on, let the loop run for a moment, and take a picture of it with the hand."""
+    page._carry(0, film.place(step))
+    until = page.snapshot()["t"] + film.pause
     page.pause(False)
     while page.snapshot()["t"] < until:
         time.sleep(0.001)
@@ -70,21 +96,39 @@ def picture(page: Any, tab: Any, step: int) -> Image.Image:
     drawn = page.drawn
     while page.drawn < drawn + 3:
         time.sleep(0.005)
+    if step < -1:
+        return Image.new("RGB", (1, 1))  # nobody sees it
     tab.wait_for_timeout(350)  # a software renderer needs it
     shown = Image.open(BytesIO(tab.screenshot())).convert("RGB")
     (client,) = page._server.get_clients().values()
-    box = tab.locator("canvas").first.bounding_box()
-    x, y, height = client.camera.position
-    scale = box["height"] / 2 / (height * np.tan(client.camera.fov / 2))
-    at = page.snapshot()["obstacles"][0]
-    pixel = (
-        box["x"] + box["width"] / 2 + scale * (at[0] - x),
-        box["y"] + box["height"] / 2 - scale * (at[1] - y),
-    )
+    camera, box = client.camera, tab.locator("canvas").first.bounding_box()
+    at = page._scene._obstacles[0].position
+    right, below, ahead = rotation(camera.wxyz).T @ (at - camera.position)
+    scale = box["height"] / 2 / np.tan(camera.fov / 2) / ahead
+    pixel = (box["x"] + box["width"] / 2 + scale * right, box["y"] + box["height"] / 2 + scale * below)
     corners = [tuple(corner) for corner in HAND * 1.3 + pixel]
     ImageDraw.Draw(shown).polygon(corners, fill="white", outline="black", width=2)
     return shown
 
 
+def save(pictures: list[Image.Image], film: Film, path: Path) -> None:
+    """The film, with one palette for all pictures."""
+    size = (film.width, film.width * film.size[1] // film.size[0])
+    small = [each.resize(size, Image.Resampling.LANCZOS) for each in pictures]
+    sheet = Image.new("RGB", (film.width, 6 * small[0].height))
+    for k in range(6):
+        sheet.paste(small[k * len(small) // 6], (0, k * small[0].height))
+    palette = sheet.quantize(colors=film.colours, method=Image.Quantize.MEDIANCUT)
+    frames = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in small]
+    frames[0].save(
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=round(1000 * film.pause),
+        loop=0,
+        optimize=True,
+    )
+
+
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

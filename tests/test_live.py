@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -12,23 +10,23 @@ import time
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import vffnull as vff
+from browsing import chromium
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
-from vffnull.viewer.presets import presets
 from vffnull.viewer.scene import view
 from vffnull.viewer.stories import STORIES
-from waiting import HANG, wait_for
+from waiting import HANG, obey, wait_for
 
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": [3.0, 2.9]}
 """The scene of the page with its disc at rest above the arm."""
-WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
 
 def scene() -> vff.Scenario:
@@ -207,20 +205,6 @@ def test_live_refuses(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------------- the page
 
 
-def test_a_page_opens_what_it_can_show(tmp_path: Path) -> None:
-    """No preset is in space, and a scenario that is leaves the page as it was."""
-    offered = set(presets())
-    assert {"sweep-through", "crowd", "paper-1"} <= offered < set(vff.scenarios())
-    assert all(vff.Scenario.load(name).arm.dimension == 2 for name in offered)
-    page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
-    try:
-        with pytest.raises(ScenarioError, match=r"panda-sweep is in space.*vffnull report"):
-            page.open(vff.Scenario.load("panda-sweep"))
-        assert len(page.snapshot()["x"]) == 2 and page.snapshot()["status"] == "running"
-    finally:
-        page.stop()
-
-
 def test_a_page_changes_its_scene(tmp_path: Path) -> None:
     """Other scenarios, more and fewer obstacles, other settings: the loop runs what the page shows."""
     page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
@@ -278,6 +262,25 @@ def test_what_is_missed_by_a_little_is_grabbed(page: Any) -> None:
     before = page.snapshot()["obstacles"][0].copy()
     wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - before) > 0.15)
     assert page._scene.grab(page.snapshot()["obstacles"][0]).obstacle == 0
+
+
+def test_every_obstacle_is_dragged_and_waits_at_a_click(page: Any) -> None:
+    """Whichever it is, among others of its shape and of another."""
+    crate = {"shape": {"kind": "box", "size": [0.4, 0.3]}, "position": [1.0, 3.5]}
+    moving = scene().to_dict()["obstacles"][0] | {"position": [2.0, 3.5]}
+    page.open(scene().replace(obstacles=[moving, moving | {"position": [3.0, 3.5]}, crate]))
+    frames(page)
+    for handle in page._scene._obstacles:
+        index, place = page._scene._index_of(handle), np.array(handle.position[:2])
+        above = SimpleNamespace(camera=SimpleNamespace(position=np.array([*place, 50.0])))
+        for phase, end in (("start", [*place, 0.0]), ("end", [place[0], place[1] + 0.2, 0.0])):
+            event = SimpleNamespace(
+                client=above, client_id=1, phase=phase, start_position=(*place, 0.0), end_position=end
+            )
+            obey(handle._impl.drag_cb[0].callback(event))
+        wait_for(lambda index=index, y=place[1] + 0.2: abs(page.snapshot()["obstacles"][index, 1] - y) < 0.01)
+        obey(handle._impl.click_cb[0].callback(SimpleNamespace()))
+    assert page._scene._index_of(page._scene._target) is None
 
 
 def test_a_paused_page_shows_what_is_dragged_and_counts_nothing(page: Any) -> None:
@@ -439,16 +442,8 @@ def test_more_origins_can_be_allowed(tmp_path: Path) -> None:
 
 @pytest.fixture
 def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    executable = shutil.which("chromium")
-    if executable is None:
-        if os.environ.get("CI"):
-            pytest.fail("there is no chromium; install Debian's package of that name")
-        pytest.skip("there is no chromium")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=executable, args=WEBGL)
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 class Visitor:

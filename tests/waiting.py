@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 HANG = 900.0  # s: what has not happened by then never will
 
@@ -16,6 +17,15 @@ def wait_for(condition: Callable[[], object], what: str = "it") -> None:
     while not condition():
         assert time.monotonic() < end, f"{what} did not happen"
         time.sleep(0.02)
+
+
+def obey(callback: Any) -> None:
+    """Let a coroutine run that waits for nothing."""
+    try:
+        callback.send(None)
+    except StopIteration:
+        return
+    raise AssertionError("it waits for something")
 
 
 def processor_time(pid: int) -> float:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, plain
-from vffnull.errors import ScenarioError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,7 +23,6 @@ __all__ = [
     "SpatialArm",
     "arm_of",
     "frame",
-    "in_the_plane",
     "is_spatial",
     "quaternion",
     "rotation",
@@ -36,19 +34,6 @@ _KEYS = ("model", "urdf", "joints")
 def is_spatial(arm: Mapping[str, Any]) -> bool:
     """Whether an ``[arm]`` table is of an arm in space."""
     return any(key in arm for key in _KEYS)
-
-
-def in_the_plane(document: Mapping[str, Any], what: str) -> None:
-    """Refuse a scenario in space for what is of the plane so far.
-
-    Raises
-    ------
-    vffnull.errors.ScenarioError
-        If its arm is in space.
-    """
-    if is_spatial(document.get("arm", {})):
-        name = document.get("name") or "this scenario"
-        raise ScenarioError(f"arm: {name} is in space, and {what}", "arm")
 
 
 def arm_of(arm: Mapping[str, Any]) -> Any:

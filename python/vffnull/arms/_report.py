@@ -83,7 +83,9 @@ class Report:
         if pairs:
             lines.append("not measured against each other: " + _pairs(pairs))
         if self.touching:
-            lines.append("of these, touching in the reference posture or nearly always: " + _pairs(self.touching))
+            lines.append(
+                "of these, touching in the reference posture or nearly always: " + _pairs(self.touching)
+            )
         lines += ["", *(f"odd: {message}" for message in self.warnings)] if self.warnings else []
         return "\n".join(lines)
 

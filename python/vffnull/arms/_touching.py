@@ -106,9 +106,7 @@ def _postures(arm: Mapping[str, Any]) -> Array:
     return postures
 
 
-def _overlapping(
-    arm: Mapping[str, Any], q: Array, pairs: Sequence[tuple[int, int]]
-) -> set[tuple[int, int]]:
+def _overlapping(arm: Mapping[str, Any], q: Array, pairs: Sequence[tuple[int, int]]) -> set[tuple[int, int]]:
     """Those of the pairs of links, counted from the base, whose capsules overlap at `q`."""
     links = [arm["base"], *(joint["link"] for joint in arm["joints"])]
     poses = link_poses(arm, q)
@@ -119,9 +117,7 @@ def _overlapping(
         a, b = (rotation @ end + position for end in _segment(item["shape"]))
         placed[i].append((a, b, item["shape"]["radius"]))
     return {
-        (i, j)
-        for i, j in pairs
-        if any(_overlap(*both) for both in itertools.product(placed[i], placed[j]))
+        (i, j) for i, j in pairs if any(_overlap(*both) for both in itertools.product(placed[i], placed[j]))
     }
 
 

@@ -183,7 +183,7 @@ def run(
         echo_json(_report(result, files))
     elif not quiet:
         _print(result, files)
-        click.echo(f"\n{_next(scenario, assignments, save_to, live=result.layout.dimension == 2)}")
+        click.echo(f"\n{_next(scenario, assignments, save_to)}")
     return exit_code(result.status, strict)
 
 
@@ -268,7 +268,7 @@ def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:
     }
 
 
-def _next(scenario: str, assignments: tuple[str, ...], saved: Path | None, *, live: bool) -> str:
+def _next(scenario: str, assignments: tuple[str, ...], saved: Path | None) -> str:
     """What may be done next, as commands to copy."""
     changes = "".join(f" --set {shlex.quote(each)}" for each in assignments)
     name = shlex.quote(shown(scenario))
@@ -276,9 +276,7 @@ def _next(scenario: str, assignments: tuple[str, ...], saved: Path | None, *, li
     again = f"{name} {page}{changes}"
     if saved is not None and saved.suffix in READABLE:
         again = f"{shlex.quote(shown(saved))} {page}"
-    film = shlex.quote(f"{Path(shown(scenario)).stem}.gif")
-    first = f"vffnull live {name}{changes}" if live else f"vffnull animate {name} {film}{changes}"
-    return f"next: {first}\n      vffnull report {again}"
+    return f"next: vffnull live {name}{changes}\n      vffnull report {again}"
 
 
 def _print(result: Result, files: list[Path]) -> None:

@@ -44,6 +44,7 @@ def live(
 
     \b
     vffnull live
+    vffnull live panda-sweep
     vffnull live crowd --port 9000 --no-browser
     vffnull live mine.toml --set controller.projection=none
 

@@ -31,8 +31,9 @@ def live(
     """Run a scenario in real time on a page of this machine.
 
     A thread computes plant and law at 1 kHz against the wall clock; nothing of it is slowed down by the page.
-    Obstacles and the target are dragged with the mouse. Between two messages of the browser they move
-    smoothly, and the field gets their exact velocity. The duration of the scenario is of no meaning.
+    Obstacles and the target are dragged with the mouse, in the plane and in space. Between two messages of
+    the browser they move smoothly, and the field gets their exact velocity. The duration of the scenario is
+    of no meaning; it begins anew for whoever opens the page first.
 
     Parameters
     ----------
@@ -82,10 +83,8 @@ def live(
     from vffnull._simulate import prepare
     from vffnull.viewer.guard import origins
     from vffnull.viewer.page import LivePage
-    from vffnull.viewer.presets import check
 
     ready = prepare(scenario)
-    check(ready)
     page = LivePage(ready, port, folder, origins(allow_origins))
     if block:
         print(f"{page.url}; Ctrl-C ends it")

@@ -21,9 +21,8 @@ from vffnull.scenario import Scenario
 from vffnull.viewer.guard import guarding
 from vffnull.viewer.panel import Panel
 from vffnull.viewer.plots import Plots
-from vffnull.viewer.presets import check
 from vffnull.viewer.recording import Recording
-from vffnull.viewer.scene import FIELD_OF_VIEW, Scene, view
+from vffnull.viewer.scene import Scene, kind_of
 
 FRAME = 1 / 60
 """Between two pictures [s]."""
@@ -85,8 +84,10 @@ class LivePage:
         self._live = _core.Live(scenario.to_dict())  # first: nothing is left behind if it fails
         self._ghost: _core.Live | None = None
         self._with_ghost = True
-        self._flat = True
+        self._view = next(iter(kind_of(scenario).views))
         self._dragged = False
+        self._shadows = True
+        self._seen = False
         self._counts = Counts()
         self._folder = folder
         self._recording: Recording | None = None
@@ -127,7 +128,6 @@ class LivePage:
 
     def open(self, scenario: Scenario) -> None:
         """Run another scenario."""
-        check(scenario)
         live = _core.Live(scenario.to_dict())
         with self._lock:
             if self._over.is_set():
@@ -136,28 +136,31 @@ class LivePage:
             old, self._live = self._live, live
             old.stop()
             self._open(scenario)
-            for client in self._server.get_clients().values():
-                self.look_from_above(client)
+            self._move_cameras()
 
     def _open(self, scenario: Scenario) -> None:
         self._scenario = scenario
+        if self._view not in kind_of(scenario).views:
+            self._view = next(iter(kind_of(scenario).views))
         self._draw_scene()
         self._settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
         self._counts = Counts()
         self._haunt()
         self._panel.show(scenario)
-        position, look_at = view(self._box(), ASPECT)
-        camera = self._server.initial_camera
-        camera.fov, camera.far = FIELD_OF_VIEW, 20 * position[2]
-        camera.up, camera.position, camera.look_at = (0.0, 1.0, 0.0), position, look_at
+        self._bounds: tuple[float, ...] | None = None
+        self._scene.camera(self._box(), ASPECT).begin_with(self._server)
         self._run(True)
 
     def _draw_scene(self) -> None:
         """Draw the scenario from its start."""
-        self._scene = Scene(
-            self._server, self._scenario, self._carry, self._aim, self._flat, hint=not self._dragged
+        self._scene: Scene = kind_of(self._scenario)(
+            self._server, self._scenario, self._carry, self._aim, self._view, not self._dragged, self._shadows
         )
-        self._plots.clear()
+        self._clear_plots()
+
+    def _clear_plots(self) -> None:
+        task = self._scenario.to_dict().get("controller", {}).get("task", "position")
+        self._plots.clear(task != "position")
 
     def _run(self, on: bool) -> None:
         for live in self._loops():
@@ -240,16 +243,13 @@ class LivePage:
             self._run(True)
 
     def add_obstacle(self) -> None:
-        """Put a disc where there is room, above the arm."""
+        """Put a disc, or a ball, where there is room."""
         with self._lock:
             self.stop_recording()
-            reach = self._scene.reach
-            count = len(self._live.snapshot()["obstacles"])
-            place = [reach * (0.15 + 0.14 * (count % 6)), reach * (0.62 - 0.07 * (count // 6 % 4))]
-            disc = {"shape": {"kind": "circle", "radius": 0.03 * reach}, "position": place}
+            more = self._scene.spare(len(self._live.snapshot()["obstacles"]))
             for live in self._loops():
-                live.add(disc)
-            self._scene.add(disc)
+                live.add(more)
+            self._scene.add(more)
             self._scene.show_influence(self._scene.influence)
 
     def remove_obstacle(self) -> None:
@@ -280,28 +280,34 @@ class LivePage:
             self._panel.show_recording(False)
             return recording.path, recording.rows
 
-    def look_from_above(self, client: viser.ClientHandle) -> None:
-        """Put a camera where the plane is seen from above."""
-        position, look_at = view(self._box(), client.camera.aspect)
-        with client.atomic():
-            client.camera.up_direction = (0.0, 1.0, 0.0)
-            client.camera.fov = FIELD_OF_VIEW
-            client.camera.position = position
-            client.camera.look_at = look_at
+    @property
+    def views(self) -> Mapping[str, str]:
+        """How one may look at the scene, each with a sentence on how things are dragged then."""
+        return self._scene.views
 
     @property
-    def flat(self) -> bool:
-        """Whether the plane is seen from above, and stays so whatever is dragged."""
-        return self._flat
+    def view(self) -> str:
+        """How one does."""
+        return self._view
 
-    def flatten(self, flat: bool) -> None:
-        """See the plane from above, or let whoever drags the floor tilt the view."""
+    def look(self, view: str) -> None:
+        """Look at the scene in another way."""
         with self._lock:
-            self._flat = flat
-            self._scene.flatten(flat)
-            if flat:
-                for client in self._server.get_clients().values():
-                    self.look_from_above(client)
+            self._view = view
+            self._scene.look(view)
+            self._move_cameras()
+
+    def cast_shadows(self, on: bool) -> None:
+        """Whether bodies in space cast shadows; the scene begins anew."""
+        with self._lock:
+            if on != self._shadows and not self._over.is_set():
+                self._shadows = on
+                self.reset()
+
+    @property
+    def notes(self) -> list[str]:
+        """What is odd about what runs, in sentences."""
+        return self._live.notes
 
     # -------------------------------------------------------------------------------------- for the owner
 
@@ -332,6 +338,9 @@ class LivePage:
 
     def _carry(self, obstacle: int, place: NDArray[np.float64]) -> None:
         self._dragged = True
+        self._bring(obstacle, place)
+
+    def _bring(self, obstacle: int, place: NDArray[np.float64]) -> None:
         for live in self._loops():
             live.carry(obstacle, place)
 
@@ -340,28 +349,51 @@ class LivePage:
         for live in self._loops():
             live.aim(place)
 
+    def _move_cameras(self) -> None:
+        """Show everybody the whole picture."""
+        for client in self._server.get_clients().values():
+            self._move_camera(client)
+
+    def _move_camera(self, client: viser.ClientHandle) -> None:
+        self._scene.camera(self._box(), client.camera.aspect).move(client)
+
     async def _welcome(self, client: viser.ClientHandle) -> None:
-        """Show the whole picture, now and whenever the room for it changes."""
+        """Show the whole picture, now and whenever the room for it changes. Whoever comes first sees the
+        scene from its beginning.
+        """
         fitted = 0.0
+        with self._lock:
+            seen, self._seen = self._seen, True
+            untouched = not self._dragged and self._recording is None and not self._over.is_set()
+            if not seen and untouched and self._live.snapshot()["status"] == "running":
+                for live in self._loops():
+                    live.reset()
+                self._clear_plots()
 
         @client.camera.on_update
         async def _(camera: viser.CameraHandle) -> None:
             nonlocal fitted
             if abs(camera.aspect - fitted) > 0.02:
                 fitted = camera.aspect
-                self.look_from_above(client)
+                self._move_camera(client)
 
-    def _box(self) -> tuple[float, float, float, float]:
-        """Limits [m] around the arm at its start and what it meets in the first seconds."""
-        simulation = _core.Simulation(self._scenario.to_dict())
-        reach = self._scene.reach
-        points = [np.zeros((1, 2)), self._scenario.arm.forward_kinematics(simulation.state.q)]
-        near = simulation.state.obstacles
-        points.append(near[np.hypot(*near.T) < 1.1 * reach])
-        every = np.vstack(points)
-        low, high = every.min(axis=0) - 0.12 * reach, every.max(axis=0) + 0.12 * reach
-        missing = max(0.0, 0.75 * reach - (high[1] - low[1])) / 2
-        return float(low[0]), float(high[0]), float(low[1] - missing), float(high[1] + missing)
+    def _box(self) -> tuple[float, ...]:
+        """Limits [m] around the arm at its start and what it meets in the first seconds: the lower and the
+        upper one along each axis.
+        """
+        if self._bounds is None:
+            simulation = _core.Simulation(self._scenario.to_dict())
+            reach = self._scene.reach
+            joints = self._scenario.arm.forward_kinematics(simulation.state.q)
+            near = simulation.state.obstacles
+            points = [np.zeros((1, joints.shape[1])), joints]
+            points.append(near[np.linalg.norm(near, axis=1) < 1.1 * reach])
+            every = np.vstack(points)
+            low, high = every.min(axis=0) - 0.12 * reach, every.max(axis=0) + 0.12 * reach
+            missing = max(0.0, 0.75 * reach - (high[-1] - low[-1])) / 2
+            low[-1], high[-1] = low[-1] - missing, high[-1] + missing
+            self._bounds = tuple(np.stack([low, high], axis=1).ravel().tolist())
+        return self._bounds
 
     def _paint(self) -> None:
         """Draw until the page is stopped."""
@@ -377,13 +409,16 @@ class LivePage:
                 if moment != drawn or self._scene.waits:  # a browser rests while nothing moves
                     with self._server.atomic():
                         self._scene.draw(state, other)
+                    self._scene.follow(self._server.get_clients().values())
+                    for obstacle, place in self._scene.strays(state):
+                        self._bring(obstacle, place)
                     drawn = moment
                 self._plots.add(state)
                 self.shown = state
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
-                    self._panel.read(state)
+                    self._panel.read({**state, **self._scene.readings()})
                     self._drain()
             self._count(now)
             self._over.wait(max(0.0, due - time.monotonic()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,10 +12,11 @@ import numpy as np
 import viser
 
 from vffnull.errors import VffNullError
-from vffnull.scenario import Scenario
+from vffnull.scenario import Scenario, scenarios
 from vffnull.viewer.plots import measures
-from vffnull.viewer.presets import presets
-from vffnull.viewer.stories import STORIES
+from vffnull.viewer.scene.cup import SPILLS
+from vffnull.viewer.stories import IN_SPACE, IN_THE_PLANE, STORIES
+from vffnull.viewer.tasks import TASKS, with_task
 
 LEAD = """
 The field pushes the links away from the obstacle; the null-space projection keeps that push off the tip.
@@ -29,16 +30,26 @@ WAYS = {
 }
 """How the page calls what `controller.avoidance` may be."""
 ALARM, CALM = "#c81428", "#0a7d55"
-HINT = "Drag the dark obstacles and the green target; the wheel zooms, the right button moves the view."
-TILT = "Drag the dark obstacles and the green target; dragging the floor tilts the view."
 
 
 class Page(Protocol):
     """What the controls may ask of the page."""
 
     @property
-    def flat(self) -> bool:
-        """Whether the view stays as it is whatever is dragged."""
+    def scenario(self) -> Scenario:
+        """What runs."""
+
+    @property
+    def notes(self) -> list[str]:
+        """What is odd about what runs, in sentences."""
+
+    @property
+    def views(self) -> Mapping[str, str]:
+        """How one may look at the scene, each with a sentence on how things are dragged then."""
+
+    @property
+    def view(self) -> str:
+        """How one does."""
 
     def open(self, scenario: Scenario) -> None:
         """Run another scenario."""
@@ -56,7 +67,7 @@ class Page(Protocol):
         """Run the arm without projection beside."""
 
     def add_obstacle(self) -> None:
-        """Put a disc where there is room."""
+        """Put a disc, or a ball, where there is room."""
 
     def remove_obstacle(self) -> None:
         """Take away the last obstacle."""
@@ -67,8 +78,11 @@ class Page(Protocol):
     def stop_recording(self) -> tuple[Path, int] | None:
         """End a recording; its file and the number of its rows."""
 
-    def flatten(self, flat: bool) -> None:
-        """See the plane from above, or let the view be tilted."""
+    def look(self, view: str) -> None:
+        """Look at the scene in another way."""
+
+    def cast_shadows(self, on: bool) -> None:
+        """Whether bodies in space cast shadows."""
 
 
 class Panel:
@@ -92,20 +106,26 @@ class Panel:
         self._field = gui.add_checkbox("Repulsive field", True)
         self._ghost = gui.add_checkbox("Pale arm: without projection", True)
         self._numbers = gui.add_html("")
-        self._stories = gui.add_button_group("Stories", tuple(STORIES))
+        self._stories = [
+            gui.add_button_group(label, tuple(stories))
+            for label, stories in (("Stories", IN_THE_PLANE), ("In space", IN_SPACE))
+        ]
         self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):
-            self._preset = gui.add_dropdown("Preset", presets())
+            self._preset = gui.add_dropdown("Preset", scenarios())
             self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
             self._reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, color="gray")
             self._view = gui.add_button("Tilt the view", icon=viser.Icon.CUBE, color="gray")
+            self._views = gui.add_button_group("View", ("Corner",), visible=False)
+            self._task = gui.add_dropdown("Task", TASKS, visible=False, hint="Changing it begins anew")
             self._obstacles = gui.add_button_group("Obstacle", ("add", "remove"))
             self._record = gui.add_button("Record", icon=viser.Icon.PLAYER_RECORD, color="gray")
-            self._how = gui.add_markdown(HINT)
+            self._how = gui.add_markdown("")
         with gui.add_folder("Controller"):
             self._avoidance = gui.add_dropdown(
                 "Gives way", tuple(WAYS), hint="What happens when an obstacle wants the tip's own place"
             )
+            self._ahead = gui.add_checkbox("Look ahead", False, visible=False)
             self._gain = gui.add_slider("Field gain", 0.01, 6.0, 0.01, 1.0)
             self._influence = gui.add_slider("Influence [m]", 0.05, 2.0, 0.01, 0.5)
             self._kind = gui.add_dropdown("Field", ("khatib", "cubic", "bounded"))
@@ -114,6 +134,7 @@ class Panel:
             self._null_damping = gui.add_slider("Null damping", 0.0, 30.0, 0.5, 2.0, hint="[1/s]")
         with gui.add_folder("Details", expand_by_default=False):
             self._details = gui.add_html("")
+            self._shadows = gui.add_checkbox("Shadows", True, hint="Without a graphics card they are slow")
         self._connect()
 
     def show(self, scenario: Scenario) -> None:
@@ -125,6 +146,9 @@ class Panel:
             put(self._preset, scenario.name)
         self._look.visible = False
         self._show_paused(False)
+        self._show_views()
+        put(self._task, settings.get("task", "position"))
+        self._task.visible = self._shadows.visible = scenario.arm.dimension == 3
         self._apply(settings)
 
     def _show_settings(self, settings: dict[str, Any]) -> None:
@@ -133,6 +157,8 @@ class Panel:
         self._show_projection(settings.get("projection", "dynamic") != "none")
         way = settings.get("avoidance", "null_space")
         put(self._avoidance, next(label for label, name in WAYS.items() if name == way))
+        self._ahead.visible = way == "cbf"
+        put(self._ahead, "preview" in settings.get("yielding", {}))
         put(self._field, field["gain"] > 0.0)
         put(self._kind, field["kind"])
         slide(self._gain, field["gain"] or 1.0)
@@ -144,7 +170,7 @@ class Panel:
     def read(self, state: Mapping[str, Any]) -> None:
         """Show the numbers of a state."""
         self._numbers.content = numbers(state)
-        self._details.content = details(state)
+        self._details.content = details(state, self._page.notes)
 
     def show_recording(self, on: bool) -> None:
         """Let the button say what it does next."""
@@ -157,7 +183,7 @@ class Panel:
     def _connect(self) -> None:
         """Callbacks are `async`, because others may overtake each other."""
         page = self._page
-        switches = (self._field, self._kind, self._avoidance)
+        switches = (self._field, self._kind, self._avoidance, self._ahead)
         sliders = (self._gain, self._influence, self._stiffness, self._damping, self._null_damping)
 
         async def changed(event: viser.GuiEvent[Any]) -> None:
@@ -178,9 +204,11 @@ class Panel:
             if event.client is not None:
                 self._told(event.client, page.show_ghost, self._ghost.value)
 
-        @self._stories.on_click
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            self._told(event.client, self._tell, self._stories.value)
+        async def tell(event: viser.GuiEvent[Any]) -> None:
+            self._told(event.client, self._tell, event.target.value)
+
+        for group in self._stories:
+            group.on_click(tell)
 
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -198,12 +226,23 @@ class Panel:
             self._show_paused(False)
             self._told(event.client, page.reset)
 
+        @self._shadows.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._told(event.client, page.cast_shadows, self._shadows.value)
+
         @self._view.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
-            page.flatten(not page.flat)
-            self._view.label = "Tilt the view" if page.flat else "2-D view"
-            self._view.icon = viser.Icon.CUBE if page.flat else viser.Icon.VIEWPORT_WIDE
-            self._how.content = HINT if page.flat else TILT
+            self._look_at(self._view.label)
+
+        @self._views.on_click
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            self._look_at(self._views.value)
+
+        @self._task.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._told(event.client, self._ask, self._task.value)
 
         @self._obstacles.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -223,6 +262,10 @@ class Panel:
         field = settings["field"]
         if control is self._avoidance:
             settings["avoidance"] = WAYS[control.value]
+        elif control is self._ahead:
+            settings.setdefault("yielding", {}).pop("preview", None)
+            if control.value:
+                settings["yielding"]["preview"] = {}
         elif control is self._kind:
             field["kind"] = control.value
             if control.value == "bounded":
@@ -246,9 +289,35 @@ class Panel:
             self._show_settings(self._settings)
             raise
 
+    def _ask(self, task: str) -> None:
+        """Begin the scenario anew with another task and the present settings."""
+        try:
+            self._page.open(with_task(self._page.scenario, self._settings, task))
+        except VffNullError:
+            put(self._task, self._settings.get("task", "position"))
+            raise
+
+    def _look_at(self, view: str) -> None:
+        self._page.look(view)
+        self._show_views()
+
+    def _show_views(self) -> None:
+        """Two ways to look are a button that goes to the other one, more are a group."""
+        views, view = self._page.views, self._page.view
+        names = tuple(views)
+        self._view.visible, self._views.visible = len(names) == 2, len(names) > 2
+        if len(names) == 2:
+            other = names[1 - names.index(view)]
+            self._view.label = other
+            self._view.icon = viser.Icon.CUBE if view == names[0] else viser.Icon.VIEWPORT_WIDE
+        else:
+            self._views.options = names
+        self._how.content = views[view]
+
     def _apply(self, settings: dict[str, Any]) -> None:
         self._page.configure(settings)
         self._settings = settings
+        self._ahead.visible = settings.get("avoidance") == "cbf"
 
     def _tell(self, name: str) -> None:
         """Begin a story."""
@@ -307,9 +376,16 @@ def first(value: Any) -> float:
 
 def numbers(state: Mapping[str, Any]) -> str:
     """The read-out as HTML."""
-    clearance, error, _ = measures(state)
+    clearance, error, _, angle = measures(state)
     least = state["min_clearance"]
     rows = [("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", error < 1)]
+    if np.isfinite(angle):
+        value = f"{angle:.3f}°" if angle < 1 else f"{angle:.1f}°"
+        rows.append(("Turned off by", "angle", value, angle < 0.5))
+    if "tilt" in state:
+        tilt, spilt, limit = np.degrees(state["tilt"]), state["spilt"], np.degrees(SPILLS)
+        level = f"tilted {tilt:.1f}°" + (f", {100 * spilt:.0f} % spilt" if spilt > 0 else "")
+        rows.append((f"Cup (spills at {limit:.0f}°)", "cup", level, spilt <= 0))
     if np.isfinite(least):
         rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
         rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))
@@ -331,7 +407,7 @@ def numbers(state: Mapping[str, Any]) -> str:
     )
 
 
-def details(state: Mapping[str, Any]) -> str:
+def details(state: Mapping[str, Any], notes: Iterable[str] = ()) -> str:
     """How the loop is, as HTML."""
     loop = (
         f'<span id="vff-status">{state["status"]}</span> · t = {state["t"]:.1f} s<br>'
@@ -341,5 +417,5 @@ def details(state: Mapping[str, Any]) -> str:
     )
     return (
         '<div style="padding:0 0.75em;font-size:0.8em;color:#555;font-variant-numeric:tabular-nums">'
-        f"{loop}</div>"
+        f"{loop}{''.join(f'<br>{escape(note)}' for note in notes)}</div>"
     )

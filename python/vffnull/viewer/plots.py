@@ -1,4 +1,6 @@
-"""Three curves over the last seconds: clearance, tracking error, repulsive torque."""
+"""Curves over the last seconds: clearance, tracking error, repulsive torque, and the error of orientation
+where the task has one.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 from viser import uplot
+
+from vffnull._arm import rotation
 
 WINDOW = 12.0
 """What is shown [s]."""
@@ -23,6 +27,7 @@ CURVES = (
     ("Smallest clearance [m]", "#0072B2", 0.1),
     ("Tracking error [mm]", "#D55E00", 1.0),
     ("Repulsive torque [N·m]", "#009E73", 1.0),
+    ("Orientation error [°]", "#CC79A7", 0.1),
 )
 """Title, colour, and how far the axis goes at least: what is too small to matter shall look small."""
 
@@ -35,8 +40,11 @@ class Plots:
         self._due = 0.0
         self._handles = [self._add(server, *curve) for curve in CURVES]
 
-    def clear(self) -> None:
-        """Begin anew."""
+    def clear(self, turns: bool) -> None:
+        """Begin anew; the last curve is shown where the task has an orientation."""
+        self._handles[-1].visible = turns
+        for handle in self._handles:
+            handle.height = 155 if turns else 205
         self._rows.clear()
         self._due = 0.0
 
@@ -94,11 +102,31 @@ def rounded_up(value: float) -> float:
     )
 
 
-def measures(state: Mapping[str, Any]) -> tuple[float, float, float]:
-    """Smallest clearance [m], NaN without obstacles, distance of the tip from its reference [mm], and norm
-    of the repulsive torque before projection [N·m].
+def measures(state: Mapping[str, Any]) -> tuple[float, float, float, float]:
+    """Smallest clearance [m], NaN without obstacles, distance of the tip from its reference [mm], norm of the
+    repulsive torque before projection [N·m], and angle between the tip's orientation and its reference [°],
+    NaN for a task without one.
     """
     nearest = float(np.min(state["clearance"]))
-    error = float(np.linalg.norm(state["error"][:2]))
+    size = state["obstacles"].shape[1]
+    error = float(np.linalg.norm(state["error"][:size]))
     torque = float(np.linalg.norm(state["tau_vff"]))
-    return nearest if np.isfinite(nearest) else np.nan, 1e3 * error, torque
+    return nearest if np.isfinite(nearest) else np.nan, 1e3 * error, torque, np.degrees(turned_off(state))
+
+
+def turned_off(state: Mapping[str, Any]) -> float:
+    """Angle between the tip's orientation and its reference [rad], of a pointing task between the tool's
+    axes; NaN for a task without one.
+    """
+    size = state["obstacles"].shape[1]
+    error, x, x_ref = state["error"][size:], state["x"][size:], state["x_ref"][size:]
+    if not len(error):
+        return float("nan")
+    if size == 2:
+        return float(abs(error[0]))
+    if len(error) == 3:
+        w, own, wanted = float(x @ x_ref), x[1:], x_ref[1:]
+        away = np.linalg.norm(x_ref[0] * own - x[0] * wanted - np.cross(own, wanted))
+        return float(2.0 * np.arctan2(away, abs(w)))
+    axis, aim = rotation(x)[:, 2], rotation(x_ref)[:, 2]
+    return float(np.arctan2(np.linalg.norm(np.cross(axis, aim)), axis @ aim))

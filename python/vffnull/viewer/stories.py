@@ -24,7 +24,36 @@ class Story:
         return Scenario.load(self.scenario).replace(**self.changes)
 
 
-STORIES: dict[str, Story] = {
+_QUARTER = 1.5707963267948966  # rad
+
+
+def _ball(center: list[float], amplitude: list[float], frequency: float, phase: float) -> dict[str, Any]:
+    """A ball that swings about a centre [m]."""
+    return {
+        "shape": {"kind": "sphere", "radius": 0.06},
+        "position": center,
+        "motion": {
+            "kind": "sinusoid",
+            "amplitude": amplitude,
+            "angular_frequency": frequency,
+            "phase": phase,
+        },
+    }
+
+
+def _to_and_fro(center: list[float], amplitude: list[float], frequency: float) -> dict[str, Any]:
+    """A hand that goes to and fro about a centre relative to where it is [m], from rest."""
+    return {
+        "kind": "lissajous",
+        "center": center,
+        "amplitude": amplitude,
+        "angular_frequency": [0.0, frequency, 0.0],
+        "phase": [0.0, _QUARTER, 0.0],
+        "relative": True,
+    }
+
+
+IN_THE_PLANE: dict[str, Story] = {
     "Sweep": Story(
         "swing",
         "A disc swings through the arm, whose tip must stay on its target. The links give way. The pale arm "
@@ -42,3 +71,54 @@ STORIES: dict[str, Story] = {
         {"controller.avoidance": "cbf", "controller.yielding.preview": {}},
     ),
 }
+
+IN_SPACE: dict[str, Story] = {
+    "Elbow": Story(
+        "panda-sweep",
+        "A ball swings through the elbow of a Panda. The elbow turns aside, the hand stays as it is. Drag "
+        "the ball into the elbow yourself; then switch the projection off and watch the cup.",
+        {"obstacles": [_ball([-0.05, 0.0, 0.62], [0.0, -0.55, 0.0], 0.6, _QUARTER)]},
+    ),
+    "Cup": Story(
+        "panda-cup",
+        "The hand carries a cup to and fro and may only turn about the vertical, while a ball swings through "
+        "the elbow. The liquid stays level.",
+        {
+            "obstacles": [_ball([-0.1, 0.0, 0.7], [0.0, -0.6, 0.0], 0.5, _QUARTER)],
+            "reference": _to_and_fro([0.0, -0.15, 0.0], [0.0, 0.15, 0.0], 0.5),
+        },
+    ),
+    "Around": Story(
+        "panda-cup",
+        "A ball hangs where the cup has to pass. Barriers let the hand go around it and come back; nothing "
+        "is spilt.",
+        {
+            "obstacles": [{"shape": {"kind": "sphere", "radius": 0.06}, "position": [0.42, -0.25, 0.5]}],
+            "reference": _to_and_fro([0.05, -0.25, 0.0], [0.0, 0.25, 0.0], 0.6),
+            "controller.avoidance": "cbf",
+            "controller.yielding.task_weight": 300.0,
+        },
+    ),
+    "Swarm": Story(
+        "panda-cup",
+        "Three balls swing through elbow, forearm and hand. Barriers with look-ahead keep 2 cm to each of "
+        "them, and the cup where it is as well as can be.",
+        {
+            "obstacles": [
+                _ball([-0.1, 0.0, 0.66], [0.0, -0.6, 0.0], 0.5, _QUARTER),
+                _ball([0.15, 0.0, 0.95], [0.0, 0.6, 0.0], 0.4, _QUARTER),
+                _ball([0.45, 0.0, 0.75], [0.0, 0.5, 0.05], 0.45, -_QUARTER),
+            ],
+            "reference": {"kind": "setpoint"},
+            "controller.avoidance": "cbf",
+            "controller.yielding.task_weight": 300.0,
+            "controller.yielding.preview": {},
+        },
+    ),
+    "Pointer": Story(
+        "panda-pointing",
+        "The tool draws circles and keeps its direction, while a bar swings through the forearm.",
+    ),
+}
+
+STORIES = IN_THE_PLANE | IN_SPACE

@@ -175,7 +175,7 @@ impl DistanceRate {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::math::{Vector, nearest, perp};
+    use crate::math::{Vector, perp};
     use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
     use crate::testing::{Case, case};
     use crate::world::Motion;

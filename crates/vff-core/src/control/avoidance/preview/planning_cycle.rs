@@ -355,7 +355,7 @@ mod tests {
             let mut world = Asked { world: closing(), times: Cell::new(0) };
             let mut preview = preview(&robot, &settings);
             preview.advance(&robot, &mut world, &|_| reference);
-            assert!(preview.hit);
+            assert_eq!(preview.foreseen, Foreseen::Contact);
             for step in 1..4 * steps {
                 let begins = step % steps == 0;
                 let before = if begins { 0 } else { preview.tried };
@@ -392,7 +392,8 @@ mod tests {
             let mut world = World::new(vec![disc([1.4, 2.6], [0.0, -0.8])]);
             let mut preview = preview(&robot, &settings);
             preview.advance(&robot, &mut world, &|_| reference);
-            assert!(!preview.hit && !preview.closed_loop.is_running());
+            assert_eq!(preview.foreseen, Foreseen::Nothing);
+            assert!(!preview.closed_loop.is_running());
             for step in 1..=6 * steps {
                 let before = preview.closed_loop.done();
                 preview.elapse(dt);
@@ -405,7 +406,8 @@ mod tests {
                     assert_eq!(preview.closed_loop.is_running(), step >= steps && !over, "{step}");
                 }
             }
-            assert!(!preview.hit && preview.closed_loop.done() > 0);
+            assert_eq!(preview.foreseen, Foreseen::Nothing);
+            assert!(preview.closed_loop.done() > 0);
         }
     }
 }

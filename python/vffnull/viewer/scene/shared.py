@@ -1,0 +1,513 @@
+"""What drawings in the plane and in space share: which parts there are, where they go, what is dragged."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from vffnull._arm import quaternion
+from vffnull._core import rotations
+from vffnull.plotting import primitives
+from vffnull.scenario import Scenario
+from vffnull.viewer.scene.meshes import Mesh
+
+Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
+Core = tuple[Array, float]
+"""Corners (·, D) [m] of an obstacle's core, relative to its position, and the radius [m] around it."""
+Quaternion = tuple[float, float, float, float]
+
+NEAR, HIT = np.array([230, 130, 30]), np.array([200, 20, 40])
+"""Colours of a link that is half way into the influence distance, and in contact."""
+OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
+    (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),
+)  # fmt: skip
+TABLE = (222, 214, 202)
+"""The colour of an obstacle without an end."""
+SHADES = 24
+"""Colours of links are rounded to so many, so that they need not be sent in every frame."""
+TRAIL = 150
+"""Points of the tip's trail."""
+ARRIVED = 0.01
+"""How near is there [reaches]."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """What somebody has in the hand: an obstacle, or the target, and where it was taken hold of."""
+
+    obstacle: int | None
+    offset: Array
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a camera stands and what it looks at [m], with its vertical field of view [rad]."""
+
+    position: tuple[float, float, float]
+    look_at: tuple[float, float, float]
+    up: tuple[float, float, float]
+    fov: float
+    far: float
+
+    def move(self, client: viser.ClientHandle) -> None:
+        """Take the camera of somebody there."""
+        with client.atomic():
+            client.camera.up_direction = self.up
+            client.camera.fov = self.fov
+            client.camera.position = self.position
+            client.camera.look_at = self.look_at
+
+    def begin_with(self, server: viser.ViserServer) -> None:
+        """Let those who come later begin there."""
+        camera = server.initial_camera
+        camera.fov, camera.far = self.fov, self.far
+        camera.up, camera.position, camera.look_at = self.up, self.position, self.look_at
+
+
+class Scene(ABC):
+    """What is drawn of one scenario.
+
+    Parameters
+    ----------
+    server : viser.ViserServer
+        Where to draw.
+    scenario : Scenario
+        What runs.
+    on_carry : Callable
+        Called with the index of an obstacle and the place (D,) [m] where it is dragged to.
+    on_aim : Callable
+        Called with the place where the target is dragged to.
+    view : str, optional
+        One of `views`; the first by default.
+    hint : bool
+        Whether to say that something can be dragged.
+    shadows : bool
+        Whether bodies in space cast shadows, which a computer without a graphics card has trouble with.
+    """
+
+    views: ClassVar[Mapping[str, str]]
+    """How one may look at it, each with a sentence on how things are dragged then."""
+    up: ClassVar[str]
+    """The axis that points upwards on the screen at first."""
+    FREE: ClassVar[Array]
+    """The colour of a link that is out of influence."""
+    HALO_OPACITY: ClassVar[float]
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        scenario: Scenario,
+        on_carry: Callable[[int, Array], None],
+        on_aim: Callable[[Array], None],
+        view: str | None = None,
+        hint: bool = True,
+        shadows: bool = True,
+    ) -> None:
+        self._shadowed = shadows
+        self._server, self._on_carry, self._on_aim = server, on_carry, on_aim
+        self._arm = scenario.arm
+        self.reach = self._reach_of(scenario)
+        still = primitives.Scene.of_scenario(scenario)
+        self._still = dataclasses.replace(still, cores=(), influence=0.0)
+        server.scene.reset()
+        server.scene.set_up_direction(self.up)  # type: ignore[arg-type]
+        server.scene.configure_default_lights(False)
+        self._wanted: dict[int | None, Array] = {}
+        self._shadows: dict[int | None, viser.MeshHandle] = {}
+        self._held: dict[int, Held] = {}
+        self._obstacles: list[viser.MeshHandle] = []
+        self._halos: list[viser.MeshHandle] = []
+        self._documents: list[Mapping[str, Any]] = []
+        self._turns: list[bool] = []
+        self._shapes: list[Core] = []
+        self._made = 0
+        self.influence = 0.0
+        self._add_surroundings(scenario)
+        self._links = self._add_arm("/arm", ghost=False)
+        self._ghost = [part for link in self._add_arm("/ghost", ghost=True) for part in link]
+        self._shades = [-1] * self._arm.n
+        self.show_ghost(False)
+        self._target = self._add_target()
+        self._target.on_drag(self._dragged_target)
+        self._tip = self._add_tip()
+        self._trail = self._add_trail()
+        self._places: deque[Array] = deque(maxlen=TRAIL)
+        self._forces = [self._add_arrow(f"/force-{i}") for i in range(self._arm.n)]
+        for obstacle in scenario.to_dict().get("obstacles", []):
+            self.add(obstacle)
+        self._hint = self._add_hint() if hint else None
+        self.look(view or next(iter(self.views)))
+
+    # ------------------------------------------------------------------------------- what plane and space say
+
+    @abstractmethod
+    def _reach_of(self, scenario: Scenario) -> float:
+        """About how far the arm reaches [m]: the measure of everything that is drawn."""
+
+    @abstractmethod
+    def _spot(self, place: Array, layer: str) -> Array:
+        """Where a place (D,) [m] is on the page (3,)."""
+
+    @abstractmethod
+    def _core_of(self, obstacle: Mapping[str, Any]) -> Core:
+        """What an obstacle looks like."""
+
+    @abstractmethod
+    def _mesh_of(self, core: Core) -> Mesh:
+        """A body as triangles."""
+
+    @abstractmethod
+    def _halo_core(self, index: int) -> Core:
+        """What is within the influence distance of an obstacle."""
+
+    @abstractmethod
+    def _add_surroundings(self, scenario: Scenario) -> None:
+        """Lights, the floor, and what else does not move."""
+
+    @abstractmethod
+    def _add_arm(self, path: str, *, ghost: bool) -> list[list[viser.MeshHandle]]:
+        """The bodies of each link."""
+
+    @abstractmethod
+    def _add_target(self) -> viser.MeshHandle:
+        """What is dragged of the target."""
+
+    @abstractmethod
+    def _add_tip(self) -> viser.SceneNodeHandle:
+        """What is at the tip of the arm."""
+
+    @abstractmethod
+    def _add_arrow(self, name: str) -> viser.MeshHandle:
+        """An arrow of unit length along x, to be stretched and turned."""
+
+    @abstractmethod
+    def _place_arm(self, q: Array, *, ghost: bool) -> None:
+        """Put the arm, or the other one, where it is at joint positions (n,)."""
+
+    @abstractmethod
+    def _toward(self, vector: Array) -> Quaternion:
+        """The turn that takes the x axis to a vector (D,)."""
+
+    @abstractmethod
+    def _grasp(self, event: viser.SceneNodeDragEvent[Any], hit: int | None) -> Held | None:
+        """What a drag that begins takes hold of."""
+
+    @abstractmethod
+    def _pointed(self, event: viser.SceneNodeDragEvent[Any]) -> Array:
+        """Where a drag points to (D,) [m]."""
+
+    @abstractmethod
+    def camera(self, box: tuple[float, ...], aspect: float) -> Camera:
+        """A camera that sees a box, given by the ends [m] of each of its sides, in a picture of this width
+        over height.
+        """
+
+    @abstractmethod
+    def spare(self, count: int) -> dict[str, Any]:
+        """The document of one more obstacle than `count`, where there is room."""
+
+    @abstractmethod
+    def look(self, view: str) -> None:
+        """Look at it in another way; the cameras are moved by others."""
+
+    def strays(self, state: Mapping[str, Any]) -> Iterable[tuple[int, Array]]:
+        """Obstacles that have gone out of sight by themselves, and places (D,) [m] within it."""
+        return ()
+
+    def follow(self, clients: Iterable[viser.ClientHandle]) -> None:  # noqa: B027 - not all do
+        """Move the cameras of those who follow something."""
+
+    def readings(self) -> Mapping[str, float]:
+        """What is measured in the drawing alone."""
+        return {}
+
+    # ------------------------------------------------------------------------------------------- obstacles
+
+    def add(self, obstacle: Mapping[str, Any]) -> None:
+        """Draw one more obstacle."""
+        self._made += 1
+        core = self._core_of(obstacle)
+        name = f"/obstacle-{self._made}"
+        self._documents.append(copy.deepcopy(dict(obstacle)))
+        self._turns.append(rotations(obstacle, self._still.dimension, [0.0]) is not None)
+        self._shapes.append(core)
+        colour = TABLE if self._endless(len(self._shapes) - 1) else OBSTACLE
+        handle = self._solid(name, core, colour, "obstacle")
+        self._obstacles.append(handle)
+        self._halos.append(self._add_halo(f"{name}-halo", len(self._obstacles) - 1))
+        self._changed()
+        if not self._endless(len(self._obstacles) - 1):
+            self._make_draggable(handle)
+
+        @handle.on_click
+        async def _(event: viser.SceneNodePointerEvent[Any]) -> None:
+            obstacle = self._index_of(handle)
+            if obstacle is not None:
+                self._clicked(obstacle, event)
+
+    def remove(self, index: int) -> None:
+        """Take an obstacle out of the drawing."""
+        for handles in (self._obstacles, self._halos):
+            handles.pop(index).remove()
+        self._shapes.pop(index)
+        self._documents.pop(index)
+        self._turns.pop(index)
+        self._held.clear()
+        self._forget(index)
+        self._changed()
+
+    def show_influence(self, influence: float) -> None:
+        """Draw the halos as wide as the field reaches [m]; none at 0."""
+        self.influence = influence
+        for index, handle in enumerate(self._halos):
+            name = handle.name
+            handle.remove()
+            self._halos[index] = self._add_halo(name, index)
+
+    def _endless(self, obstacle: int) -> bool:
+        """Whether it has no end, as a table, which must not catch every drag."""
+        return bool(self._documents[obstacle]["shape"]["kind"] == "half_space")
+
+    def _make_draggable(self, handle: viser.MeshHandle) -> None:
+        @handle.on_drag
+        async def _(event: viser.SceneNodeDragEvent[Any]) -> None:
+            obstacle = self._index_of(handle)
+            if obstacle is not None:
+                self._drag(event, obstacle)
+
+    def _index_of(self, handle: viser.MeshHandle) -> int | None:
+        """Which obstacle it is, if it still is one; viser compares handles by their arrays, which fails."""
+        return next((i for i, each in enumerate(self._obstacles) if each is handle), None)
+
+    def _changed(self) -> None:  # noqa: B027
+        """Obstacles have come or gone."""
+
+    # ------------------------------------------------------------------------------------------------ drag
+
+    async def _dragged_target(self, event: viser.SceneNodeDragEvent[Any]) -> None:
+        self._drag(event, None)
+
+    def _clicked(self, obstacle: int, event: viser.SceneNodePointerEvent[Any]) -> None:
+        """It waits where it is seen."""
+        size = self._still.dimension
+        self._carry(obstacle, np.asarray(self._obstacles[obstacle].position[:size]))
+
+    def _drag(self, event: viser.SceneNodeDragEvent[Any], hit: int | None) -> None:
+        """Move what somebody has taken hold of."""
+        if event.phase == "start":
+            held = self._grasp(event, hit)
+            if held is None:
+                self._held.pop(event.client_id, None)
+                return
+            self._held[event.client_id] = held
+        held = self._held.get(event.client_id)
+        if held is None:
+            return
+        self._move(held.obstacle, self._pointed(event) + held.offset)
+        if event.phase == "end":
+            self._held.pop(event.client_id, None)
+
+    def _move(self, obstacle: int | None, place: Array) -> None:
+        """Want an obstacle, or the target, to be somewhere else."""
+        if obstacle is None:
+            self._wanted[None] = place
+            self._on_aim(place)
+        elif obstacle < len(self._obstacles):
+            self._carry(obstacle, place)
+        if self._hint is not None:
+            self._hint.remove()
+            self._hint = None
+
+    def _carry(self, obstacle: int, place: Array) -> None:
+        self._wanted[obstacle] = place
+        self._on_carry(obstacle, place)
+
+    def _turn(self, obstacle: int, t: float) -> Array | None:
+        """How an obstacle is turned since the start, (3, 3); None if it does not turn."""
+        size = self._still.dimension
+        matrices = rotations(self._documents[obstacle], size, [t]) if self._turns[obstacle] else None
+        if matrices is None:
+            return None
+        turn = np.eye(3)
+        turn[:size, :size] = matrices[0]
+        return turn
+
+    # ---------------------------------------------------------------------------------------------- frames
+
+    def draw(self, state: Mapping[str, Any], ghost: Mapping[str, Any] | None = None) -> None:
+        """Move everything to where it is in a state of the core; `ghost` is that of another arm."""
+        size = self._still.dimension
+        tip, reference = state["x"][:size], state["x_ref"][:size]
+        places = state["obstacles"]
+        self._place_arm(state["q"], ghost=False)
+        for handle, tail, vector in zip(self._forces, state["points"], state["forces"], strict=True):
+            self._stretch(handle, tail, vector)
+        self._shade(state["clearance"])
+        for index, (handle, halo, place) in enumerate(
+            zip(self._obstacles, self._halos, places, strict=False)
+        ):
+            handle.position = self._spot(place, "obstacle")
+            halo.position = self._spot(place, "halo")
+            turn = self._turn(index, state["t"])
+            if turn is not None:
+                handle.wxyz = halo.wxyz = quaternion(turn)
+        self._target.position = self._spot(reference, "target")
+        self._tip.position = self._spot(tip, "tip")
+        self._draw_trail(tip)
+        self._draw_wanted(reference, places, state["status"] == "running")
+        self._draw_hint(places)
+        self._draw_more(state)
+        if ghost is not None:
+            self._place_arm(ghost["q"], ghost=True)
+
+    def _draw_more(self, state: Mapping[str, Any]) -> None:  # noqa: B027
+        """What else there is."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether something is not yet where it is wanted."""
+        return bool(self._wanted)
+
+    def show_ghost(self, visible: bool) -> None:
+        """Whether the other arm is drawn."""
+        for handle in self._ghost:
+            handle.visible = visible
+
+    def _shade(self, clearance: Array) -> None:
+        """Colour the links by their clearance, in shares of the influence distance."""
+        width = self.influence or 0.1 * self.reach
+        for i, parts in enumerate(self._links):
+            share = float(np.clip(clearance[i] / width, 0.0, 1.0))
+            shade = round(share * SHADES)
+            if shade != self._shades[i]:
+                self._shades[i] = shade
+                share = shade / SHADES
+                low, high, part = (HIT, NEAR, 2 * share) if share < 0.5 else (NEAR, self.FREE, 2 * share - 1)
+                red, green, blue = (low + (high - low) * part).astype(int)
+                for handle in parts:
+                    handle.color = (int(red), int(green), int(blue))
+
+    def _draw_hint(self, places: Array) -> None:
+        """Over the first obstacle that can be dragged."""
+        first = next((i for i in range(len(self._shapes)) if not self._endless(i)), None)
+        if self._hint is not None and first is not None and first < len(places):
+            corners, radius = self._shapes[first]
+            above = places[first].copy()
+            above[-1] += radius + float(corners[:, -1].max()) + 0.01 * self.reach
+            self._hint.position = self._spot(above, "hint")
+
+    def _draw_trail(self, tip: Array) -> None:
+        self._places.append(self._spot(tip, "trail"))
+        places = np.array([self._places[0]] * (TRAIL - len(self._places)) + list(self._places))
+        self._trail.points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
+
+    def _draw_wanted(self, reference: Array, places: Array, running: bool) -> None:
+        """A shadow where something is wanted and not yet, so that dragging shows at once, also in a pause."""
+        for key, place in list(self._wanted.items()):
+            there = reference if key is None else places[key]
+            if np.linalg.norm(place - there) < ARRIVED * self.reach:
+                self._forget(key)
+            elif key in self._shadows:
+                self._shadows[key].position = self._spot(place, "wanted")
+            else:
+                core = (np.zeros((1, len(place))), self._target_radius) if key is None else self._shapes[key]
+                name = "target" if key is None else str(key)
+                colour = TARGET if key is None else OBSTACLE
+                shadow = self._solid(f"/wanted-{name}", core, colour, "wanted", opacity=0.3)
+                shadow.position = self._spot(place, "wanted")
+                self._shadows[key] = shadow
+        if running and not self._held:  # a target beyond the reach stays where it can be
+            self._forget(None)
+
+    def _forget(self, key: int | None) -> None:
+        self._wanted.pop(key, None)
+        shadow = self._shadows.pop(key, None)
+        if shadow is not None:
+            shadow.remove()
+
+    def _stretch(self, handle: viser.MeshHandle, tail: Array, vector: Array) -> None:
+        """Its length is the logarithm of the force, so that weak ones are seen."""
+        size = float(np.linalg.norm(vector))
+        visible = size > 0.02
+        if handle.visible != visible:
+            handle.visible = visible
+        if visible:
+            length = 0.07 * self.reach * np.log1p(size)
+            width = min(0.045 * self.reach, 0.6 * length)
+            handle.scale = (length, width, width)
+            handle.wxyz = self._toward(vector)
+            handle.position = self._spot(tail, "force")
+
+    # ----------------------------------------------------------------------------------------------- parts
+
+    @property
+    def _target_radius(self) -> float:
+        return 0.028 * self.reach
+
+    def _add_trail(self) -> viser.LineSegmentsHandle:
+        nothing = np.zeros((TRAIL - 1, 2, 3))
+        trail = self._server.scene.add_line_segments("/trail", nothing, nothing, thickness=0.006 * self.reach)
+        fading = np.linspace(1.0, 0.0, TRAIL - 1)[:, None]
+        colours = (255 * fading + (1 - fading) * np.array(HALO)).astype(np.uint8)
+        trail.colors = np.repeat(colours[:, None], 2, axis=1)
+        return trail
+
+    def _add_hint(self) -> viser.LabelHandle:
+        place = self._spot(self._still.tip[0], "hint")
+        return self._server.scene.add_label(
+            "/hint", "drag me", position=place, anchor="bottom-center", font_screen_scale=1.15
+        )
+
+    def _add_halo(self, name: str, index: int) -> viser.MeshHandle:
+        core = self._halo_core(index)
+        return self._solid(name, core, HALO, "halo", opacity=self.HALO_OPACITY, visible=self.influence > 0.0)
+
+    def _solid(
+        self,
+        name: str,
+        core: Core,
+        colour: Any,
+        layer: str,
+        opacity: float | None = None,
+        visible: bool = True,
+    ) -> viser.MeshHandle:
+        """A body at the origin."""
+        nowhere = np.zeros(self._still.dimension)
+        return self._mesh(
+            name, self._mesh_of(core), colour, self._spot(nowhere, layer), opacity=opacity, visible=visible
+        )
+
+    def _mesh(
+        self,
+        name: str,
+        mesh: Mesh,
+        colour: Any,
+        position: Any = (0.0, 0.0, 0.0),
+        *,
+        opacity: float | None = None,
+        visible: bool = True,
+        casts: bool = False,
+    ) -> viser.MeshHandle:
+        return self._server.scene.add_mesh_simple(
+            name,
+            mesh.vertices,
+            mesh.faces,
+            color=np.asarray(colour, dtype=np.uint8),
+            opacity=opacity,
+            side=mesh.side,
+            flat_shading=mesh.flat,
+            cast_shadow=casts,
+            receive_shadow=False,
+            position=position,
+            visible=visible,
+        )

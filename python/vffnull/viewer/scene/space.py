@@ -1,0 +1,486 @@
+"""The drawing in space: bodies with light and shadow, and what is dragged along the picture or by a gizmo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import viser
+
+from vffnull._arm import SpatialArm, frame, quaternion, rotation
+from vffnull._core import distances
+from vffnull.plotting import geometry
+from vffnull.scenario import Scenario
+from vffnull.viewer.scene.cup import Cup
+from vffnull.viewer.scene.meshes import Mesh, solid, turned
+from vffnull.viewer.scene.shared import (
+    FORCE,
+    GHOST,
+    TARGET,
+    TIP,
+    Array,
+    Camera,
+    Core,
+    Held,
+    Quaternion,
+    Scene,
+)
+
+FIELD_OF_VIEW = 0.6
+"""Vertical [rad]."""
+VIEWS = {
+    "Corner": (0.62, -0.68, 0.38),
+    "Front": (1.0, 0.0, 0.16),
+    "Side": (0.0, -1.0, 0.16),
+    "Top": (0.0, -0.02, 1.0),
+}
+"""Where from the arm is seen."""
+FOLLOW = "Follow"
+HINT = (
+    "Drag the dark obstacles and the green ring of the target; a click shows arrows that "
+    "move them along one axis. Dragging elsewhere turns the view, the right button moves it, the wheel zooms."
+)
+LATE = 1.6
+"""From where on an obstacle is out of sight [reaches]; it is brought back to where it is within it."""
+NO_WAY = 0.15
+"""What is nearer to the base's axis than this [reaches] is in no vertical plane of its own."""
+EDGE = 0.35
+"""Sine of the angle between a plane and the line of sight below which it is seen from its edge."""
+FAR = 1.5
+"""How far from the base something may be dragged in such a plane [reaches]."""
+STEP = 1e-4
+"""What moves or turns by less [m, rad] is left where it is."""
+LEVEL = 1e-2
+"""Angle between a tool's axis and the vertical [rad] up to which a cup in it may turn with the tool."""
+
+
+class SpaceScene(Scene):
+    """A scenario in space; see `Scene`."""
+
+    views: ClassVar[Mapping[str, str]] = dict.fromkeys((*VIEWS, FOLLOW), HINT)
+    up = "+z"
+    FREE = np.array([196, 204, 214])
+    HALO_OPACITY = 0.06
+
+    def __init__(
+        self, server: viser.ViserServer, scenario: Scenario, *arguments: Any, **options: Any
+    ) -> None:
+        self._geometry = SpatialArm(scenario.arm.to_dict())
+        document = scenario.to_dict()
+        self._start = np.asarray(document["q0"], dtype=float)
+        self._task = document.get("controller", {}).get("task", "position")
+        self._view = ""
+        self._gizmo: viser.TransformControlsHandle | None = None
+        self._sheets: dict[int, tuple[Array, Array | None]] = {}
+        self._gripped: int | None = None
+        self._offset = np.zeros(3)
+        self._cup: Cup | None = None
+        self._followed: Array | None = None
+        super().__init__(server, scenario, *arguments, **options)
+        self._add_frames(document)
+        self._lines = server.scene.add_line_segments(
+            "/distances",
+            np.zeros((self._arm.n, 2, 3)),
+            np.array((120, 120, 126)),
+            thickness=0.003 * self.reach,
+        )
+        self._distance = server.scene.add_label(
+            "/distance", "", anchor="bottom-center", font_screen_scale=0.9, visible=False
+        )
+        self._told = np.inf
+
+    # --------------------------------------------------------------------------------------------- cameras
+
+    def camera(self, box: tuple[float, ...], aspect: float) -> Camera:
+        """From where the view says, with the base in the middle and so far away that the box is just seen."""
+        low, high = np.array(box[::2]), np.array(box[1::2])
+        base = self._still.joints[0, 0]
+        low[2] = max(low[2], self._floor)
+        side = max(high[1] - base[1], base[1] - low[1])
+        low[1], high[1] = base[1] - side, base[1] + side
+        middle = (low + high) / 2
+        direction = np.array(VIEWS.get(self._view, VIEWS["Corner"]))
+        direction /= np.linalg.norm(direction)
+        right = np.cross([0.0, 0.0, 1.0], direction)
+        right /= np.linalg.norm(right)
+        above = np.cross(direction, right)
+        corners, _ = geometry.core_in_space({"kind": "box", "size": high - low})
+        tall, wide = np.abs(corners @ above), np.abs(corners @ right) / max(aspect, 0.1)
+        away = float(np.max(corners @ direction + np.maximum(tall, wide) / np.tan(FIELD_OF_VIEW / 2)))
+        x, y, z = (float(each) for each in middle + away * direction)
+        return Camera((x, y, z), (*middle.tolist(),), (0.0, 0.0, 1.0), FIELD_OF_VIEW, 100.0)
+
+    def look(self, view: str) -> None:
+        """See `Scene.look`."""
+        self._view, self._followed = view, None
+
+    def follow(self, clients: Iterable[viser.ClientHandle]) -> None:
+        """Move the cameras as the hand moves."""
+        if self._view != FOLLOW:
+            return
+        tip = np.asarray(self._tip.position)
+        if self._followed is None:
+            self._followed = tip
+        moved = tip - self._followed
+        if np.linalg.norm(moved) > 2e-3 * self.reach:
+            self._followed = tip
+            for client in clients:
+                if client.camera.update_timestamp > 0.0:
+                    client.camera.position = client.camera.position + moved
+
+    # ------------------------------------------------------------------------------------------------ drag
+
+    def _grasp(self, event: viser.SceneNodeDragEvent[Any], hit: int | None) -> Held | None:
+        start = np.asarray(event.start_position)
+        self._sheets[event.client_id] = start, self._sheet(hit, start, event)
+        return Held(hit, self._place_of(hit) - start)
+
+    def _sheet(self, hit: int | None, start: Array, event: viser.SceneNodeDragEvent[Any]) -> Array | None:
+        """The normal of the plane in which something is dragged; None if that is the picture's.
+
+        An obstacle moves in the vertical plane through the base, so that it meets the arm where it is seen to
+        do so, unless that plane is seen from its edge.
+        """
+        way = (start - self._still.joints[0, 0])[:2]
+        away = float(np.linalg.norm(way))
+        if hit is None or away < NO_WAY * self.reach:
+            return None
+        normal = np.array([-way[1], way[0], 0.0]) / away
+        ahead = start - np.asarray(event.client.camera.position)
+        return normal if abs(normal @ ahead) > EDGE * np.linalg.norm(ahead) else None
+
+    def _pointed(self, event: viser.SceneNodeDragEvent[Any]) -> Array:
+        end = np.asarray(event.end_position)
+        start, normal = self._sheets.get(event.client_id, (end, None))
+        if normal is None:
+            return end
+        eye = np.asarray(event.client.camera.position)
+        share = float((start - eye) @ normal) / (float((end - eye) @ normal) or np.inf)
+        place = eye + share * (end - eye)
+        base = self._still.joints[0, 0]
+        away = float(np.linalg.norm(place - base))
+        farthest = max(FAR * self.reach, float(np.linalg.norm(start - base)))
+        return place if share > 0.0 and away < farthest else end
+
+    def _place_of(self, obstacle: int | None) -> Array:
+        """Where an obstacle, or the target, is seen."""
+        handle = self._target if obstacle is None else self._obstacles[obstacle]
+        return np.asarray(handle.position)
+
+    def _clicked(self, obstacle: int, event: viser.SceneNodePointerEvent[Any]) -> None:
+        """It waits where it is seen, and gets a gizmo; another click takes the gizmo away."""
+        super()._clicked(obstacle, event)
+        self._toggle(obstacle, self._hit(obstacle, event) if self._endless(obstacle) else None)
+
+    def _hit(self, obstacle: int, event: viser.SceneNodePointerEvent[Any]) -> Array:
+        """Where the surface of a half-space was clicked, relative to its position."""
+        start, along = np.asarray(event.ray_origin), np.asarray(event.ray_direction)
+        place, normal = self._place_of(obstacle), self._normal(obstacle)
+        down = float(along @ normal)
+        away = float((place - start) @ normal) / down if down else 0.0
+        return np.asarray(start + away * along - place)
+
+    def _toggle(self, obstacle: int | None, offset: Array | None = None) -> None:
+        """Give an obstacle, or the target, the gizmo, or take it away from there."""
+        if self._gizmo is not None and self._gripped == obstacle:
+            self.let_go()
+        else:
+            self.grip(obstacle, np.zeros(3) if offset is None else offset)
+
+    def let_go(self) -> None:
+        """Show no gizmo."""
+        if self._gizmo is not None:
+            self._gizmo.remove()
+            self._gizmo = None
+
+    def grip(self, obstacle: int | None, offset: Array) -> None:
+        """Show a gizmo at an obstacle, or at the target, so far from its position (3,) [m]."""
+        self.let_go()
+        self._gripped, self._offset = obstacle, offset
+        gizmo = self._gizmo = self._server.scene.add_transform_controls(
+            "/gizmo",
+            scale=0.3 * self.reach,
+            line_width=3.5,
+            disable_rotations=True,
+            depth_test=False,
+            opacity=0.85,
+            position=self._place_of(obstacle) + offset,
+        )
+
+        @gizmo.on_update
+        async def _(event: viser.TransformControlsEvent) -> None:
+            if self._gizmo is gizmo:
+                self._move(self._gripped, np.asarray(gizmo.position) - self._offset)
+
+    def _move(self, obstacle: int | None, place: Array) -> None:
+        super()._move(obstacle, place)
+        if self._gizmo is not None and self._gripped == obstacle:
+            self._gizmo.position = place + self._offset
+
+    def _changed(self) -> None:
+        self.let_go()
+
+    def strays(self, state: Mapping[str, Any]) -> Iterable[tuple[int, Array]]:
+        """See `Scene.strays`."""
+        base = self._still.joints[0, 0]
+        for index, place in enumerate(state["obstacles"]):
+            away = float(np.linalg.norm(place - base))
+            if away > LATE * self.reach and index not in self._wanted and not self._endless(index):
+                yield index, base + 0.8 * self.reach / away * (place - base)
+
+    def spare(self, count: int) -> dict[str, Any]:
+        """A ball beside the arm."""
+        reach = self.reach
+        side = -1.0 if count % 2 else 1.0
+        base = self._still.joints[0, 0]
+        place = base + reach * np.array([0.1 + 0.2 * (count // 2 % 4), 0.65 * side, 0.45])
+        return {"shape": {"kind": "sphere", "radius": 0.09 * reach}, "position": place.tolist()}
+
+    # ---------------------------------------------------------------------------------------------- frames
+
+    def _place_arm(self, q: Array, *, ghost: bool) -> None:
+        poses = self._arm.link_poses(q)
+        turns = quaternion(poses[:, :3, :3])
+        for node, pose, wxyz in zip(self._ghost_nodes if ghost else self._nodes, poses, turns, strict=True):
+            put(node, pose[:3, 3], wxyz)
+
+    def _draw_trail(self, tip: Array) -> None:
+        """A point of it per step of the hand, so that a hand that rests sends nothing."""
+        if not self._places or np.linalg.norm(tip - self._places[-1]) > 4e-3 * self.reach:
+            super()._draw_trail(tip)
+
+    def _draw_more(self, state: Mapping[str, Any]) -> None:
+        hand = self._geometry.tool_poses(state["q"])
+        wxyz = quaternion(hand[:3, :3])
+        put(self._hand, hand[:3, 3], wxyz)
+        if len(state["x_ref"]) > 3:
+            put(self._wanted_frame, state["x_ref"][:3], state["x_ref"][3:])
+        if self._cup is not None:
+            self._cup.follow(hand[:3, :3])
+        self._draw_distances(state)
+
+    def _draw_distances(self, state: Mapping[str, Any]) -> None:
+        """A line from the nearest point of each link that is within influence, and of the nearest of all."""
+        places = [
+            self._standing(index, place, state["t"])
+            for index, place in enumerate(state["obstacles"][: len(self._documents)])
+        ]
+        ends = np.zeros((self._arm.n, 2, 3))
+        nearest = np.inf
+        if places:
+            found = distances(self._arm, state["q"], state["dq"], places)
+            least = int(np.argmin(found.distance))
+            nearest = float(found.distance[least])
+            for link in range(self._arm.n):
+                own = np.flatnonzero(found.link == link)
+                if not len(own):
+                    continue
+                row = int(own[np.argmin(found.distance[own])])
+                away = float(found.distance[row])
+                if 0.0 < away and (away < self.influence or row == least):
+                    witness = found.witness[row]
+                    ends[link] = witness, witness + away * found.normal[row]
+            self._tell(nearest, ends[int(found.link[least])].mean(axis=0))
+        elif self._distance.visible:
+            self._distance.visible = False
+        if np.abs(ends - self._lines.points).max() > STEP:
+            self._lines.points = ends.astype(np.float32)
+
+    def _standing(self, index: int, place: Array, t: float) -> dict[str, Any]:
+        """An obstacle as it stands at an instant."""
+        document = {**self._documents[index], "position": place.tolist(), "motion": {"kind": "static"}}
+        document.pop("angular_velocity", None)
+        turn = self._turn(index, t)
+        if turn is not None:
+            at_rest = rotation(document.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+            document["orientation"] = quaternion(turn @ at_rest).tolist()
+        return document
+
+    def _tell(self, nearest: float, place: Array) -> None:
+        """The distance as a number."""
+        shown = 0.0 < nearest < max(1.5 * self.influence, 0.3 * self.reach)
+        if self._distance.visible != shown:
+            self._distance.visible = shown
+        if shown:
+            put(self._distance, place)
+            if abs(nearest - self._told) > 5e-4:
+                self._told = nearest
+                self._distance.text = f"{1e3 * nearest:.0f} mm"
+
+    def readings(self) -> Mapping[str, float]:
+        """The tilt of the cup [rad] and the share that it has lost, if there is one."""
+        if self._cup is None:
+            return {}
+        return {"tilt": self._cup.liquid.tilt, "spilt": self._cup.liquid.spilt}
+
+    # ----------------------------------------------------------------------------------------------- parts
+
+    def _reach_of(self, scenario: Scenario) -> float:
+        """As its maker says, else as far as the joints are apart, which is a little more than it reaches."""
+        given = scenario.arm.to_dict().get("reach")
+        joints = scenario.arm.forward_kinematics(scenario.to_dict()["q0"])
+        return float(given or 0.7 * np.linalg.norm(np.diff(joints, axis=0), axis=1).sum())
+
+    def _spot(self, place: Array, layer: str) -> Array:
+        return np.asarray(place, dtype=float)
+
+    def _core_of(self, obstacle: Mapping[str, Any]) -> Core:
+        middle = self._still.joints[0, 0] - np.asarray(obstacle.get("position", np.zeros(3)), dtype=float)
+        return geometry.core_in_space(
+            obstacle["shape"], obstacle.get("orientation"), middle, 1.6 * self.reach
+        )
+
+    def _mesh_of(self, core: Core) -> Mesh:
+        return solid(*core)
+
+    def _halo_core(self, index: int) -> Core:
+        corners, radius = self._shapes[index]
+        if self._endless(index):
+            return corners + self.influence * self._normal(index), radius
+        return corners, radius + max(self.influence, 1e-6)
+
+    def _normal(self, obstacle: int) -> Array:
+        """The direction out of a half-space."""
+        document = self._documents[obstacle]
+        turn = rotation(document.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+        return np.asarray(turn @ np.asarray(document["shape"]["normal"], dtype=float))
+
+    def _add_surroundings(self, scenario: Scenario) -> None:
+        scene, reach = self._server.scene, self.reach
+        scene.add_light_ambient("/light", intensity=1.7)
+        scene.add_light_directional(
+            "/sun", intensity=1.5, position=(1.2, -1.6, 3.0), cast_shadow=self._shadowed
+        )
+        scene.add_light_directional("/sky", intensity=0.5, position=(-2.0, 2.0, 1.0), cast_shadow=False)
+        self._floor = floor_of(scenario)
+        cell = 10.0 ** np.floor(np.log10(reach))
+        scene.add_grid(
+            "/floor",
+            width=6 * reach,
+            height=6 * reach,
+            plane="xy",
+            cell_size=cell,
+            section_size=5 * cell,
+            cell_color=(226, 228, 232),
+            section_color=(204, 208, 214),
+            shadow_opacity=0.2,
+            position=(0.0, 0.0, self._floor + 0.002 * reach),
+        )
+        for i, part in enumerate(each for each in self._still.parts if each.index < 0):
+            self._mesh(f"/base/{i}", solid(part.corners[0], part.radius), (120, 124, 132), casts=True)
+
+    def _add_arm(self, path: str, *, ghost: bool) -> list[list[viser.MeshHandle]]:
+        """The parts of each link in a frame of its own: what is sent of an arm is where these frames are.
+
+        The other arm is a little thinner, so that it is not seen where it is the same.
+        """
+        poses = self._geometry.link_poses(self._start)
+        nodes, links = [], []
+        for i, pose in enumerate(poses):
+            name = f"{path}/{i}"
+            nodes.append(self._server.scene.add_frame(name, show_axes=False))
+            links.append(
+                [
+                    self._mesh(
+                        f"{name}/{k}",
+                        solid(
+                            (part.corners[0] - pose[:3, 3]) @ pose[:3, :3],
+                            part.radius * (0.8 if ghost else 1.0),
+                        ),
+                        GHOST if ghost else self.FREE,
+                        opacity=0.28 if ghost else None,
+                        casts=not ghost,
+                    )
+                    for k, part in enumerate(each for each in self._still.parts if each.index == i)
+                ]
+            )
+        if ghost:
+            self._ghost_nodes = nodes
+        else:
+            self._nodes = nodes
+        return links
+
+    def _add_tip(self) -> viser.MeshHandle:
+        return self._mesh("/tip", solid(np.zeros((1, 3)), 0.008 * self.reach), TIP)
+
+    def _add_target(self) -> viser.MeshHandle:
+        """A ring around the hand, in a ball that is not seen and can be taken hold of anywhere."""
+        radius = 3.2 * self._target_radius
+        handle = self._mesh("/target", solid(np.zeros((1, 3)), radius), TARGET, opacity=0.0)
+        angles = np.linspace(0.0, 2 * np.pi, 13)
+        tube = np.stack([1.0 + 0.08 * np.cos(angles), 0.08 * np.sin(angles)], axis=1)
+        self._mesh("/target/ring", turned(radius * tube, 48), TARGET)
+
+        @handle.on_click
+        async def _(event: viser.SceneNodePointerEvent[Any]) -> None:
+            self._toggle(None)
+
+        return handle
+
+    def _add_arrow(self, name: str) -> viser.MeshHandle:
+        shaft, head = 0.1, 0.36
+        profile = np.array([[0.0, 0.0], [shaft, 0.0], [shaft, 0.6], [head, 0.6], [0.0, 1.0]])
+        made = turned(profile, 16, flat=True)
+        along = made.vertices[:, [2, 0, 1]]  # a cyclic exchange: what was up is along x
+        return self._mesh(name, Mesh(along, made.faces, flat=True), FORCE, visible=False)
+
+    def _add_frames(self, document: Mapping[str, Any]) -> None:
+        """The hand's frame, the reference's thinner and longer one, and the cup."""
+        scene, size = self._server.scene, 0.12 * self.reach
+        turns = self._task != "position"
+        self._hand = scene.add_frame(
+            "/hand", show_axes=turns, axes_length=size, axes_radius=0.035 * size, origin_radius=0.05 * size
+        )
+        self._wanted_frame = scene.add_frame(
+            "/reference",
+            show_axes=turns,
+            axes_length=1.5 * size,
+            axes_radius=0.014 * size,
+            origin_radius=0.02 * size,
+        )
+        upright = upright_in(self._geometry.tool_poses(self._start)[:3, :3])
+        if turns and stays_level(document["reference"]) and (self._task == "pose" or carries(upright)):
+            self._cup = Cup(self._server, "/hand/cup", upright, self.reach / 0.855)
+
+    def _toward(self, vector: Array) -> Quaternion:
+        x = vector / np.linalg.norm(vector)
+        w = float(np.sqrt(max(0.0, (1.0 + x[0]) / 2)))
+        if w < 1e-6:
+            return (0.0, 0.0, 0.0, 1.0)
+        return (w, 0.0, float(-x[2] / (2 * w)), float(x[1] / (2 * w)))
+
+
+def put(handle: viser.SceneNodeHandle, place: Array, wxyz: Array | None = None) -> None:
+    """Move something, if it is not there already: what stays is not sent."""
+    if np.abs(handle.position - place).max() > STEP:
+        handle.position = place
+    if wxyz is not None and np.abs(handle.wxyz - wxyz).max() > STEP:
+        handle.wxyz = wxyz
+
+
+def floor_of(scenario: Scenario) -> float:
+    """The height of what the arm stands on [m]: of a table, else of its base."""
+    document = scenario.to_dict()
+    tables = [
+        float(each.get("position", (0.0, 0.0, 0.0))[2])
+        for each in document.get("obstacles", [])
+        if each["shape"]["kind"] == "half_space" and each["shape"]["normal"][2] > 1.0 - LEVEL
+    ]
+    return max(tables, default=float(frame(document["arm"].get("mount", {}))[2, 3]))
+
+
+def upright_in(hand: Array) -> Array:
+    """Axes (3, 3) as columns, in the frame of a hand with these axes, of what stands upright in the world."""
+    return np.asarray(hand.T)
+
+
+def carries(upright: Array) -> bool:
+    """Whether a tool that is free to turn about its axis z keeps upright what stands so in its frame."""
+    return bool(abs(upright[2, 2]) > np.cos(LEVEL))
+
+
+def stays_level(reference: Mapping[str, Any]) -> bool:
+    """Whether a reference keeps the orientation that the tool has at the start."""
+    own = {"orientation", "orientations", "start_orientation"}
+    return not own & reference.keys() and not reference.get("turning", False)
