@@ -62,7 +62,7 @@ def ways() -> list[Way]:
     return [way for name in MODULES for way in import_module(f"peers.{name}").WAYS]
 
 
-def run(way: Way, scene: vff.Scenario, free: vff.Result, n: int, seed: int, verdict: str) -> dict[str, Any]:
+def run(way: Way, scene: vff.Scenario, free: vff.Result, verdict: str) -> dict[str, Any]:
     """The row of one scene, as `vffnull.evaluate` has it."""
     dt = scene["simulation.dt"]
     dx = np.gradient(free.x_ref, dt, axis=0)
@@ -107,7 +107,7 @@ def evaluate(
         scene = scenes.random(family, n, seed)
         verdict = verdicts.get(scene.name) or vff.feasibility(scene)
         free = vff.simulate(scene, WITHOUT)
-        rows += [run(way, scene, free, n, seed, verdict) for way in chosen]
+        rows += [run(way, scene, free, verdict) for way in chosen]
     return vff.Evaluation.of(rows, tuple(way.name for way in chosen))
 
 
