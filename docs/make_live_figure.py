@@ -52,7 +52,7 @@ class Film:
 FILMS = {
     "live": Film("swing", (2.6, 3.0), (2.75, 0.75)),
     "live-space": Film(
-        "panda-sweep", (-0.05, -0.5, 0.62), (-0.05, 0.12, 0.62), size=(1240, 720), colours=128
+        "panda-sweep", (-0.05, -0.5, 0.62), (-0.05, 0.12, 0.62), size=(1500, 760), width=900, colours=255
     ),
 }
 
