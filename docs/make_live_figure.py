@@ -52,7 +52,7 @@ class Film:
 FILMS = {
     "live": Film("swing", (2.6, 3.0), (2.75, 0.75)),
     "live-space": Film(
-        "panda-sweep", (-0.05, -0.5, 0.62), (-0.05, 0.12, 0.62), size=(1240, 720), colours=128
+        "panda-sweep", (-0.05, -0.5, 0.62), (-0.05, 0.12, 0.62), size=(1500, 760), width=900, colours=255
     ),
 }
 
@@ -112,12 +112,13 @@ def picture(film: Film, page: Any, tab: Any, step: int) -> Image.Image:
 
 
 def save(pictures: list[Image.Image], film: Film, path: Path) -> None:
-    """The film, with one palette for all pictures."""
+    """The film, with one palette for all pictures: of the colours that there are, however rare."""
     size = (film.width, film.width * film.size[1] // film.size[0])
     small = [each.resize(size, Image.Resampling.LANCZOS) for each in pictures]
-    sheet = Image.new("RGB", (film.width, 6 * small[0].height))
-    for k in range(6):
-        sheet.paste(small[k * len(small) // 6], (0, k * small[0].height))
+    seen = np.concatenate([np.asarray(each).reshape(-1, 3) for each in small[:: len(small) // 6]])
+    shades, counts = np.unique(seen, axis=0, return_counts=True)
+    shades = np.repeat(shades, np.ceil(counts**0.6).astype(int), axis=0)
+    sheet = Image.fromarray(shades[None])
     palette = sheet.quantize(colors=film.colours, method=Image.Quantize.MEDIANCUT)
     frames = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in small]
     frames[0].save(

@@ -130,9 +130,37 @@ def test_what_is_drawn_is_where_the_core_has_it(name: str, tmp_path: Path) -> No
         page.stop()
 
 
+def test_an_arm_of_a_urdf_that_hangs_is_shown_above_the_floor(tmp_path: Path) -> None:
+    """With shapes that its file says nothing about replaced by lines, and its own base and tip."""
+    text = vff.Arm.named("gen3").to_urdf()
+    hanging = {"position": [0.3, 0.2, 1.6], "orientation": [0.0, 1.0, 0.0, 0.0]}
+    arm = vff.Arm.from_urdf(text, mount=hanging, collision="none")
+    ball = {"shape": {"kind": "sphere", "radius": 0.1}, "position": [0.3, -0.5, 1.0]}
+    scenario = vff.Scenario(
+        arm=arm,
+        q0=[0.0, 0.5, 0.0, 1.8, 0.0, 0.8, 0.0],
+        duration=1.0,
+        reference={"kind": "setpoint"},
+        controller={"stiffness": 400.0, "damping": 40.0},
+        obstacles=[ball],
+    )
+    page = vff.live(scenario, open_browser=False, block=False, record_to=tmp_path)
+    try:
+        frames(page, 5)
+        joints = arm.forward_kinematics(page.snapshot()["q"])
+        assert (
+            joints[:, 2].min() > page._scene._floor and page._scene.camera(page._box(), 1.0).position[2] > 0.5
+        )
+        np.testing.assert_allclose(page._scene._tip.position, joints[-1], atol=3e-4)
+        assert [len(parts) for parts in page._scene._links] == [1] * arm.n
+    finally:
+        page.stop()
+
+
 def test_little_is_sent_of_what_rests(page: Any) -> None:
     """Not a message about an arm and a ball that do not move, and no mesh while they do."""
     frames(page, 5)
+    assert all(max(arrow.scale) < 0.01 for arrow in page._scene._forces), "an arrow flashes up as it is made"
     sent: list[str] = []
     scene_api, queue = page._server.scene, page._server.scene._queue_scene_message
     scene_api._queue_scene_message = lambda message: (sent.append(type(message).__name__), queue(message))
@@ -352,6 +380,10 @@ def test_obstacles_come_and_go_and_recordings_are_spatial(page: Any) -> None:
     rows = vff.StreamRecorder.read(path).to_pandas()
     assert len(rows) >= 20 and {"x_z", "obstacles_1_z", "q_6"} <= set(rows.columns)
     assert len(rows.filter(like="orientation").columns) >= 4
+    for _ in range(2):
+        page.remove_obstacle()
+    frames(page)
+    assert not page._scene._distance.visible and not np.diff(page._scene._lines.points, axis=1).any()
     page.reset()
     assert page.snapshot()["obstacles"].shape == (1, 3)
 

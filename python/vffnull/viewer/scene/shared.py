@@ -143,6 +143,8 @@ class Scene(ABC):
         self._trail = self._add_trail()
         self._places: deque[Array] = deque(maxlen=TRAIL)
         self._forces = [self._add_arrow(f"/force-{i}") for i in range(self._arm.n)]
+        for arrow in self._forces:  # browsers show one before they stretch it for the first time
+            arrow.scale = (1e-3, 1e-3, 1e-3)
         for obstacle in scenario.to_dict().get("obstacles", []):
             self.add(obstacle)
         self._hint = self._add_hint() if hint else None

@@ -268,8 +268,8 @@ class SpaceScene(Scene):
         ]
         ends = np.zeros((self._arm.n, 2, 3))
         nearest = np.inf
-        if places:
-            found = distances(self._arm, state["q"], state["dq"], places)
+        found = distances(self._arm, state["q"], state["dq"], places)
+        if len(found.distance):
             least = int(np.argmin(found.distance))
             nearest = float(found.distance[least])
             for link in range(self._arm.n):
@@ -353,7 +353,7 @@ class SpaceScene(Scene):
             "/sun", intensity=1.5, position=(1.2, -1.6, 3.0), cast_shadow=self._shadowed
         )
         scene.add_light_directional("/sky", intensity=0.5, position=(-2.0, 2.0, 1.0), cast_shadow=False)
-        self._floor = floor_of(scenario)
+        self._floor = self._floor_of(scenario)
         cell = 10.0 ** np.floor(np.log10(reach))
         scene.add_grid(
             "/floor",
@@ -369,6 +369,20 @@ class SpaceScene(Scene):
         )
         for i, part in enumerate(each for each in self._still.parts if each.index < 0):
             self._mesh(f"/base/{i}", solid(part.corners[0], part.radius), (120, 124, 132), casts=True)
+
+    def _floor_of(self, scenario: Scenario) -> float:
+        """The height of what the arm stands on [m]: of a table, else of its base; a little below an arm that
+        hangs.
+        """
+        document = scenario.to_dict()
+        tables = [
+            float(each.get("position", (0.0, 0.0, 0.0))[2])
+            for each in document.get("obstacles", [])
+            if each["shape"]["kind"] == "half_space" and each["shape"]["normal"][2] > 1.0 - LEVEL
+        ]
+        base = float(frame(document["arm"].get("mount", {}))[2, 3])
+        lowest = float(self._still.joints[0, :, 2].min())
+        return max(tables, default=base if lowest > base - 0.1 * self.reach else lowest - 0.3 * self.reach)
 
     def _add_arm(self, path: str, *, ghost: bool) -> list[list[viser.MeshHandle]]:
         """The parts of each link in a frame of its own: what is sent of an arm is where these frames are.
@@ -457,17 +471,6 @@ def put(handle: viser.SceneNodeHandle, place: Array, wxyz: Array | None = None) 
         handle.position = place
     if wxyz is not None and np.abs(handle.wxyz - wxyz).max() > STEP:
         handle.wxyz = wxyz
-
-
-def floor_of(scenario: Scenario) -> float:
-    """The height of what the arm stands on [m]: of a table, else of its base."""
-    document = scenario.to_dict()
-    tables = [
-        float(each.get("position", (0.0, 0.0, 0.0))[2])
-        for each in document.get("obstacles", [])
-        if each["shape"]["kind"] == "half_space" and each["shape"]["normal"][2] > 1.0 - LEVEL
-    ]
-    return max(tables, default=float(frame(document["arm"].get("mount", {}))[2, 3]))
 
 
 def upright_in(hand: Array) -> Array:
