@@ -71,9 +71,9 @@ def _segment(shape: Mapping[str, Any]) -> tuple[Array, Array]:
 def touching(arm: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Pairs of links, not neighbours, whose capsules overlap in the reference posture, or nearly always.
 
-    Capsules are a little larger than what they contain: such a pair would be in collision all the time. "Nearly always" is
-    in 95 % of `POSTURES` postures spread evenly over the ranges of the joints. Pairs that the document ignores already
-    are not told again.
+    Capsules are a little larger than what they contain: such a pair would be in collision all the time.
+    "Nearly always" is in 95 % of `POSTURES` postures spread evenly over the ranges of the joints. Pairs that
+    the document ignores already are not told again.
     """
     links = [arm["base"], *(joint["link"] for joint in arm["joints"])]
     known = {frozenset(pair) for pair in arm.get("ignore", [])}
@@ -92,7 +92,7 @@ def touching(arm: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _postures(arm: Mapping[str, Any]) -> Array:
-    """Evenly spread over the ranges of the joints, a whole turn where there is none; always the same, (POSTURES, n)."""
+    """Evenly spread over the ranges of the joints, a whole turn where there is none, (POSTURES, n)."""
     middle = reference_posture(arm)
     ranges = np.array(arm.get("joint_limits") or [[-math.inf, math.inf]] * len(middle))
     bounded = np.isfinite(ranges).all(axis=1)
