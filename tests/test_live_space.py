@@ -575,7 +575,8 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 tab.mouse.move(*pixel(PLACE + share * (end - PLACE)))
             wait_for(lambda: page._scene._held or page._scene._wanted or page._dragged)
             tab.mouse.up()
-            wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - end) < 0.05)
+            # taken hold of at its surface, it does not go through the very place of the pointer
+            wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - end) < 0.1)
             wait_for(lambda: np.abs(page.snapshot()["q"] - before).max() > 0.1)
             assert error(page) < 1e-3 and page.snapshot()["min_clearance"] > 0.0
             wait_for(lambda: float(tab.text_content("#vff-clearance").split()[0]) < 250)

@@ -676,11 +676,11 @@ class LiveState(TypedDict):
     power: _Array
     """Through the ports that `PORTS` names [W]."""
     obstacles: _Array
-    """Positions, (k, 2) [m]."""
+    """Positions, (k, D) [m]."""
     points: _Array
-    """Where the repulsion acts on each link, (n, 2) [m]."""
+    """Where the repulsion acts on each link, (n, D) [m]."""
     forces: _Array
-    """The repulsion, (n, 2) [N]."""
+    """The repulsion, (n, D) [N]."""
 
 @final
 class Live:
