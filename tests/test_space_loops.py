@@ -136,16 +136,9 @@ def test_against_the_clock() -> None:
     assert timing.periods == 100 and timing.min_clearance > 0.1
 
 
-@pytest.mark.parametrize(
-    ("ask", "words"),
-    [
-        (lambda: vff.live("panda-sweep", open_browser=False, block=False), "in space.*vffnull animate"),
-        (lambda: vff.simulate("panda-sweep", {"perception": {"kind": "range"}}), "range sensors.*planar"),
-    ],
-)
-def test_what_is_of_the_plane_says_so(ask: Any, words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
-        ask()
+def test_what_is_of_the_plane_says_so() -> None:
+    with pytest.raises(ScenarioError, match=r"range sensors.*planar"):
+        vff.simulate("panda-sweep", {"perception": {"kind": "range"}})
 
 
 def test_the_shell_knows_arms_in_space(tmp_path: Path) -> None:

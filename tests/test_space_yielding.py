@@ -1,0 +1,141 @@
+"""How `cbf` gives way in space: what it weighs, what it keeps, and the arm's own links."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import ScenarioError
+
+READY = np.array([0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854])
+
+# A ball through the hand, where no null space helps.
+AT_THE_HAND: dict[str, Any] = {
+    "obstacles.0.position": [0.26, -0.5, 0.54],
+    "obstacles.0.motion.velocity": [0.0, 0.4, 0.0],
+    "duration": 4.0,
+    "controller.task": "pose",
+    "controller.avoidance": "cbf",
+}
+
+
+def test_the_torque_of_the_program_is_the_nearest_one() -> None:
+    """One row that acts and nothing else: min ½yᵀHy + ½ρσ² with a·y + σ ≥ b has y = H⁻¹a b/(aᵀH⁻¹a + 1/ρ), here from
+    matrices and `distances`, with the weight 300 kg, angles counted at the characteristic length, and ρ = 6e5.
+    """
+    arm = vff.Arm.named("panda")
+    dq = np.array([0.3, 0.2, -0.1, 0.1, 0.2, -0.3, 0.1])
+    joints = arm.forward_kinematics(READY)
+    ball = vff.Obstacle.sphere(
+        joints[-1] + [0.16, 0.05, 0.02], 0.05, motion=vff.Motion.linear([-1.0, 0.0, 0.0])
+    )
+    settings = {"task": "pose", "enforce_limits": False}
+    yielding = {"activation": 0.09, "speed": 1e6}
+    reference = arm.pose(READY)
+    nominal = vff.Controller(arm, settings).torque(READY, dq, reference, obstacles=[ball])
+    acting = {**settings, "avoidance": "cbf", "yielding": yielding}
+    terms = vff.Controller(arm, acting).terms(READY, dq, reference, obstacles=[ball])
+
+    pairs = vff.distances(arm, READY, dq, [ball])
+    near = pairs.distance < yielding["activation"]
+    assert near.sum() == 1
+    (a,), (d,), (rate,), (bias,) = (
+        each[near] for each in (pairs.gradient, pairs.distance, pairs.rate, pairs.bias)
+    )
+    k, margin = 40.0, 0.02
+    ddq = arm.forward_dynamics(READY, dq, nominal)
+    b = -(a @ ddq + bias + 2 * k * rate + k * k * (d - margin))
+    assert b > 1.0
+    M, J = arm.mass_matrix(READY), arm.jacobian(READY)
+    response = np.linalg.solve(M, J.T)
+    N = np.eye(7) - response @ np.linalg.solve(J @ response, J)
+    length = arm.to_dict()["reach"] / 6.0
+    W = 300.0 * np.diag(np.repeat([1.0, length], 3)) ** 2
+    H = J.T @ W @ J + N.T @ M @ N
+    solved = np.linalg.solve(H, a)
+    y = solved * b / (a @ solved + 1 / 6e5)
+    np.testing.assert_allclose(terms.tau, nominal + M @ y, rtol=1e-8, atol=1e-8)
+
+
+@cache
+def keeping(keep: str | None) -> tuple[float, float]:
+    """The largest errors of position [m] and orientation [rad] beside a ball that goes through the hand."""
+    changes = AT_THE_HAND | ({"controller.yielding.keep": keep} if keep else {})
+    result = vff.simulate("panda-sweep", changes)
+    assert result.status == "completed" and result.metrics.min_clearance > 0.018
+    assert np.abs(result.error[-1]).max() < 1e-4
+    position, orientation = (np.linalg.norm(e, axis=1).max() for e in np.split(result.error, 2, axis=1))
+    return float(position), float(orientation)
+
+
+def test_what_is_kept_gives_way_less() -> None:
+    """Kept, the orientation errs a fifth of what it does without preference, and the position less at its expense."""
+    position, orientation = keeping(None)
+    assert keeping("orientation")[1] < 0.2 * orientation < keeping("position")[1]
+    assert keeping("position")[0] < 0.9 * position < keeping("orientation")[0]
+
+
+def test_a_position_has_nothing_else_to_keep() -> None:
+    with pytest.raises(ScenarioError, match=r"yielding\.keep: needs a task with an orientation"):
+        vff.simulate("panda-sweep", {"controller.task": "position", "controller.yielding.keep": "position"})
+
+
+FOLDING: dict[str, Any] = {
+    "duration": 2.5,
+    "q0": [0.0, -1.57, 1.57, -1.57, -1.57, 0.0],
+    "arm": {"model": "ur5e"},
+    "controller": {
+        "task": "position",
+        "stiffness": 400.0,
+        "damping": 40.0,
+        "null_damping": 6.0,
+        "avoidance": "cbf",
+    },
+    "reference": {"kind": "line", "end": [0.1, -0.13, 0.6], "duration": 2.0},
+    "simulation": {"integrator": "semi_implicit_euler"},
+}
+
+
+def test_cbf_keeps_an_arm_off_itself() -> None:
+    """A UR5e draws its hand to its shoulder: 6 cm into itself, or 5 mm off it with the hand on its path all the same."""
+    through = vff.simulate(FOLDING, {"controller.self_collision": "report"})
+    assert through.metrics.min_self_clearance < -0.05  # type: ignore[operator]
+    beside = vff.simulate(FOLDING, {"controller.self_collision": "avoid"})
+    assert beside.status == "completed" and beside.metrics.slack_steps == 0
+    assert 4.9e-3 < beside.metrics.min_self_clearance < 6e-3  # type: ignore[operator]
+    assert np.linalg.norm(beside.error, axis=1).max() < 1e-3
+
+
+def test_the_base_is_part_of_the_arm() -> None:
+    """A link that comes down on the base is seen by `self_collision`, although the base does not move."""
+    joint = {"kind": "revolute", "mass": 1.0, "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]}
+    joints = [
+        {"name": "turn", "link": "column", "axis": [0, 0, 1], **joint},
+        {"name": "lift", "link": "upper", "position": [0, 0, 0.5], "axis": [0, 1, 0], **joint},
+        {"name": "bend", "link": "fore", "position": [0.5, 0, 0], "axis": [0, 1, 0], **joint},
+    ]
+    ball = {"kind": "sphere", "center": [0.3, 0.0, 0.0], "radius": 0.1}
+    rod = {"kind": "capsule", "a": [0.0, 0.0, 0.0], "b": [0.5, 0.0, 0.0], "radius": 0.05}
+    document = {
+        "duration": 0.01,
+        "q0": [0.0, 0.0, 1.2],
+        "arm": {
+            "joints": joints,
+            "tool": {"position": [0.5, 0.0, 0.0]},
+            "collision": [{"link": "base", "shape": ball}, {"link": "fore", "shape": rod}],
+        },
+        "controller": {"task": "position", "self_collision": "report"},
+        "reference": {"kind": "setpoint"},
+    }
+    # The forearm leaves (0.5, 0, 0.5) at 1.2 rad below the horizontal; the base's ball is beside it.
+    away = np.array([0.3 - 0.5, 0.0 - 0.5])
+    along = np.array([np.cos(1.2), -np.sin(1.2)])
+    share = np.clip(away @ along, 0.0, 0.5)
+    expected = np.linalg.norm(away - share * along) - 0.1 - 0.05
+    result = vff.simulate(document)
+    assert result.self_clearance is not None
+    assert result.self_clearance[0] == pytest.approx(expected, abs=1e-12)
