@@ -58,10 +58,11 @@ pub fn hull(points: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<usize>>> {
 #[pyfunction]
 pub fn rotations<'py>(
     py: Python<'py>,
-    #[pyo3(from_py_with = document)] obstacle: toml::Table,
+    obstacle: &Bound<'py, PyAny>,
     dimension: usize,
     times: &Bound<'py, PyAny>,
 ) -> PyResult<Option<Bound<'py, PyArray3<f64>>>> {
+    let obstacle = document(obstacle)?;
     let array = float_array("times", times)?;
     let [count] = *array.shape() else {
         return Err(misshapen("times", array.shape(), "(T,)"));

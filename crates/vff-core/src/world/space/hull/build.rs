@@ -98,9 +98,9 @@ impl Hull {
             return Err(HullError::TooFew(points.len()));
         }
         let scaled = Scaled::new(&points);
-        let thickness = scaled.extents.min() * scaled.size;
-        if !(scaled.extents.min() > THINNEST) {
-            return Err(HullError::Flat(thickness));
+        let thinnest = scaled.extents.min();
+        if thinnest.is_nan() || thinnest <= THINNEST {
+            return Err(HullError::Flat(thinnest * scaled.size));
         }
         let triangles = scaled.triangles()?;
         let faces = Faces::new(&scaled.points, &triangles)?;
