@@ -125,11 +125,12 @@ TASKS = ("position", "pose")
 
 HEAD_IN_SPACE = """# Controllers against each other in space
 
-{total} random scenes of three arms under {controllers} controllers, made by `python docs/evaluate.py
---space{count}`, vffnull {version}. `vffnull.scenes.in_space` generates the scenes from a seed; seeds
-from 1 000 000 on are used here, and no parameter has been tuned on them. The arms are a Panda, an iiwa
-14 and a UR5e with their makers' limits of angle, speed and torque; the tasks are a position and a pose,
-which leaves the seven-joint arms one degree of freedom and the UR5e none. Scenes last 4 s.
+{total} random scenes of three arms under {controllers} controllers, made by
+`python docs/evaluate.py --space`{count}, vffnull {version}. `vffnull.scenes.in_space` generates the
+scenes from a seed; seeds from 1 000 000 on are used here, and no parameter has been tuned on them. The
+arms are a Panda, an iiwa 14 and a UR5e with their makers' limits of angle, speed and torque; the tasks
+are a position and a pose, which leaves the seven-joint arms one degree of freedom and the UR5e none.
+Scenes last 4 s.
 
 **links-swept**: one or two bodies of 4 to 12 cm push against links between shoulder and wrist, or go
 through their place, at 0.2 to 0.6 m/s; the hand has room. **path-crossed**: a body lies on the hand's
@@ -177,7 +178,7 @@ def in_space(count: int) -> None:
         for task in TASKS
     )
     ours.plot(DOCS / "figures" / "evaluation-spatial")
-    given = "" if count == SPACE else f" {count}"
+    given = "" if count == SPACE else f" with the argument {count}"
     total = len(ours) // len(ours.controllers)
     parts = [
         HEAD_IN_SPACE.format(
