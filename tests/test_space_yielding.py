@@ -24,14 +24,16 @@ AT_THE_HAND: dict[str, Any] = {
 
 
 def test_the_torque_of_the_program_is_the_nearest_one() -> None:
-    """One row that acts and nothing else: min ½yᵀHy + ½ρσ² with a·y + σ ≥ b has y = H⁻¹a b/(aᵀH⁻¹a + 1/ρ), here from
-    matrices and `distances`, with the weight 300 kg, angles counted at the characteristic length, and ρ = 6e5.
+    """One row that acts and nothing else: min ½yᵀHy + ½ρσ² with a·y + σ ≥ b has y = H⁻¹a b/(aᵀH⁻¹a + 1/ρ).
+
+    Here from matrices and `distances`, with the weight 300 kg, angles counted at the characteristic length,
+    and ρ = 6e5.
     """
     arm = vff.Arm.named("panda")
     dq = np.array([0.3, 0.2, -0.1, 0.1, 0.2, -0.3, 0.1])
     joints = arm.forward_kinematics(READY)
     ball = vff.Obstacle.sphere(
-        joints[-1] + [0.16, 0.05, 0.02], 0.05, motion=vff.Motion.linear([-1.0, 0.0, 0.0])
+        joints[-1] + [0.0, 0.2, -0.02], 0.05, motion=vff.Motion.linear([0.0, -1.2, 0.0])
     )
     settings = {"task": "pose", "enforce_limits": False}
     yielding = {"activation": 0.09, "speed": 1e6}
@@ -73,7 +75,7 @@ def keeping(keep: str | None) -> tuple[float, float]:
 
 
 def test_what_is_kept_gives_way_less() -> None:
-    """Kept, the orientation errs a fifth of what it does without preference, and the position less at its expense."""
+    """Kept, the orientation errs a fifth of what it does otherwise, and the position less at its expense."""
     position, orientation = keeping(None)
     assert keeping("orientation")[1] < 0.2 * orientation < keeping("position")[1]
     assert keeping("position")[0] < 0.9 * position < keeping("orientation")[0]
@@ -101,7 +103,7 @@ FOLDING: dict[str, Any] = {
 
 
 def test_cbf_keeps_an_arm_off_itself() -> None:
-    """A UR5e draws its hand to its shoulder: 6 cm into itself, or 5 mm off it with the hand on its path all the same."""
+    """A UR5e draws its hand to its shoulder: 6 cm into itself, or 5 mm off it with the hand on its path."""
     through = vff.simulate(FOLDING, {"controller.self_collision": "report"})
     assert through.metrics.min_self_clearance < -0.05  # type: ignore[operator]
     beside = vff.simulate(FOLDING, {"controller.self_collision": "avoid"})
@@ -111,7 +113,7 @@ def test_cbf_keeps_an_arm_off_itself() -> None:
 
 
 def test_the_base_is_part_of_the_arm() -> None:
-    """A link that comes down on the base is seen by `self_collision`, although the base does not move."""
+    """A link beside the base is measured by `self_collision`, although the base does not move."""
     joint = {"kind": "revolute", "mass": 1.0, "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]}
     joints = [
         {"name": "turn", "link": "column", "axis": [0, 0, 1], **joint},
