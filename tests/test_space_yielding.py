@@ -35,7 +35,8 @@ def test_the_torque_of_the_program_is_the_nearest_one() -> None:
     ball = vff.Obstacle.sphere(
         joints[-1] + [0.0, 0.2, -0.02], 0.05, motion=vff.Motion.linear([0.0, -1.2, 0.0])
     )
-    settings = {"task": "pose", "enforce_limits": False}
+    length = 0.2  # m
+    settings = {"task": "pose", "enforce_limits": False, "characteristic_length": length}
     yielding = {"activation": 0.09, "speed": 1e6}
     reference = arm.pose(READY)
     nominal = vff.Controller(arm, settings).torque(READY, dq, reference, obstacles=[ball])
@@ -55,7 +56,6 @@ def test_the_torque_of_the_program_is_the_nearest_one() -> None:
     M, J = arm.mass_matrix(READY), arm.jacobian(READY)
     response = np.linalg.solve(M, J.T)
     N = np.eye(7) - response @ np.linalg.solve(J @ response, J)
-    length = arm.to_dict()["reach"] / 6.0
     W = 300.0 * np.diag(np.repeat([1.0, length], 3)) ** 2
     H = J.T @ W @ J + N.T @ M @ N
     solved = np.linalg.solve(H, a)

@@ -192,8 +192,8 @@ def test_a_link_along_a_flat_side_stays_off() -> None:
 def test_speed_limits_do_not_hold_up_an_arm_that_gives_way() -> None:
     """An arm with slow joints follows a line past bodies that move.
 
-    While the reference was slowed down beside the QP, whose rows keep the speeds, the arm fell behind, was hit
-    and turned at 2.4 times its limit.
+    While the reference was slowed down beside the QP, whose rows keep the speeds, the arm fell behind, was
+    hit and turned at 2.4 times its limit.
     """
     result = vff.simulate(
         {
