@@ -136,6 +136,32 @@ def test_against_the_clock() -> None:
     assert timing.periods == 100 and timing.min_clearance > 0.1
 
 
+@pytest.mark.parametrize("end", [[0.0, 0.4, 0.0], [0.1, 0.2, -0.35]])
+def test_a_posture_spring_does_not_slow_the_hand_down(end: list[float]) -> None:
+    """Held joints go nowhere near their speed limits: the hand keeps to its path as if there were none. While the
+    speeds of task and null motion were added without their signs, it fell 9 cm behind.
+    """
+    ready = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+    result = vff.simulate(
+        {
+            "duration": 2.0,
+            "q0": ready,
+            "arm": {"model": "panda"},
+            "controller": {
+                "stiffness": 400.0,
+                "damping": 40.0,
+                "null_damping": 6.0,
+                "posture": ready,
+                "posture_stiffness": 20.0,
+            },
+            "reference": {"kind": "line", "end": end, "duration": 1.5, "relative": True},
+            "simulation": {"integrator": "semi_implicit_euler"},
+        }
+    )
+    assert result.metrics.velocity_limit_ratio < 0.8  # type: ignore[operator]
+    assert np.linalg.norm(result.error, axis=1).max() < 5e-4
+
+
 def test_what_is_of_the_plane_says_so() -> None:
     with pytest.raises(ScenarioError, match=r"range sensors.*planar"):
         vff.simulate("panda-sweep", {"perception": {"kind": "range"}})

@@ -106,7 +106,8 @@ pub fn within(tau: &[f64], limit: &[f64]) -> bool {
 }
 
 /// The share of the wanted task velocity `dx_d` that keeps every joint within its speed limit, given
-/// what the null motion takes of it already; a tenth of the limit is always left to the task (T36).
+/// what the null motion takes of it already, or gives back where it goes the other way; a tenth of the limit is always
+/// left to the task (T36).
 pub fn speed_share<R: Robot<D>, const D: usize, const M: usize>(
     robot: &R,
     space: &OperationalSpace<M>,
@@ -116,9 +117,10 @@ pub fn speed_share<R: Robot<D>, const D: usize, const M: usize>(
     let (wanted, present) = (space.lambda * dx_d, space.lambda * space.dx);
     let joints = space.y.iter().zip(robot.velocity()).zip(&robot.limits().velocity);
     joints.fold(1.0, |share: f64, ((y, dq), limit)| {
-        let in_null = (dq - y.dot(&present)).abs();
+        let along_task = y.dot(&wanted);
+        let in_null = (dq - y.dot(&present)) * along_task.signum();
         let left = (limit - in_null).max(LEAST * limit);
-        share.min(left / y.dot(&wanted).abs().max(f64::MIN_POSITIVE))
+        share.min(left / along_task.abs().max(f64::MIN_POSITIVE))
     })
 }
 
