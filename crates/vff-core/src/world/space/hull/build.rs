@@ -24,6 +24,9 @@ const THINNEST: f64 = 1e-6;
 /// Triangles count as one face where no corner is further from its plane than this, relative to the size of the hull.
 const FLAT: f64 = 1e-12;
 
+/// How often points are turned before they are given up.
+const ATTEMPTS: u8 = 6;
+
 /// Why points have no hull that obstacles can be made of.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum HullError {
@@ -102,9 +105,17 @@ impl Hull {
         if thinnest.is_nan() || thinnest <= THINNEST {
             return Err(HullError::Flat(thinnest * scaled.size));
         }
-        let triangles = scaled.triangles()?;
-        let faces = Faces::new(&scaled.points, &triangles)?;
-        faces.hull(&points, scaled.size)
+        // Where rounding leaves it undecided which of the points in one plane are corners, it falls out otherwise when they
+        // are turned.
+        let attempt = |k: u8| {
+            let turn = UnitQuaternion::exp(&(Vector::<3>::new(0.3, -0.5, 0.7) * f64::from(k)));
+            let triangles = scaled.triangles(&turn.matrix())?;
+            Faces::new(&scaled.points, &triangles)?.hull(&points, scaled.size)
+        };
+        (1..ATTEMPTS).fold(attempt(0), |found, k| match found {
+            Err(HullError::Undecided) => attempt(k),
+            found => found,
+        })
     }
 }
 
@@ -152,10 +163,11 @@ impl Scaled {
     }
 
     /// The triangles of the hull as numbers of points, counter-clockwise from outside. What is a corner does not change when
-    /// the points are stretched: parry takes for flat what is thinner than a thousandth.
-    fn triangles(&self) -> Result<Vec<[usize; 3]>, HullError> {
+    /// the points are stretched, which they are because parry takes for flat what is thinner than a thousandth, or then
+    /// turned.
+    fn triangles(&self, turn: &Matrix3<f64>) -> Result<Vec<[usize; 3]>, HullError> {
         let stretched = |p: &Vector<3>| {
-            let along = self.axes.tr_mul(p).component_div(&self.extents);
+            let along = turn * self.axes.tr_mul(p).component_div(&self.extents);
             Vec3::new(along.x, along.y, along.z)
         };
         let points: Vec<Vec3> = self.points.iter().map(stretched).collect();
