@@ -138,8 +138,9 @@ def test_against_the_clock() -> None:
 
 @pytest.mark.parametrize("end", [[0.0, 0.4, 0.0], [0.1, 0.2, -0.35]])
 def test_a_posture_spring_does_not_slow_the_hand_down(end: list[float]) -> None:
-    """Held joints go nowhere near their speed limits: the hand keeps to its path as if there were none. While the
-    speeds of task and null motion were added without their signs, it fell 9 cm behind.
+    """Held joints go nowhere near their speed limits: the hand keeps to its path as if there were none.
+
+    While the speeds of task and null motion were added without their signs, it fell 9 cm behind.
     """
     ready = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
     result = vff.simulate(
