@@ -31,67 +31,75 @@ pub(super) fn core_radius(shape: &Shape) -> f64 {
 
 /// Distance from `point` to the core, zero inside.
 pub(super) fn distance_to_core(obstacle: &Obstacle, point: &Vec3) -> f64 {
-    let p = rotation(obstacle).inverse() * (point - Vec3::from(obstacle.position));
-    match &obstacle.shape {
-        Shape::Sphere { .. } => p.norm(),
-        Shape::Capsule { a, b, .. } => {
-            let (a, ab) = (Vec3::from(*a), Vec3::from(*b) - Vec3::from(*a));
-            let s = (p - a).dot(&ab) / ab.norm_squared().max(f64::MIN_POSITIVE);
-            (p - a - ab * s.clamp(0.0, 1.0)).norm()
+    core_distance(obstacle)(point)
+}
+
+/// Distances from points to the core, zero inside.
+fn core_distance(obstacle: &Obstacle) -> impl Fn(&Vec3) -> f64 {
+    let sides = match &obstacle.shape {
+        Shape::Convex { vertices } => supporting_triangles(vertices),
+        _ => Vec::new(),
+    };
+    move |point| {
+        let p = rotation(obstacle).inverse() * (point - Vec3::from(obstacle.position));
+        match &obstacle.shape {
+            Shape::Sphere { .. } => p.norm(),
+            Shape::Capsule { a, b, .. } => {
+                distance_to_segment([Vec3::from(*a), Vec3::from(*b)], &p)
+            }
+            Shape::Box { size } => {
+                let half = Vec3::from(*size) * 0.5;
+                (p.abs() - half).sup(&Vec3::zeros()).norm()
+            }
+            Shape::Convex { .. } => distance_within(&sides, &p),
+            Shape::HalfSpace { normal } => p.dot(&Vec3::from(*normal)).max(0.0),
         }
-        Shape::Box { size } => {
-            let half = Vec3::from(*size) * 0.5;
-            (p.abs() - half).sup(&Vec3::zeros()).norm()
-        }
-        Shape::Convex { vertices } => distance_to_hull(vertices, &p),
-        Shape::HalfSpace { normal } => p.dot(&Vec3::from(*normal)).max(0.0),
     }
 }
 
-/// Distance from `point` to the hull of `points`, zero inside: Wolfe's way to the point of least norm, over sets of at most
-/// four points that span it.
-fn distance_to_hull(points: &[[f64; 3]], point: &Vec3) -> f64 {
-    let points: Vec<Vec3> = points.iter().map(|p| Vec3::from(*p) - point).collect();
-    let scale = points.iter().map(|p| p.norm_squared()).fold(0.0, f64::max);
-    let nearest = |x: &Vec3| {
-        points.iter().copied().min_by(|a, b| a.dot(x).total_cmp(&b.dot(x))).expect("a point")
-    };
-    let mut set = vec![points[0]];
-    let mut weights = vec![1.0];
-    let mut x = points[0];
-    for _ in 0..500 {
-        let next = nearest(&x);
-        if x.norm_squared() - x.dot(&next) <= 1e-15 * scale || set.contains(&next) {
-            break;
-        }
-        set.push(next);
-        weights.push(0.0);
-        loop {
-            if set.len() == 1 {
-                weights = vec![1.0];
-                break;
+fn distance_to_segment([a, b]: [Vec3; 2], p: &Vec3) -> f64 {
+    let ab = b - a;
+    let s = (p - a).dot(&ab) / ab.norm_squared().max(f64::MIN_POSITIVE);
+    (p - a - ab * s.clamp(0.0, 1.0)).norm()
+}
+
+/// Every three of the points that no other point is above, counter-clockwise seen from outside: together they cover the
+/// surface of the hull, many times where more than three points lie in a plane.
+fn supporting_triangles(points: &[[f64; 3]]) -> Vec<[Vec3; 3]> {
+    let mut sides = Vec::new();
+    let count = points.len();
+    for i in 0..count {
+        for j in 0..i {
+            for k in 0..j {
+                let [a, b, c] = [i, j, k].map(|i| Vec3::from(points[i]));
+                for [a, b, c] in [[a, b, c], [a, c, b]] {
+                    let out = (b - a).cross(&(c - a));
+                    let is_above = |p: &[f64; 3]| out.dot(&(Vec3::from(*p) - a)) > 1e-15;
+                    if out.norm() > 1e-9 && !points.iter().any(is_above) {
+                        sides.push([a, b, c]);
+                    }
+                }
             }
-            // The point of least norm of the plane through the set.
-            let first = set[0];
-            let along =
-                nalgebra::DMatrix::from_fn(3, set.len() - 1, |i, k| set[k + 1][i] - first[i]);
-            let Ok(rest) = along.svd(true, true).solve(&-first, 1e-13) else { break };
-            let free: Vec<f64> =
-                std::iter::once(1.0 - rest.sum()).chain(rest.iter().copied()).collect();
-            if free.iter().all(|w| *w > 0.0) {
-                weights = free;
-                break;
-            }
-            let steps = weights.iter().zip(&free).filter(|(_, to)| **to <= 0.0);
-            let step = steps.map(|(from, to)| from / (from - to)).fold(1.0, f64::min);
-            weights =
-                weights.iter().zip(&free).map(|(from, to)| from + step * (to - from)).collect();
-            let kept: Vec<usize> = (0..set.len()).filter(|&k| weights[k] > 1e-13).collect();
-            (set, weights) = kept.iter().map(|&k| (set[k], weights[k])).unzip();
         }
-        x = set.iter().zip(&weights).map(|(p, w)| p * *w).sum();
     }
-    x.norm()
+    sides
+}
+
+/// Distance from a point to what these triangles enclose, zero inside.
+fn distance_within(sides: &[[Vec3; 3]], p: &Vec3) -> f64 {
+    let normal = |[a, b, c]: &[Vec3; 3]| (b - a).cross(&(c - a)).normalize();
+    if sides.iter().all(|side| normal(side).dot(&(p - side[0])) <= 0.0) {
+        return 0.0;
+    }
+    let distance = |side: &[Vec3; 3]| {
+        let (out, [a, b, c]) = (normal(side), *side);
+        let borders = [[a, b], [b, c], [c, a]];
+        if borders.iter().all(|[a, b]| (b - a).cross(&(p - a)).dot(&out) >= 0.0) {
+            return out.dot(&(p - a)).abs();
+        }
+        borders.iter().map(|border| distance_to_segment(*border, p)).fold(f64::INFINITY, f64::min)
+    };
+    sides.iter().map(distance).fold(f64::INFINITY, f64::min)
 }
 
 /// The most that the core reaches along the unit vector `direction`.
@@ -112,7 +120,8 @@ pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
 
 /// The distance between axis and core, 0 where they overlap.
 pub(super) fn searched_distance(link: &Capsule<3>, obstacle: &Obstacle) -> f64 {
-    least(|s| distance_to_core(obstacle, &(link.start + (link.end() - link.start) * s)))
+    let distance = core_distance(obstacle);
+    least(|s| distance(&(link.start + (link.end() - link.start) * s)))
 }
 
 /// Directions that are spread evenly over the sphere (a Fibonacci lattice).
