@@ -141,3 +141,35 @@ def test_the_base_is_part_of_the_arm() -> None:
     result = vff.simulate(document)
     assert result.self_clearance is not None
     assert result.self_clearance[0] == pytest.approx(expected, abs=1e-12)
+
+
+FIELD = {"controller.avoidance": "null_space", "controller.yielding.preview": None}
+CBF = {"controller.avoidance": "cbf", "controller.yielding.preview": None}
+
+
+def test_one_scene_for_each_way_to_yield() -> None:
+    """Where the null space suffices, the field keeps the hand; where not, cbf gives way; where cbf alone is caught,
+    looking ahead finds a way out."""
+    clear = {
+        (scene, name): vff.simulate(scene, changes).metrics.min_clearance
+        for scene in ("panda-sweep", "ur5e-crossed", "iiwa-crowd")
+        for name, changes in (("field", FIELD), ("cbf", CBF), ("as it is", {}))
+    }
+    assert clear["panda-sweep", "as it is"] > 0.1
+    assert clear["ur5e-crossed", "field"] < -0.05
+    assert clear["ur5e-crossed", "as it is"] > 0.019
+    assert clear["iiwa-crowd", "field"] < -0.01 and clear["iiwa-crowd", "cbf"] < -0.01
+    assert clear["iiwa-crowd", "as it is"] > 0.019
+
+
+@pytest.mark.parametrize("scene", ["ur5e-crossed", "iiwa-crowd"])
+def test_the_hand_comes_back(scene: str) -> None:
+    """It gives way by more than 10 cm and is where it should be at the end, within the published limits."""
+    result = vff.simulate(scene)
+    away = np.linalg.norm(result.error[:, :3], axis=1)
+    assert result.status == "completed"
+    assert away.max() > 0.1 and away[-1] < 1e-5
+    metrics = result.metrics
+    assert metrics.velocity_limit_ratio is not None and metrics.velocity_limit_ratio < 1.001
+    assert metrics.torque_limit_ratio is not None and metrics.torque_limit_ratio <= 1.0
+    assert metrics.joint_limit_violation == 0.0

@@ -117,7 +117,7 @@ impl<const D: usize> OwnPair<D> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::differences;
+    use super::super::tests::{Differences, differences};
     use super::*;
     use crate::robot::models;
     use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, planar::Link};
@@ -213,7 +213,7 @@ mod tests {
                         continue;
                     }
                     let d: Vec<f64> = own.iter().map(|own| own[i].nearest.distance).collect();
-                    let [rate, second, curved] = differences(&d, h);
+                    let Differences { rate, second, curved, .. } = differences(&d, h);
                     let motion = feature.motion(&states[2]);
                     let (mut gradient, mut scratch) = (vec![0.0; 7], vec![0.0; 7]);
                     feature.gradient(&states[2], &mut gradient, &mut scratch);
