@@ -148,7 +148,7 @@ CBF = {"controller.avoidance": "cbf", "controller.yielding.preview": None}
 
 
 def test_one_scene_for_each_way_to_yield() -> None:
-    """Where the null space suffices, the field keeps the hand; where not, cbf gives way; where that is caught,
+    """Where the null space suffices, the field keeps the hand; where not, cbf gives way; where that fails,
     looking ahead finds a way out."""
     clear = {
         (scene, name): vff.simulate(scene, changes).metrics.min_clearance
