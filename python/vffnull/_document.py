@@ -53,6 +53,14 @@ def plain(value: object, path: str = "") -> Any:
 
 
 def _plain(value: object, path: str) -> Any:
+    # Most of a large document is numbers, dictionaries and lists; to ask for a protocol takes long.
+    kind = type(value)
+    if kind is float or kind is int or kind is bool:
+        return value
+    if kind is dict:
+        return _mapping(value, path)  # type: ignore[arg-type]
+    if kind is list or kind is tuple:
+        return _sequence(value, path)  # type: ignore[arg-type]
     if isinstance(value, str):
         return _text(value, path)
     if isinstance(value, bool | int | float):
@@ -62,15 +70,25 @@ def _plain(value: object, path: str) -> Any:
     if isinstance(value, HasDocument):
         return _plain(value.to_dict(), path)
     if isinstance(value, Mapping):
-        return {
-            _text(str(key), path): _plain(inner, f"{path}.{key}" if path else str(key))
-            for key, inner in value.items()
-            if inner is not None
-        }
+        return _mapping(value, path)
     if isinstance(value, Iterable):
-        return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
+        return _sequence(value, path)
     where = f"{path}: " if path else ""
     raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")
+
+
+def _mapping(value: Mapping[Any, object], path: str) -> Document:
+    begin = f"{path}." if path else ""
+    return {
+        _text(str(key), path): _plain(inner, f"{begin}{key}")
+        for key, inner in value.items()
+        if inner is not None
+    }
+
+
+def _sequence(value: Iterable[object], path: str) -> list[Any]:
+    begin = f"{path}." if path else ""
+    return [inner if type(inner) is float else _plain(inner, f"{begin}{i}") for i, inner in enumerate(value)]
 
 
 def _text(value: str, path: str) -> str:
