@@ -131,7 +131,10 @@ class Result(Outcome):
         .rrd       for the Rerun viewer                                  ``[rerun]``
         ========== ===================================================== ==========
 
-        Nothing is rounded in the kinds that `load` reads: the arrays come back bit by bit.
+        Nothing is rounded in the kinds that `load` reads: the arrays come back bit by bit. Every kind has the
+        unit of every column. Of a run in space, Foxglove and Rerun draw the arm among its obstacles: the
+        files have the transforms of all links, of the tip, the obstacles and the target, with their solids,
+        and the arm as URDF.
 
         Parameters
         ----------
@@ -229,12 +232,9 @@ class Result(Outcome):
         library = extra("pandas", "io")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
-        layout = self.layout
-        for name, values in recorded(self).items():
-            flat = _record.flat(values).T
-            for column, line in zip(layout.columns(name, values.shape[1:]), flat, strict=True):
-                columns[column.name] = line
-                units[column.name] = column.unit
+        for column, line in self.layout.lines(self):
+            columns[column.name] = line
+            units[column.name] = column.unit
         table: pandas.DataFrame = library.DataFrame(columns, index=library.Index(self.t, name="t"))
         table.attrs = {"units": {"t": "s", **units}, **self._attributes()}
         return table
