@@ -226,13 +226,6 @@ def flat(ax: FlatAxes, scene: Scene, layers: list[Layer], name: str, dots: float
         axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
 
 
-def telling(scene: Scene, count: int = 2) -> list[str]:
-    """Names of the flat views in which most of the motion is seen."""
-    steps = np.diff(np.concatenate([scene.joints, scene.obstacles], axis=1), axis=0)
-    seen = {name: float(np.linalg.norm(steps @ view.T, axis=-1).sum()) for name, view in VIEWS.items()}
-    return sorted(sorted(seen, key=lambda name: -seen[name])[:count], key=list(VIEWS).index)
-
-
 def _cut(corners: Array, radius: float, box: tuple[Array, Array]) -> Array | None:
     """What of an obstacle's core lies within a box, if anything: shorter rods, and boxes that stand straight.
 
