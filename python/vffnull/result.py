@@ -286,10 +286,10 @@ class Result(Outcome):
         """Draw the run as figures for print: the arm among the obstacles, and what it does over time.
 
         ``overview``, ``strobe`` (in space a view in three dimensions and three projections, to one scale),
-        ``tracking``, ``tracking_error``, ``joint_angles`` and ``joint_torques`` always; ``limits``, how much of
-        the limits of angle, speed and torque is used, if the arm has any; ``null_space``, the motion that the
-        task leaves free, if there is one; ``repulsive_torques``, ``forces`` and ``clearance`` with obstacles;
-        ``sensed`` with range sensors.
+        ``tracking``, ``tracking_error``, ``joint_angles`` and ``joint_torques`` always; ``limits``, how much
+        of the limits of angle, speed and torque is used, if the arm has any; ``null_space``, the motion that
+        the task leaves free, if there is one; ``repulsive_torques``, ``forces`` and ``clearance`` with
+        obstacles; ``sensed`` with range sensors.
 
         Parameters
         ----------

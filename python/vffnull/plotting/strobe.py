@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COUNT = 7
+_TALLEST = 4.4  # in
 _LABELS = (0.5, 0.75)  # width and height [in] that ticks, labels and the time scale take
 
 
@@ -39,22 +40,24 @@ def _in_space(scene: Scene) -> Figure:
     low, high = space.padded(scene)
     x, y, z = high - low
     across, upwards = np.array([x, y]), np.array([z, y])  # the columns and the rows of the flat views [m]
-    tall = 4.4
-    room = np.array([0.52 * style.PAGE - 1.1, tall - 1.1])  # what their labels leave
+    room = np.array([0.52 * style.PAGE - 1.3, _TALLEST - 1.1])  # what their labels leave
     scale = float((room / [across.sum(), upwards.sum()]).min())
-    block = scale * across.sum() + 1.1
+    block, tall = scale * across.sum() + 1.3, max(scale * upwards.sum() + 1.1, 0.85 * _TALLEST)
     fig = style.figure(tall, style.PAGE)
     fig.set_layout_engine("none")
     when, colours = space.moments(scene)
     layers = space.passing_layers(scene, when, colours)
     space.put(space.stage(fig, scene, (0.0, 0.0, 1.0 - block / style.PAGE, 1.0)), layers)
-    lefts = style.PAGE - block + np.array([0.5, 1.05 + scale * x])
+    lefts = style.PAGE - block + np.array([0.6, 1.1 + scale * x])
     floor = (tall - 1.0 - scale * upwards.sum()) / 2.0
     bottoms = floor + np.array([0.9 + scale * y, 0.42])
+    flat = []
     for name, column, row in (("xz", 0, 0), ("yz", 1, 0), ("xy", 0, 1)):
         corner = lefts[column] / style.PAGE, bottoms[row] / tall
         ax = fig.add_axes((*corner, scale * across[column] / style.PAGE, scale * upwards[row] / tall))
         space.flat(ax, scene, layers, name, 1.6 * 200 / scene.reach)
+        flat.append(ax)
+    fig.align_ylabels([flat[0], flat[2]])
     times = zip(time_labels(scene.t[when]), colours, strict=True)
     key = [Patch(facecolor=colour, label=label) for label, colour in times]
     where = lefts[1] / style.PAGE, (bottoms[1] + scale * y) / tall
