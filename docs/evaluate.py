@@ -45,7 +45,7 @@ seeds from 1 000 000 on are used here, and no parameter has been tuned on them.
 any controller. The motion keeps 1 mm or more from everything, at joint speeds up to 3 rad/s and
 accelerations up to 30 rad/s²: first with the tip within 1 cm of its reference ("with tip"), then without
 this condition ("without tip"). The rule was fixed before any controller was run; the module
-`planning/feasibility.rs` states it in full. "None found" does not prove that no such motion exists.
+`planning/feasibility` states it in full. "None found" does not prove that no such motion exists.
 
 **Collision**: an overlap of more than 1 mm. **Success**: no collision, and the tip within 1 cm of its
 reference at all times. Rates are in per cent, with 95 % confidence intervals (Wilson score). "Feasible"

@@ -1,4 +1,4 @@
-"""A browser for tests of pages with WebGL."""
+"""A browser for tests of pages."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # without a GPU
 
 
 @contextmanager
-def chromium() -> Iterator[Any]:
-    """Debian's chromium with a renderer that needs no GPU; without one the test is skipped, but not in CI."""
+def chromium(*arguments: str) -> Iterator[Any]:
+    """Debian's chromium; without one the test is skipped, but not in CI."""
     playwright = pytest.importorskip("playwright.sync_api")
     executable = shutil.which("chromium")
     if executable is None:
@@ -23,6 +23,6 @@ def chromium() -> Iterator[Any]:
             pytest.fail("there is no chromium; install Debian's package of that name")
         pytest.skip("there is no chromium")
     with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=executable, args=WEBGL)
+        browser = driver.chromium.launch(executable_path=executable, args=["--no-sandbox", *arguments])
         yield browser
         browser.close()

@@ -101,6 +101,17 @@ def test_valid_documents_fit(changes: dict[str, Any]) -> None:
     VALIDATOR.validate(document)
 
 
+def test_cameras_fit_in_space_alone() -> None:
+    camera = {"position": [0.0, 0.0, 2.0], "orientation": [0.0, 1.0, 0.0, 0.0], "rows": 6}
+    looking = {"perception": {"kind": "camera", "cameras": [camera], "around": 3}}
+    VALIDATOR.validate(
+        vff.Scenario.load("panda-sweep").replace(**looking | {"simulation.control": "hold"}).to_dict()
+    )
+    assert not VALIDATOR.is_valid(simple(looking))
+    del camera["orientation"]
+    assert not VALIDATOR.is_valid(vff.Scenario.load("panda-sweep").to_dict() | looking)
+
+
 @pytest.mark.parametrize(("path", "changes"), BROKEN, ids=str)
 def test_broken_documents_do_not_fit(path: str, changes: dict[str, Any]) -> None:
     """Neither in the eyes of the core, which names the key."""

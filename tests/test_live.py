@@ -17,13 +17,13 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from browsing import chromium
+from browsing import WEBGL, chromium
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
 from vffnull.viewer.scene import view
 from vffnull.viewer.stories import STORIES
-from waiting import HANG, obey, wait_for
+from waiting import HANG, frames, obey, wait_for
 
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": [3.0, 2.9]}
 """The scene of the page with its disc at rest above the arm."""
@@ -242,12 +242,6 @@ def page(tmp_path: Path) -> Iterator[Any]:
     page.stop()
 
 
-def frames(page: Any, count: int = 3) -> None:
-    """Wait until some more pictures have been drawn."""
-    seen = page.drawn
-    wait_for(lambda: page.drawn >= seen + count)
-
-
 def test_what_is_missed_by_a_little_is_grabbed(page: Any) -> None:
     """On the disc, beside it, where it lately was; the target; not what is far away."""
     frames(page)
@@ -442,7 +436,7 @@ def test_more_origins_can_be_allowed(tmp_path: Path) -> None:
 
 @pytest.fixture
 def browser() -> Iterator[Any]:
-    with chromium() as browser:
+    with chromium(*WEBGL) as browser:
         yield browser
 
 

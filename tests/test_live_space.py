@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from browsing import chromium
+from browsing import WEBGL, chromium
 from vffnull.errors import ScenarioError
 from vffnull.plotting import geometry
 from vffnull.viewer.plots import turned_off
@@ -20,7 +20,7 @@ from vffnull.viewer.scene import meshes
 from vffnull.viewer.scene.cup import SPILLS, Liquid
 from vffnull.viewer.scene.space import VIEWS, carries, stays_level
 from vffnull.viewer.tasks import TASKS, with_task
-from waiting import HANG, obey, wait_for
+from waiting import HANG, frames, obey, wait_for
 
 
 def at(*place: float) -> Any:
@@ -43,12 +43,6 @@ def page(tmp_path: Path) -> Iterator[Any]:
     page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
     yield page
     page.stop()
-
-
-def frames(page: Any, count: int = 3) -> None:
-    """Wait until some more pictures have been drawn."""
-    seen = page.drawn
-    wait_for(lambda: page.drawn >= seen + count)
 
 
 def error(page: Any) -> float:
@@ -517,7 +511,7 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
 
     page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
     try:
-        with chromium() as browser:
+        with chromium(*WEBGL) as browser:
             page.look("Front")  # dragging along this picture goes along y and z
             page.cast_shadows(False)  # half a minute of a software renderer
             tab = browser.new_page(viewport={"width": 1000, "height": 450}, device_scale_factor=0.5)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import json
-import os
 import re
-import shutil
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -18,6 +16,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from browsing import chromium
 from vffnull.errors import InputError, InputTypeError
 from vffnull.plotting import geometry
 from vffnull.plotting.primitives import ROLES, Arrow, Body, Scene
@@ -328,16 +327,8 @@ def test_error_axes_end_where_rounding_begins() -> None:
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api")
-    executable = shutil.which("chromium")
-    if executable is None:
-        if os.environ.get("CI"):
-            pytest.fail("there is no chromium; install Debian's package of that name")
-        pytest.skip("there is no chromium")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=executable, args=["--no-sandbox"])
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 class Tab:

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull.errors import ScenarioError
 
 MARGIN = 0.02  # m, the default
 
@@ -161,11 +160,6 @@ def test_a_posture_spring_does_not_slow_the_hand_down(end: list[float]) -> None:
     )
     assert result.metrics.velocity_limit_ratio < 0.8  # type: ignore[operator]
     assert np.linalg.norm(result.error, axis=1).max() < 5e-4
-
-
-def test_what_is_of_the_plane_says_so() -> None:
-    with pytest.raises(ScenarioError, match=r"range sensors.*planar"):
-        vff.simulate("panda-sweep", {"perception": {"kind": "range"}})
 
 
 def test_the_shell_knows_arms_in_space(tmp_path: Path) -> None:

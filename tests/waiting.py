@@ -19,6 +19,12 @@ def wait_for(condition: Callable[[], object], what: str = "it") -> None:
         time.sleep(0.02)
 
 
+def frames(page: Any, count: int = 3) -> None:
+    """Wait until some more pictures of a live page have been drawn."""
+    seen = page.drawn
+    wait_for(lambda: page.drawn >= seen + count)
+
+
 def obey(callback: Any) -> None:
     """Let a coroutine run that waits for nothing."""
     try:

@@ -129,10 +129,6 @@ fn faults_are_named_with_their_place() {
         let text = refused(from, to).to_string();
         assert!(text.starts_with(expected), "{text}\nis not\n{expected}");
     }
-    let text =
-        format!("{PANDA}\nperception = {{ kind = 'range' }}").replace("'continuous'", "'hold'");
-    let error = Scenario::from_toml(&text).unwrap_err().to_string();
-    assert!(error.starts_with("perception.kind: range sensors belong to planar arms"), "{error}");
 }
 
 /// How far the arm stays away where it is farthest: a Panda reaches 0.9 m or so, the point moves off to 2 m. The angle

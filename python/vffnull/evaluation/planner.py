@@ -13,7 +13,7 @@ is **clear** if every link keeps 1 mm or more from every obstacle at all instant
 - ``"without tip"`` if only a clear motion is found that leaves the reference,
 - ``"none found"`` if neither is found within the budget.
 
-The search is in the core (``planning/feasibility.rs`` says how it works and what its budget is). "None found"
+The search is in the core (``planning/feasibility`` says how it works and what its budget is). "None found"
 is no proof: the search can miss a motion. What it finds is one. Links may cross each other, as they may in
 the plant; torques are not looked at.
 

@@ -9,7 +9,7 @@ use crate::math::ScalarOrVec;
 use crate::robot::Robot;
 use crate::scenario::{self, Scenario, ScenarioError};
 use crate::scenario::{each, not_negative, number, positive};
-use crate::simulation::{ClosedLoop, System};
+use crate::simulation::{ClosedLoop, PerceptionKind, System};
 use crate::world::Positions;
 use nalgebra::SVector;
 use rand_chacha::ChaCha8Rng;
@@ -270,7 +270,8 @@ fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
         part("reference_velocity", [d, 1], 10.0 * reach),
         part("error", [m, 1], far.max(std::f64::consts::PI)),
     ];
-    let sensed = scenario.perception.as_ref().is_some_and(|given| given.rays_of(n) > 0);
+    let sensed =
+        scenario.perception.as_ref().is_some_and(|given| given.kind != PerceptionKind::Ideal);
     if sensed || k > 0 {
         parts.push(part("clearance", [n, 1], far));
     }

@@ -30,7 +30,7 @@ impl Scenario {
         let perception = self
             .perception
             .as_ref()
-            .filter(|given| given.kind == PerceptionKind::Range)
+            .filter(|given| given.kind != PerceptionKind::Ideal)
             .map(|given| S::perception(given, &model.state(), self.seed, &self.simulation))
             .transpose()
             .map_err(|error| error.inside("perception"))?;
@@ -103,7 +103,10 @@ impl Scenario {
             pose: width - orientation,
             orientation,
             obstacles: self.scene.obstacle_count(),
-            rays: self.perception.as_ref().map_or(0, |given| given.rays_of(joints)),
+            rays: self.perception.as_ref().map_or(0, |given| match given.kind {
+                PerceptionKind::Range => given.rays_of(self.scene.body_count(), dimension),
+                _ => given.rays_of(0, dimension),
+            }),
         };
         self.simulation.rows(self.duration) as f64 * sizes.row_bytes() as f64
     }

@@ -4,6 +4,7 @@ use super::ScenarioError;
 use super::plane::PlanarScene;
 use super::space::SpatialScene;
 use crate::math::Vector;
+use crate::robot::{Model, Robot};
 use crate::simulation::{Options, PerceptionSettings, Physics, Setting, System};
 use crate::trajectory::{Guided, Trajectory};
 use crate::world::{Description, Solid};
@@ -89,6 +90,10 @@ pub struct Scene<S: Described<D>, const D: usize> {
     pub plant: S::PlantTable,
 }
 
+fn bodies<S: Described<D>, const D: usize>(scene: &Scene<S, D>) -> usize {
+    S::arm(&scene.arm).map_or(0, |arm| Arc::new(arm).state().body_count())
+}
+
 /// The scene of any arm: the list of all that there are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AnyScene {
@@ -122,6 +127,14 @@ impl AnyScene {
     /// How many obstacles there are.
     pub fn obstacle_count(&self) -> usize {
         on_scene!(self, scene => scene.obstacles.len())
+    }
+
+    /// How many bodies the arm has, none if there is no such arm.
+    pub fn body_count(&self) -> usize {
+        match self {
+            Self::Plane(scene) => bodies(scene),
+            Self::Space(scene) => bodies(scene),
+        }
     }
 
     /// The highest speed of any obstacle \[m/s\].

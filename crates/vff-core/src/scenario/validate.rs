@@ -16,11 +16,12 @@ use crate::field::{Field, FieldKind};
 use crate::math::{UnitQuaternion, memory};
 use crate::robot::Limits;
 use crate::simulation::{
-    ActuatorSettings, Control, Measurement, MeasurementSettings, Options, Perception,
-    PerceptionSettings,
+    ActuatorSettings, Camera, Control, MAX_READINGS, MAX_STEPS, Measurement, MeasurementSettings,
+    Options, PerceptionKind, PerceptionSettings,
 };
 use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
+use std::f64::consts::PI;
 use std::fmt::Debug;
 use toml::Value;
 
@@ -96,24 +97,35 @@ pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: b
     Ok(())
 }
 
-/// `[perception]` by range sensors on so many bodies, with plant steps of `dt` \[s\]; `sampled` unless control
-/// is continuous.
+/// `[perception]` of an arm with so many bodies in a space of this dimension, with plant steps of `dt` \[s\]; `sampled`
+/// unless control is continuous.
 #[expect(clippy::cast_precision_loss, reason = "a size to compare")]
 pub fn perception(
     settings: &PerceptionSettings,
     bodies: usize,
+    dimension: usize,
     dt: f64,
     sampled: bool,
 ) -> Validated {
     needs_sampling(sampled, "sees every instant")?;
-    for (path, count) in [("sensors", settings.sensors), ("rays", settings.rays)] {
-        if count == 0 {
-            return Err(ScenarioError::out_of_range(path, "1 or more", count));
-        }
+    if dimension == 2 {
+        in_the_plane(settings)?;
+    }
+    let around = settings.sides(dimension);
+    for (path, count) in
+        [("sensors", settings.sensors), ("rays", settings.rays), ("around", around)]
+    {
+        at_least_one(path, count)?;
     }
     let PerceptionSettings { field_of_view, range, drop_outs, .. } = *settings;
-    if !(0.0..std::f64::consts::PI).contains(&field_of_view) {
+    if !(0.0..PI).contains(&field_of_view) {
         return Err(ScenarioError::out_of_range("field_of_view", "in [0, π)", field_of_view));
+    }
+    for (index, each) in settings.cameras.iter().enumerate() {
+        camera(each).map_err(|error| error.inside(&format!("cameras[{index}]")))?;
+    }
+    if settings.kind == PerceptionKind::Camera && settings.cameras.is_empty() {
+        return Err(ScenarioError::new("cameras", Problem::Other("expected at least one".into())));
     }
     number("range", range, positive)?;
     number("noise", settings.noise, not_negative)?;
@@ -122,23 +134,56 @@ pub fn perception(
     if !(0.0..=1.0).contains(&drop_outs) {
         return Err(ScenarioError::out_of_range("drop_outs", "in [0, 1]", drop_outs));
     }
-    let most = Perception::MAX_STEPS;
     if let Some(rate) = settings.rate {
         number("rate", rate, positive)?;
-        if settings.steps_per_scan(dt) > most {
-            let requirement = format!("at least one scan in {most:e} steps of {dt} s");
+        if settings.steps_per_scan(dt) > MAX_STEPS {
+            let requirement = format!("at least one scan in {MAX_STEPS:e} steps of {dt} s");
             return Err(ScenarioError::out_of_range("rate", &requirement, rate));
         }
     }
-    if settings.steps_late(dt) > most {
-        let requirement = format!("at most {most:e} steps of {dt} s");
+    if settings.steps_late(dt) > MAX_STEPS {
+        let requirement = format!("at most {MAX_STEPS:e} steps of {dt} s");
         return Err(ScenarioError::out_of_range("latency", &requirement, settings.latency));
     }
     let scans = settings.steps_late(dt) / settings.steps_per_scan(dt) + 3.0;
-    if settings.rays_of(bodies) as f64 * scans > Perception::MAX_READINGS {
-        let requirement =
-            format!("so few that at most {:e} readings are under way", Perception::MAX_READINGS);
-        return Err(ScenarioError::out_of_range("sensors", &requirement, settings.sensors));
+    let rays = settings.rays_of(bodies, dimension);
+    if rays as f64 * scans > MAX_READINGS {
+        let path = if settings.kind == PerceptionKind::Camera { "cameras" } else { "sensors" };
+        let requirement = format!("so few that at most {MAX_READINGS:e} readings are under way");
+        return Err(ScenarioError::out_of_range(path, &requirement, format!("{rays} rays")));
+    }
+    Ok(())
+}
+
+/// What of `[perception]` means nothing in the plane.
+fn in_the_plane(settings: &PerceptionSettings) -> Validated {
+    let stray = [
+        ("kind", settings.kind == PerceptionKind::Camera),
+        ("around", settings.around.is_some()),
+        ("cameras", !settings.cameras.is_empty()),
+    ];
+    let Some((path, _)) = stray.into_iter().find(|(_, given)| *given) else { return Ok(()) };
+    let problem = match path {
+        "around" => "belongs to arms in space: in the plane, a link has two sides",
+        _ => "depth cameras belong to arms in space",
+    };
+    Err(ScenarioError::new(path, Problem::Other(problem.into())))
+}
+
+fn at_least_one(path: &str, count: usize) -> Validated {
+    if count == 0 {
+        return Err(ScenarioError::out_of_range(path, "1 or more", count));
+    }
+    Ok(())
+}
+
+fn camera(camera: &Camera) -> Validated {
+    orientation("orientation", &camera.orientation)?;
+    at_least_one("columns", camera.columns)?;
+    at_least_one("rows", camera.rows)?;
+    let angle = camera.field_of_view;
+    if !(angle > 0.0 && angle < PI) {
+        return Err(ScenarioError::out_of_range("field_of_view", "in (0, π)", angle));
     }
     Ok(())
 }

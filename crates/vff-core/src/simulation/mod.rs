@@ -23,11 +23,14 @@ pub use closed_loop::{ClosedLoop, Reality};
 pub use measurement::{Measurement, MeasurementSettings};
 pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};
-pub use perception::{Kind as PerceptionKind, Perceive, Perception, PerceptionSettings};
+pub use perception::{
+    Camera, Kind as PerceptionKind, MAX_READINGS, MAX_STEPS, Perceive, Perception,
+    PerceptionSettings, SpatialPerception,
+};
 pub use plane::{PlanarSystem, Plane};
 pub use plant::Physics;
 pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes, orientation_width};
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
-pub use space::{Space, Unsensed};
+pub use space::Space;
 pub use system::{Setting, System};

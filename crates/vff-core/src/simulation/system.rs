@@ -16,7 +16,7 @@ pub trait Setting<const D: usize>: Debug + Clone {
     /// What obstacles are made of.
     type Solid: Solid<D>;
     /// What the controller may see of the obstacles instead of knowing them.
-    type Perception: Perceive<Self::Solid, D> + Clone + Debug;
+    type Perception: Perceive<Self::State, Self::Solid, D> + Clone + Debug;
 }
 
 /// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.

@@ -94,6 +94,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 }
             }
         };
+        interrupt::spend(32 * self.obstacles.len());
         self.obstacles.iter().filter_map(hit).reduce(f64::min)
     }
 

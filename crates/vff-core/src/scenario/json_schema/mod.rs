@@ -44,9 +44,11 @@ fn schema_of_scenario() -> Result<Value, Fault> {
     }))
 }
 
-/// The keys in the plane: how an obstacle is turned at way points is an angle there, though its type can hold both.
+/// The keys in the plane. Some types can hold what belongs to space: how an obstacle is turned at way points is an angle
+/// here, links have two sides, and there are no cameras.
 fn in_the_plane() -> Result<Kind, Fault> {
-    Ok(trace::<Tables<Plane, 2>>()?.without("orientations"))
+    let spatial = ["orientations", "around", "cameras"];
+    Ok(spatial.into_iter().fold(trace::<Tables<Plane, 2>>()?, Kind::without))
 }
 
 /// The keys in space, where that is an orientation.

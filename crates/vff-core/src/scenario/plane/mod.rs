@@ -56,7 +56,7 @@ impl Described<2> for Plane {
         options: &Options,
     ) -> Result<Perception, ScenarioError> {
         let (dt, sampled) = (options.dt, options.control != Control::Continuous);
-        validate::perception(settings, robot.body_count(), dt, sampled)?;
+        validate::perception(settings, robot.body_count(), 2, dt, sampled)?;
         Ok(Perception::new(settings, seed, robot, dt))
     }
 }

@@ -12,8 +12,10 @@ use super::scene::{Described, Prepared, Scene};
 use super::validate;
 use crate::inverse_kinematics::{Residual, Solver, Unreachable};
 use crate::math::Vector;
-use crate::robot::{Model, SpatialArm, SpatialState};
-use crate::simulation::{Options, PerceptionSettings, Physics, Space, System, Unsensed};
+use crate::robot::{Model, Robot, SpatialArm, SpatialState};
+use crate::simulation::{
+    Control, Options, PerceptionSettings, Physics, Space, SpatialPerception, System,
+};
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
 use crate::world::Motion;
 use crate::world::space::{Obstacle, Shape, check_hull};
@@ -50,14 +52,14 @@ impl Described<3> for Space {
     }
 
     fn perception(
-        _: &PerceptionSettings,
-        _: &SpatialState,
-        _: u64,
-        _: &Options,
-    ) -> Result<Unsensed, ScenarioError> {
-        let problem = "range sensors belong to planar arms so far; the controller of an arm in space \
-                       knows the obstacles (kind = \"ideal\")";
-        Err(ScenarioError::new("kind", Problem::Other(problem.into())))
+        settings: &PerceptionSettings,
+        robot: &SpatialState,
+        seed: u64,
+        options: &Options,
+    ) -> Result<SpatialPerception, ScenarioError> {
+        let (dt, sampled) = (options.dt, options.control != Control::Continuous);
+        validate::perception(settings, robot.body_count(), 3, dt, sampled)?;
+        Ok(SpatialPerception::new(settings, seed, robot, dt))
     }
 }
 

@@ -23,7 +23,7 @@ pub(super) fn within(along: f64, length: f64) -> f64 {
 }
 
 /// A unit vector across the unit vector `u`, always the same (Duff et al., 2017).
-pub(super) fn perpendicular(u: &Vector<3>) -> Vector<3> {
+pub fn perpendicular(u: &Vector<3>) -> Vector<3> {
     let sign = 1f64.copysign(u.z);
     let a = -1.0 / (sign + u.z);
     Vector::<3>::new(1.0 + sign * u.x * u.x * a, sign * u.x * u.y * a, -sign * u.x)

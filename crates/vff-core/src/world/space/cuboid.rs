@@ -143,9 +143,14 @@ impl Cuboid {
             return Found { distance: gap, along, part: Part::Side(between / gap) };
         }
         let k = beyond.imin();
-        let inside = 0.0 < along && along < length;
-        let distance = if inside { across(&cross(&d, k), &between) } else { gap };
-        Found { distance, along, part: Part::Edge(k, between) }
+        if along <= 0.0 || along >= length {
+            return Found { distance: gap, along, part: Part::Edge(k, between) };
+        }
+        // Where the edge ends, the lines would come nearer still.
+        if along <= low || along >= high {
+            return Found { distance: gap, along, part: Part::Corner(between) };
+        }
+        Found { distance: across(&cross(&d, k), &between), along, part: Part::Edge(k, between) }
     }
 
     /// The shortest way out for an axis that overlaps the box: through the side or across the edges, of all that the sum

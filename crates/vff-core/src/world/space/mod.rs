@@ -26,10 +26,12 @@ mod segment;
 mod shape;
 mod volume;
 
-pub use axis::Probe;
+pub use axis::{Probe, perpendicular};
 pub use hierarchy::Boxes;
 pub use hull::{HullError, MOST_CORNERS, check_hull, faces_of_hull};
 pub use obstacle::Obstacle;
+pub use point::contact_with_point;
+pub use rays::cast_at_body;
 pub use shape::Shape;
 pub use volume::Volume;
 

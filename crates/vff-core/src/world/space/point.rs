@@ -1,8 +1,9 @@
 //! An axis and a point: the core of a sphere, by far the most frequent query.
 
 use super::axis::{Nearest, Probe, perpendicular, within};
-use crate::math::Vector;
-use crate::world::{Feature, TOUCHING};
+use super::volume::{Core, Volume};
+use crate::math::{Capsule, Vector};
+use crate::world::{Contact, Feature, MotionState, Pair, Solid, TOUCHING};
 
 /// Where on the axis the nearest point is \[m\], and how it leads there from `centre`.
 #[inline(always)]
@@ -31,6 +32,12 @@ pub(super) fn to_point(axis: &Probe, centre: &Vector<3>) -> Nearest {
 #[inline(always)]
 pub(super) fn distance_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
     foot(axis, centre).1.norm()
+}
+
+/// The contact of a body with a point at rest \[m\].
+pub fn contact_with_point(pair: Pair, body: &Capsule<3>, point: &Vector<3>) -> Contact<3> {
+    let solid = Volume { core: Core::Point(Vector::zeros()), radius: 0.0 };
+    solid.contact(pair, body, &MotionState::at_rest(*point))
 }
 
 #[cfg(test)]

@@ -29,6 +29,11 @@ impl Volume {
     }
 }
 
+/// How far a ray goes from `origin` along the unit vector `direction` until it meets a body \[m\]; 0 inside it.
+pub fn cast_at_body(body: &Capsule<3>, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
+    capsule(body, body.radius, origin, direction)
+}
+
 /// Where |offset + s · direction| = radius first, from outside; 0 inside.
 fn ball(offset: &Vector<3>, direction: &Vector<3>, radius: f64) -> Option<f64> {
     let along = offset.dot(direction);

@@ -1,88 +1,11 @@
-//! Range sensors along the links: what the controller gets to know of the obstacles.
+//! Range sensors along both sides of the links of an arm in the plane.
 
-use super::measurement::rounded;
-use crate::math::{Body, Capsule, Noise, Vector, cross, perp};
+use super::scans::{Ray, Scans};
+use super::{Perceive, PerceptionSettings};
+use crate::math::{Body, Vector, cross, perp};
 use crate::robot::Robot;
 use crate::world::plane::{Outline, World};
-use crate::world::{self, CollisionQuery, Contact, Feature, Positions, Solid, Spin};
-use serde::Deserialize;
-
-/// The `[perception]` table of a scenario.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PerceptionSettings {
-    /// How the controller perceives; with `ideal` the rest does not matter.
-    pub kind: Kind,
-    /// Sensors along each side of every link, ≥ 1.
-    pub sensors: usize,
-    /// Rays of every sensor, ≥ 1.
-    pub rays: usize,
-    /// Angle from the first to the last ray of a sensor \[rad\], in [0, π).
-    pub field_of_view: f64,
-    /// The farthest reading \[m\], > 0.
-    pub range: f64,
-    /// Scans per second \[1/s\], > 0; the time between two is rounded up to whole plant steps. Default:
-    /// one every step.
-    pub rate: Option<f64>,
-    /// Standard deviation of the noise of a reading \[m\], ≥ 0.
-    pub noise: f64,
-    /// Step of the readings \[m\], ≥ 0.
-    pub resolution: f64,
-    /// Age of a scan when the controller gets it \[s\], ≥ 0; rounded up to whole plant steps.
-    pub latency: f64,
-    /// Share of the readings that are lost, in \[0, 1\].
-    pub drop_outs: f64,
-}
-
-/// How the controller perceives the obstacles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// It knows them.
-    #[default]
-    Ideal,
-    /// By range sensors.
-    Range,
-}
-
-impl Default for PerceptionSettings {
-    fn default() -> Self {
-        Self {
-            kind: Kind::Ideal,
-            sensors: 4,
-            rays: 3,
-            field_of_view: 1.0,
-            range: 2.0,
-            rate: None,
-            noise: 0.0,
-            resolution: 0.0,
-            latency: 0.0,
-            drop_outs: 0.0,
-        }
-    }
-}
-
-impl PerceptionSettings {
-    /// The number of rays on an arm of so many bodies.
-    pub fn rays_of(&self, bodies: usize) -> usize {
-        match self.kind {
-            Kind::Ideal => 0,
-            Kind::Range => {
-                bodies.saturating_mul(2).saturating_mul(self.sensors).saturating_mul(self.rays)
-            }
-        }
-    }
-
-    /// Plant steps of `dt` \[s\] from scan to scan.
-    pub fn steps_per_scan(&self, dt: f64) -> f64 {
-        self.rate.map_or(1.0, |rate| (1.0 / (rate * dt) - 1e-9).ceil().max(1.0))
-    }
-
-    /// The age of a scan in plant steps of `dt` \[s\].
-    pub fn steps_late(&self, dt: f64) -> f64 {
-        (self.latency / dt - 1e-9).ceil().max(0.0)
-    }
-}
+use crate::world::{CollisionQuery, Contact, Feature, Positions, Spin};
 
 /// A ray relative to the body that it is mounted on.
 #[derive(Debug, Clone, Copy)]
@@ -96,56 +19,32 @@ struct Mount {
     direction: [f64; 2],
 }
 
-/// What a controller sees of the world by sensors on the robot's links: the obstacles that it believes in. Its
-/// [`Positions`] are the readings, NaN where nothing was met.
-pub trait Perceive<S: Solid<D>, const D: usize>: CollisionQuery<D> + Positions {
-    /// Begins with robot and world as they are, and as they have been all the time before.
-    fn start(&mut self, robot: &impl Robot<D>, world: &world::World<S, D>);
-    /// Senses one plant step later.
-    fn advance(&mut self, robot: &impl Robot<D>, world: &world::World<S, D>);
-    /// Takes the last step back.
-    fn undo(&mut self);
+impl Mount {
+    fn ray(&self, robot: &impl Robot<2>) -> Ray<2> {
+        let body = robot.body(self.body).shape;
+        let across = perp(body.direction);
+        let origin = body.start
+            + body.direction * (self.along * body.length)
+            + across * (self.side * body.radius);
+        let [forward, outward] = self.direction;
+        [origin, body.direction * forward + across * outward]
+    }
 }
 
-/// Range sensors with everything that they have seen and the controller does not know yet.
+/// Range sensors with what they have seen.
 #[derive(Debug, Clone)]
 pub struct Perception {
-    settings: PerceptionSettings,
     mounts: Vec<Mount>,
-    noise: Noise,
-    losses: Noise,
-    /// Plant steps from scan to scan, and until a scan arrives.
-    every: usize,
-    late: usize,
-    /// The points of the last scans, NaN where nothing was met, one row a scan, as a ring.
-    scans: Vec<Vector<2>>,
-    rows: usize,
-    /// Plant steps so far.
-    step: usize,
-    /// What the controller knows: the points of one scan, and those of them that were met.
-    seen: Vec<Vector<2>>,
-    met: Vec<Vector<2>>,
+    scans: Scans<2>,
 }
 
 impl Perception {
-    /// The most plant steps that a scan may be late, and from scan to scan.
-    pub const MAX_STEPS: f64 = 1e4;
-    /// The most readings that may be under way.
-    pub const MAX_READINGS: f64 = 1e7;
-
     /// Sensors on every body of `robot` for plant steps of `dt` \[s\]; the same seed gives the same noise.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "validated before"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "counts of sensors and rays")]
     pub fn new(settings: &PerceptionSettings, seed: u64, robot: &impl Robot<2>, dt: f64) -> Self {
         let bodies = robot.body_count();
-        let (every, late) =
-            (settings.steps_per_scan(dt) as usize, settings.steps_late(dt) as usize);
         let middle = 0.5 * (settings.rays as f64 - 1.0);
-        let mut mounts = Vec::with_capacity(settings.rays_of(bodies));
+        let mut mounts = Vec::with_capacity(settings.rays_of(bodies, 2));
         for body in 0..bodies {
             for place in 0..settings.sensors {
                 let along = (place as f64 + 0.5) / settings.sensors as f64;
@@ -158,94 +57,44 @@ impl Perception {
                 }
             }
         }
-        let (count, rows) = (mounts.len(), late / every + 3);
-        let nothing = Vector::<2>::repeat(f64::NAN);
-        Self {
-            noise: Noise::new(seed, 2),
-            losses: Noise::new(seed, 3),
-            every,
-            late,
-            scans: vec![nothing; count * rows],
-            rows,
-            step: 0,
-            seen: vec![nothing; count],
-            met: Vec::with_capacity(count),
-            mounts,
-            settings: settings.clone(),
-        }
+        Self { scans: Scans::new(settings, seed, mounts.len(), dt), mounts }
     }
 
     /// What the controller knows \[m\]: one point per ray, NaN where nothing was met.
     pub fn seen(&self) -> &[Vector<2>] {
-        &self.seen
-    }
-
-    /// Reads every sensor (T80).
-    fn scan(&mut self, body: impl Fn(usize) -> Capsule<2>, world: &World, row: usize) {
-        let Self { settings, mounts, noise, losses, scans, .. } = self;
-        let row = &mut scans[row * mounts.len()..][..mounts.len()];
-        for (mount, point) in mounts.iter().zip(row) {
-            // Drawn for every ray, so that no reading depends on what the others have met.
-            let (error, lost) =
-                (settings.noise * noise.draw(), losses.share() < settings.drop_outs);
-            let body = body(mount.body);
-            let across = perp(body.direction);
-            let origin = body.start
-                + body.direction * (mount.along * body.length)
-                + across * (mount.side * body.radius);
-            let [forward, outward] = mount.direction;
-            let direction = body.direction * forward + across * outward;
-            let reading = world
-                .cast(origin, direction, settings.range)
-                .map(|distance| rounded(distance + error, settings.resolution).max(0.0))
-                .filter(|distance| !lost && *distance <= settings.range);
-            *point = reading
-                .map_or_else(|| Vector::repeat(f64::NAN), |distance| origin + direction * distance);
-        }
-    }
-
-    /// Fetches the scan that has arrived last.
-    fn fetch(&mut self) {
-        let row = self.step.saturating_sub(self.late) / self.every % self.rows;
-        let count = self.mounts.len();
-        self.seen.copy_from_slice(&self.scans[row * count..][..count]);
-        self.met.clear();
-        self.met.extend(self.seen.iter().filter(|point| !point.x.is_nan()));
+        self.scans.seen()
     }
 }
 
-impl Perceive<Outline, 2> for Perception {
-    fn start(&mut self, robot: &impl Robot<2>, world: &World) {
-        self.step = 0;
-        self.scan(|i| robot.body(i).shape, world, 0);
-        let count = self.mounts.len();
-        for row in 1..self.rows {
-            self.scans.copy_within(..count, row * count);
-        }
-        self.fetch();
+impl<R: Robot<2>> Perceive<R, Outline, 2> for Perception {
+    fn start(&mut self, robot: &R, world: &World) {
+        let Self { mounts, scans } = self;
+        scans.start(
+            |k| mounts[k].ray(robot),
+            |_, [origin, direction], range| world.cast(*origin, *direction, range),
+        );
     }
 
-    fn advance(&mut self, robot: &impl Robot<2>, world: &World) {
-        self.step += 1;
-        if self.step.is_multiple_of(self.every) {
-            self.scan(|i| robot.body(i).shape, world, self.step / self.every % self.rows);
-        }
-        self.fetch();
+    fn advance(&mut self, robot: &R, world: &World) {
+        let Self { mounts, scans } = self;
+        scans.advance(
+            |k| mounts[k].ray(robot),
+            |_, [origin, direction], range| world.cast(*origin, *direction, range),
+        );
     }
 
     fn undo(&mut self) {
-        self.step -= 1;
-        self.fetch();
+        self.scans.undo();
     }
 }
 
 impl Positions for Perception {
     fn count(&self) -> usize {
-        self.seen.len()
+        self.scans.count()
     }
 
     fn append_to(&self, out: &mut Vec<f64>) {
-        self.seen.iter().for_each(|point| out.extend_from_slice(point.as_slice()));
+        self.scans.append_to(out);
     }
 }
 
@@ -264,13 +113,13 @@ impl CollisionQuery<2> for Perception {
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<2>),
     ) {
-        if self.met.is_empty() {
+        if self.scans.met().is_empty() {
             return;
         }
         for (index, body) in bodies.into_iter().enumerate() {
             let capsule = &body.shape;
             let mut nearest = [(f64::INFINITY, Vector::zeros()); 2];
-            for point in &self.met {
+            for point in self.scans.met() {
                 let side = usize::from(cross(capsule.direction, point - capsule.start) < 0.0);
                 let gap = (capsule.clamp(point) - point).norm();
                 if gap < nearest[side].0 {
@@ -291,7 +140,7 @@ impl CollisionQuery<2> for Perception {
     fn contact_after(&self, index: usize, body: &Body<2>, obstacle: usize, _: f64) -> Contact<2> {
         let capsule = &body.shape;
         let gap = |point: &Vector<2>| (capsule.clamp(point) - point).norm_squared();
-        let nearest = self.met.iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)));
+        let nearest = self.scans.met().iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)));
         touch(index, body, obstacle, nearest.unwrap_or_else(|| Vector::repeat(f64::INFINITY)))
     }
 }
@@ -325,6 +174,7 @@ fn touch(index: usize, body: &Body<2>, side: usize, witness: Vector<2>) -> Conta
 
 #[cfg(test)]
 mod tests {
+    use super::super::Kind;
     use super::*;
     use crate::robot::{Model, PlanarArm, PlanarState, planar::Link};
     use crate::world::Motion;
@@ -433,7 +283,7 @@ mod tests {
             let before = perception.seen()[0].y;
             world.update(1e-3 * step as f64);
             perception.advance(&robot, &world);
-            perception.undo();
+            perception.scans.undo();
             assert_eq!(perception.seen()[0].y.to_bits(), before.to_bits());
             perception.advance(&robot, &world);
             let scanned = 4 * (step.saturating_sub(6) / 4);

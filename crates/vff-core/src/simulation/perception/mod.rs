@@ -1,0 +1,27 @@
+//! What the controller gets to know of the obstacles where it is not told: readings of sensors.
+//!
+//! `settings` is the table of a scenario, `scans` what becomes of the readings until they arrive. Which rays there are, and
+//! what the control law makes of the points, is a matter of the [`plane`] and of [`space`].
+
+mod plane;
+mod scans;
+mod settings;
+mod space;
+
+pub use plane::Perception;
+pub use scans::{MAX_READINGS, MAX_STEPS};
+pub use settings::{Camera, Kind, PerceptionSettings};
+pub use space::SpatialPerception;
+
+use crate::world::{self, CollisionQuery, Positions, Solid};
+
+/// What a controller sees of the world by sensors: the obstacles that it believes in. Its [`Positions`] are the readings,
+/// NaN where nothing was met.
+pub trait Perceive<R, S: Solid<D>, const D: usize>: CollisionQuery<D> + Positions {
+    /// Begins with robot and world as they are, and as they have been all the time before.
+    fn start(&mut self, robot: &R, world: &world::World<S, D>);
+    /// Senses one plant step later.
+    fn advance(&mut self, robot: &R, world: &world::World<S, D>);
+    /// Takes the last step back.
+    fn undo(&mut self);
+}

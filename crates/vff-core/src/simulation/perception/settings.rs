@@ -1,0 +1,128 @@
+//! The `[perception]` table of a scenario.
+
+use serde::Deserialize;
+
+/// The `[perception]` table of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PerceptionSettings {
+    /// How the controller perceives; with `ideal` the rest does not matter.
+    pub kind: Kind,
+    /// Sensors along each side of every link, ≥ 1.
+    pub sensors: usize,
+    /// In space: how many sides a link has, ≥ 1. Default: 4.
+    pub around: Option<usize>,
+    /// Rays of every sensor, ≥ 1.
+    pub rays: usize,
+    /// Angle from the first to the last ray of a sensor, in space that of the cone which they fill \[rad\], in [0, π).
+    pub field_of_view: f64,
+    /// The farthest reading \[m\], > 0.
+    pub range: f64,
+    /// Scans per second \[1/s\], > 0; the time between two is rounded up to whole plant steps. Default:
+    /// one every step.
+    pub rate: Option<f64>,
+    /// Standard deviation of the noise of a reading \[m\], ≥ 0.
+    pub noise: f64,
+    /// Step of the readings \[m\], ≥ 0.
+    pub resolution: f64,
+    /// Age of a scan when the controller gets it \[s\], ≥ 0; rounded up to whole plant steps.
+    pub latency: f64,
+    /// Share of the readings that are lost, in \[0, 1\].
+    pub drop_outs: f64,
+    /// In space: the cameras; at least one if that is the kind.
+    pub cameras: Vec<Camera>,
+}
+
+/// How the controller perceives the obstacles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// It knows them.
+    #[default]
+    Ideal,
+    /// By range sensors on the links.
+    Range,
+    /// In space: by depth cameras that stand in the world.
+    Camera,
+}
+
+impl Default for PerceptionSettings {
+    fn default() -> Self {
+        Self {
+            kind: Kind::Ideal,
+            sensors: 4,
+            around: None,
+            rays: 3,
+            field_of_view: 1.0,
+            range: 2.0,
+            rate: None,
+            noise: 0.0,
+            resolution: 0.0,
+            latency: 0.0,
+            drop_outs: 0.0,
+            cameras: Vec::new(),
+        }
+    }
+}
+
+impl PerceptionSettings {
+    /// The sides of a link that sensors are on.
+    pub fn sides(&self, dimension: usize) -> usize {
+        if dimension == 2 { 2 } else { self.around.unwrap_or(4) }
+    }
+
+    /// The number of rays with an arm of so many bodies.
+    pub fn rays_of(&self, bodies: usize, dimension: usize) -> usize {
+        let on_links = [bodies, self.sides(dimension), self.sensors, self.rays];
+        match self.kind {
+            Kind::Ideal => 0,
+            Kind::Range => on_links.into_iter().fold(1, usize::saturating_mul),
+            Kind::Camera => self
+                .cameras
+                .iter()
+                .map(|camera| camera.columns.saturating_mul(camera.rows))
+                .fold(0, usize::saturating_add),
+        }
+    }
+
+    /// Plant steps of `dt` \[s\] from scan to scan.
+    pub fn steps_per_scan(&self, dt: f64) -> f64 {
+        self.rate.map_or(1.0, |rate| (1.0 / (rate * dt) - 1e-9).ceil().max(1.0))
+    }
+
+    /// The age of a scan in plant steps of `dt` \[s\].
+    pub fn steps_late(&self, dt: f64) -> f64 {
+        (self.latency / dt - 1e-9).ceil().max(0.0)
+    }
+}
+
+/// A depth camera that stands in the world: a picture of distances, row by row.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// Where it stands \[m\].
+    pub position: [f64; 3],
+    /// The quaternion \[w, x, y, z\] of its frame: z looks forward, x to the right of the picture, y down it.
+    pub orientation: [f64; 4],
+    /// Pixels side by side, ≥ 1.
+    #[serde(default = "columns")]
+    pub columns: usize,
+    /// Pixels one below the other, ≥ 1. They are square.
+    #[serde(default = "rows")]
+    pub rows: usize,
+    /// Angle from the left edge of the picture to the right one \[rad\], in (0, π).
+    #[serde(default = "field_of_view")]
+    pub field_of_view: f64,
+}
+
+fn columns() -> usize {
+    64
+}
+
+fn rows() -> usize {
+    48
+}
+
+fn field_of_view() -> f64 {
+    1.2
+}

@@ -1,0 +1,450 @@
+//! Range sensors around the links of an arm in space, and depth cameras beside it.
+
+use super::scans::{Ray, Scans};
+use super::{Kind, Perceive, PerceptionSettings};
+use crate::interrupt;
+use crate::math::{Body, Capsule, UnitQuaternion, Vector};
+use crate::robot::{Robot, SpatialState};
+use crate::world::space::{Volume, World, cast_at_body, contact_with_point, perpendicular};
+use crate::world::{CollisionQuery, Contact, Pair, Positions};
+use nalgebra::{Matrix3, Rotation3, Unit};
+
+/// The most points that one body keeps off at once: directions that are pairwise farther apart than [`APART`] are no more
+/// than these (seven on a sphere leave two that are 77.9° or less apart; Schütte and van der Waerden, 1951).
+const MOST: usize = 6;
+/// The cosine of 80°.
+const APART: f64 = 0.173_648_177_666_930_33;
+
+/// Where a ray begins and how it points: in the frame of the link that carries a body, or in the world.
+#[derive(Debug, Clone, Copy)]
+struct Mount {
+    body: Option<usize>,
+    ray: Ray<3>,
+}
+
+/// Sensors with what they have seen.
+#[derive(Debug, Clone)]
+pub struct SpatialPerception {
+    mounts: Vec<Mount>,
+    scans: Scans<3>,
+    /// For one body: the points within reach, each with its contact.
+    near: Vec<Contact<3>>,
+}
+
+impl SpatialPerception {
+    /// Sensors for plant steps of `dt` \[s\], on the bodies of `robot` if that is their kind; the same seed gives the same
+    /// noise.
+    pub fn new(settings: &PerceptionSettings, seed: u64, robot: &SpatialState, dt: f64) -> Self {
+        let mounts = match settings.kind {
+            Kind::Ideal => vec![],
+            Kind::Range => {
+                let bodies = 0..robot.body_count();
+                bodies.flat_map(|body| around_body(settings, robot, body)).collect()
+            }
+            Kind::Camera => settings.cameras.iter().flat_map(super::Camera::mounts).collect(),
+        };
+        let scans = Scans::new(settings, seed, mounts.len(), dt);
+        Self { near: Vec::with_capacity(mounts.len()), mounts, scans }
+    }
+
+    /// What the controller knows \[m\]: one point per ray, NaN where nothing was met.
+    pub fn seen(&self) -> &[Vector<3>] {
+        self.scans.seen()
+    }
+}
+
+/// Rays in cones that point away from a body: so many cones along it, so many around it.
+#[expect(clippy::cast_precision_loss, reason = "counts of sensors and rays")]
+fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize) -> Vec<Mount> {
+    let (link, capsule) = robot.body(body);
+    let axes = robot.link_axes(link);
+    let start = axes.tr_mul(&(capsule.start - robot.joint_position(link)));
+    let along = axes.tr_mul(&capsule.direction);
+    let side = perpendicular(&along);
+    let sides = settings.sides(3);
+    let mut mounts = Vec::with_capacity(sides * settings.sensors * settings.rays);
+    for place in 0..settings.sensors {
+        let share = (place as f64 + 0.5) / settings.sensors as f64;
+        for k in 0..sides {
+            let angle = std::f64::consts::TAU * k as f64 / sides as f64;
+            let outward = Rotation3::from_axis_angle(&Unit::new_unchecked(along), angle) * side;
+            let origin = start + along * (share * capsule.length) + outward * capsule.radius;
+            let frame = Matrix3::from_columns(&[along, outward.cross(&along), outward]);
+            let rays = cone(settings.rays, settings.field_of_view);
+            mounts.extend(rays.map(|ray| Mount { body: Some(body), ray: [origin, frame * ray] }));
+        }
+    }
+    mounts
+}
+
+/// Unit vectors that fill a cone about z evenly, the first along it, the last on its edge (a sunflower's spiral, Vogel, 1979).
+#[expect(clippy::cast_precision_loss, reason = "a count of rays")]
+fn cone(count: usize, field_of_view: f64) -> impl Iterator<Item = Vector<3>> {
+    const GOLDEN: f64 = 2.399_963_229_728_653;
+    (0..count).map(move |k| {
+        let share = if count > 1 { k as f64 / (count - 1) as f64 } else { 0.0 };
+        let (sin, cos) = (0.5 * field_of_view * share.sqrt()).sin_cos();
+        let (turn_sin, turn_cos) = (GOLDEN * k as f64).sin_cos();
+        Vector::<3>::new(sin * turn_cos, sin * turn_sin, cos)
+    })
+}
+
+impl super::Camera {
+    /// A ray through the middle of every pixel, row by row.
+    #[expect(clippy::cast_precision_loss, reason = "a count of pixels")]
+    fn mounts(&self) -> impl Iterator<Item = Mount> {
+        let frame = UnitQuaternion::new(self.orientation).unwrap_or_default();
+        let origin = Vector::from(self.position);
+        let (columns, rows) = (self.columns as f64, self.rows as f64);
+        let focal = 0.5 * columns / (0.5 * self.field_of_view).tan();
+        (0..self.columns * self.rows).map(move |k| {
+            let (row, column) = ((k / self.columns) as f64, (k % self.columns) as f64);
+            let [x, y] = [column + 0.5 - 0.5 * columns, row + 0.5 - 0.5 * rows];
+            let direction = frame.rotate(&Vector::<3>::new(x, y, focal).normalize());
+            Mount { body: None, ray: [origin, direction] }
+        })
+    }
+}
+
+impl Mount {
+    fn ray(&self, robot: &SpatialState) -> Ray<3> {
+        let Some(body) = self.body else { return self.ray };
+        let (link, _) = robot.body(body);
+        let axes = robot.link_axes(link);
+        let [origin, direction] = self.ray;
+        [robot.joint_position(link) + axes * origin, axes * direction]
+    }
+
+    /// How far the ray goes until it meets an obstacle; not at all if the arm is in its way (T111). A sensor looks through
+    /// its own body and through those that it is inside of.
+    fn cast(
+        &self,
+        [origin, direction]: &Ray<3>,
+        range: f64,
+        robot: &SpatialState,
+        world: &World,
+    ) -> Option<f64> {
+        let end = world.cast(*origin, *direction, range)?;
+        let own = |k: usize| (Some(k) != self.body).then(|| robot.body(k).1);
+        let carried = (0..robot.body_count()).filter_map(own);
+        let hides = |body: Capsule<3>| {
+            cast_at_body(&body, origin, direction).is_some_and(|s| 0.0 < s && s < end)
+        };
+        let mut all = carried.chain(robot.still_bodies().iter().copied());
+        (!all.any(hides)).then_some(end)
+    }
+}
+
+impl Perceive<SpatialState, Volume, 3> for SpatialPerception {
+    fn start(&mut self, robot: &SpatialState, world: &World) {
+        let Self { mounts, scans, .. } = self;
+        scans.start(
+            |k| mounts[k].ray(robot),
+            |k, ray, range| mounts[k].cast(ray, range, robot, world),
+        );
+    }
+
+    fn advance(&mut self, robot: &SpatialState, world: &World) {
+        let Self { mounts, scans, .. } = self;
+        scans.advance(
+            |k| mounts[k].ray(robot),
+            |k, ray, range| mounts[k].cast(ray, range, robot, world),
+        );
+    }
+
+    fn undo(&mut self) {
+        self.scans.undo();
+    }
+}
+
+impl Positions for SpatialPerception {
+    fn count(&self) -> usize {
+        self.scans.count()
+    }
+
+    fn append_to(&self, out: &mut Vec<f64>) {
+        self.scans.append_to(out);
+    }
+}
+
+impl CollisionQuery<3> for SpatialPerception {
+    /// One in each direction.
+    fn obstacle_count(&self) -> usize {
+        MOST
+    }
+
+    /// For every body the nearest of all points, then the nearest of those that lie in another direction than the ones
+    /// before, each at rest (T112); `obstacle` counts them.
+    fn for_each_contact(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<3>>,
+        reach: f64,
+        mut distance: impl FnMut(usize, f64),
+        mut visit: impl FnMut(&Contact<3>),
+    ) {
+        let Self { scans, near, .. } = self;
+        if scans.met().is_empty() {
+            return;
+        }
+        for (index, body) in bodies.into_iter().enumerate() {
+            let capsule = &body.shape;
+            let mut least = f64::INFINITY;
+            near.clear();
+            interrupt::spend(16 * scans.met().len());
+            for point in scans.met() {
+                let gap = (capsule.clamp(point) - point).norm() - capsule.radius;
+                least = least.min(gap);
+                if gap < reach {
+                    near.push(touch(index, &body, 0, point));
+                }
+            }
+            distance(body.link, least);
+            let mut normals = [Vector::<3>::zeros(); MOST];
+            for obstacle in 0..MOST {
+                let elsewhere = |contact: &&Contact<3>| {
+                    normals[..obstacle].iter().all(|normal| contact.normal.dot(normal) < APART)
+                };
+                let nearest =
+                    near.iter().filter(elsewhere).min_by(|a, b| a.distance.total_cmp(&b.distance));
+                let Some(contact) = nearest else { break };
+                normals[obstacle] = contact.normal;
+                visit(&Contact { obstacle, ..*contact });
+            }
+        }
+    }
+
+    /// The nearest of all points, in whatever direction it comes to lie; they stay where they are.
+    fn contact_after(&self, index: usize, body: &Body<3>, obstacle: usize, _: f64) -> Contact<3> {
+        let capsule = &body.shape;
+        let gap = |point: &Vector<3>| (capsule.clamp(point) - point).norm_squared();
+        let nearest = self.scans.met().iter().min_by(|a, b| gap(a).total_cmp(&gap(b)));
+        let nowhere = Vector::repeat(f64::INFINITY);
+        touch(index, body, obstacle, nearest.unwrap_or(&nowhere))
+    }
+}
+
+/// The contact of a body with a point at rest.
+fn touch(
+    body: usize,
+    Body { link, shape }: &Body<3>,
+    obstacle: usize,
+    point: &Vector<3>,
+) -> Contact<3> {
+    contact_with_point(Pair { body, link: *link, obstacle }, shape, point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::models;
+    use crate::simulation::Camera;
+    use crate::world::Motion;
+    use crate::world::space::{Obstacle, Shape};
+    use proptest::prelude::*;
+    use std::sync::Arc;
+
+    const Q: [f64; 7] = [0.3, -0.5, 0.2, -1.8, 0.1, 1.6, 0.4];
+
+    fn panda() -> SpatialState {
+        let mut state = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+        state.update(&Q, &[0.0; 7]);
+        state
+    }
+
+    fn obstacle(shape: Shape, position: [f64; 3]) -> Obstacle {
+        let orientation = [1.0, 0.0, 0.0, 0.0];
+        let angular_velocity = [0.0; 3];
+        Obstacle { shape, position, orientation, angular_velocity, motion: Motion::default() }
+    }
+
+    fn ball(radius: f64, position: [f64; 3]) -> Obstacle {
+        obstacle(Shape::Sphere { radius }, position)
+    }
+
+    fn around(obstacles: Vec<Obstacle>, settings: &PerceptionSettings) -> SpatialPerception {
+        let robot = panda();
+        let mut perception = SpatialPerception::new(settings, 7, &robot, 1e-3);
+        perception.start(&robot, &World::new(obstacles));
+        perception
+    }
+
+    fn on_links() -> PerceptionSettings {
+        PerceptionSettings { kind: Kind::Range, rays: 9, ..PerceptionSettings::default() }
+    }
+
+    /// At the height of 1 m, far to the side of the arm, looking along x.
+    fn camera(position: [f64; 3]) -> PerceptionSettings {
+        let camera = Camera {
+            position,
+            orientation: [0.5, -0.5, 0.5, -0.5],
+            columns: 8,
+            rows: 6,
+            field_of_view: 1.2,
+        };
+        let cameras = vec![camera];
+        PerceptionSettings {
+            kind: Kind::Camera,
+            range: 5.0,
+            cameras,
+            ..PerceptionSettings::default()
+        }
+    }
+
+    fn met(perception: &SpatialPerception) -> Vec<Vector<3>> {
+        perception.seen().iter().copied().filter(|point| !point.x.is_nan()).collect()
+    }
+
+    /// The first along the axis, the last on the edge, none beyond; and none of the cone is far from all of them.
+    #[test]
+    fn a_cone_is_filled_evenly() {
+        let (count, angle) = (200, 1.0);
+        let rays: Vec<_> = cone(count, angle).collect();
+        assert_eq!(rays[0], Vector::<3>::z());
+        let tilt = |ray: &Vector<3>| ray.z.min(1.0).acos();
+        assert!((tilt(&rays[count - 1]) - 0.5 * angle).abs() < 1e-12);
+        assert!(rays.iter().all(|ray| tilt(ray) < 0.5 * angle + 1e-12));
+        assert!(rays.iter().all(|ray| (ray.norm() - 1.0).abs() < 1e-15));
+        let radius = 0.5 * angle / (count as f64).sqrt(); // of a disc that has one ray's share of the cone
+        for place in cone(5000, angle) {
+            let nearest = rays.iter().map(|ray| ray.angle(&place)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 2.0 * radius, "{place} is {nearest} away");
+        }
+        assert_eq!(cone(1, 2.0).collect::<Vec<_>>(), [Vector::<3>::z()]);
+    }
+
+    /// Sensors sit on the surfaces of the bodies, evenly around them, and turn with the links.
+    #[test]
+    fn sensors_sit_around_the_bodies() {
+        let settings = PerceptionSettings { rays: 1, sensors: 2, around: Some(3), ..on_links() };
+        let mut robot = panda();
+        let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3);
+        assert_eq!(perception.mounts.len(), robot.body_count() * 6);
+        robot.update(&[1.0, 0.3, -0.8, -1.2, 2.0, 0.4, -2.0], &[0.0; 7]);
+        let ray = |k: usize| perception.mounts[k].ray(&robot);
+        for body in 0..robot.body_count() {
+            let capsule = robot.body(body).1;
+            for place in 0..2 {
+                let first = 6 * body + 3 * place;
+                let along = capsule.direction * ((place as f64 + 0.5) / 2.0 * capsule.length);
+                let sum: Vector<3> = (first..first + 3).map(|k| ray(k)[1]).sum();
+                assert!(sum.norm() < 1e-14);
+                for [origin, direction] in (first..first + 3).map(ray) {
+                    assert!(
+                        (origin - capsule.start - along - direction * capsule.radius).norm()
+                            < 1e-14
+                    );
+                    assert!(direction.dot(&capsule.direction).abs() < 1e-14);
+                }
+            }
+        }
+    }
+
+    /// Of a wall across the view, every pixel has a point at its own place, the first at the upper left.
+    #[test]
+    fn a_picture_of_a_wall() {
+        let wall = obstacle(Shape::HalfSpace { normal: [-1.0, 0.0, 0.0] }, [4.0, 0.0, 0.0]);
+        let perception = around(vec![wall], &camera([2.0, 3.0, 1.0]));
+        let half = 2.0 * 0.6_f64.tan(); // of the picture on the wall, 2 m away
+        for (k, point) in perception.seen().iter().enumerate() {
+            let (row, column) = ((k / 8) as f64, (k % 8) as f64);
+            let expected = Vector::<3>::new(
+                4.0,
+                3.0 + half * (1.0 - (column + 0.5) / 4.0),
+                1.0 + half * 6.0 / 8.0 * (1.0 - (row + 0.5) / 3.0),
+            );
+            assert!((point - expected).norm() < 1e-12, "{k}: {point} is not {expected}");
+        }
+    }
+
+    /// A ball that the arm is in front of is not seen, nor the arm; beside it, it is. A link's own sensors see past the
+    /// link.
+    #[test]
+    fn what_is_behind_the_arm_is_hidden() {
+        let robot = panda();
+        let (_, upper) = robot.body(1);
+        let middle = upper.start + upper.direction * (0.5 * upper.length);
+        let mut view = camera([middle.x - 2.0, middle.y, middle.z]);
+        view.cameras[0].columns = 1;
+        view.cameras[0].rows = 1;
+        let at = |x: f64, y: f64| vec![ball(0.02, [middle.x + x, middle.y + y, middle.z])];
+        assert!(met(&around(at(0.5, 0.0), &view)).is_empty());
+        let before = met(&around(at(-0.5, 0.0), &view));
+        assert!((before[0] - middle + Vector::<3>::x() * 0.52).norm() < 1e-12);
+        view.cameras[0].position[1] += 0.5;
+        assert_eq!(met(&around(at(0.5, 0.5), &view)).len(), 1);
+        let large = vec![ball(0.1, [middle.x + 0.35, middle.y, middle.z])];
+        assert!(met(&around(large, &on_links())).len() > 1);
+    }
+
+    /// The contacts of the first body.
+    fn contacts(perception: &mut SpatialPerception, reach: f64) -> Vec<Contact<3>> {
+        let mut found = vec![];
+        perception.for_each_contact(
+            [Robot::body(&panda(), 2)],
+            reach,
+            |_, _| {},
+            |c| found.push(*c),
+        );
+        found
+    }
+
+    /// A wall counts once, a corner of three walls three times, nearest first, with the walls' normals as far as rays go.
+    #[test]
+    fn a_wall_counts_once() {
+        let robot = panda();
+        let capsule = robot.body(2).1;
+        let middle = capsule.start + capsule.direction * (0.5 * capsule.length);
+        let wall = |axis: usize, gap: f64| {
+            let mut normal = [0.0; 3];
+            normal[axis] = 1.0;
+            let mut position = <[f64; 3]>::from(middle);
+            position[axis] -= capsule.radius + 0.5 * capsule.length + gap;
+            obstacle(Shape::HalfSpace { normal }, position)
+        };
+        let many = PerceptionSettings { sensors: 8, around: Some(16), rays: 25, ..on_links() };
+        let one = contacts(&mut around(vec![wall(0, 0.10)], &many), 0.8);
+        assert_eq!(one.len(), 1);
+        assert!(one[0].normal.x > 0.98 && one[0].velocity == Vector::<3>::zeros());
+        let corner = vec![wall(0, 0.10), wall(1, 0.15), wall(2, 0.20)];
+        let three = contacts(&mut around(corner, &many), 0.8);
+        assert_eq!(three.len(), 3, "{three:?}");
+        let order: Vec<usize> = three.iter().map(|c| c.obstacle).collect();
+        assert_eq!(order, [0, 1, 2]);
+        assert!(three.windows(2).all(|pair| pair[0].distance <= pair[1].distance));
+        assert!(three.iter().all(|c| c.normal.max() > 0.9), "{three:?}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// However many points there are around a body: no more directions than are told of, no two within 80° of each
+        /// other, the nearest point first, and every point near lies within 80° of one that is as near or nearer.
+        #[test]
+        fn directions_are_apart(
+            points in prop::collection::vec([-1.0..1.0, -1.0..1.0, -1.0..1.0], 1..400), reach in 0.05..0.9,
+        ) {
+            let (_, capsule) = panda().body(2);
+            let mut perception = around(vec![], &PerceptionSettings { rays: 40, ..on_links() });
+            let points: Vec<Vector<3>> = points.iter().map(|p| capsule.start + Vector::from(*p)).collect();
+            perception.scans.pretend(&points);
+            let found = contacts(&mut perception, reach);
+            prop_assert!(found.len() <= perception.obstacle_count());
+            for (k, contact) in found.iter().enumerate() {
+                prop_assert_eq!(contact.obstacle, k);
+                for other in &found[..k] {
+                    prop_assert!(other.normal.dot(&contact.normal) < 80f64.to_radians().cos() + 1e-15);
+                    prop_assert!(other.distance <= contact.distance);
+                }
+            }
+            for point in &points {
+                let foot = capsule.clamp(point);
+                let distance = (foot - point).norm() - capsule.radius;
+                let normal = (foot - point).normalize();
+                let is_told = |c: &Contact<3>| {
+                    c.distance <= distance + 1e-14 && c.normal.dot(&normal) > 80f64.to_radians().cos() - 1e-9
+                };
+                prop_assert!(distance >= reach - 1e-14 || found.iter().any(is_told), "{point} at {distance}");
+            }
+        }
+    }
+}
