@@ -36,7 +36,8 @@ INLINE = re.compile(r"`((?:vffnull|python|cargo|sphinx-build|pip install) [^`\n]
 PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
 INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
-SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}")  # what is there to be read
+# What is there to be read.
+SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}", "{literalinclude}")
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
@@ -177,6 +178,9 @@ def run(task: Task, variables: dict[str, str], folder: Path) -> str | None:
         short = SHORTER.get(task.code, task.code)
         command = ["bash", "-euo", "pipefail", "-c", short]
     else:
+        page = ROOT / task.place.partition(":")[0]
+        for beside in page.parent.glob("*.toml") if page.parent != ROOT else ():
+            shutil.copy(beside, folder)  # what the page shows, as where the site is built
         program = folder / "program.py"
         program.write_text(task.code, encoding="utf-8")
         command = ["python", str(program)]

@@ -281,6 +281,7 @@ def test_hostile_headers(tiny: vff.Result) -> None:
 
     assert not refused(original)
     outer = [place for place in places(original) if place[0] != "scenario" or len(place) < 3]
+    outer = [place for place in outer if place[0] != "units"]  # for others: ours knows them
     cases = [(place, value) for place in outer for value in STRANGE]
     sample = random.Random(7).sample(cases, 400)
     assert sum(refused(changed(original, place, value)) for place, value in sample) > 300

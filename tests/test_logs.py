@@ -179,6 +179,7 @@ def test_mcap_holds_one_message_per_instant(tmp_path: Path) -> None:
         assert message.log_time == 7_000_000
         content = json.loads(message.data)
         assert content["tau"] == result.tau[7].tolist() and content["clearance"] == [None] * 6
+        assert [list(each.values()) for each in content["obstacles"]] == result.obstacles[7].tolist()
         attached = next(iter(reader.iter_attachments()))
         assert attached.name == "scenario.toml"
         assert vff.Scenario.from_dict(vff._core.parse_toml(attached.data.decode(), "")) == result.scenario

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import re
 import warnings
@@ -15,7 +16,7 @@ from PIL import Image
 
 import vffnull as vff
 from vffnull._arm import SpatialArm, rotation
-from vffnull.plotting import geometry, space
+from vffnull.plotting import geometry, limits, null_space, space, tracking
 from vffnull.plotting.primitives import Axes, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
 
@@ -265,7 +266,8 @@ def test_figures(result: vff.Result, tmp_path: Path) -> None:
     """Every figure of a run in space, as files, with more than one colour in them."""
     paths = vff.simulate("panda-sweep", {"duration": 0.3, "simulation.record_every": 30}).plot(tmp_path)
     names = {Path(path).stem for path in paths}
-    assert {"overview", "strobe", "tracking", "tracking_error", "joint_angles", "clearance"} <= names
+    expected = {"overview", "strobe", "tracking", "tracking_error", "joint_angles", "clearance"}
+    assert expected | {"joint_torques", "limits", "null_space"} <= names
     for path in paths:
         with Image.open(path) as image:
             colours = image.convert("RGB").getcolors(1 << 20)
@@ -281,9 +283,132 @@ def test_figures_of_other_tasks(task: str) -> None:
     assert len(figures["tracking"].axes) == (3 if task == "position" else 4)
 
 
-def test_the_flat_views_are_those_that_tell_most(scene: Scene) -> None:
-    """The ball and the elbow move along y: the view along y shows least."""
-    assert space.telling(scene) == ["yz", "xy"]
+def test_the_strobe_picture_has_three_aligned_projections(result: vff.Result) -> None:
+    """To one scale on paper, as in a technical drawing: x below x, z beside z."""
+    figures = result.plot()
+    assert isinstance(figures, dict)
+    figure = figures["strobe"]
+    front, side, top = (ax for ax in figure.axes if ax.name == "rectilinear")
+    wide, high = figure.get_size_inches()
+    for ax in (front, side, top):
+        place = ax.get_position()
+        (left, right), (bottom, upper) = ax.get_xlim(), ax.get_ylim()
+        across, upwards = place.width * wide / (right - left), place.height * high / (upper - bottom)
+        assert across == pytest.approx(upwards, rel=1e-9)
+        assert across == pytest.approx(front.get_position().width * wide / np.ptp(front.get_xlim()), rel=1e-9)
+    assert (
+        front.get_position().x0 == pytest.approx(top.get_position().x0) and front.get_xlim() == top.get_xlim()
+    )
+    assert front.get_position().y0 == pytest.approx(side.get_position().y0)
+    assert front.get_ylim() == side.get_ylim() and side.get_xlim() == top.get_ylim()
+    labels = [ax.get_xlabel() + ax.get_ylabel() for ax in (front, side, top)]
+    assert labels == ["$x$ [m]$z$ [m]", "$y$ [m]$z$ [m]", "$x$ [m]$y$ [m]"]
+    (key,) = figure.legends
+    said = [text.get_text() for text in key.get_texts()]
+    assert said[0] == "$t$ = 0.0" and said[4] == "6.0 s" and "obstacle" in said
+    # Nothing lies on anything else.
+    boxes = [ax.get_tightbbox() for ax in (front, side, top)] + [key.get_window_extent()]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_limits_are_shares_with_what_is_left(result: vff.Result) -> None:
+    """At −1 and 1 a joint is at its limits; the nearest is named, in its own unit."""
+    angle, _, torque = limits.uses(result)
+    low, high = np.array(result.scenario.arm.joint_limits).T
+    np.testing.assert_allclose(angle.shares(1), -1 + 2 * (result.q[:, 1] - low[1]) / (high[1] - low[1]))
+    most = np.asarray(result.scenario.arm.torque_limits)
+    np.testing.assert_allclose(torque.shares(3), result.tau[:, 3] / most[3], rtol=1e-14)
+    left = np.minimum(result.q - low, high - result.q).min(axis=0)
+    joint, there = angle.nearest()
+    assert joint == np.abs(2 * (result.q - low) / (high - low) - 1).max(axis=0).argmax()
+    assert there == pytest.approx(left[joint])
+    figures = result.plot()
+    assert isinstance(figures, dict)
+    axes = figures["limits"].axes
+    assert [ax.get_ylabel() for ax in axes] == ["joint angle", "joint speed", "joint torque"]
+    assert f"joint {joint}: {1e3 * there:.3g} mrad left" in [text.get_text() for text in axes[0].texts]
+    assert all(len(ax.get_lines()) == 9 for ax in axes)  # seven joints and two limits
+
+
+def test_limits_that_are_broken_or_missing(result: vff.Result) -> None:
+    """A panel goes as far as the joint does; no limits, no line; an arm without any has no figure."""
+    q = result.q.copy()
+    q[3, 2] = 3.5  # rad; the limit is 2.8973
+    broken = dataclasses.replace(result, q=q)
+    joint, left = limits.uses(broken)[0].nearest()
+    assert joint == 2 and left == pytest.approx(2.8973 - 3.5)
+    axes = limits.limits(broken).axes
+    assert axes[0].get_ylim()[1] > 3.5 / 2.8973 and "603 mrad beyond" in axes[0].texts[0].get_text()
+    endless = vff.simulate("gen3-circle", {"duration": 0.01})
+    assert limits.uses(endless)[0].joints == [1, 3, 5]
+    figures = vff.simulate("paper-1", {"duration": 0.01}).plot()
+    assert isinstance(figures, dict) and "limits" not in figures
+
+
+@pytest.mark.parametrize("task", ["position", "pointing", "pose"])
+def test_null_motion_leaves_the_task_alone(task: str) -> None:
+    """N q̇ with the law's own projector; the rest of the motion, and no more, is what the task sees."""
+    line = {"kind": "line", "end": [0.05, 0.1, 0.0], "relative": True, "duration": 0.3}
+    overrides = {"duration": 0.3, "controller.task": task, "simulation.record_every": 50, "reference": line}
+    result = vff.simulate("panda-sweep", overrides)
+    speeds, energies = null_space.motion(result)
+    arm = result.scenario.arm
+    controller = vff.Controller(arm, vff.ControlSettings(task=task))
+    assert result.orientation_ref is not None or task == "position"
+    for row in (2, 6):
+        q, dq = result.q[row], result.dq[row]
+        x_ref: Any = result.x_ref[row]
+        if result.orientation_ref is not None:
+            x_ref = (x_ref, result.orientation_ref[row])
+        N = np.asarray(controller.terms(q, dq, x_ref=x_ref).N)
+        np.testing.assert_allclose(speeds[row], N @ dq, rtol=0, atol=1e-10)
+        M = arm.mass_matrix(q)
+        rest = dq - speeds[row]
+        assert energies[row] + rest @ M @ rest / 2 == pytest.approx(result.energy[row, 0], rel=1e-9)
+    seen = np.abs(arm.jacobian(result.q[-1])[:3] @ speeds[-1]).max()
+    assert seen < 1e-12 < np.abs(result.dx[-2]).max()
+
+
+def test_null_motion_in_the_plane_and_where_there_is_none() -> None:
+    """A planar pose also turns; an arm that its task takes up altogether has no null space to show."""
+    pose = {"controller.task": "pose", "reference": {"kind": "setpoint", "point": [4.0, 1.0, 0.3]}}
+    result = vff.simulate("sweep-through", {"duration": 0.2, "simulation.record_every": 100, **pose})
+    speeds, _ = null_space.motion(result)
+    for q, speed in zip(result.q, speeds, strict=True):
+        np.testing.assert_allclose([*(result.scenario.arm.jacobian(q) @ speed), speed.sum()], 0.0, atol=1e-12)
+    assert np.abs(speeds).max() > 1e-3
+    full = {"duration": 0.01, "controller.task": "pose", "reference": {"kind": "setpoint"}}
+    figures = vff.simulate("ur5e-sweep", full).plot()
+    assert isinstance(figures, dict) and "null_space" not in figures
+
+
+def test_rotation_vectors_do_not_jump() -> None:
+    """Beyond a half turn, through a whole one and back through none; each is a vector of its rotation."""
+    axis = np.array([0.48, 0.6, 0.64])
+    angles = np.concatenate([np.linspace(0.0, 8.0, 60), np.linspace(8.0, -4.0, 90)])
+    turns = rotation(np.column_stack([np.cos(angles / 2), np.sin(angles / 2)[:, None] * axis]))
+    np.testing.assert_allclose(tracking.rotation_vectors(turns), angles[:, None] * axis, rtol=0, atol=1e-9)
+
+
+def test_orientation_is_tracked_beside_its_reference() -> None:
+    """A pose as a rotation since the start, pointing as the direction of the tool's axis."""
+    line = vff.simulate("iiwa-line", {"simulation.record_every": 500})
+    figures = line.plot()
+    assert isinstance(figures, dict)
+    ax = figures["tracking"].axes[-1]
+    assert ax.get_ylabel() == "rotation [rad]"
+    assert line.orientation is not None and line.orientation_ref is not None
+    between = rotation(line.orientation[-1]) @ rotation(line.orientation_ref[0]).T
+    vector = np.array([each.get_ydata()[-1] for each in ax.get_lines()[::2]])
+    angle = float(np.linalg.norm(vector))
+    assert np.trace(between) == pytest.approx(1 + 2 * np.cos(angle), abs=1e-9) and angle > 0.5
+    np.testing.assert_allclose(between @ vector, vector, atol=1e-9)
+    figures = vff.simulate("panda-pointing", {"duration": 0.1}).plot()
+    assert isinstance(figures, dict)
+    ax = figures["tracking"].axes[-1]
+    assert ax.get_ylabel() == "tool axis [–]"
+    axis = [each.get_ydata()[0] for each in ax.get_lines()[::2]]
+    assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_film(result: vff.Result, tmp_path: Path) -> None:

@@ -233,19 +233,15 @@ def test_mcap(pose: vff.Result, tmp_path: Path) -> None:
 
     with pose.save(tmp_path / "run.mcap").open("rb") as file:
         reader = make_reader(file)
-        found = list(reader.iter_messages())
+        found = list(reader.iter_messages(topics="/vffnull"))
     assert found[0][0] is not None
     schema = json.loads(found[0][0].data)
     assert schema["properties"]["error"]["description"] == "tracking error [m, rad]"
     assert schema["properties"]["orientation"]["description"] == "orientation of the end effector"
     messages = [json.loads(message.data) for *_, message in found]
     np.testing.assert_array_equal([each["orientation"] for each in messages], pose.orientation)
-    np.testing.assert_array_equal([each["obstacles"] for each in messages], pose.obstacles)
-
-
-def test_rerun(pose: vff.Result, tmp_path: Path) -> None:
-    pytest.importorskip("rerun")
-    assert pose.save(tmp_path / "run.rrd").stat().st_size > 10_000
+    points = [[[ball[axis] for axis in "xyz"] for ball in each["obstacles"]] for each in messages]
+    np.testing.assert_array_equal(points, pose.obstacles)
 
 
 def test_stream(pose: vff.Result, tmp_path: Path) -> None:

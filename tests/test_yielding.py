@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from functools import cache
 from typing import Any
 
@@ -230,3 +232,30 @@ def test_speed_limits_do_not_hold_up_an_arm_that_gives_way() -> None:
     assert result.status == "completed"
     assert result.metrics.velocity_limit_ratio < 1.01  # type: ignore[operator]
     assert result.metrics.min_clearance > 0.019  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {"avoidance": "cbf", "yielding": {"margin": 0.03, "preview": {"horizon": 1.4}}},
+        {"governor": {}},
+        {"tank": {"capacity": 1.0}, "field": vff.Field.khatib(0.5, 0.6)},
+    ],
+    ids=["yielding", "governor", "tank"],
+)
+def test_settings_with_tables_can_be_used(tables: dict[str, Any]) -> None:
+    """They stay what was given, in documents, controllers and scenarios, and nobody can change them."""
+    settings = vff.ControlSettings(stiffness=100, damping=20, null_damping=6, **tables)
+    same = vff.ControlSettings(stiffness=100, damping=20, null_damping=6, **tables)
+    assert settings == same and hash(settings) == hash(same) and copy.deepcopy(settings) == settings
+    assert pickle.loads(pickle.dumps(settings)) == settings
+    for name, value in tables.items():
+        if isinstance(value, dict):
+            assert settings.to_dict()[name] == value == getattr(settings, name)
+            assert f"{name}={value!r}" in repr(settings)
+            with pytest.raises(TypeError):
+                getattr(settings, name)["margin"] = 1.0
+    vff.Controller(vff.Arm.uniform(6), settings)
+    scenario = vff.Scenario.load("sweep-through").replace(duration=0.01, controller=settings)
+    assert scenario["controller"] == settings.to_dict()
+    assert vff.simulate(scenario).status == "completed"

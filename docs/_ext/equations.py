@@ -21,8 +21,9 @@ MENTION = re.compile(r"^(`{3,}|:{3,}).*?^\1|`[^`\n]+`|\$[^$\n]+\$|\]\([^)]*\)|\(
 
 
 def known(source: Path) -> set[str]:
-    """Numbers of the equations in the theory."""
-    return set(TAG.findall((source / "theory.md").read_text(encoding="utf-8")))
+    """Numbers of the equations in the theory, of the plane and of space."""
+    pages = source.glob("theory*.md")
+    return {number for page in pages for number in TAG.findall(page.read_text(encoding="utf-8"))}
 
 
 def equation(block: re.Match[str]) -> str:

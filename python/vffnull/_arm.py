@@ -87,6 +87,16 @@ class SpatialArm:
         return str(self._document["base"])
 
     @property
+    def tip(self) -> str:
+        """Name of the end effector's frame."""
+        return str(self._document["tip"])
+
+    @property
+    def tool(self) -> Array:
+        """Where the end effector's frame is in the last link, homogeneous (4, 4)."""
+        return self._tool.copy()
+
+    @property
     def masses(self) -> Array:
         """Masses of the links (n,) [kg]."""
         import numpy as np
@@ -178,7 +188,7 @@ class SpatialArm:
 
     def __repr__(self) -> str:
         name = self._document.get("name") or "an arm"
-        return f"<Arm {name}: {self.n} joints in space, from {self.base} to {self._document['tip']}>"
+        return f"<Arm {name}: {self.n} joints in space, from {self.base} to {self.tip}>"
 
 
 def frame(placed: Mapping[str, Any]) -> Array:

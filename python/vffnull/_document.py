@@ -6,7 +6,7 @@ This module moves values in and out of such documents. The core validates the va
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from vffnull.errors import InputError, InputTypeError, ScenarioError
@@ -106,14 +106,38 @@ def _short(text: str) -> str:
     return ascii(text if len(text) <= 60 else f"{text[:60]}…")
 
 
+class Table(Mapping[str, Any]):
+    """A dictionary that nobody can change, so that it can be hashed; it looks like the original."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[str, Any]) -> None:
+        self._items = {key: frozen(value) for key, value in items.items()}
+
+    def __getitem__(self, key: str) -> Any:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._items.items()))
+
+    def __repr__(self) -> str:
+        return repr(self._items)
+
+
 def frozen(value: object) -> Any:
-    """Arrays, lists and dictionaries as nested tuples of Python values: comparable, hashable, readable."""
+    """Arrays and lists as nested tuples, dictionaries as tables: comparable, hashable, readable."""
     if isinstance(value, _FromNumPy):
         return frozen(value.tolist())
     if isinstance(value, list | tuple):
         return tuple(frozen(inner) for inner in value)
     if isinstance(value, dict):
-        return tuple((key, frozen(value[key])) for key in sorted(value))
+        return Table(value)
     return value
 
 

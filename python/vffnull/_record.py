@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -179,6 +179,11 @@ class Layout:
             meaning = " ".join([quantity.meaning, *labels])
             found.append(Column("_".join([name, *labels]), self.unit(name, axis), meaning))
         return found
+
+    def lines(self, source: object) -> Iterator[tuple[Column, NDArray[Any]]]:
+        """Every column of a record beside time, with its values over time (T,)."""
+        for name, values in recorded(source).items():
+            yield from zip(self.columns(name, values.shape[1:]), flat(values).T, strict=True)
 
     def sizes(self, document: Mapping[str, Any]) -> dict[Dimension, int]:
         """How many entries a record of a scenario has along each dimension, as far as the scenario says."""

@@ -131,7 +131,10 @@ class Result(Outcome):
         .rrd       for the Rerun viewer                                  ``[rerun]``
         ========== ===================================================== ==========
 
-        Nothing is rounded in the kinds that `load` reads: the arrays come back bit by bit.
+        Nothing is rounded in the kinds that `load` reads: the arrays come back bit by bit. Every kind has the
+        unit of every column. Of a run in space, Foxglove and Rerun draw the arm among its obstacles: the
+        files have the transforms of all links, of the tip, the obstacles and the target, with their solids,
+        and the arm as URDF.
 
         Parameters
         ----------
@@ -229,12 +232,9 @@ class Result(Outcome):
         library = extra("pandas", "io")
         columns: dict[str, Array] = {}
         units: dict[str, str] = {}
-        layout = self.layout
-        for name, values in recorded(self).items():
-            flat = _record.flat(values).T
-            for column, line in zip(layout.columns(name, values.shape[1:]), flat, strict=True):
-                columns[column.name] = line
-                units[column.name] = column.unit
+        for column, line in self.layout.lines(self):
+            columns[column.name] = line
+            units[column.name] = column.unit
         table: pandas.DataFrame = library.DataFrame(columns, index=library.Index(self.t, name="t"))
         table.attrs = {"units": {"t": "s", **units}, **self._attributes()}
         return table
@@ -283,7 +283,13 @@ class Result(Outcome):
     def plot(
         self, directory: str | os.PathLike[str] | None = None, format: str = "png"
     ) -> dict[str, Figure] | list[Path]:
-        """Draw the run: tracking, joint angles, repulsion, clearance, and the arm passing the obstacle.
+        """Draw the run as figures for print: the arm among the obstacles, and what it does over time.
+
+        ``overview``, ``strobe`` (in space a view in three dimensions and three projections, to one scale),
+        ``tracking``, ``tracking_error``, ``joint_angles`` and ``joint_torques`` always; ``limits``, how much
+        of the limits of angle, speed and torque is used, if the arm has any; ``null_space``, the motion that
+        the task leaves free, if there is one; ``repulsive_torques``, ``forces`` and ``clearance`` with
+        obstacles; ``sensed`` with range sensors.
 
         Parameters
         ----------

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from vffnull import _record
 from vffnull._extras import extra
@@ -38,7 +35,7 @@ def table(result: Outcome) -> pyarrow.Table:
     """The record as a table; the schema's metadata carries the header under ``vffnull``."""
     arrow = extra("pyarrow", "io")
     fields, values = [arrow.field("t", arrow.from_numpy_dtype(result.t.dtype), metadata=TIME)], [result.t]
-    for column, line in lines(result):
+    for column, line in result.layout.lines(result):
         fields.append(arrow.field(column.name, arrow.from_numpy_dtype(line.dtype), metadata=about(column)))
         values.append(line)
     schema = arrow.schema(fields, metadata={"vffnull": header.pack(result)})
@@ -52,14 +49,6 @@ def parts(content: pyarrow.Table, source: Path) -> tuple[header.Header, header.A
         raise header.foreign(source)
     columns = {name: content[name].to_numpy() for name in content.column_names}
     return found, header.split(found, columns, source)
-
-
-def lines(result: Outcome) -> Iterator[tuple[_record.Column, NDArray[Any]]]:
-    """Every column of the record beside time, with its values."""
-    layout = result.layout
-    for name, values in _record.recorded(result).items():
-        flat = _record.flat(values).T
-        yield from zip(layout.columns(name, values.shape[1:]), flat, strict=True)
 
 
 def about(column: _record.Column) -> dict[str, str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vffnull.errors import InputError
-from vffnull.logs import arrow, header
+from vffnull.logs import header
 
 if TYPE_CHECKING:
     from vffnull._outcome import Outcome
@@ -22,7 +22,7 @@ _MARK = "# vffnull "
 
 def write(result: Outcome, path: Path) -> None:
     """Write a result as text."""
-    found = list(arrow.lines(result))
+    found = list(result.layout.lines(result))
     rows = np.column_stack([result.t, *(line for _, line in found)])
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(f"{_MARK}{header.pack(result)}\n")

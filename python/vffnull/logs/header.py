@@ -46,13 +46,16 @@ class Header:
 
 
 def pack(result: Outcome) -> str:
-    """The header of a result, with the type and the shape at one instant of every array."""
+    """The header of a result, with the type and the shape at one instant of every array.
+
+    It also has the unit of every column, for kinds of files that have no place of their own for it.
+    """
     values = {name: getattr(result, name) for name in _beside(type(result))}
     values |= {"scenario": result.scenario.to_dict(), "metrics": dict(result.metrics)}
     arrays = {name: [array.dtype.str, array.shape[1:]] for name, array in recorded(result).items()}
-    return json.dumps(
-        {"format": _FORMAT, **values, "instants": len(result.t), "arrays": arrays}, ensure_ascii=False
-    )
+    units = {"t": "s"} | {column.name: column.unit for column, _ in result.layout.lines(result)}
+    about = {"instants": len(result.t), "arrays": arrays, "units": units}
+    return json.dumps({"format": _FORMAT, **values, **about}, ensure_ascii=False)
 
 
 def unpack(text: str | bytes, source: Path) -> Header:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from vffnull._figures import FIGURE_ENDINGS
 from vffnull._files import replacing
 from vffnull.errors import InputError
-from vffnull.plotting import joints, links, overview, sensed, strobe, style, tracking
+from vffnull.plotting import joints, limits, links, null_space, overview, sensed, strobe, style, tracking
 from vffnull.plotting.primitives import drawable
 
 if TYPE_CHECKING:
@@ -23,6 +23,9 @@ FIGURES: dict[str, Callable[[Result], Figure]] = {
     "tracking": tracking.tracking,
     "tracking_error": tracking.tracking_error,
     "joint_angles": joints.joint_angles,
+    "joint_torques": joints.joint_torques,
+    "limits": limits.limits,
+    "null_space": null_space.null_space,
     "repulsive_torques": joints.repulsive_torques,
     "forces": links.forces,
     "clearance": links.clearance,
@@ -58,6 +61,10 @@ def _figures(result: Result) -> Iterator[tuple[str, Figure]]:
         if name in _ABOUT_OBSTACLES and not result.obstacles.shape[1]:
             continue
         if name == "sensed" and result.sensed is None:
+            continue
+        if name == "limits" and not limits.uses(result):
+            continue
+        if name == "null_space" and result.error.shape[1] >= result.q.shape[1]:
             continue
         with style.look():
             figure = make(result)

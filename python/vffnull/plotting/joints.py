@@ -16,8 +16,24 @@ if TYPE_CHECKING:
 def joint_angles(result: Result) -> Figure:
     """Joint angles (Fig. 8)."""
     fig, (ax,) = style.panels(1, 2.5)
+    angles(ax, result)
+    style.joint_key(fig, [ax], result.q.shape[1], "joint")
+    return fig
+
+
+def angles(ax: Axes, result: Result) -> None:
+    """Lines of the joint angles, of joints that slide of their positions."""
     style.joint_lines(ax, result.t, result.q)
-    ax.set_ylabel("joint angle [rad]")
+    unit = result.layout.units("q", result.q.shape[1:])
+    ax.set_ylabel(f"joint {'angle' if unit == 'rad' else 'position'} [{unit}]")
+
+
+def joint_torques(result: Result) -> Figure:
+    """The torque that the controller commands of every joint."""
+    fig, (ax,) = style.panels(1, 2.5)
+    ax.axhline(0.0, color=style.MUTED, linewidth=0.6)
+    style.joint_lines(ax, result.t, result.tau)
+    ax.set_ylabel(f"joint torque [{result.layout.units('tau', result.tau.shape[1:])}]")
     style.joint_key(fig, [ax], result.q.shape[1], "joint")
     return fig
 
@@ -34,4 +50,4 @@ def repulsion(ax: Axes, result: Result) -> None:
     """Lines of the repulsive torque, one for each joint."""
     ax.axhline(0.0, color=style.MUTED, linewidth=0.6)
     style.joint_lines(ax, result.t, result.tau_vff)
-    ax.set_ylabel("repulsive torque [N·m]")
+    ax.set_ylabel(f"repulsive torque [{result.layout.units('tau_vff', result.tau_vff.shape[1:])}]")

@@ -34,11 +34,12 @@ def overview(result: Result) -> Figure:
         axes = style.stacked(plots, 3)
         links.distances(axes[1], result)
         joints.repulsion(axes[2], result)
-        labels, what = ["clearance\n[m]", "repulsion\n[N·m]"], "joint and link"
+        torques = result.layout.units("tau_vff", result.tau_vff.shape[1:])
+        labels, what = ["clearance\n[m]", f"repulsion\n[{torques}]"], "joint and link"
     else:
         axes = style.stacked(plots, 2)
-        style.joint_lines(axes[1], result.t, result.q)
-        labels, what = ["joint angle\n[rad]"], "joint"
+        joints.angles(axes[1], result)
+        labels, what = [axes[1].get_ylabel().replace(" [", "\n[")], "joint"
     tracking.error_magnitude(axes[0], result)
     error = axes[0].get_ylabel().replace(" [", "\n[")
     for ax, label in zip(axes, (error, *labels), strict=True):

@@ -498,7 +498,7 @@ def _solids_of(arm: SpatialArm, q: Array, joints: Array) -> tuple[Part, ...]:
     for link, shape in arm.collision:
         index = arm.link_names.index(link) if link in arm.link_names else -1
         place = poses[:, index] if index >= 0 else np.broadcast_to(arm.mount, (len(q), 4, 4))
-        corners = _corners_of(shape)
+        corners = corners_of(shape)
         there = np.einsum("tij,kj->tki", place[:, :3, :3], corners) + place[:, None, :3, 3]
         found.append(Part(index, there, float(shape.get("radius", 0.0))))
     dressed = {part.index for part in found}
@@ -509,7 +509,7 @@ def _solids_of(arm: SpatialArm, q: Array, joints: Array) -> tuple[Part, ...]:
     return tuple(found)
 
 
-def _corners_of(shape: Mapping[str, Any]) -> Array:
+def corners_of(shape: Mapping[str, Any]) -> Array:
     """Corners (·, 3) of the core of a link's shape, in the link's frame."""
     match shape["kind"]:
         case "sphere":

@@ -158,7 +158,8 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.set_box_aspect(high - low, zoom=0.97)
     ax.patch.set_alpha(0.0)
-    for axis, name in ((ax.xaxis, "$x$ [m]"), (ax.yaxis, "$y$ [m]"), (ax.zaxis, "$z$ [m]")):
+    named = ((ax.xaxis, "$x$ [m]", -2.5), (ax.yaxis, "$y$ [m]", -2.5), (ax.zaxis, "$z$ [m]", -7.0))
+    for axis, name, away in named:
         axis.set_pane_color((0.965, 0.968, 0.975, 1.0))
         axis.pane.set_edgecolor("#D0D0D0")
         axis.line.set_color("#A0A0A0")
@@ -167,7 +168,7 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
         axis.set_major_locator(FixedLocator(_inside(*axis.get_view_interval()).tolist()))
         axis.set_tick_params(labelsize=6.5, pad=-3.0)
         axis.set_label_text(name)
-        axis.labelpad = -8.0
+        axis.labelpad = away
     return ax
 
 
@@ -221,16 +222,9 @@ def flat(ax: FlatAxes, scene: Scene, layers: list[Layer], name: str, dots: float
     (left, bottom), (right, top) = (VIEWS[name] @ corner for corner in padded(scene))
     ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
     ax.set_xlabel(f"${name[0]}$ [m]", labelpad=1.0)
-    ax.set_ylabel(f"${name[1]}$ [m]", labelpad=1.0)
+    ax.set_ylabel(f"${name[1]}$ [m]", labelpad=2.5)
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
-
-
-def telling(scene: Scene, count: int = 2) -> list[str]:
-    """Names of the flat views in which most of the motion is seen."""
-    steps = np.diff(np.concatenate([scene.joints, scene.obstacles], axis=1), axis=0)
-    seen = {name: float(np.linalg.norm(steps @ view.T, axis=-1).sum()) for name, view in VIEWS.items()}
-    return sorted(sorted(seen, key=lambda name: -seen[name])[:count], key=list(VIEWS).index)
 
 
 def _cut(corners: Array, radius: float, box: tuple[Array, Array]) -> Array | None:

@@ -8,6 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from vffnull.plotting import canvas, space, style
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COUNT = 7
+_TALLEST = 4.4  # in
 _LABELS = (0.5, 0.75)  # width and height [in] that ticks, labels and the time scale take
 
 
@@ -34,16 +36,32 @@ def strobe(result: Result) -> Figure:
 
 
 def _in_space(scene: Scene) -> Figure:
-    """The view in three dimensions, and beside it the two along axes that show most of the motion."""
-    fig = style.figure(4.4, style.PAGE)
+    """The view in three dimensions, and beside it the three along the axes, aligned and to one scale."""
+    low, high = space.padded(scene)
+    x, y, z = high - low
+    across, upwards = np.array([x, y]), np.array([z, y])  # the columns and the rows of the flat views [m]
+    room = np.array([0.52 * style.PAGE - 1.3, _TALLEST - 1.1])  # what their labels leave
+    scale = float((room / [across.sum(), upwards.sum()]).min())
+    block, tall = scale * across.sum() + 1.3, max(scale * upwards.sum() + 1.1, 0.85 * _TALLEST)
+    fig = style.figure(tall, style.PAGE)
     fig.set_layout_engine("none")
-    in_depth(fig, scene, (0.0, 0.0, 0.62, 1.0))
     when, colours = space.moments(scene)
     layers = space.passing_layers(scene, when, colours)
-    names = space.telling(scene)
-    for i, name in enumerate(names):
-        ax = fig.add_axes((0.69, 0.57 - 0.49 * i, 0.3, 0.4))
+    space.put(space.stage(fig, scene, (0.0, 0.0, 1.0 - block / style.PAGE, 1.0)), layers)
+    lefts = style.PAGE - block + np.array([0.6, 1.1 + scale * x])
+    floor = (tall - 1.0 - scale * upwards.sum()) / 2.0
+    bottoms = floor + np.array([0.9 + scale * y, 0.42])
+    flat = []
+    for name, column, row in (("xz", 0, 0), ("yz", 1, 0), ("xy", 0, 1)):
+        corner = lefts[column] / style.PAGE, bottoms[row] / tall
+        ax = fig.add_axes((*corner, scale * across[column] / style.PAGE, scale * upwards[row] / tall))
         space.flat(ax, scene, layers, name, 1.6 * 200 / scene.reach)
+        flat.append(ax)
+    fig.align_ylabels([flat[0], flat[2]])
+    times = zip(time_labels(scene.t[when]), colours, strict=True)
+    key = [Patch(facecolor=colour, label=label) for label, colour in times]
+    where = lefts[1] / style.PAGE, (bottoms[1] + scale * y) / tall
+    fig.legend(handles=[*key, *space.key(scene)], loc="upper left", bbox_to_anchor=where)
     return fig
 
 
@@ -128,9 +146,15 @@ def scale_into(strip: Axes, times: Array, colours: list[Any]) -> None:
     """The time scale on axes of its own."""
     strip.imshow([colours], aspect="auto")
     strip.set_axis_off()
-    digits = 1 if times[-1] >= 2.0 else 2
-    for i, t in enumerate(times):
-        label = f"{t:.{digits}f}" + (" s" if i == len(times) - 1 else "")
-        label = f"$t$ = {label}" if i == 0 else label
+    for i, label in enumerate(time_labels(times)):
         strip.annotate(label, (i, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2),
                        textcoords="offset points", ha="center", va="bottom", fontsize=7.5)  # fmt: skip
+
+
+def time_labels(times: Array) -> list[str]:
+    """Times [s] with as many digits as tell them apart; the first says what they are, the last the unit."""
+    digits = 1 if times[-1] >= 2.0 else 2
+    found = [f"{t:.{digits}f}" for t in times]
+    found[0] = f"$t$ = {found[0]}"
+    found[-1] += " s"
+    return found

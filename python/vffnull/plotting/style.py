@@ -190,3 +190,18 @@ def level(ax: Axes, value: float, text: str, *, colour: str = MUTED) -> None:
         fontsize=7,
         va="center",
     )
+
+
+def note(ax: Axes, text: str) -> None:
+    """A few words above the right end of a panel, outside the data."""
+    ax.annotate(
+        text,
+        (1.0, 1.0),
+        xycoords="axes fraction",
+        xytext=(0, 2),
+        textcoords="offset points",
+        color=MUTED,
+        fontsize=6.5,
+        ha="right",
+        va="bottom",
+    )

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from vffnull._arm import quaternion, rotation
 from vffnull.plotting import style
 
 if TYPE_CHECKING:
@@ -27,11 +28,12 @@ _TURNED = "#CC79A7"
 def tracking(result: Result) -> Figure:
     """Every axis of the task: reference and actual (Figs. 5, 6, 10, 11 of the paper).
 
-    In space an orientation stands below as the rotation that is left between the two.
+    In space an orientation stands below: of a pose the rotation since the start, as a vector in world axes,
+    of pointing the direction of the tool's axis.
     """
     names = _places(result)
-    angles = _turns(result) if result.layout.dimension == 3 else []
-    count = len(names) + bool(angles)
+    turns = result.layout.dimension == 3 and bool(_turns(result))
+    count = len(names) + turns
     fig, axes = style.panels(count, 1.0 + 1.1 * count)
     for i, (ax, name) in enumerate(zip(axes, names, strict=False)):
         ax.plot(result.t, result.x[:, i], color=_ACTUAL, linewidth=1.6, label="actual")
@@ -41,12 +43,50 @@ def tracking(result: Result) -> Figure:
         ax.set_ylabel(f"${_SYMBOLS[name]}$ [{result.layout.unit('x', name)}]")
         ax.margins(y=0.08)
         _open_if_flat(ax, result.x[:, i])
-    if angles:
-        _components(axes[-1], result, angles, "rad", "rotation error")
-        axes[-1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
+    if turns:
+        _orientation(axes[-1], result)
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     fig.align_ylabels(axes)
     return fig
+
+
+def _orientation(ax: Axes, result: Result) -> None:
+    """Orientation and reference, three numbers each."""
+    assert result.orientation is not None and result.orientation_ref is not None
+    actual, wanted = rotation(result.orientation), rotation(result.orientation_ref)
+    if len(_turns(result)) == 2:
+        values, references = actual[..., 2], wanted[..., 2]
+        symbols, label = ("a_x", "a_y", "a_z"), "tool axis [–]"
+    else:
+        values, references = (rotation_vectors(each @ wanted[0].T) for each in (actual, wanted))
+        symbols, label = (r"\theta_x", r"\theta_y", r"\theta_z"), "rotation [rad]"
+    for i, symbol in enumerate(symbols):
+        ax.plot(result.t, values[:, i], color=_AXIS_COLOURS[i], linewidth=1.6, label=f"${symbol}$")
+        ax.plot(result.t, references[:, i], color=style.INK, linestyle="--", linewidth=0.9)
+    ax.set_ylabel(label)
+    ax.margins(y=0.08)
+    _open_if_flat(ax, values)
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
+
+
+def rotation_vectors(turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The vectors (T, 3) [rad] of rotations (T, 3, 3) that follow one another, also beyond a half turn.
+
+    A rotation has one vector of at most a half turn; others differ from it by whole turns about the same
+    axis. The one nearest to its predecessor is taken, so that the vector does not jump where the tool does
+    not.
+    """
+    parts = quaternion(turns)
+    lengths = np.linalg.norm(parts[:, 1:], axis=1)
+    angles = 2.0 * np.arctan2(lengths, parts[:, 0])
+    small = lengths < 1e-12  # its axis does not matter, but there has to be one
+    axes = np.where(small[:, None], [0.0, 0.0, 1.0], parts[:, 1:] / np.where(small, 1.0, lengths)[:, None])
+    found = angles[:, None] * axes
+    for i in range(1, len(found)):
+        whole = np.rint((found[i - 1] @ axes[i] - angles[i]) / (2.0 * np.pi))
+        if whole:
+            found[i] += 2.0 * np.pi * whole * axes[i]
+    return np.asarray(found)
 
 
 def tracking_error(result: Result) -> Figure:
@@ -105,33 +145,23 @@ def _components(ax: Axes, result: Result, which: list[int], unit: str, what: str
 def error_magnitude(ax: Axes, result: Result) -> None:
     """The distance between end effector and reference on a logarithmic scale, in space also the angle."""
     size = distance(result)
-    ax.semilogy(result.t, np.maximum(size, style.ROUNDING), color=style.INK)
+    ax.semilogy(result.t, np.maximum(size, style.ROUNDING), color=style.INK, label="position")
     ax.set_ylabel("$|e|$ [m]")
     sizes = [size]
     if result.layout.dimension == 3 and _turns(result):
         turned = angle(result)
-        ax.semilogy(result.t, np.maximum(turned, style.ROUNDING), color=_TURNED, linestyle="--")
-        ax.set_ylabel("$|e|$ [m, rad]")
-        ax.text(
-            0.99,
-            0.14,
-            "orientation",
-            transform=ax.transAxes,
-            ha="right",
-            va="bottom",
-            fontsize=7,
-            color=_TURNED,
+        ax.semilogy(
+            result.t, np.maximum(turned, style.ROUNDING), color=_TURNED, linestyle="--", label="orientation"
         )
+        ax.set_ylabel("$|e|$ [m, rad]")
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         sizes.append(turned)
     low, high = decades(np.concatenate(sizes))
     ax.set_ylim(low, high)
     ax.yaxis.set_major_locator(LogLocator(numticks=6))
     ax.yaxis.set_minor_formatter(NullFormatter())
     if low <= style.ROUNDING:
-        ax.text(
-            0.99, 0.03, "below: rounding", transform=ax.transAxes, ha="right", va="bottom", fontsize=6.5,
-            color=style.MUTED,
-        )  # fmt: skip
+        style.note(ax, "bottom: rounding")
 
 
 def distance(result: Result) -> NDArray[np.float64]:
