@@ -57,6 +57,8 @@ def _plain(value: object, path: str) -> Any:
         return _text(value, path)
     if isinstance(value, bool | int | float):
         return value
+    if type(value) is tuple or type(value) is list:  # most are, and to ask for methods takes its time
+        return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
     if isinstance(value, _FromNumPy):
         return _plain(value.tolist(), path)
     if isinstance(value, HasDocument):

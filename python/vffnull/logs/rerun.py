@@ -57,7 +57,9 @@ def write(result: Result, path: Path) -> None:
                 strips, thick = [in_space(np.vstack([outline, outline[:1]]))], None
             else:
                 strips, thick = _strips(corners), radius or None
-            log.log(f"scene/obstacle_{i}", rr.LineStrips3D(strips, radii=thick), static=True)
+            points = scene.clouds[i]
+            drawn = rr.LineStrips3D(strips, radii=thick) if points is None else rr.Points3D(points, radii=thick)
+            log.log(f"scene/obstacle_{i}", drawn, static=True)
             places, rotation = in_space(scene.obstacles[:, i]), scene.rotations[i]
             if rotation is None:
                 columns = rr.Transform3D.columns(translation=places)

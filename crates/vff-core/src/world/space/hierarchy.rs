@@ -21,7 +21,7 @@ pub struct Region {
 
 impl Region {
     /// None for a link that is nowhere, or beyond the horizon.
-    fn of_link(link: &Probe) -> Option<Self> {
+    pub(super) fn of_link(link: &Probe) -> Option<Self> {
         let (start, end, direction) = (link.start, link.end(), to_glam(link.direction));
         let size = 1.0 + start.abs().sum() + link.length;
         // False for NaN.
@@ -38,7 +38,7 @@ impl Region {
 
     /// Whether every obstacle in the box of `node` is further away than `distance` \[m\].
     #[inline]
-    fn is_beyond(&self, node: &BvhNode, distance: f64) -> bool {
+    pub(super) fn is_beyond(&self, node: &BvhNode, distance: f64) -> bool {
         // Where the axis and the box overlap, the bodies may do so by any depth.
         let distance = (distance + self.radius).max(0.0);
         let (low, high) = (node.mins(), node.maxs());
@@ -48,11 +48,24 @@ impl Region {
         }
         // An oblique axis leaves much of its own box empty. (Measured from corner to corner: the
         // middle of a box with one far side would have lost its last digits.)
-        let (low, high) = (low - self.start, high - self.start);
-        self.across.iter().any(|across| {
+        self.beside(node).any(|apart| apart > distance)
+    }
+
+    /// What the box of `node` is away from the axis at least \[m\], the radius and the margin taken off.
+    #[inline]
+    pub(super) fn gap(&self, node: &BvhNode) -> f64 {
+        let gap = (node.mins() - self.high).max(self.low - node.maxs()).max(Vec3::ZERO);
+        self.beside(node).fold(gap.length(), f64::max) - self.radius
+    }
+
+    /// How far the box of `node` is from the line through the axis in each of three directions \[m\].
+    #[inline(always)]
+    fn beside(&self, node: &BvhNode) -> impl Iterator<Item = f64> {
+        let (low, high) = (node.mins() - self.start, node.maxs() - self.start);
+        self.across.iter().map(move |across| {
             let (a, b) = (*across * low, *across * high);
             let (lowest, highest) = (a.min(b).element_sum(), a.max(b).element_sum());
-            lowest > distance || -highest > distance
+            lowest.max(-highest)
         })
     }
 }
@@ -63,6 +76,7 @@ fn to_glam(v: Vector<3>) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cloud::tests::any_points;
     use super::super::oracle::*;
     use super::super::{Obstacle, Shape, Volume, World};
     use crate::math::{Body, Capsule};
@@ -72,7 +86,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn obstacle() -> impl Strategy<Value = Obstacle> {
-        (any_obstacle(), point(5.0), motion(), direction(), rate()).prop_map(
+        let cloud = (any_points(), 0.0..0.3, any_orientation()).prop_map(
+            |(points, radius, orientation)| Obstacle {
+                orientation,
+                ..fixed(Shape::Points { points, radius }, [0.0; 3])
+            },
+        );
+        let any = prop_oneof![9 => any_obstacle(), 1 => cloud];
+        (any, point(5.0), motion(), direction(), rate()).prop_map(
             |(obstacle, position, motion, axis, rate)| {
                 let angular_velocity = (axis * rate).into();
                 Obstacle { position, motion, angular_velocity, ..obstacle }
