@@ -6,8 +6,8 @@ This module moves values in and out of such documents. The core validates the va
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Protocol, cast, runtime_checkable
 
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 
@@ -57,8 +57,8 @@ def _plain(value: object, path: str) -> Any:
         return _text(value, path)
     if isinstance(value, bool | int | float):
         return value
-    if type(value) is tuple or type(value) is list:  # most are, and to ask for methods takes its time
-        return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
+    if type(value) in (list, tuple):  # as most are, of which nothing need be asked
+        return _items(cast("Sequence[object]", value), path)
     if isinstance(value, _FromNumPy):
         return _plain(value.tolist(), path)
     if isinstance(value, HasDocument):
@@ -70,9 +70,13 @@ def _plain(value: object, path: str) -> Any:
             if inner is not None
         }
     if isinstance(value, Iterable):
-        return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(value)]
+        return _items(value, path)
     where = f"{path}: " if path else ""
     raise InputTypeError(f"{where}a {type(value).__name__} cannot be written into a scenario")
+
+
+def _items(values: Iterable[object], path: str) -> list[Any]:
+    return [_plain(inner, f"{path}.{i}" if path else str(i)) for i, inner in enumerate(values)]
 
 
 def _text(value: str, path: str) -> str:
@@ -92,7 +96,9 @@ def _short(text: str) -> str:
 
 def frozen(value: object) -> Any:
     """Arrays, lists and dictionaries as nested tuples of Python values: comparable, hashable, readable."""
-    if isinstance(value, _FromNumPy):
+    if type(value) in (float, int, str, bool):  # most are, and to ask for methods takes its time
+        return value
+    if not isinstance(value, list | tuple) and isinstance(value, _FromNumPy):
         return frozen(value.tolist())
     if isinstance(value, list | tuple):
         return tuple(frozen(inner) for inner in value)

@@ -129,8 +129,8 @@ class Obstacle:
     Attributes
     ----------
     kind : str
-        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"points"``, ``"convex"``, ``"capsule"`` or
-        ``"box"``.
+        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"points"``, ``"convex"``, ``"capsule"``
+        or ``"box"``.
     dimensions : tuple of (str, value)
         The shape in the obstacle's own frame, in a form that can be compared and hashed.
     position : tuple of float
@@ -372,9 +372,9 @@ class Obstacle:
     ) -> Obstacle:
         """A cloud of points in space, such as a depth camera sees: a ball around each.
 
-        Every ball that comes near a link pushes it as a `sphere` there would, so that a dense cloud pushes hard:
-        thin it out to one point per cell of a grid. `Controller.update_points` and `Simulation.update_points`
-        replace the points while a loop runs.
+        Every ball that comes near a link pushes it as a `sphere` there would, so that a dense cloud pushes
+        hard: thin it out to one point per cell of a grid. `Controller.update_points` and
+        `Simulation.update_points` replace the points while a loop runs.
 
         Parameters
         ----------

@@ -344,9 +344,9 @@ impl Controller {
 
     /// Put other points in place of those of a cloud, one of the obstacles of the last call.
     ///
-    /// They stay as long as calls are given the very same obstacles. The cloud keeps its place, its motion and
-    /// its radius. Its boxes are built beside the controller, with the GIL released, and swapped in at once, so
-    /// that a loop in another thread goes on meanwhile.
+    /// They stay as long as calls are given the very same obstacles. The cloud keeps its place, its motion
+    /// and its radius. Its boxes are built beside the controller, with the GIL released, and swapped in at
+    /// once, so that a loop in another thread goes on meanwhile.
     ///
     /// Parameters
     /// ----------

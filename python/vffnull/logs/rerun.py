@@ -58,7 +58,9 @@ def write(result: Result, path: Path) -> None:
             else:
                 strips, thick = _strips(corners), radius or None
             points = scene.clouds[i]
-            drawn = rr.LineStrips3D(strips, radii=thick) if points is None else rr.Points3D(points, radii=thick)
+            drawn = (
+                rr.LineStrips3D(strips, radii=thick) if points is None else rr.Points3D(points, radii=thick)
+            )
             log.log(f"scene/obstacle_{i}", drawn, static=True)
             places, rotation = in_space(scene.obstacles[:, i]), scene.rotations[i]
             if rotation is None:

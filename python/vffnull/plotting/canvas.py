@@ -65,7 +65,8 @@ def paint(
                     )
                 )
             case Cloud(points=points):
-                ax.scatter(*geometry.seen(points).T, s=1.0, color=shade, linewidths=0.0, zorder=zorder)
+                x, y = geometry.seen(points).T
+                ax.scatter(x, y, s=1.0, color=shade, linewidths=0.0, zorder=zorder)
             case Curve(points=points):
                 ax.plot(*geometry.seen(points).T, color=shade, linewidth=look.width, linestyle=look.dash,
                         zorder=zorder, label=label)  # fmt: skip

@@ -34,8 +34,8 @@ def core_in_space(
     A core is a block or the hull of its corners. A block has d edges that are orthogonal to one another: none
     in a ball, one in a capsule, three in a box; of a half-space two, which span as much of its surface as
     lies within `reach` of the foot of `middle`, relative to the obstacle's position. It has 2ᵈ corners, of
-    which number i has the edges of the bits of i. A cloud of points is drawn by its points (`points_in_space`);
-    its core is the block around them.
+    which number i has the edges of the bits of i. A cloud of points is drawn by its points
+    (`points_in_space`); its core is the block around them.
     """
     turned = np.eye(3) if orientation is None else rotation(orientation)
     match shape["kind"]:

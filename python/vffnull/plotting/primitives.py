@@ -310,7 +310,9 @@ class Scene:
         if points is None:
             return None
         rotation = self.rotations[index] if self.rotations else None
-        return np.asarray((points if rotation is None else points @ rotation[row].T) + self.obstacles[row, index])
+        return np.asarray(
+            (points if rotation is None else points @ rotation[row].T) + self.obstacles[row, index]
+        )
 
     def stirs(self, index: int) -> bool:
         """Whether an obstacle moves or turns."""
@@ -386,8 +388,9 @@ class Scene:
         return points, directions * self.strength[..., None]
 
     def _nearest_in_cloud(self, index: int, ends: Array, pushed: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """The points of segments (T, ·, 3) and of a cloud that are nearest to each other, where a link is pushed;
-        elsewhere there is no arrow, and they are infinitely far apart.
+        """Where segments (T, ·, 3) and a cloud are nearest to each other, if a link is pushed.
+
+        Elsewhere there is no arrow, and they are infinitely far apart.
         """
         on_link = ends[:, 0].copy()
         on_obstacle = np.full_like(on_link, np.inf)

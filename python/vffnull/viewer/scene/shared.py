@@ -293,9 +293,7 @@ class Scene(ABC):
         """Whether it is a cloud of points, which nobody can take hold of."""
         return bool(self._documents[obstacle]["shape"]["kind"] == "points")
 
-    def _add_cloud(
-        self, name: str, obstacle: Mapping[str, Any], radius: float
-    ) -> viser.PointCloudHandle:
+    def _add_cloud(self, name: str, obstacle: Mapping[str, Any], radius: float) -> viser.PointCloudHandle:
         points = points_in_space(obstacle["shape"], obstacle.get("orientation"))
         return self._server.scene.add_point_cloud(
             name,
@@ -381,14 +379,12 @@ class Scene(ABC):
         for handle, tail, vector in zip(self._forces, state["points"], state["forces"], strict=True):
             self._stretch(handle, tail, vector)
         self._shade(state["clearance"])
-        for index, (handle, halo, place) in enumerate(
-            zip(self._obstacles, self._halos, places, strict=False)
-        ):
-            handle.position = self._spot(place, "obstacle")
+        for index, (drawn, halo, place) in enumerate(zip(self._obstacles, self._halos, places, strict=False)):
+            drawn.position = self._spot(place, "obstacle")
             halo.position = self._spot(place, "halo")
             turn = self._turn(index, state["t"])
             if turn is not None:
-                handle.wxyz = halo.wxyz = quaternion(turn)
+                drawn.wxyz = halo.wxyz = quaternion(turn)
         self._target.position = self._spot(reference, "target")
         self._tip.position = self._spot(tip, "tip")
         self._draw_trail(tip)

@@ -13,6 +13,9 @@ pub struct Region {
     low: Vec3,
     high: Vec3,
     start: Vec3,
+    /// Along the axis, a unit vector, and its length \[m\].
+    direction: Vec3,
+    length: f64,
     /// Unit vectors across the axis and each coordinate axis; 0 if these are parallel.
     across: [Vec3; 3],
     /// Its radius and the margin \[m\].
@@ -31,6 +34,8 @@ impl Region {
             low: to_glam(start.inf(&end)),
             high: to_glam(start.sup(&end)),
             start: to_glam(start),
+            direction,
+            length: link.length,
             across: [Vec3::X, Vec3::Y, Vec3::Z].map(|k| direction.cross(k).normalize_or_zero()),
             radius: link.radius + MARGIN * size,
         })
@@ -38,7 +43,7 @@ impl Region {
 
     /// Whether every obstacle in the box of `node` is further away than `distance` \[m\].
     #[inline]
-    pub(super) fn is_beyond(&self, node: &BvhNode, distance: f64) -> bool {
+    fn is_beyond(&self, node: &BvhNode, distance: f64) -> bool {
         // Where the axis and the box overlap, the bodies may do so by any depth.
         let distance = (distance + self.radius).max(0.0);
         let (low, high) = (node.mins(), node.maxs());
@@ -48,25 +53,27 @@ impl Region {
         }
         // An oblique axis leaves much of its own box empty. (Measured from corner to corner: the
         // middle of a box with one far side would have lost its last digits.)
-        self.beside(node).any(|apart| apart > distance)
-    }
-
-    /// What the box of `node` is away from the axis at least \[m\], the radius and the margin taken off.
-    #[inline]
-    pub(super) fn gap(&self, node: &BvhNode) -> f64 {
-        let gap = (node.mins() - self.high).max(self.low - node.maxs()).max(Vec3::ZERO);
-        self.beside(node).fold(gap.length(), f64::max) - self.radius
-    }
-
-    /// How far the box of `node` is from the line through the axis in each of three directions \[m\].
-    #[inline(always)]
-    fn beside(&self, node: &BvhNode) -> impl Iterator<Item = f64> {
-        let (low, high) = (node.mins() - self.start, node.maxs() - self.start);
-        self.across.iter().map(move |across| {
+        let (low, high) = (low - self.start, high - self.start);
+        self.across.iter().any(|across| {
             let (a, b) = (*across * low, *across * high);
             let (lowest, highest) = (a.min(b).element_sum(), a.max(b).element_sum());
-            lowest.max(-highest)
+            lowest > distance || -highest > distance
         })
+    }
+
+    /// What the box of `node` is away from the axis at least \[m\], the margin taken off: the distance from a point of the axis
+    /// beside it, less what is gained at most along the axis, of which the distance is a convex function. Tight where the
+    /// box is small, whatever the direction of the axis.
+    #[inline]
+    pub(super) fn gap(&self, node: &BvhNode) -> f64 {
+        let (low, high) = (node.mins(), node.maxs());
+        let before = self.direction.dot(0.5 * (low + high) - self.start).clamp(0.0, self.length);
+        let beside = self.start + before * self.direction;
+        let away = beside - beside.clamp(low, high);
+        let distance = away.length();
+        let slope = if distance > 0.0 { self.direction.dot(away) / distance } else { 0.0 };
+        let gained = (slope * before).max(slope * (before - self.length));
+        distance - gained - self.radius
     }
 }
 
