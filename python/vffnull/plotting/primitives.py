@@ -127,6 +127,9 @@ class Axes:
     length: float
 
 
+_FAR = 1e9
+"""Where there is nothing [m]."""
+
 Primitive = Body | Cloud | Curve | Arrow | Marks | Axes
 
 
@@ -390,10 +393,10 @@ class Scene:
     def _nearest_in_cloud(self, index: int, ends: Array, pushed: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Where segments (T, ·, 3) and a cloud are nearest to each other, if a link is pushed.
 
-        Elsewhere there is no arrow, and they are infinitely far apart.
+        Elsewhere there is no arrow, and they are very far apart.
         """
         on_link = ends[:, 0].copy()
-        on_obstacle = np.full_like(on_link, np.inf)
+        on_obstacle = on_link + _FAR
         for row in np.flatnonzero(pushed):
             points = self.cloud(index, int(row))
             if points is not None and len(points):
