@@ -481,6 +481,36 @@ class Controller:
     ) -> Terms:
         """The same torque with its parts; parameters as in `torque`."""
 
+    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+        """Put other points in place of those of a cloud, one of the obstacles of the last call.
+
+        They stay as long as calls are given the very same obstacles. The cloud keeps its place, its motion
+        and its radius. Its boxes are built beside the controller, with the GIL released, and swapped in at
+        once, so that a loop in another thread goes on meanwhile.
+
+        Parameters
+        ----------
+        cloud : (k, 3) array_like
+            The points [m], relative to the obstacle's position: at most 50 000, maybe none.
+        obstacle : int, optional
+            Which of the obstacles it is; the first by default.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
+            points are those of before then.
+
+        Examples
+        --------
+        >>> from vffnull import Arm, Controller, Obstacle
+        >>> controller, cloud = Controller(Arm.named("panda")), Obstacle.points([[0.4, 0.0, 0.3]], 0.02)
+        >>> rest, there = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.5, 0.0, 0.5]
+        >>> far = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
+        >>> controller.update_points([[0.45, 0.0, 0.45], [0.45, 0.1, 0.45]])
+        >>> near = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
+        """
+
     def stable_period(
         self, q: ArrayLike, obstacles: Sequence[_Document] = (), t: float = 0.0
     ) -> tuple[float, float, float]:
@@ -764,6 +794,30 @@ class Simulation:
         -------
         State
             The state after the period.
+        """
+
+    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> State:
+        """Put other points in place of those of a cloud, from now on.
+
+        It keeps its place, its motion and its radius; `reset` gives it back the points of the scenario.
+
+        Parameters
+        ----------
+        cloud : (k, 3) array_like
+            The points [m], relative to the obstacle's position: at most 50 000, maybe none.
+        obstacle : int, optional
+            Which of the scenario's obstacles it is; the first by default.
+
+        Returns
+        -------
+        State
+            The state among them.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
+            points are those of before then.
         """
 
     def reset(self) -> State:

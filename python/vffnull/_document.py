@@ -132,7 +132,9 @@ class Table(Mapping[str, Any]):
 
 def frozen(value: object) -> Any:
     """Arrays and lists as nested tuples, dictionaries as tables: comparable, hashable, readable."""
-    if isinstance(value, _FromNumPy):
+    if type(value) in (float, int, str, bool):  # most are, and to ask for methods takes its time
+        return value
+    if not isinstance(value, list | tuple) and isinstance(value, _FromNumPy):
         return frozen(value.tolist())
     if isinstance(value, list | tuple):
         return tuple(frozen(inner) for inner in value)

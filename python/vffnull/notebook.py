@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from vffnull import _core
 from vffnull._record import Layout
 from vffnull.plotting import geometry
-from vffnull.plotting.primitives import COLOURS, Body, Marks, Primitive, Scene, drawable
+from vffnull.plotting.primitives import COLOURS, Body, Cloud, Marks, Primitive, Scene, drawable
 
 if TYPE_CHECKING:
     from vffnull._core import Arm
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 _WIDTH, _HIGHEST = 320.0, 300.0  # pixels
 _INK = "currentColor"
 _INSTANTS = 5
+_SPECKS = 300
+"""Points of a cloud that are drawn, at most."""
 _FILL = {"clear": ".18", "solid": ".55"}
 _MAIN = (
     "min_clearance",
@@ -152,9 +154,16 @@ def _picture(scene: Scene, rows: ArrayLike = (0,), frame: tuple[Array, Array] | 
 def _stacked(primitives: Iterable[Primitive], opacity: float) -> list[str]:
     """Bodies in space, those in front over those behind."""
     ahead = np.cross(*geometry.view_of(3))
-    bodies = [each for each in primitives if isinstance(each, Body)]
+    there = list(primitives)
+    bodies = [each for each in there if isinstance(each, Body)]
     bodies.sort(key=lambda each: float(each.corners.mean(axis=0) @ ahead))
-    return [_polygon(each.outline(), COLOURS[each.role], opacity, "solid") for each in bodies]
+    specks = [
+        _dot(place, COLOURS[each.role], 2.0, opacity)
+        for each in there
+        if isinstance(each, Cloud)
+        for place in geometry.seen(each.points[:: 1 + len(each.points) // _SPECKS])
+    ]
+    return specks + [_polygon(each.outline(), COLOURS[each.role], opacity, "solid") for each in bodies]
 
 
 def _paint(primitives: Iterable[Primitive], opacity: float) -> list[str]:

@@ -123,13 +123,14 @@ def _motion(kind: str, **parameters: object) -> Motion:
 class Obstacle:
     """A solid body.
 
-    Made by `circle` or `polygon` in the plane, `sphere` or `half_space` in space, and in both by `capsule`,
-    `box` or `convex`.
+    Made by `circle` or `polygon` in the plane, `sphere`, `half_space` or `points` in space, and in both by
+    `capsule`, `box` or `convex`.
 
     Attributes
     ----------
     kind : str
-        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"convex"``, ``"capsule"`` or ``"box"``.
+        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"points"``, ``"convex"``, ``"capsule"``
+        or ``"box"``.
     dimensions : tuple of (str, value)
         The shape in the obstacle's own frame, in a form that can be compared and hashed.
     position : tuple of float
@@ -359,6 +360,47 @@ class Obstacle:
         middle = corners.mean(axis=0)
         return _obstacle("convex", middle, motion=motion, spin=angular_velocity, vertices=corners - middle)
 
+    @staticmethod
+    def points(
+        cloud: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A cloud of points in space, such as a depth camera sees: a ball around each.
+
+        Every ball that comes near a link pushes it as a `sphere` there would, so that a dense cloud pushes
+        hard: thin it out to one point per cell of a grid. `Controller.update_points` and
+        `Simulation.update_points` replace the points while a loop runs.
+
+        Parameters
+        ----------
+        cloud : (k, 3) array_like
+            The points [m], relative to `position`: at most 50 000, maybe none.
+        radius : float
+            Radius of the balls [m], 0 or more.
+        motion : Motion, optional
+            How it moves.
+        position : (3,) array_like, optional
+            Where the origin of the points is at rest [m].
+        orientation : (4,) array_like, optional
+            Rotation of the points about it, a unit quaternion ``[w, x, y, z]``.
+        angular_velocity : (3,) array_like, optional
+            How fast they turn about it [rad/s].
+        """
+        return _obstacle(
+            "points",
+            position,
+            motion=motion,
+            spin=angular_velocity,
+            orientation=orientation,
+            points=cloud,
+            radius=radius,
+        )
+
     @property
     def shape(self) -> Mapping[str, Any]:
         """The shape as a part of a scenario document."""
@@ -378,7 +420,7 @@ class Obstacle:
         return document
 
     def __repr__(self) -> str:
-        parts = [f"{name}={value!r}" for name, value in self.dimensions]
+        parts = [f"{name}={_short(value)}" for name, value in self.dimensions]
         parts.append(f"position={self.position!r}")
         if self.angle:
             parts.append(f"angle={self.angle!r}")
@@ -410,6 +452,11 @@ def checked(obstacles: object, dimension: int) -> list[Document]:
         except ScenarioError as error:
             raise ScenarioError(f"obstacles[{i}].{error}", f"obstacles[{i}].{error.path}") from None
     return documents
+
+
+def _short(value: object) -> str:
+    """How a dimension is written: of many points how many they are."""
+    return f"<{len(value)} points>" if isinstance(value, tuple) and len(value) > 64 else repr(value)
 
 
 def _points(given: object) -> NDArray[np.float64] | None:

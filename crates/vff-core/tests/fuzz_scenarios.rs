@@ -33,7 +33,29 @@ const SEEDS: &[&str] = &[
     include_str!("scenarios/paper-2-printed.toml"),
     include_str!("scenarios/sweep-through.toml"),
     EVERYTHING,
+    IN_SPACE,
 ];
+
+const IN_SPACE: &str = r#"
+duration = 0.05
+q0 = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+arm = { model = "panda" }
+reference = { kind = "setpoint" }
+[controller]
+stiffness = 400.0
+damping = 40.0
+avoidance = "cbf"
+field = { kind = "bounded", gain = 20.0, influence = 0.25 }
+[[obstacles]]
+shape = { kind = "points", points = [[0.0, 0.0, 0.0], [0.05, 0.0, 0.02], [0.0, 0.04, 0.1]], radius = 0.02 }
+position = [0.3, 0.3, 0.6]
+angular_velocity = [0.0, 1.0, 2.0]
+motion = { kind = "linear", velocity = [0.0, -0.3, 0.0] }
+[[obstacles]]
+shape = { kind = "sphere", radius = 0.08 }
+position = [0.0, -0.6, 0.6]
+motion = { kind = "sinusoid", amplitude = [0.0, 0.2, 0.1], angular_frequency = 2.0 }
+"#;
 
 const EVERYTHING: &str = r#"
 duration = 0.05

@@ -287,6 +287,9 @@ fn no_beat_of_a_live_loop_allocates() {
 fn no_step_in_space_allocates() {
     const LINE: &str = "'line', relative = true, end = [0.0, 0.1, 0.1], duration = 0.3";
     const CIRCLE: &str = "'circle', relative = true, center = [0.0, 0.05, 0.0], radius = 0.05, angular_velocity = 2.0";
+    // More of them near than are found at once.
+    let points: Vec<_> =
+        (0..400).map(|k| [0.01 * f64::from(k % 20), 0.0, 0.01 * f64::from(k / 20)]).collect();
     for (task, reference) in [("position", LINE), ("pointing", CIRCLE), ("pose", LINE)] {
         for (avoidance, preview) in [("null_space", ""), ("cbf", ""), ("cbf", ", preview = {}")] {
             let text = format!(
@@ -304,6 +307,8 @@ fn no_step_in_space_allocates() {
                     {{ shape = {{ kind = 'box', size = [0.2, 0.2, 0.2] }}, position = [0.6, 0.3, 0.3] }},
                     {{ shape = {{ kind = 'convex', vertices = [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]] }},
                        position = [0.5, -0.3, 0.4], angular_velocity = [0.0, 1.0, 2.0] }},
+                    {{ shape = {{ kind = 'points', points = {points:?}, radius = 0.01 }}, position = [0.55, 0.25, 0.7],
+                       angular_velocity = [0.0, 0.0, 1.0] }},
                     {{ shape = {{ kind = 'half_space', normal = [0.0, 0.0, 1.0] }}, position = [0.0, 0.0, 0.0] }} ]
                 controller = {{ task = '{task}', avoidance = '{avoidance}',
                     field = {{ kind = 'bounded', gain = 20.0, influence = 0.25 }},

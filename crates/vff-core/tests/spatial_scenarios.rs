@@ -1,5 +1,8 @@
 //! Arms in space, from the document to the end of the run.
 
+use std::fmt::Write as _;
+use vff_core::runtime::points::make;
+use vff_core::runtime::{AnyArm, AnyController, AnyObstacles, PointsError, Target};
 use vff_core::scenario::{Scenario, ScenarioError};
 use vff_core::simulation::{Outcome, Status};
 
@@ -157,4 +160,194 @@ fn pointing_needs_space() {
         controller = { task = 'pointing' }";
     let error = Scenario::from_toml(text).unwrap_err().to_string();
     assert!(error.starts_with("controller.task: needs an arm in space"), "{error}");
+}
+
+/// Points on a sheet that sweeps along beside the arm, and a few far away.
+fn sheet() -> Vec<[f64; 3]> {
+    let near = (0..24)
+        .map(|k| [0.02 * f64::from(k % 6), 0.013 * f64::from(k / 6), 0.05 * f64::from(k % 3)]);
+    near.chain((0..40).map(|k| [3.0 + 0.1 * f64::from(k), 1.0, 0.2])).collect()
+}
+
+/// A run among a cloud is that among spheres at its points, to the last bit: the arm, the torque, the clearance and every
+/// metric, however it gives way.
+#[test]
+fn a_cloud_is_its_spheres() {
+    const MOVED: &str = "motion = { kind = 'linear', velocity = [0.0, 0.3, 0.0] }";
+    const STILL: &str = "motion = { kind = 'static' }"; // where it will be is not rounded
+    let controllers = [
+        "field = { kind = 'bounded', gain = 20.0, influence = 0.2, approach_damping = 0.3, sliding = 5.0 }",
+        "field = { kind = 'bounded', gain = 20.0, influence = 0.2 }, avoidance = 'relaxed'",
+        "field = { kind = 'bounded', gain = 20.0, influence = 0.2 }, avoidance = 'priority'",
+        "field = { kind = 'bounded', gain = 5.0, influence = 0.2 }, avoidance = 'cbf'",
+        "field = { kind = 'bounded', gain = 5.0, influence = 0.2 }, avoidance = 'cbf',
+         yielding = { preview = { trigger = 0.6 } }",
+    ];
+    let shift = [-0.1, -0.26, 0.55];
+    let points: Vec<_> = sheet().into_iter().map(|p| [0, 1, 2].map(|i| p[i] + shift[i])).collect();
+    for (avoidance, controller) in controllers.into_iter().enumerate() {
+        for control in ["hold", "predictor", "continuous"] {
+            let looks_ahead = avoidance == 4;
+            if control == "continuous" && looks_ahead {
+                continue;
+            }
+            let motion = if looks_ahead { STILL } else { MOVED };
+            let text = format!(
+                "duration = 0.3\n\
+                 q0 = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]\n\
+                 arm = {{ model = 'panda' }}\n\
+                 reference = {{ kind = 'setpoint' }}\n\
+                 controller = {{ stiffness = 400.0, damping = 40.0, {} }}\n\
+                 simulation = {{ control = '{control}', dt = 2e-3 }}\n",
+                controller.replace('\n', " ")
+            );
+            let cloud = format!(
+                "{text}[[obstacles]]\n{motion}\n\
+                 shape = {{ kind = 'points', points = {points:?}, radius = 0.015 }}\n"
+            );
+            let mut spheres = text;
+            for point in &points {
+                let _ = write!(
+                    spheres,
+                    "[[obstacles]]\n{motion}\nposition = {point:?}\n\
+                     shape = {{ kind = 'sphere', radius = 0.015 }}\n"
+                );
+            }
+            let [one, many] = [run(&cloud), run(&spheres)];
+            assert!(largest(&one.record.force) > 0.01, "nothing pushed: {controller}");
+            assert_eq!(one.status, many.status);
+            assert_eq!(one.record.q, many.record.q, "{controller}, {control}");
+            assert_eq!(one.record.tau, many.record.tau);
+            assert_eq!(one.record.force, many.record.force);
+            assert_eq!(one.record.clearance, many.record.clearance);
+            assert_eq!(format!("{:?}", one.metrics), format!("{:?}", many.metrics));
+        }
+    }
+}
+
+fn panda(settings: &str) -> (AnyArm, AnyController) {
+    let arm = AnyArm::read(&"model = 'panda'".parse().unwrap()).unwrap();
+    let controller = AnyController::new(&arm, &settings.parse().unwrap()).unwrap();
+    (arm, controller)
+}
+
+fn around(arm: &AnyArm, points: &[[f64; 3]]) -> AnyObstacles {
+    let mut obstacles = arm.no_obstacles();
+    let ball = "shape = { kind = 'sphere', radius = 0.05 }\nposition = [0.6, 0.0, 0.2]";
+    let cloud = format!(
+        "shape = {{ kind = 'points', points = {points:?}, radius = 0.02 }}\n\
+         position = [0.1, -0.3, 0.6]\norientation = [0.8, 0.6, 0.0, 0.0]\nangular_velocity = [0.3, 0.0, 1.0]"
+    );
+    for text in [ball, &cloud] {
+        obstacles.read(&text.parse().unwrap()).unwrap();
+    }
+    obstacles
+}
+
+/// A controller whose points are replaced while it runs gives the torque of a new one with those points, to the last bit;
+/// what is refused changes nothing.
+#[test]
+fn replaced_points_are_those_of_a_new_controller() {
+    let q = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+    let dq = [0.1, 0.0, -0.2, 0.1, 0.0, 0.3, 0.0];
+    let target = Target { x: &[0.4, 0.0, 0.5], dx: &[0.0; 3], ddx: &[0.0; 3] };
+    for settings in [
+        "field = { kind = 'bounded', gain = 20.0, influence = 0.3 }",
+        "field = { kind = 'bounded', gain = 20.0, influence = 0.3 }\navoidance = 'cbf'",
+    ] {
+        let (arm, mut controller) = panda(settings);
+        controller.surround(around(&arm, &sheet())).unwrap();
+        let first = controller.torque(&q, &dq, &target, 0.0).unwrap().to_vec();
+        for k in 0..5 {
+            let t = 0.1 * f64::from(k);
+            let new: Vec<_> =
+                sheet().into_iter().skip(7 * k as usize).map(|[x, y, z]| [y, x, z - t]).collect();
+            let orientation = controller.orientation_of_points(1).unwrap();
+            let mut points = make(new.clone(), orientation).unwrap();
+            controller.swap_points(1, &mut points).unwrap();
+            let found = controller.torque(&q, &dq, &target, t).unwrap().to_vec();
+            let (arm, mut fresh) = panda(settings);
+            fresh.surround(around(&arm, &new)).unwrap();
+            let expected = fresh.torque(&q, &dq, &target, t).unwrap();
+            assert_eq!(found, expected);
+            assert_ne!(found, first);
+            // Refused: other obstacles, too many, made for another orientation.
+            let fault = |error: PointsError| error.to_string();
+            assert!(
+                fault(controller.orientation_of_points(0).unwrap_err()).contains("not a cloud")
+            );
+            assert!(
+                fault(controller.orientation_of_points(2).unwrap_err()).contains("there are 2")
+            );
+            assert!(
+                fault(make(vec![[0.0; 3]; 50_001], orientation).unwrap_err()).contains("50001")
+            );
+            let mut others = make(vec![], [1.0, 0.0, 0.0, 0.0]).unwrap();
+            assert_eq!(controller.swap_points(1, &mut others), Err(PointsError::NotACloud(1)));
+            assert_eq!(controller.torque(&q, &dq, &target, t).unwrap(), found);
+        }
+    }
+    let arm = AnyArm::read(&"lengths = [1, 1, 1]\nmasses = 1".parse().unwrap()).unwrap();
+    let mut planar = AnyController::new(&arm, &Default::default()).unwrap();
+    assert_eq!(planar.orientation_of_points(0), Err(PointsError::InThePlane));
+}
+
+/// In a run the points of the scenario are replaced likewise, in every mode of control.
+#[test]
+fn replaced_points_of_a_run_are_those_of_another() {
+    for control in ["hold", "predictor", "continuous"] {
+        let text = |points: &[[f64; 3]]| {
+            PANDA.replace("'continuous'", &format!("'{control}'")).replace(
+                "kind = 'sphere', radius = 0.08",
+                &format!("kind = 'points', points = {points:?}, radius = 0.02"),
+            )
+        };
+        let new: Vec<_> = sheet().into_iter().map(|[x, y, z]| [x, z, y]).collect();
+        let [mut run, mut other] = [&sheet(), &new].map(|points| {
+            let scenario = Scenario::from_toml(&text(points)).unwrap();
+            (scenario.prepare_recorded(false).unwrap().run, scenario.controller)
+        });
+        let orientation = run.0.orientation_of_points(0).unwrap();
+        let points = make(new, orientation).unwrap();
+        run.0.update_points(0, &points, &run.1).unwrap();
+        for _ in 0..50 {
+            assert!(run.0.advance(None) && other.0.advance(None));
+        }
+        let [run, other] = [run.0.snapshot(), other.0.snapshot()];
+        assert_eq!((run.q, run.clearance), (other.q, other.clearance), "{control}");
+        assert_eq!(run.torque.total, other.torque.total);
+    }
+}
+
+/// What is wrong with a cloud is said with its path.
+#[test]
+fn unusable_clouds_are_refused() {
+    let many = format!("kind = 'points', points = {:?}, radius = 0.01", vec![[0.0; 3]; 50_001]);
+    for (shape, path, sentence) in [
+        (
+            "kind = 'points', points = [[0, 0, 0], [0, 0]], radius = 0.1",
+            "shape.points[1]",
+            "expected 3 values, got 2",
+        ),
+        (
+            "kind = 'points', points = [[0, 0, nan]], radius = 0.1",
+            "shape.points[0][2]",
+            "a finite number",
+        ),
+        ("kind = 'points', points = [[0, 0, 0]], radius = -0.1", "shape.radius", "0 or more"),
+        ("kind = 'points', points = [[0, 0, 0]]", "shape", "missing key `radius`"),
+        (&many, "shape.points", "at most 50000 of them, got 50001"),
+    ] {
+        let error = refused("kind = 'sphere', radius = 0.08", shape);
+        assert_eq!(error.path, format!("obstacles[0].{path}"));
+        assert!(error.to_string().contains(sentence), "{error}");
+    }
+    let empty = PANDA
+        .replace("kind = 'sphere', radius = 0.08", "kind = 'points', points = [], radius = 0.0");
+    assert_eq!(run(&empty).status, Status::Completed);
+    let plane = "duration = 1\nq0 = [0.1, 0.2]\narm = { lengths = [1, 1], masses = 1 }\n\
+                 reference = { kind = 'setpoint', point = [1, 1] }\n[[obstacles]]\nposition = [0, 0]\n\
+                 shape = { kind = 'points', points = [], radius = 0.1 }";
+    let error = Scenario::from_toml(plane).unwrap_err().to_string();
+    assert!(error.contains("unknown value `points`, a shape of obstacles in space"), "{error}");
 }

@@ -2,17 +2,18 @@
 
 use crate::arm::Arm;
 use crate::convert::{
-    array1, document, instead, load_numpy, matrix, named_document, number, read_vector, vector,
-    wrong_type,
+    array1, count, document, instead, load_numpy, matrix, named_document, number, points,
+    read_vector, vector, wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::turns::Turns;
-use crate::watch::attended;
+use crate::watch::{attended, interruptible};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySequence};
 use std::mem::{replace, take};
 use vff_core::math::memory;
+use vff_core::runtime::points::make;
 use vff_core::runtime::{AnyController, AnyObstacles, Target, controller};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
@@ -339,6 +340,60 @@ impl Controller {
         let q = vector("q", q, self.n)?;
         let found = self.among(py, obstacles, |controller| controller.stable_period(&q, t))?;
         Ok((found.period, found.stiffness, found.clearance))
+    }
+
+    /// Put other points in place of those of a cloud, one of the obstacles of the last call.
+    ///
+    /// They stay as long as calls are given the very same obstacles. The cloud keeps its place, its motion
+    /// and its radius. Its boxes are built beside the controller, with the GIL released, and swapped in at
+    /// once, so that a loop in another thread goes on meanwhile.
+    ///
+    /// Parameters
+    /// ----------
+    /// cloud : (k, 3) array_like
+    ///     The points [m], relative to the obstacle's position: at most 50 000, maybe none.
+    /// obstacle : int, optional
+    ///     Which of the obstacles it is; the first by default.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
+    ///     points are those of before then.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from vffnull import Arm, Controller, Obstacle
+    /// >>> controller, cloud = Controller(Arm.named("panda")), Obstacle.points([[0.4, 0.0, 0.3]], 0.02)
+    /// >>> rest, there = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.5, 0.0, 0.5]
+    /// >>> far = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
+    /// >>> controller.update_points([[0.45, 0.0, 0.45], [0.45, 0.1, 0.45]])
+    /// >>> near = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
+    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    fn update_points(
+        &self,
+        py: Python<'_>,
+        cloud: &Bound<'_, PyAny>,
+        obstacle: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let given = points("cloud", cloud)?;
+        let j = obstacle.map_or(Ok(0), |j| count("obstacle", j))?;
+        let j = usize::try_from(j).unwrap_or(usize::MAX);
+        let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
+        let mut inner = self.inner.take(py)?;
+        if inner.obstacles.get(j).is_some_and(|given| given.bind(py).is_instance_of::<PyDict>()) {
+            return Err(InputError::new_err(
+                "obstacle: it was given as a dict, which every call reads anew; give an Obstacle",
+            ));
+        }
+        let orientation = inner.controller.orientation_of_points(j).map_err(|e| fault(&e))?;
+        drop(inner);
+        let mut made = interruptible(py, || make(given, orientation))?.map_err(|e| fault(&e))?;
+        let mut inner = self.inner.take(py)?;
+        let swapped = inner.controller.swap_points(j, &mut made);
+        drop(inner);
+        py.detach(|| drop(made));
+        swapped.map_err(|e| fault(&e))
     }
 
     fn __repr__(&self) -> String {

@@ -378,6 +378,21 @@ pub fn values(name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> PyResult<Vec<f6
     Ok(values)
 }
 
+/// Points in space, (k, 3).
+pub fn points(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
+    let array = float_array(name, value)?;
+    match array.shape() {
+        [_, 3] | [0] => {}
+        shape => return Err(misshapen(name, shape, "(k, 3)")),
+    }
+    let numbers = array.readonly();
+    let (points, _) = numbers.as_slice()?.as_chunks::<3>();
+    match points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
+        Some(i) => finite(&format!("{name}[{i}]"), &points[i]).map(|()| vec![]),
+        None => Ok(points.to_vec()),
+    }
+}
+
 /// Refuses what is not a number or infinite.
 pub fn finite(name: &str, values: &[f64]) -> PyResult<()> {
     match values.iter().position(|value| !value.is_finite()) {

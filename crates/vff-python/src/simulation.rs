@@ -8,6 +8,7 @@ use crate::watch::{interruptible, is_heard, stepwise};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use vff_core::runtime::AnyRun;
+use vff_core::runtime::points::make;
 use vff_core::scenario::{Scenario, ScenarioError};
 use vff_core::simulation::{Snapshot, Status};
 use vff_core::world::Positions;
@@ -130,6 +131,54 @@ impl Simulation {
         let (done, heard) = stepwise(py, || present.advance(tau.as_deref()));
         inner.broken = done.is_none();
         heard?;
+        inner.present()
+    }
+
+    /// Put other points in place of those of a cloud, from now on.
+    ///
+    /// It keeps its place, its motion and its radius; `reset` gives it back the points of the scenario.
+    ///
+    /// Parameters
+    /// ----------
+    /// cloud : (k, 3) array_like
+    ///     The points [m], relative to the obstacle's position: at most 50 000, maybe none.
+    /// obstacle : int, optional
+    ///     Which of the scenario's obstacles it is; the first by default.
+    ///
+    /// Returns
+    /// -------
+    /// State
+    ///     The state among them.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
+    ///     points are those of before then.
+    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    fn update_points(
+        &self,
+        py: Python<'_>,
+        cloud: &Bound<'_, PyAny>,
+        obstacle: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<State> {
+        let given = convert::points("cloud", cloud)?;
+        let j = obstacle.map_or(Ok(0), |j| convert::count("obstacle", j))?;
+        let j = usize::try_from(j).unwrap_or(usize::MAX);
+        let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
+        let inner = self.inner.take(py)?;
+        inner.present()?;
+        let orientation = inner.run.orientation_of_points(j).map_err(|e| fault(&e))?;
+        drop(inner);
+        let made = interruptible(py, || make(given, orientation))?.map_err(|e| fault(&e))?;
+        let mut inner = self.inner.take(py)?;
+        inner.present()?;
+        let Inner { run, scenario, .. } = &mut *inner;
+        let (done, heard) = stepwise(py, || run.update_points(j, &made, &scenario.controller));
+        inner.broken = done.is_none();
+        heard?;
+        done.map_or(Ok(()), |done| done.map_err(|e| fault(&e)))?;
+        inner.refresh();
         inner.present()
     }
 

@@ -13,13 +13,14 @@ import numpy as np
 
 from vffnull import _core
 from vffnull.arms._frames import roll_pitch_yaw
-from vffnull.errors import ScenarioWarning
+from vffnull.errors import ScenarioError, ScenarioWarning
 from vffnull.world import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
 
 _IDENTITY = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
 _FAR = 1e9  # rad or m; where a joint ends that has an end on its other side alone
+_MOST_POINTS = 1000
 _TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
 
 # Links touch obstacles, without friction, and nothing else.
@@ -167,7 +168,8 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
         The explicit description.
     obstacles : iterable of Obstacle or Mapping, optional
         Each becomes a mocap body ``obstacle_1`` … with a geom of that name at its position, to be moved by
-        hand; its motion is not a part of the model. If they are given, be there none, the links touch
+        hand; its motion is not a part of the model. A cloud of points has a geom for each of them, ``_2`` …
+        after the first. If they are given, be there none, the links touch
         obstacles, without friction, and nothing else. Otherwise links touch one another as well.
 
     Returns
@@ -180,10 +182,11 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
     vffnull.errors.InputError
         If the description is of no arm.
     vffnull.errors.ScenarioError
-        If an obstacle is not one of space.
+        If an obstacle is not one of space, or a cloud of more than 1000 points, which MuJoCo is too slow for.
     """
     arm = _core.check_arm(arm)
     solids = None if obstacles is None else checked(obstacles, 3)
+    _check_clouds(solids or ())
     touch = None if solids is None else _TOUCHING
     root = ET.Element("mujoco", model=arm.get("name", "arm"))
     # Inertias and places are as they stand here: nothing is to be inferred from geoms.
@@ -261,6 +264,11 @@ def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Ma
     place = {key: obstacle.get(key, _IDENTITY[key]) for key in _IDENTITY}
     body = ET.SubElement(world, "body", {"name": name, "mocap": "true", **_place(place)})
     shape = obstacle["shape"]
+    if shape["kind"] == "points":
+        for i, point in enumerate(shape["points"], start=1):
+            ball = _mjcf_form({"kind": "sphere", "center": point, "radius": shape["radius"]})
+            ET.SubElement(body, "geom", {"name": name if i == 1 else f"{name}_{i}", **ball, **_TOUCHED})
+        return
     if shape["kind"] == "box":  # MuJoCo's own box lets the axis of a thin capsule through
         corners = np.array(list(product((-0.5, 0.5), repeat=3))) * shape["size"]
         ET.SubElement(asset, "mesh", name=name, vertex=_text(corners.ravel()))
@@ -271,6 +279,18 @@ def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Ma
     else:
         form = _mjcf_form(shape)
     ET.SubElement(body, "geom", {"name": name, **form, **_TOUCHED})
+
+
+def _check_clouds(obstacles: Iterable[Mapping[str, Any]]) -> None:
+    for i, obstacle in enumerate(obstacles):
+        count = len(obstacle["shape"].get("points", ()))
+        if count > _MOST_POINTS:
+            path = f"obstacles[{i}].shape.points"
+            raise ScenarioError(
+                f"{path}: {count} points are too many for MuJoCo, which takes each for a geom; leave all but"
+                f" {_MOST_POINTS} out",
+                path,
+            )
 
 
 def _place(frame: Mapping[str, Any]) -> dict[str, str]:

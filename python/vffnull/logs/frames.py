@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 _BASE = "#8C8F94"
 _AXES = ((0.84, 0.15, 0.16), (0.17, 0.63, 0.17), (0.12, 0.47, 0.71))
+_DOT = 0.002  # of the arm's reach, the least radius of a point that is drawn
 _THIN = 0.015  # of the arm's length, the radius of a link that has no shape of its own
 
 
@@ -173,8 +174,8 @@ def tree_of(result: Result) -> Tree:
     reach = 1.25 * Tree(root, result.t, tuple(found)).reach
     for i, obstacle in enumerate(result.scenario.to_dict().get("obstacles", [])):
         places = _moving(obstacle, result.obstacles[:, i], result.t)
-        solid = _of_obstacle(obstacle, arm.mount[:3, 3] - places[0, :3, 3], reach)
-        found.append(Frame(_free(f"obstacle_{i}", taken), root, "obstacle", places, places, (solid,)))
+        solids = _of_obstacle(obstacle, arm.mount[:3, 3] - places[0, :3, 3], reach)
+        found.append(Frame(_free(f"obstacle_{i}", taken), root, "obstacle", places, places, solids))
     target = np.tile(np.eye(4), (len(result.t), 1, 1))
     target[:, :3, 3] = result.x_ref
     if result.orientation_ref is not None:
@@ -222,10 +223,15 @@ def _moving(obstacle: Mapping[str, Any], positions: Array, t: Array) -> Array:
     return found
 
 
-def _of_obstacle(obstacle: Mapping[str, Any], base: Array, reach: float) -> Solid:
+def _of_obstacle(obstacle: Mapping[str, Any], base: Array, reach: float) -> tuple[Solid, ...]:
     """An obstacle's shape in its own frame; of a half-space what lies near the base of the arm, (3,) [m]."""
+    shape = obstacle["shape"]
+    points = geometry.points_in_space(shape)
+    if points is not None:
+        radius = max(shape["radius"], _DOT * reach)
+        return tuple(Capsule(point, point, radius) for point in points)
     first = rotation(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
-    return solid(*geometry.core_in_space(obstacle["shape"], None, first.T @ base, reach))
+    return (solid(*geometry.core_in_space(shape, None, first.T @ base, reach)),)
 
 
 def solid(corners: Array, radius: float) -> Solid:

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Polygon
 
 from vffnull.plotting import geometry, style
-from vffnull.plotting.primitives import COLOURS, Arrow, Body, Curve, Marks, Primitive, Role
+from vffnull.plotting.primitives import COLOURS, Arrow, Body, Cloud, Curve, Marks, Primitive, Role
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,9 @@ def paint(
                         zorder=zorder,
                     )
                 )
+            case Cloud(points=points):
+                x, y = geometry.seen(points).T
+                ax.scatter(x, y, s=1.0, color=shade, linewidths=0.0, zorder=zorder)
             case Curve(points=points):
                 ax.plot(*geometry.seen(points).T, color=shade, linewidth=look.width, linestyle=look.dash,
                         zorder=zorder, label=label)  # fmt: skip

@@ -34,7 +34,8 @@ def core_in_space(
     A core is a block or the hull of its corners. A block has d edges that are orthogonal to one another: none
     in a ball, one in a capsule, three in a box; of a half-space two, which span as much of its surface as
     lies within `reach` of the foot of `middle`, relative to the obstacle's position. It has 2ᵈ corners, of
-    which number i has the edges of the bits of i.
+    which number i has the edges of the bits of i. A cloud of points is drawn by its points
+    (`points_in_space`); its core is the block around them.
     """
     turned = np.eye(3) if orientation is None else rotation(orientation)
     match shape["kind"]:
@@ -53,9 +54,22 @@ def core_in_space(
         case "convex":
             vertices = np.asarray(shape["vertices"], dtype=float)
             return vertices[sorted({i for face in _core.hull(vertices) for i in face})] @ turned.T, 0.0
+        case "points" if not shape["points"]:
+            return np.zeros((1, 3)), 0.0
+        case "points":
+            points = np.asarray(shape["points"], dtype=float)
+            start, edges = points.min(axis=0), np.diag(np.ptp(points, axis=0))
         case _:
             start, edges = np.zeros(3), np.zeros((0, 3))
     return _block(start, edges) @ turned.T, float(shape.get("radius", 0.0))
+
+
+def points_in_space(shape: Mapping[str, Any], orientation: ArrayLike | None = None) -> Array | None:
+    """The points (k, 3) of a cloud in an obstacle's frame turned by a quaternion; None of another shape."""
+    if shape["kind"] != "points":
+        return None
+    turned = np.eye(3) if orientation is None else rotation(orientation)
+    return np.asarray(np.reshape(np.asarray(shape["points"], dtype=float), (-1, 3)) @ turned.T)
 
 
 def _block(start: Array, edges: Array) -> Array:
@@ -174,6 +188,15 @@ def nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     second = np.stack([np.broadcast_to(on_cd, shape) for _, on_cd in candidates])
     best = np.argmin(np.linalg.norm(first - second, axis=-1), axis=0)[None, ..., None]
     return np.take_along_axis(first, best, 0)[0], np.take_along_axis(second, best, 0)[0]
+
+
+def nearest_of_points(a: Array, b: Array, points: Array) -> tuple[Array, Array]:
+    """The points of a segment ab (3,) and of a cloud (k, 3), k > 0, that are nearest to each other."""
+    along = b - a
+    share = np.clip((points - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    on_segment = a + share[:, None] * along
+    best = int(np.argmin(((points - on_segment) ** 2).sum(axis=1)))
+    return on_segment[best], points[best]
 
 
 def is_block(corners: Array) -> bool:

@@ -82,6 +82,16 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
+class Cloud:
+    """Balls of a `radius` [m] around `points` (k, 3) [m]."""
+
+    role: Role
+    index: int
+    points: Array
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
 class Curve:
     """A line through `points` (·, D) [m]."""
 
@@ -117,7 +127,10 @@ class Axes:
     length: float
 
 
-Primitive = Body | Curve | Arrow | Marks | Axes
+_FAR = 1e9
+"""Where there is nothing [m]."""
+
+Primitive = Body | Cloud | Curve | Arrow | Marks | Axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +159,9 @@ class Scene:
         Of the links [m]; in space of the thickest part of each.
     cores : tuple
         Every obstacle as the corners (·, D) [m] of its core, relative to its position, and the radius [m]
-        around the core; of a half-space a piece of its surface.
+        around the core; of a half-space a piece of its surface, of a cloud the block around its points.
+    clouds : tuple of (k, 3) ndarray or None
+        The points of the obstacles that are clouds, relative to their positions [m]; None of others.
     obstacles : (T, k, D) ndarray
         Their positions [m].
     influence : float
@@ -174,6 +189,7 @@ class Scene:
     joints: Array
     radii: Array
     cores: tuple[tuple[Array, float], ...]
+    clouds: tuple[Array | None, ...]
     obstacles: Array
     influence: float
     tip: Array
@@ -196,6 +212,7 @@ class Scene:
             made,
             t=result.t,
             cores=cores_of(document, made),
+            clouds=clouds_of(document),
             obstacles=result.obstacles,
             influence=influence_of(document),
             tip=result.x[:, :size],
@@ -214,7 +231,11 @@ class Scene:
         places = [each.get("position", origin) for each in document.get("obstacles", [])]
         obstacles = np.asarray(places, dtype=float).reshape(1, len(places), made.dimension)
         return dataclasses.replace(
-            made, cores=cores_of(document, made), obstacles=obstacles, influence=influence_of(document)
+            made,
+            cores=cores_of(document, made),
+            clouds=clouds_of(document),
+            obstacles=obstacles,
+            influence=influence_of(document),
         )
 
     @classmethod
@@ -234,6 +255,7 @@ class Scene:
             joints=joints,
             radii=_thickest(solids, n) if solids is not None else np.asarray(arm.radius),
             cores=(),
+            clouds=(),
             obstacles=np.zeros((count, 0, size)),
             influence=0.0,
             tip=joints[:, -1],
@@ -284,6 +306,16 @@ class Scene:
     def solid(self, index: int) -> Array:
         """Corners of an obstacle's core (T, ·, D) [m]."""
         return self.corners(index) + self.obstacles[:, index, None]
+
+    def cloud(self, index: int, row: int) -> Array | None:
+        """The points of a cloud at an instant (k, 3) [m]; None of another obstacle."""
+        points = self.clouds[index]
+        if points is None:
+            return None
+        rotation = self.rotations[index] if self.rotations else None
+        return np.asarray(
+            (points if rotation is None else points @ rotation[row].T) + self.obstacles[row, index]
+        )
 
     def stirs(self, index: int) -> bool:
         """Whether an obstacle moves or turns."""
@@ -343,8 +375,11 @@ class Scene:
             i = part.index
             ends = part.corners if part.corners.shape[1] <= 2 else part.corners.mean(axis=1, keepdims=True)
             for index, (_, radius) in enumerate(self.cores):
-                core = self.solid(index)
-                on_link, on_obstacle = geometry.nearest_in_space(ends[:, 0], ends[:, -1], core)
+                if self.clouds[index] is None:
+                    core = self.solid(index)
+                    on_link, on_obstacle = geometry.nearest_in_space(ends[:, 0], ends[:, -1], core)
+                else:
+                    on_link, on_obstacle = self._nearest_in_cloud(index, ends, self.strength[:, i] > 0.0)
                 away = on_link - on_obstacle
                 distance = np.linalg.norm(away, axis=-1)
                 gap = distance - radius - part.radius
@@ -354,6 +389,20 @@ class Scene:
                 unit = away / np.maximum(distance, 1e-300)[:, None]
                 directions[:, i] = np.where(closer[:, None], unit, directions[:, i])
         return points, directions * self.strength[..., None]
+
+    def _nearest_in_cloud(self, index: int, ends: Array, pushed: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Where segments (T, ·, 3) and a cloud are nearest to each other, if a link is pushed.
+
+        Elsewhere there is no arrow, and they are very far apart.
+        """
+        on_link = ends[:, 0].copy()
+        on_obstacle = on_link + _FAR
+        for row in np.flatnonzero(pushed):
+            points = self.cloud(index, int(row))
+            if points is not None and len(points):
+                found = geometry.nearest_of_points(ends[row, 0], ends[row, -1], points)
+                on_link[row], on_obstacle[row] = found
+        return on_link, on_obstacle
 
     def at(self, row: int, only: Collection[Role] | None = None) -> list[Primitive]:
         """Everything that there is at one instant, or what has one of some roles, in the order of `ROLES`."""
@@ -367,10 +416,15 @@ class Scene:
         match role:
             case "influence" if self.influence > 0.0:
                 for index, (_, radius) in enumerate(self.cores):
-                    yield Body(role, index, self._solid_at(index, row), radius + self.influence)
+                    if self.clouds[index] is None:
+                        yield Body(role, index, self._solid_at(index, row), radius + self.influence)
             case "obstacle":
                 for index, (_, radius) in enumerate(self.cores):
-                    yield Body(role, index, self._solid_at(index, row), radius)
+                    points = self.cloud(index, row)
+                    if points is None:
+                        yield Body(role, index, self._solid_at(index, row), radius)
+                    else:
+                        yield Cloud(role, index, points, radius)
             case "base" if self.dimension == 3:
                 for part in self.parts:
                     if part.index < 0:
@@ -481,6 +535,14 @@ def cores_of(document: Mapping[str, Any], scene: Scene | None = None) -> tuple[t
         )
     return tuple(
         geometry.core(each["shape"], each.get("angle", 0.0)) for each in document.get("obstacles", [])
+    )
+
+
+def clouds_of(document: Mapping[str, Any]) -> tuple[Array | None, ...]:
+    """The points of the obstacles of a scenario's document that are clouds; None of others."""
+    return tuple(
+        geometry.points_in_space(each["shape"], each.get("orientation"))
+        for each in document.get("obstacles", [])
     )
 
 

@@ -40,10 +40,25 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
+class Balls:
+    """Balls of a `radius` around as many points (k, 3) as one likes [m], in a colour."""
+
+    points: Array
+    radius: float
+    colour: Array
+    """Red, green, blue from 0 to 1."""
+
+    @property
+    def corners(self) -> Array:
+        """The points: what a picture that shows everything has to show."""
+        return self.points
+
+
+@dataclass(frozen=True, eq=False)
 class Layer:
     """Solids that are drawn together; what is behind them shines through unless `opacity` is 1."""
 
-    solids: Sequence[Solid]
+    solids: Sequence[Solid | Balls]
     opacity: float = 1.0
     floor: float | None = None
     """The height of a floor [m] on which the solids cast a shadow and which hides what is below, if any."""
@@ -84,6 +99,8 @@ class Canvas:
                 casts = layer.floor is not None and from_above
                 copies = [solid.corners, *([_dropped(solid.corners, layer.floor)] if casts else [])]
                 for corners in copies:
+                    if not len(corners):
+                        continue
                     flat = corners @ view.T
                     lows.append(flat.min(axis=0) - 1.2 * solid.radius)
                     highs.append(flat.max(axis=0) + 1.2 * solid.radius)
@@ -159,11 +176,14 @@ def arrow(tail: Array, vector: Array, radius: float, colour: Array) -> list[Soli
     return [Solid(np.stack([tail, neck]), radius, colour), *cone]
 
 
-def trace(solids: Iterable[Solid], axes: Array, xs: Array, ys: Array) -> tuple[Shades, Array]:
+def trace(solids: Iterable[Solid | Balls], axes: Array, xs: Array, ys: Array) -> tuple[Shades, Array]:
     """Colours (h, w, 3) and depths to the viewer (h, w) [m] of what is met; −∞ where there is nothing."""
     colours = np.ones((len(ys), len(xs), 3), dtype=np.float32)
     depths: Array = np.full((len(ys), len(xs)), -np.inf)
     for solid in solids:
+        if isinstance(solid, Balls):
+            _dab(solid, axes, xs, ys, colours, depths)
+            continue
         corners = solid.corners @ axes.T
         rows, columns = _window(corners[:, :2], solid.radius, xs, ys)
         if columns.start == columns.stop or rows.start == rows.stop:
@@ -176,6 +196,26 @@ def trace(solids: Iterable[Solid], axes: Array, xs: Array, ys: Array) -> tuple[S
             normal = normal_at(x[across], y[up], depth[up, across])
             colours[rows, columns][up, across] = _shade(normal, solid.colour, len(corners) <= 2)
     return colours, depths
+
+
+def _dab(balls: Balls, axes: Array, xs: Array, ys: Array, colours: Shades, depths: Array) -> None:
+    """Put balls into a picture: at every offset from the middle all of them at once."""
+    step = float(xs[1] - xs[0]) if len(xs) > 1 else balls.radius
+    middle = balls.points @ axes.T
+    column, row = (np.rint((middle[:, i] - at[0]) / step).astype(int) for i, at in enumerate((xs, ys)))
+    front, painted = depths.reshape(-1), colours.reshape(-1, 3)
+    reach = int(balls.radius / step)
+    for across in range(-reach, reach + 1):
+        for up in range(-reach, reach + 1):
+            normal = np.array([across * step, up * step, 0.0]) / balls.radius
+            if (over := 1.0 - float(normal @ normal)) < 0.0:
+                continue
+            normal[2] = np.sqrt(over)
+            x, y = column + across, row + up
+            seen = (x >= 0) & (x < len(xs)) & (y >= 0) & (y < len(ys))
+            place, depth = y[seen] * len(xs) + x[seen], middle[seen, 2] + balls.radius * normal[2]
+            np.maximum.at(front, place, depth)
+            painted[place[front[place] == depth]] = _shade(normal[None], balls.colour, True)
 
 
 def _surfaces(corners: Array, radius: float, x: Array, y: Array) -> Iterator[tuple[Array, Normals]]:
@@ -266,7 +306,7 @@ def _shade(normal: Array, colour: Array, is_round: bool) -> Array:
     return np.asarray(np.clip(strength[:, None] * colour + 0.22 * facing[:, None] ** 24, 0.0, 1.0))
 
 
-def _shadow(solids: Iterable[Solid], floor: float, axes: Array, xs: Array, ys: Array) -> Sheet:
+def _shadow(solids: Iterable[Solid | Balls], floor: float, axes: Array, xs: Array, ys: Array) -> Sheet:
     """What the solids shade of a level floor below them, the light straight above: colour, depth, opacity."""
     right, up, ahead = axes
     x, y = xs[None, :], ys[:, None]
@@ -274,7 +314,7 @@ def _shadow(solids: Iterable[Solid], floor: float, axes: Array, xs: Array, ys: A
     place = [x * right[i] + y * up[i] + depth * ahead[i] for i in range(2)]
     dark = np.zeros(depth.shape)
     for solid in solids:
-        if solid.radius <= 0.0 or len(solid.corners) > 2:
+        if isinstance(solid, Balls) or solid.radius <= 0.0 or len(solid.corners) > 2:
             continue
         window = _window(_dropped(solid.corners, floor) @ axes[:2].T, 1.2 * solid.radius, xs, ys)
         a, b = solid.corners[0, :2], solid.corners[-1, :2]

@@ -20,8 +20,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vffnull.plotting import geometry, style
-from vffnull.plotting.primitives import COLOURS, Axes, Body, Curve, Role, Scene, travels
-from vffnull.plotting.render import Canvas, Layer, Solid, rods
+from vffnull.plotting.primitives import COLOURS, Axes, Body, Cloud, Curve, Role, Scene, travels
+from vffnull.plotting.render import Balls, Canvas, Layer, Solid, rods
 
 if TYPE_CHECKING:
     from vffnull.plotting.primitives import Rows
@@ -40,11 +40,12 @@ _ELEVATION, _AZIMUTH = 20.0, -52.0  # degrees
 _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
 _DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
+_SPECK = 0.002  # of the picture's box, the radius of a point
 
 
 def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) -> list[Layer]:
     """What there is of bodies at an instant, in the colours of their roles, or the arm in another one."""
-    solids: list[Solid] = []
+    solids: list[Solid | Balls] = []
     surfaces, box = [], padded(scene)
     thin = _ROD * scene.reach
     roles: tuple[Role, ...] = ("obstacle", "base", "link", "tool")
@@ -55,6 +56,8 @@ def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) 
             case Body(role="obstacle", corners=corners, radius=radius):
                 found = _cut(corners, radius, box)
                 solids += [] if found is None else [Solid(found, radius, _tint(COLOURS["obstacle"], 0.15))]
+            case Cloud(points=points, radius=radius):
+                solids.append(balls(points, radius, box, _tint(COLOURS["obstacle"], 0.15)))
             case Body(role="base", corners=corners, radius=radius):
                 solids.append(Solid(corners, radius, np.array([0.55, 0.56, 0.58])))
             case Body(index=index, corners=corners, radius=radius):
@@ -77,8 +80,12 @@ def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Lay
         if order == last:
             found += layers_at(scene, int(row), colour=colour)
             continue
-        solids: list[Solid] = []
+        solids: list[Solid | Balls] = []
         for each in scene.at(int(row), ["obstacle", "link"]):
+            if isinstance(each, Cloud):
+                if scene.stirs(each.index):
+                    solids.append(balls(each.points, each.radius, box, _tint(COLOURS["obstacle"], 0.3)))
+                continue
             assert isinstance(each, Body)
             if each.role == "link":
                 solids.append(Solid(each.corners, each.radius, _tint(colour, 0.25)))
@@ -87,6 +94,13 @@ def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Lay
                 solids += [] if part is None else [Solid(part, each.radius, _tint(COLOURS["obstacle"], 0.3))]
         found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
     return [*found, *path_layers(scene, len(scene.t) - 1, thin)]
+
+
+def balls(points: Array, radius: float, box: tuple[Array, Array], colour: Array) -> Balls:
+    """What of a cloud is within a box; a point without a radius is drawn with a small one."""
+    low, high = box
+    inside = points[np.all((points > low - radius) & (points < high + radius), axis=1)]
+    return Balls(inside, radius or _SPECK * float((high - low).max()), colour)
 
 
 def path_layers(scene: Scene, row: int, thin: float) -> list[Layer]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,6 +20,8 @@ _STILL = "#8A8D92"
 """The colour of the base."""
 _OBSTACLE = "#F4B183"
 """Lighter than in figures, where no link has such a colour."""
+_SPECKS = 200
+"""Points of a cloud that are drawn, at most: a page holds each at every instant."""
 
 
 def pack(run: Run, colours: list[str]) -> dict[str, Any]:
@@ -36,8 +39,8 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
         "target": _place(scene.reference),
         "obstacles": _place(scene.obstacles),
         "outlines": [
-            _packed(np.zeros((0, 2))) if _is_part(scene, *core) else _outline(scene, i)
-            for i, core in enumerate(scene.cores)
+            _packed(np.zeros((0, 2))) if _is_part(scene, i) else _outline(scene, i)
+            for i in range(len(scene.cores))
         ],
         "halos": [
             _outline(scene, i, scene.influence) for i in range(len(scene.cores)) if scene.influence > 0.0
@@ -72,14 +75,20 @@ def _parts(scene: Scene, colours: list[str]) -> Iterator[dict[str, Any]]:
     for part in scene.parts:
         colour = colours[part.index] if part.index >= 0 else _STILL
         yield _rod(part.corners, part.radius, colour)
-    for index, (corners, radius) in enumerate(scene.cores):
-        if _is_part(scene, corners, radius):
+    for index, (_, radius) in enumerate(scene.cores):
+        points = scene.clouds[index]
+        if points is not None:
+            some = dataclasses.replace(scene, clouds=(points[:: 1 + len(points) // _SPECKS],) * (index + 1))
+            places = np.array([some.cloud(index, row) for row in range(len(scene.t))])
+            for k in range(places.shape[1]):
+                yield _rod(places[:, k : k + 1], radius, _OBSTACLE)
+        elif _is_part(scene, index):
             yield _rod(scene.solid(index), radius, _OBSTACLE)
 
 
-def _is_part(scene: Scene, corners: NDArray[Any], _radius: float) -> bool:
+def _is_part(scene: Scene, index: int) -> bool:
     """Whether an obstacle is drawn among the parts of the arm."""
-    return scene.dimension == 3 and len(corners) <= 2
+    return scene.dimension == 3 and (scene.clouds[index] is not None or len(scene.cores[index][0]) <= 2)
 
 
 def _rod(corners: NDArray[Any], radius: float, colour: str) -> dict[str, Any]:

@@ -113,10 +113,10 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
     }
 
-    /// Makes room for so many obstacles, so that observing them does not allocate.
-    pub(crate) fn reserve(&mut self, obstacles: usize) {
+    /// Makes room for so many contacts of each body, so that observing them does not allocate.
+    pub(crate) fn reserve(&mut self, contacts: usize) {
         if let Some(avoider) = &mut self.avoider {
-            avoider.reserve(self.robot.body_count() * obstacles);
+            avoider.reserve(self.robot.body_count() * contacts);
         }
     }
 

@@ -1,5 +1,6 @@
 //! The one place where a type is chosen at run time.
 
+use super::points::{self, PointsError};
 use crate::control::{Gains, Settings, TaskKind};
 use crate::math::Vector;
 use crate::robot::{Limits, Model};
@@ -7,6 +8,7 @@ use crate::scenario::{
     self, AnyScene, Described, Part, Prepared, Problem, Scenario, ScenarioError, Scene,
 };
 use crate::simulation::{Outcome, Plane, Run, Snapshot, Space, System};
+use crate::world::space::{self, Points};
 use std::time::Duration;
 use toml::Table;
 
@@ -146,6 +148,45 @@ impl AnyRun {
     /// With the dotted path of the first fault of the document.
     pub fn add(&mut self, document: &Table) -> Result<(), ScenarioError> {
         either!(self, run => add(run, document))
+    }
+
+    /// What is around an arm in space.
+    fn space(&self) -> Result<&space::World, PointsError> {
+        match self {
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
+            Self::SpatialPosition(run) => Ok(run.closed_loop().world()),
+            Self::SpatialPointing(run) => Ok(run.closed_loop().world()),
+            Self::SpatialPose(run) => Ok(run.closed_loop().world()),
+        }
+    }
+
+    /// The orientation in which the points of obstacle `j` stand.
+    ///
+    /// # Errors
+    /// If it is no cloud.
+    pub fn orientation_of_points(&self, j: usize) -> Result<[f64; 4], PointsError> {
+        points::orientation_of(self.space()?, j)
+    }
+
+    /// Puts other points in place of those of obstacle `j`, where the controller has these settings.
+    ///
+    /// # Errors
+    /// If it is no cloud, or not the one that they were made for; then nothing has changed.
+    pub fn update_points(
+        &mut self,
+        j: usize,
+        points: &Points,
+        settings: &Settings,
+    ) -> Result<(), PointsError> {
+        points::check(self.space()?, j, points, settings, self.sizes()[0])?;
+        let change = |world: &mut space::World| _ = world.swap_points(j, &mut points.clone());
+        match self {
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => {}
+            Self::SpatialPosition(run) => run.closed_loop_mut().change_world(change),
+            Self::SpatialPointing(run) => run.closed_loop_mut().change_world(change),
+            Self::SpatialPose(run) => run.closed_loop_mut().change_world(change),
+        }
+        Ok(())
     }
 
     /// Takes obstacle `j` away.

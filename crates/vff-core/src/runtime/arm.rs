@@ -11,7 +11,7 @@ use crate::robot::{
 };
 use crate::scenario::{self, AnyScene, Scenario, ScenarioError};
 use crate::simulation::Physics;
-use crate::world::{CollisionQuery, Contact, Solid, World, plane, space};
+use crate::world::{Contact, Solid, World, plane, space};
 use nalgebra::DMatrix;
 use std::sync::Arc;
 use toml::{Table, Value};
@@ -486,7 +486,7 @@ impl DistanceTable {
                     state.point_jacobian_tr_mul(contact.link, point, normal, row);
                 }
             };
-            world.for_each_contact(state.bodies(), f64::INFINITY, |_, _| (), visit);
+            world.for_each_pair(state.bodies(), visit);
         }
         Self { pairs, distance, gradient, rate, bias, normal, point, witness }
     }

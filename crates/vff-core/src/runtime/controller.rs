@@ -2,6 +2,7 @@
 
 use super::arm::AnyArm;
 use super::obstacles::AnyObstacles;
+use super::points::{self, PointsError};
 use crate::control::energy::{ENERGIES, PORTS};
 use crate::control::{
     Avoidance, Controller, Gains, ObjectiveScale, Settings, StablePeriod, Tank, TaskKind,
@@ -12,6 +13,7 @@ use crate::robot::{Manipulator, Model, PlanarState, Robot, SpatialState};
 use crate::scenario::{self, ScenarioError};
 use crate::simulation::{Plane, Space, System};
 use crate::trajectory::Sample;
+use crate::world::space::{self, Points};
 use crate::world::{CollisionQuery, Solid, World};
 use nalgebra::DMatrix;
 use std::sync::Arc;
@@ -254,6 +256,37 @@ impl AnyController {
             (Self::SpatialPose(inner), AnyObstacles::Space(given)) => inner.surround(given),
             _ => panic!("obstacles of another space"),
         }
+    }
+
+    /// What is around an arm in space.
+    fn space(&mut self) -> Result<&mut space::World, PointsError> {
+        match self {
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
+            Self::SpatialPosition(inner) => Ok(&mut inner.world),
+            Self::SpatialPointing(inner) => Ok(&mut inner.world),
+            Self::SpatialPose(inner) => Ok(&mut inner.world),
+        }
+    }
+
+    /// The orientation in which the points of obstacle `j` stand.
+    ///
+    /// # Errors
+    /// If it is no cloud.
+    pub fn orientation_of_points(&mut self, j: usize) -> Result<[f64; 4], PointsError> {
+        points::orientation_of(self.space()?, j)
+    }
+
+    /// Exchanges the points of obstacle `j` for others, which are then the old ones. The next torque allocates where there
+    /// are more of them than ever before.
+    ///
+    /// # Errors
+    /// If it is no cloud, or not the one that the others were made for; then nothing has changed.
+    pub fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
+        let (settings, n) = (self.settings().clone(), self.dof());
+        let world = self.space()?;
+        points::check(world, j, points, &settings, n)?;
+        world.swap_points(j, points);
+        Ok(())
     }
 
     /// Forgets the past and the obstacles.

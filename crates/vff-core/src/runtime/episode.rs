@@ -450,7 +450,7 @@ fn observe<S: System<D, M>, const D: usize, const M: usize>(
     let first = out.len();
     out.resize(first + (1 + D) * n, f64::INFINITY);
     let (clearance, nearest) = out[first..].split_at_mut(n);
-    inner.for_each_contact(|contact| {
+    inner.for_each_pair(|contact| {
         if contact.distance < clearance[contact.link] {
             clearance[contact.link] = contact.distance;
             let way = contact.witness - contact.point;

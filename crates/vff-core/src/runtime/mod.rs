@@ -10,6 +10,7 @@ pub mod episode;
 #[cfg(all(feature = "parallel", feature = "realtime"))]
 pub mod live;
 pub mod obstacles;
+pub mod points;
 #[cfg(feature = "realtime")]
 pub mod real_time;
 #[cfg(feature = "parallel")]
@@ -19,3 +20,4 @@ pub use any::{AnyRun, Ready};
 pub use arm::{AnyArm, AnyState, DistanceTable};
 pub use controller::{AnyController, Target};
 pub use obstacles::AnyObstacles;
+pub use points::PointsError;

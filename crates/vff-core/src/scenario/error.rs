@@ -45,7 +45,7 @@ pub enum Problem {
     #[error("missing key `{0}`")]
     MissingKey(String),
     /// A name that is not among the choices.
-    #[error("unknown value `{}`{}", cut(.given), hint(given, allowed))]
+    #[error("unknown value `{}`{}{}", cut(.given), elsewhere(given, allowed), hint(given, allowed))]
     UnknownChoice {
         /// The name.
         given: String,
@@ -112,6 +112,16 @@ pub enum Problem {
     /// Anything else, in a sentence.
     #[error("{0}")]
     Other(String),
+}
+
+/// Where a shape of obstacles is known that is not one here.
+fn elsewhere(given: &str, allowed: &[String]) -> &'static str {
+    let is_shape = allowed.iter().any(|name| name == "capsule");
+    match given {
+        "sphere" | "half_space" | "points" if is_shape => ", a shape of obstacles in space",
+        "circle" | "polygon" if is_shape => ", a shape of obstacles in the plane",
+        _ => "",
+    }
 }
 
 /// The nearest allowed name, if one is near, and all of them.

@@ -254,10 +254,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.control();
     }
 
-    /// Calls `visit` with every pair of a link and an obstacle as they are now.
-    pub fn for_each_contact(&mut self, visit: impl FnMut(&Contact<D>)) {
-        let ControlStack { controller, world, .. } = &mut self.stack;
-        world.for_each_contact(controller.robot().bodies(), f64::INFINITY, |_, _| {}, visit);
+    /// Calls `visit` with the nearest points of every body and every obstacle as they are now.
+    pub fn for_each_pair(&self, visit: impl FnMut(&Contact<D>)) {
+        let ControlStack { controller, world, .. } = &self.stack;
+        world.for_each_pair(controller.robot().bodies(), visit);
     }
 
     /// The repulsion of every link, as the point on its axis \[m\] at which it acts and the force \[N\]: the sum

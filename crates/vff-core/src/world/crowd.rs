@@ -80,6 +80,13 @@ impl<S: Solid<D>, const D: usize> Crowd<S, D> {
         self.moving.renew(obstacles, self.valid, regroup);
     }
 
+    /// Makes the boxes hold their obstacles, whatever these have become.
+    pub(super) fn renew(&mut self, obstacles: &[Placed<S, D>]) {
+        for tree in [&mut self.fixed, &mut self.moving] {
+            tree.renew(obstacles, self.valid, false);
+        }
+    }
+
     /// The obstacles nearer than `reach` to a link at time `t`, in their order; if
     /// there are none, the nearest one. They have been moved to `t`. All of them for a link that is
     /// nowhere.
@@ -153,7 +160,12 @@ fn box_of<S: Solid<D>, const D: usize>(
     let (low, high) = (low + rear, high + front);
     let one = Vector::repeat(1.0);
     let size = [low, high, rear, front].iter().fold(one, |a, b| a + b.abs());
-    let margin = MARGIN * size.sum();
+    widened([low, high], size.sum())
+}
+
+/// A box that allows for the rounding of numbers that add up to `size`, within the horizon.
+pub(super) fn widened<const D: usize>([low, high]: [Vector<D>; 2], size: f64) -> [Vector<D>; 2] {
+    let margin = MARGIN * size;
     // What is not a number is everywhere.
     let cut = |x: f64, or: f64| if x.is_nan() { or } else { x.clamp(-HORIZON, HORIZON) };
     [low.map(|x| cut(x - margin, -HORIZON)), high.map(|x| cut(x + margin, HORIZON))]

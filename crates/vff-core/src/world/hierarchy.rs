@@ -63,7 +63,7 @@ macro_rules! boxes {
             }
         }
 
-        fn aabb([low, high]: [$crate::math::Vector<$dimension>; 2]) -> Aabb {
+        pub(super) fn aabb([low, high]: [$crate::math::Vector<$dimension>; 2]) -> Aabb {
             Aabb::new($to_parry(low), $to_parry(high))
         }
 

@@ -44,7 +44,8 @@ pub struct World<S: Solid<D>, const D: usize> {
     obstacles: Vec<Placed<S, D>>,
     /// Indices of the obstacles that are not static.
     moving: Vec<usize>,
-    /// The most barriers that one link can have.
+    /// The most contacts and the most barriers that one link can have.
+    contacts: usize,
     barriers: usize,
     /// The present instant \[s\].
     time: f64,
@@ -171,22 +172,48 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         turn.place(&found, state)
     }
 
-    /// All distances that must be kept so that `contact` is, which is that of this pair at the instant of the state.
-    #[inline]
+    /// All of their contacts nearer than `reach` \[m\], were the obstacle in this state and turned so.
+    #[inline(always)] // with and without turning apart
+    fn for_each_contact(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let Some(turn) = turn else {
+            return self.solid.for_each_contact(pair, link, state, reach, visit);
+        };
+        let seen = Self::seen(link, &state.position, turn);
+        let rest = MotionState::at_rest(Vector::zeros());
+        let visit = |found: &Contact<D>| visit(&turn.place(found, state));
+        self.solid.for_each_contact(pair, &seen, &rest, reach, visit);
+    }
+
+    /// All distances that must be kept so that every contact nearer than `reach` \[m\] is, at the instant of the state.
+    #[inline(always)]
     fn for_each_barrier(
         &self,
-        contact: &Contact<D>,
+        pair: Pair,
         link: &S::Probe,
+        turn: Option<&Turn<D>>,
+        reach: f64,
         mut visit: impl FnMut(&Contact<D>),
     ) {
         let Self { solid, state, .. } = self;
-        let Some(turn) = self.turn() else {
-            return solid.for_each_barrier(contact, link, state, visit);
+        let Some(turn) = turn else {
+            return solid.for_each_contact(pair, link, state, reach, |contact| {
+                solid.for_each_barrier(contact, link, state, &mut visit);
+            });
         };
         let (seen, rest) =
             (Self::seen(link, &state.position, turn), MotionState::at_rest(Vector::zeros()));
-        let found = solid.contact(contact.pair(), &seen, &rest);
-        solid.for_each_barrier(&found, &seen, &rest, |row| visit(&turn.place(row, state)));
+        let mut visit = |row: &Contact<D>| visit(&turn.place(row, state));
+        solid.for_each_contact(pair, &seen, &rest, reach, |contact| {
+            solid.for_each_barrier(contact, &seen, &rest, &mut visit);
+        });
     }
 
     /// Opposite corners of a box that holds it however it is turned, relative to its position \[m\].
@@ -212,8 +239,10 @@ impl<S: Solid<D>, const D: usize> Named<S, D> {
     }
 }
 
-fn barriers_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> usize {
-    obstacles.iter().map(|obstacle| obstacle.solid.barriers()).sum()
+/// The most contacts and the most barriers that one link can have.
+fn most_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> (usize, usize) {
+    let solids = || obstacles.iter().map(|obstacle| &obstacle.solid);
+    (solids().map(Solid::contacts).sum(), solids().map(Solid::barriers).sum())
 }
 
 impl<S: Solid<D>, const D: usize> World<S, D> {
@@ -229,8 +258,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         } else {
             Named::each(&obstacles, vec![])
         };
-        let barriers = barriers_of(&obstacles);
-        Self { obstacles, moving, barriers, time: 0.0, named }
+        let (contacts, barriers) = most_of(&obstacles);
+        Self { obstacles, moving, contacts, barriers, time: 0.0, named }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
@@ -311,6 +340,14 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.rearrange();
     }
 
+    /// Does what has to be done when a solid is not what it was.
+    fn reshaped(&mut self) {
+        (self.contacts, self.barriers) = most_of(&self.obstacles);
+        if let Named::Crowd(crowd) = &mut self.named {
+            crowd.renew(&self.obstacles);
+        }
+    }
+
     /// Does what has to be done when the obstacles are not what they were. Allocates only when there are
     /// more that move than ever before.
     fn rearrange(&mut self) {
@@ -319,7 +356,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             _ => vec![],
         };
         self.named = Named::each(&self.obstacles, room);
-        self.barriers = barriers_of(&self.obstacles);
+        (self.contacts, self.barriers) = most_of(&self.obstacles);
         self.moving.clear();
         self.moving.extend((0..self.obstacles.len()).filter(|&j| !self.obstacles[j].is_static));
         for obstacle in &mut self.obstacles {

@@ -1,14 +1,19 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
-use super::{Contact, Named, Pair, Placed, Solid, World};
+use super::{Contact, Named, Pair, Placed, Solid, Turn, World};
 use crate::interrupt;
 use crate::math::{Body, Vector};
 
 /// What a controller asks of the world around the arm: the nearest points of every body of
 /// the robot to everything that it knows of.
 pub trait CollisionQuery<const D: usize> {
-    /// The most contacts that one body can have.
+    /// How many obstacles there are.
     fn obstacle_count(&self) -> usize;
+
+    /// The most contacts that one body can have: of most obstacles one each.
+    fn contact_count(&self) -> usize {
+        self.obstacle_count()
+    }
 
     /// Calls `visit` with the contacts nearer than `reach` \[m\], and `distance`, body by body,
     /// with the index of the link and the signed distance to whatever is nearest, however far \[m\].
@@ -20,9 +25,19 @@ pub trait CollisionQuery<const D: usize> {
         visit: impl FnMut(&Contact<D>),
     );
 
+    /// Calls `visit` with the index of every obstacle nearer than `reach` \[m\] to a body, once or more for each body.
+    fn for_each_obstacle_near(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<D>>,
+        reach: f64,
+        mut visit: impl FnMut(usize),
+    ) {
+        self.for_each_contact(bodies, reach, |_, _| {}, |contact| visit(contact.obstacle));
+    }
+
     /// The most barriers that one body can have.
     fn barrier_count(&self) -> usize {
-        self.obstacle_count()
+        self.contact_count()
     }
 
     /// Calls `visit` with all distances nearer than `reach` \[m\] that must be kept so that every contact is:
@@ -45,6 +60,24 @@ pub trait CollisionQuery<const D: usize> {
         obstacle: usize,
         after: f64,
     ) -> Contact<D>;
+
+    /// The same; calls `visit` with all of their contacts nearer than `reach` \[m\], of which it is the nearest.
+    #[inline]
+    fn for_each_contact_after(
+        &self,
+        index: usize,
+        body: &Body<D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+    ) -> Contact<D> {
+        let nearest = self.contact_after(index, body, obstacle, after);
+        if nearest.distance < reach {
+            visit(&nearest);
+        }
+        nearest
+    }
 }
 
 /// Points of whatever space, as they are written: one coordinate after the other.
@@ -98,24 +131,32 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.obstacles.iter().filter_map(hit).reduce(f64::min)
     }
 
-    /// Body by body from the first of `bodies` on, and for each in the order of the obstacles.
-    #[inline(always)] // twice
+    /// Calls `visit` with the nearest points of every body and every obstacle, however far: one contact a pair, body by body
+    /// from the first of `bodies` on, and for each in the order of the obstacles.
+    pub fn for_each_pair(
+        &self,
+        bodies: impl IntoIterator<Item = Body<D>>,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        for (index, body) in bodies.into_iter().enumerate() {
+            (0..self.len()).for_each(|j| visit(&self.contact(index, &body, j)));
+        }
+    }
+
+    /// Body by body from the first of `bodies` on, and for each in the order of the obstacles: `meet` is called with those
+    /// that may be within reach, and how they are turned.
+    #[inline(always)] // three times
     fn for_each_near(
         &mut self,
         bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
-        mut visit: impl FnMut(&Contact<D>, &S::Probe, &Placed<S, D>),
+        mut meet: impl FnMut(Pair, &S::Probe, &Placed<S, D>, Option<&Turn<D>>),
     ) {
         let Self { obstacles, named, time, .. } = self;
         if obstacles.is_empty() {
             return;
         }
-        let mut meet = |contact: &Contact<D>, probe: &S::Probe, obstacle: &Placed<S, D>| {
-            if contact.distance < reach {
-                visit(contact, probe, obstacle);
-            }
-        };
         // The same is done with all as with the few that a crowd names: measured first, and only bodies with
         // something in reach are looked at again. Two loops, for the first needs all the registers, and asks nobody
         // whether it turns.
@@ -129,9 +170,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 distance(link, least);
                 if least < reach {
                     for (j, obstacle) in obstacles.iter().enumerate() {
-                        let pair = Pair { body, link, obstacle: j };
-                        let contact = obstacle.solid.contact(pair, &probe, &obstacle.state);
-                        meet(&contact, &probe, obstacle);
+                        meet(Pair { body, link, obstacle: j }, &probe, obstacle, None);
                     }
                 }
             }
@@ -153,8 +192,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 interrupt::spend(64 * near.len());
                 for &j in near {
                     let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
-                    let contact = obstacle.contact(pair, &probe, &obstacle.state, obstacle.turn());
-                    meet(&contact, &probe, obstacle);
+                    meet(pair, &probe, obstacle, obstacle.turn());
                 }
             }
         }
@@ -166,6 +204,10 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.len()
     }
 
+    fn contact_count(&self) -> usize {
+        self.contacts
+    }
+
     #[inline]
     fn for_each_contact(
         &mut self,
@@ -174,7 +216,27 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_near(bodies, reach, distance, |contact, _, _| visit(contact));
+        self.for_each_near(bodies, reach, distance, |pair, probe, obstacle, turn| {
+            obstacle.for_each_contact(pair, probe, &obstacle.state, turn, reach, &mut visit);
+        });
+    }
+
+    fn for_each_obstacle_near(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<D>>,
+        reach: f64,
+        mut visit: impl FnMut(usize),
+    ) {
+        self.for_each_near(
+            bodies,
+            reach,
+            |_, _| {},
+            |pair, probe, obstacle, _| {
+                if obstacle.distance(probe) < reach {
+                    visit(pair.obstacle);
+                }
+            },
+        );
     }
 
     fn barrier_count(&self) -> usize {
@@ -192,8 +254,8 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             bodies,
             reach,
             |_, _| {},
-            |contact, probe, obstacle| {
-                obstacle.for_each_barrier(contact, probe, |barrier| {
+            |pair, probe, obstacle, turn| {
+                obstacle.for_each_barrier(pair, probe, turn, reach, |barrier| {
                     if barrier.distance < reach {
                         visit(barrier);
                     }
@@ -210,12 +272,35 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         obstacle: usize,
         after: f64,
     ) -> Contact<D> {
+        let unvisited = |_: &Contact<D>| {};
+        self.for_each_contact_after(index, body, obstacle, after, f64::NEG_INFINITY, unvisited)
+    }
+
+    #[inline]
+    fn for_each_contact_after(
+        &self,
+        index: usize,
+        body: &Body<D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+    ) -> Contact<D> {
         let placed = &self.obstacles[obstacle];
         let mut state = placed.state_at(self.time);
         state.position += state.velocity * after;
         let pair = Pair { body: index, link: body.link, obstacle };
-        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
-        placed.contact(pair, &S::probe(&body.shape), &state, turn.as_ref())
+        let (probe, turn) = (S::probe(&body.shape), placed.turn_at(self.time));
+        let turn = turn.map(|turn| turn.after(after));
+        let nearest = placed.contact(pair, &probe, &state, turn.as_ref());
+        if nearest.distance < reach {
+            if placed.solid.contacts() == 1 {
+                visit(&nearest);
+            } else {
+                placed.for_each_contact(pair, &probe, &state, turn.as_ref(), reach, visit);
+            }
+        }
+        nearest
     }
 }
 

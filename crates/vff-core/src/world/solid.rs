@@ -48,10 +48,32 @@ pub trait Solid<const D: usize>: Clone + Debug {
     /// Where this solid, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
     fn contact(&self, pair: Pair, body: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
 
+    /// The most contacts that one body can have.
+    fn contacts(&self) -> usize {
+        1
+    }
+
+    /// All contacts with the body nearer than `reach` \[m\]: of a convex solid the [`contact`](Self::contact), of one that is made
+    /// of several that of each, in a fixed order.
+    #[inline(always)]
+    fn for_each_contact(
+        &self,
+        pair: Pair,
+        body: &Self::Probe,
+        state: &MotionState<D>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let contact = self.contact(pair, body, state);
+        if contact.distance < reach {
+            visit(&contact);
+        }
+    }
+
     /// The most barriers that one body can have.
     fn barriers(&self) -> usize;
 
-    /// All distances that must be kept so that `contact` is, which is that of this pair.
+    /// All distances that must be kept so that `contact` is, which is one of this pair.
     fn for_each_barrier(
         &self,
         contact: &Contact<D>,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vffnull._arm import quaternion
 from vffnull._core import rotations
 from vffnull.plotting import primitives
+from vffnull.plotting.geometry import points_in_space
 from vffnull.scenario import Scenario
 from vffnull.viewer.scene.meshes import Mesh
 
@@ -37,6 +38,8 @@ SHADES = 24
 """Colours of links are rounded to so many, so that they need not be sent in every frame."""
 TRAIL = 150
 """Points of the tip's trail."""
+SPECK = 0.002
+"""Radius of a point that has none [reaches]."""
 ARRIVED = 0.01
 """How near is there [reaches]."""
 
@@ -125,7 +128,7 @@ class Scene(ABC):
         self._wanted: dict[int | None, Array] = {}
         self._shadows: dict[int | None, viser.MeshHandle] = {}
         self._held: dict[int, Held] = {}
-        self._obstacles: list[viser.MeshHandle] = []
+        self._obstacles: list[viser.MeshHandle | viser.PointCloudHandle] = []
         self._halos: list[viser.MeshHandle] = []
         self._documents: list[Mapping[str, Any]] = []
         self._turns: list[bool] = []
@@ -243,12 +246,18 @@ class Scene(ABC):
         self._documents.append(copy.deepcopy(dict(obstacle)))
         self._turns.append(rotations(obstacle, self._still.dimension, [0.0]) is not None)
         self._shapes.append(core)
-        colour = TABLE if self._endless(len(self._shapes) - 1) else OBSTACLE
+        index = len(self._shapes) - 1
+        if self._is_cloud(index):
+            self._obstacles.append(self._add_cloud(name, obstacle, core[1]))
+            self._halos.append(self._add_halo(f"{name}-halo", index))
+            self._changed()
+            return
+        colour = TABLE if self._endless(index) else OBSTACLE
         handle = self._solid(name, core, colour, "obstacle")
         self._obstacles.append(handle)
-        self._halos.append(self._add_halo(f"{name}-halo", len(self._obstacles) - 1))
+        self._halos.append(self._add_halo(f"{name}-halo", index))
         self._changed()
-        if not self._endless(len(self._obstacles) - 1):
+        if not self._endless(index):
             self._make_draggable(handle)
 
         @handle.on_click
@@ -279,6 +288,21 @@ class Scene(ABC):
     def _endless(self, obstacle: int) -> bool:
         """Whether it has no end, as a table, which must not catch every drag."""
         return bool(self._documents[obstacle]["shape"]["kind"] == "half_space")
+
+    def _is_cloud(self, obstacle: int) -> bool:
+        """Whether it is a cloud of points, which nobody can take hold of."""
+        return bool(self._documents[obstacle]["shape"]["kind"] == "points")
+
+    def _add_cloud(self, name: str, obstacle: Mapping[str, Any], radius: float) -> viser.PointCloudHandle:
+        points = points_in_space(obstacle["shape"], obstacle.get("orientation"))
+        return self._server.scene.add_point_cloud(
+            name,
+            np.zeros((0, 3), np.float32) if points is None else points.astype(np.float32),
+            np.array(OBSTACLE, dtype=np.uint8),
+            point_size=2.0 * max(radius, SPECK * self.reach),
+            point_shape="circle",
+            precision="float32",
+        )
 
     def _make_draggable(self, handle: viser.MeshHandle) -> None:
         @handle.on_drag
@@ -355,14 +379,12 @@ class Scene(ABC):
         for handle, tail, vector in zip(self._forces, state["points"], state["forces"], strict=True):
             self._stretch(handle, tail, vector)
         self._shade(state["clearance"])
-        for index, (handle, halo, place) in enumerate(
-            zip(self._obstacles, self._halos, places, strict=False)
-        ):
-            handle.position = self._spot(place, "obstacle")
+        for index, (drawn, halo, place) in enumerate(zip(self._obstacles, self._halos, places, strict=False)):
+            drawn.position = self._spot(place, "obstacle")
             halo.position = self._spot(place, "halo")
             turn = self._turn(index, state["t"])
             if turn is not None:
-                handle.wxyz = halo.wxyz = quaternion(turn)
+                drawn.wxyz = halo.wxyz = quaternion(turn)
         self._target.position = self._spot(reference, "target")
         self._tip.position = self._spot(tip, "tip")
         self._draw_trail(tip)
@@ -401,7 +423,8 @@ class Scene(ABC):
 
     def _draw_hint(self, places: Array) -> None:
         """Over the first obstacle that can be dragged."""
-        first = next((i for i in range(len(self._shapes)) if not self._endless(i)), None)
+        held = (i for i in range(len(self._shapes)) if not self._endless(i) and not self._is_cloud(i))
+        first = next(held, None)
         if self._hint is not None and first is not None and first < len(places):
             corners, radius = self._shapes[first]
             above = places[first].copy()
@@ -472,7 +495,8 @@ class Scene(ABC):
 
     def _add_halo(self, name: str, index: int) -> viser.MeshHandle:
         core = self._halo_core(index)
-        return self._solid(name, core, HALO, "halo", opacity=self.HALO_OPACITY, visible=self.influence > 0.0)
+        visible = self.influence > 0.0 and not self._is_cloud(index)
+        return self._solid(name, core, HALO, "halo", opacity=self.HALO_OPACITY, visible=visible)
 
     def _solid(
         self,

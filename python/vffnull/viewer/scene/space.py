@@ -226,7 +226,9 @@ class SpaceScene(Scene):
         base = self._still.joints[0, 0]
         for index, place in enumerate(state["obstacles"]):
             away = float(np.linalg.norm(place - base))
-            if away > LATE * self.reach and index not in self._wanted and not self._endless(index):
+            if self._endless(index) or self._is_cloud(index):
+                continue
+            if away > LATE * self.reach and index not in self._wanted:
                 yield index, base + 0.8 * self.reach / away * (place - base)
 
     def spare(self, count: int) -> dict[str, Any]:
@@ -261,10 +263,14 @@ class SpaceScene(Scene):
         self._draw_distances(state)
 
     def _draw_distances(self, state: Mapping[str, Any]) -> None:
-        """A line from the nearest point of each link that is within influence, and of the nearest of all."""
+        """A line from the nearest point of each link that is within influence, and of the nearest of all.
+
+        Not to clouds of points, which are too many to be measured for every picture.
+        """
         places = [
             self._standing(index, place, state["t"])
             for index, place in enumerate(state["obstacles"][: len(self._documents)])
+            if not self._is_cloud(index)
         ]
         ends = np.zeros((self._arm.n, 2, 3))
         nearest = np.inf
@@ -336,6 +342,8 @@ class SpaceScene(Scene):
 
     def _halo_core(self, index: int) -> Core:
         corners, radius = self._shapes[index]
+        if self._is_cloud(index):  # has none: a ball that is not shown stands for it
+            return np.zeros((1, 3)), 1e-6
         if self._endless(index):
             return corners + self.influence * self._normal(index), radius
         return corners, radius + max(self.influence, 1e-6)

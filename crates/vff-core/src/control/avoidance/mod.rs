@@ -172,11 +172,11 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     /// Takes in the pairs near `robot`.
     pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
         let bodies = robot.bodies();
-        let obstacles = match self.strategy {
+        let most = match self.strategy {
             Strategy::Barrier(_) => surroundings.barrier_count(),
-            _ => surroundings.obstacle_count(),
+            _ => surroundings.contact_count(),
         };
-        self.reserve(robot.body_count() * obstacles);
+        self.reserve(robot.body_count() * most);
         if self.most_own > 0 {
             self.measure_bodies(robot);
         }

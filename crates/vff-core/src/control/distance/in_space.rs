@@ -46,6 +46,8 @@ fn shape() -> impl Strategy<Value = (usize, Shape)> {
         prop::collection::vec(three(1.0), 4..12)
             .prop_filter("flat", |vertices| check_hull(vertices).is_ok())
             .prop_map(|vertices| (4, Shape::Convex { vertices })),
+        (prop::collection::vec(three(1.0), 1..4), 0.0..0.3)
+            .prop_map(|(points, radius)| (5, Shape::Points { points, radius })),
     ]
 }
 
@@ -165,6 +167,7 @@ fn rates_are_derivatives_of_the_distance() {
         (2, vec![side, end, face, edge, crossing]),
         (3, vec![face]),
         (4, vec![side, end, face, edge, crossing]),
+        (5, vec![side, end]),
     ] {
         for feature in features() {
             assert_eq!(count(kind, feature) > 10, expected.contains(&feature), "{kind} {met:?}");

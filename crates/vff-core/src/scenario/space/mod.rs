@@ -18,7 +18,7 @@ use crate::simulation::{
 };
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
 use crate::world::Motion;
-use crate::world::space::{Obstacle, Shape, check_hull};
+use crate::world::space::{MOST_POINTS, Obstacle, Shape, check_hull};
 use std::sync::Arc;
 
 /// The tables of a scenario in space that depend on its dimension.
@@ -86,6 +86,17 @@ fn shape(shape: &Shape) -> Result<(), ScenarioError> {
             }
             let requirement = format!("a vector of norm 1, not {norm}");
             Err(ScenarioError::out_of_range("normal", &requirement, normal))
+        }
+        Shape::Points { points, radius } => {
+            number("radius", *radius, not_negative)?;
+            match points.len() <= MOST_POINTS {
+                true => Ok(()),
+                false => {
+                    let problem =
+                        format!("expected at most {MOST_POINTS} of them, got {}", points.len());
+                    Err(ScenarioError::new("points", Problem::Other(problem)))
+                }
+            }
         }
     }
 }

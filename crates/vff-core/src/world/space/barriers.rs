@@ -2,13 +2,13 @@
 
 use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, perpendicular, seen_from};
 use super::cuboid::Cuboid;
-use super::volume::{Core, Volume};
+use super::volume::{Core, Volume, contact_of};
 use crate::math::Vector;
 use crate::world::{Contact, Feature, MotionState, RELIEF, TOUCHING};
 
 impl Volume {
-    /// Every distance of an end, a corner or an edge that may be the least when features change hands; of a point, or where
-    /// the axis has got into the core, that of `contact` alone.
+    /// Every distance of an end, a corner or an edge that may be the least when features change hands; of a point or of one
+    /// of a cloud, or where the axis has got into the core, that of `contact` alone.
     #[inline]
     pub(super) fn visit_barriers(
         &self,
@@ -18,12 +18,12 @@ impl Volume {
         mut visit: impl FnMut(&Contact<3>),
     ) {
         let apart = contact.distance + self.radius + link.radius > TOUCHING;
-        if matches!(self.core, Core::Point(_)) || !apart {
+        if matches!(self.core, Core::Point(_) | Core::Cloud(_)) || !apart {
             return visit(contact);
         }
         let axis = seen_from(link, &state.position);
         let mut visit = |nearest: &Nearest, beyond: f64| {
-            let found = self.contact_of(contact.pair(), nearest, link.radius, state);
+            let found = contact_of(contact.pair(), nearest, [self.radius, link.radius], state);
             visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
         };
         visit(&self.end(axis.start), 0.0);
@@ -69,7 +69,7 @@ impl Volume {
                     }
                 }
             }
-            Core::Point(_) | Core::HalfSpace(_) => {}
+            Core::Point(_) | Core::HalfSpace(_) | Core::Cloud(_) => {}
         }
     }
 
@@ -81,6 +81,7 @@ impl Volume {
             Core::Segment(segment) => end - segment.clamp(&end),
             Core::Box(cuboid) => cuboid.axes * cuboid.excess(&cuboid.axes.tr_mul(&end)),
             Core::Hull(hull) => hull.offset(&end),
+            Core::Cloud(_) => unreachable!("its barriers are its contacts"),
             Core::HalfSpace(normal) => {
                 let distance = normal.dot(&end);
                 return Nearest { distance, normal: *normal, point: end, feature: Feature::Face };

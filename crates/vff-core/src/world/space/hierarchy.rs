@@ -13,6 +13,9 @@ pub struct Region {
     low: Vec3,
     high: Vec3,
     start: Vec3,
+    /// Along the axis, a unit vector, and its length \[m\].
+    direction: Vec3,
+    length: f64,
     /// Unit vectors across the axis and each coordinate axis; 0 if these are parallel.
     across: [Vec3; 3],
     /// Its radius and the margin \[m\].
@@ -21,7 +24,7 @@ pub struct Region {
 
 impl Region {
     /// None for a link that is nowhere, or beyond the horizon.
-    fn of_link(link: &Probe) -> Option<Self> {
+    pub(super) fn of_link(link: &Probe) -> Option<Self> {
         let (start, end, direction) = (link.start, link.end(), to_glam(link.direction));
         let size = 1.0 + start.abs().sum() + link.length;
         // False for NaN.
@@ -31,6 +34,8 @@ impl Region {
             low: to_glam(start.inf(&end)),
             high: to_glam(start.sup(&end)),
             start: to_glam(start),
+            direction,
+            length: link.length,
             across: [Vec3::X, Vec3::Y, Vec3::Z].map(|k| direction.cross(k).normalize_or_zero()),
             radius: link.radius + MARGIN * size,
         })
@@ -55,6 +60,21 @@ impl Region {
             lowest > distance || -highest > distance
         })
     }
+
+    /// What the box of `node` is away from the axis at least \[m\], the margin taken off: the distance from a point of the axis
+    /// beside it, less what is gained at most along the axis, of which the distance is a convex function. Tight where the
+    /// box is small, whatever the direction of the axis.
+    #[inline]
+    pub(super) fn gap(&self, node: &BvhNode) -> f64 {
+        let (low, high) = (node.mins(), node.maxs());
+        let before = self.direction.dot(0.5 * (low + high) - self.start).clamp(0.0, self.length);
+        let beside = self.start + before * self.direction;
+        let away = beside - beside.clamp(low, high);
+        let distance = away.length();
+        let slope = if distance > 0.0 { self.direction.dot(away) / distance } else { 0.0 };
+        let gained = (slope * before).max(slope * (before - self.length));
+        distance - gained - self.radius
+    }
 }
 
 fn to_glam(v: Vector<3>) -> Vec3 {
@@ -63,6 +83,7 @@ fn to_glam(v: Vector<3>) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cloud::tests::any_points;
     use super::super::oracle::*;
     use super::super::{Obstacle, Shape, Volume, World};
     use crate::math::{Body, Capsule};
@@ -72,7 +93,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn obstacle() -> impl Strategy<Value = Obstacle> {
-        (any_obstacle(), point(5.0), motion(), direction(), rate()).prop_map(
+        let cloud = (any_points(), 0.0..0.3, any_orientation()).prop_map(
+            |(points, radius, orientation)| Obstacle {
+                orientation,
+                ..fixed(Shape::Points { points, radius }, [0.0; 3])
+            },
+        );
+        let any = prop_oneof![9 => any_obstacle(), 1 => cloud];
+        (any, point(5.0), motion(), direction(), rate()).prop_map(
             |(obstacle, position, motion, axis, rate)| {
                 let angular_velocity = (axis * rate).into();
                 Obstacle { position, motion, angular_velocity, ..obstacle }

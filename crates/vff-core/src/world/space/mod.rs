@@ -8,11 +8,12 @@
 //! Distances are exact to rounding, all in closed form (T92–T95, T107). parry's general routines are not used, for the
 //! reasons given there; its hierarchy of boxes ([`Boxes`]) finds what is near among many.
 //!
-//! A file per pair: axis and `point`, `segment`, `cuboid`, `hull`, `half_space`. A file per question: `barriers`, `rays`,
+//! A file per pair: axis and `point`, `segment`, `cuboid`, `hull`, `half_space`, `cloud` of points. A file per question: `barriers`, `rays`,
 //! `hierarchy`.
 
 mod axis;
 mod barriers;
+mod cloud;
 mod cuboid;
 mod half_space;
 mod hierarchy;
@@ -27,6 +28,7 @@ mod shape;
 mod volume;
 
 pub use axis::{Probe, perpendicular};
+pub use cloud::{MOST_POINTS, Points};
 pub use hierarchy::Boxes;
 pub use hull::{HullError, MOST_CORNERS, check_hull, faces_of_hull};
 pub use obstacle::Obstacle;

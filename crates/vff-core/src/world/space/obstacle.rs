@@ -66,6 +66,10 @@ mod tests {
             shape("shape = { half_space = { normal = [0, 0, 1] } }"),
             Shape::HalfSpace { normal: [0.0, 0.0, 1.0] }
         );
+        assert_eq!(
+            shape("shape = { points = { points = [[0, 0, 0], [1, 0, 0.5]], radius = 0.02 } }"),
+            Shape::Points { points: vec![[0.0; 3], [1.0, 0.0, 0.5]], radius: 0.02 }
+        );
     }
 
     #[test]

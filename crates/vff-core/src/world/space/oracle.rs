@@ -24,7 +24,9 @@ pub(super) fn rotation(obstacle: &Obstacle) -> Rotation3<f64> {
 
 pub(super) fn core_radius(shape: &Shape) -> f64 {
     match shape {
-        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => *radius,
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } | Shape::Points { radius, .. } => {
+            *radius
+        }
         Shape::Box { .. } | Shape::Convex { .. } | Shape::HalfSpace { .. } => 0.0,
     }
 }
@@ -53,6 +55,9 @@ fn core_distance(obstacle: &Obstacle) -> impl Fn(&Vec3) -> f64 {
             }
             Shape::Convex { .. } => distance_within(&sides, &p),
             Shape::HalfSpace { normal } => p.dot(&Vec3::from(*normal)).max(0.0),
+            Shape::Points { points, .. } => {
+                points.iter().map(|q| (p - Vec3::from(*q)).norm()).fold(f64::INFINITY, f64::min)
+            }
         }
     }
 }
@@ -109,7 +114,7 @@ pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
         Shape::Sphere { .. } => 0.0,
         Shape::Capsule { a, b, .. } => n.dot(&Vec3::from(*a)).max(n.dot(&Vec3::from(*b))),
         Shape::Box { size } => 0.5 * n.abs().dot(&Vec3::from(*size)),
-        Shape::Convex { vertices } => {
+        Shape::Convex { vertices } | Shape::Points { points: vertices, .. } => {
             vertices.iter().map(|v| n.dot(&Vec3::from(*v))).fold(f64::NEG_INFINITY, f64::max)
         }
         Shape::HalfSpace { normal } if (n - Vec3::from(*normal)).norm() < 1e-9 => 0.0,

@@ -28,6 +28,12 @@ pub(super) fn to_point(axis: &Probe, centre: &Vector<3>) -> Nearest {
     Nearest { distance, normal: perpendicular(&axis.direction), point, feature: Feature::Face }
 }
 
+/// Its square \[m²\].
+#[inline(always)]
+pub(super) fn square_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
+    foot(axis, centre).1.norm_squared()
+}
+
 /// The distance of [`to_point`], bit for bit.
 #[inline(always)]
 pub(super) fn distance_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {

@@ -24,6 +24,16 @@ impl Volume {
                     true => (fall > 0.0).then(|| height / fall),
                 }
             }
+            Core::Cloud(cloud) => {
+                let mut first = None;
+                let ray =
+                    Capsule { start: *origin, direction: *direction, length: range, radius: 0.0 };
+                cloud.for_each_beside(&ray, self.radius, |point| {
+                    let met = ball(&(origin - point), direction, self.radius);
+                    first = [first, met].into_iter().flatten().reduce(f64::min);
+                });
+                first
+            }
         };
         end.filter(|s| *s <= range)
     }

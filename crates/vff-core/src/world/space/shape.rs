@@ -39,4 +39,12 @@ pub enum Shape {
         /// Unit vector out of the solid, of norm 1 within 10⁻⁶.
         normal: [f64; 3],
     },
+    /// A cloud of points, each swept by a ball: what a depth camera sees. Not convex: a link has a contact with every ball
+    /// that is near.
+    Points {
+        /// The points \[m\], at most [`MOST_POINTS`](super::MOST_POINTS), maybe none.
+        points: Vec<[f64; 3]>,
+        /// Radius of the balls \[m\], not negative.
+        radius: f64,
+    },
 }

@@ -1,6 +1,7 @@
 //! What an obstacle in space is to a query: a core swept by a ball.
 
 use super::axis::{Nearest, Probe, seen_from};
+use super::cloud::Cloud;
 use super::cuboid::Cuboid;
 use super::half_space::to_half_space;
 use super::hierarchy::Boxes;
@@ -10,6 +11,7 @@ use super::segment::{distance_to_segment, to_segment};
 use super::{Obstacle, Shape};
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use crate::world::{Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
+use std::sync::Arc;
 
 impl Description<3> for Obstacle {
     fn set_position(&mut self, position: Vector<3>) {
@@ -60,6 +62,8 @@ pub(super) enum Core {
     Hull(Box<Hull>),
     /// With the outward normal.
     HalfSpace(Vector<3>),
+    /// Shared with the copies of a world.
+    Cloud(Arc<Cloud>),
 }
 
 impl Solid<3> for Volume {
@@ -93,6 +97,9 @@ impl Solid<3> for Volume {
             Shape::HalfSpace { normal } => {
                 (Core::HalfSpace(turn.rotate(&Vector::from(*normal).normalize())), 0.0)
             }
+            Shape::Points { points, radius } => {
+                (Core::Cloud(Arc::new(Cloud::new(points, &turn))), *radius)
+            }
         };
         Self { core, radius }
     }
@@ -116,20 +123,52 @@ impl Solid<3> for Volume {
             Core::Box(cuboid) => cuboid.distance(&axis),
             Core::Hull(hull) => hull.distance(&axis),
             Core::HalfSpace(normal) => to_half_space(&axis, normal).distance,
+            Core::Cloud(cloud) => cloud.distance(link, position),
         };
         distance - self.radius - link.radius
     }
 
     #[inline]
     fn contact(&self, pair: Pair, link: &Probe, state: &MotionState<3>) -> Contact<3> {
-        let nearest = self.nearest(&seen_from(link, &state.position));
-        self.contact_of(pair, &nearest, link.radius, state)
+        let axis = seen_from(link, &state.position);
+        let nearest = match &self.core {
+            Core::Point(point) => to_point(&axis, point),
+            Core::Segment(segment) => to_segment(&axis, segment),
+            Core::Box(cuboid) => cuboid.nearest(&axis),
+            Core::Hull(hull) => hull.nearest(&axis),
+            Core::HalfSpace(normal) => to_half_space(&axis, normal),
+            Core::Cloud(cloud) => return cloud.contact(pair, link, self.radius, state),
+        };
+        contact_of(pair, &nearest, [self.radius, link.radius], state)
     }
 
-    /// One with a sphere; otherwise one of each end of the link, and one with each end, corner and edge of the core.
+    fn contacts(&self) -> usize {
+        if let Core::Cloud(cloud) = &self.core { cloud.len() } else { 1 }
+    }
+
+    #[inline]
+    fn for_each_contact(
+        &self,
+        pair: Pair,
+        link: &Probe,
+        state: &MotionState<3>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<3>),
+    ) {
+        if let Core::Cloud(cloud) = &self.core {
+            return cloud.for_each_contact(pair, link, self.radius, state, reach, visit);
+        }
+        let contact = self.contact(pair, link, state);
+        if contact.distance < reach {
+            visit(&contact);
+        }
+    }
+
+    /// One with each ball; otherwise one of each end of the link, and one with each end, corner and edge of the core.
     fn barriers(&self) -> usize {
         2 + match &self.core {
             Core::Point(_) => return 1,
+            Core::Cloud(cloud) => return cloud.len(),
             Core::Segment(_) => 2 + 1,
             Core::Box(_) => 8 + 12,
             Core::Hull(hull) => hull.corners.len() + hull.edges.len(),
@@ -158,6 +197,10 @@ impl Solid<3> for Volume {
             }
             Core::Box(cuboid) => (Vector::zeros(), cuboid.axes.abs() * cuboid.half),
             Core::HalfSpace(_) => (Vector::zeros(), Vector::repeat(f64::INFINITY)),
+            Core::Cloud(cloud) => {
+                let [low, high] = cloud.extent();
+                return [low.add_scalar(-self.radius), high.add_scalar(self.radius)];
+            }
         };
         let half = half.add_scalar(self.radius);
         [middle - half, middle + half]
@@ -170,6 +213,7 @@ impl Solid<3> for Volume {
             Core::Box(cuboid) => cuboid.half.norm(),
             Core::Hull(hull) => hull.reach(),
             Core::HalfSpace(_) => f64::INFINITY,
+            Core::Cloud(cloud) => cloud.reach,
         };
         farthest + self.radius
     }
@@ -179,43 +223,29 @@ impl Solid<3> for Volume {
     }
 }
 
-impl Volume {
-    /// The nearest points of core and axis, the axis relative to the obstacle's position.
-    #[inline]
-    fn nearest(&self, axis: &Probe) -> Nearest {
-        match &self.core {
-            Core::Point(point) => to_point(axis, point),
-            Core::Segment(segment) => to_segment(axis, segment),
-            Core::Box(cuboid) => cuboid.nearest(axis),
-            Core::Hull(hull) => hull.nearest(axis),
-            Core::HalfSpace(normal) => to_half_space(axis, normal),
-        }
-    }
-
-    /// The contact of a link of this `radius` \[m\] at these points of its axis and the core.
-    #[inline]
-    pub(super) fn contact_of(
-        &self,
-        Pair { body, link, obstacle }: Pair,
-        nearest: &Nearest,
-        radius: f64,
-        state: &MotionState<3>,
-    ) -> Contact<3> {
-        let Nearest { distance, normal, point, feature } = *nearest;
-        let point = state.position + point;
-        Contact {
-            body,
-            link,
-            obstacle,
-            distance: distance - self.radius - radius,
-            normal,
-            point,
-            witness: point - normal * (distance - self.radius),
-            velocity: state.velocity,
-            acceleration: state.acceleration,
-            spin: Spin::NONE,
-            feature,
-        }
+/// The contact at these points of the axis of a link and of a core in this state, which have these radii \[m\], that of the
+/// core first.
+#[inline]
+pub(super) fn contact_of(
+    Pair { body, link, obstacle }: Pair,
+    nearest: &Nearest,
+    [around_core, around_axis]: [f64; 2],
+    state: &MotionState<3>,
+) -> Contact<3> {
+    let Nearest { distance, normal, point, feature } = *nearest;
+    let point = state.position + point;
+    Contact {
+        body,
+        link,
+        obstacle,
+        distance: distance - around_core - around_axis,
+        normal,
+        point,
+        witness: point - normal * (distance - around_core),
+        velocity: state.velocity,
+        acceleration: state.acceleration,
+        spin: Spin::NONE,
+        feature,
     }
 }
 

@@ -88,9 +88,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         }
     }
 
-    /// Makes room for so many obstacles, so that no step allocates.
-    pub fn reserve(&mut self, obstacles: usize) {
-        self.controller.reserve(obstacles);
+    /// Makes room for so many contacts of each body, so that no step allocates.
+    pub fn reserve(&mut self, contacts: usize) {
+        self.controller.reserve(contacts);
     }
 
     /// Begins a new one at the state of `robot`.

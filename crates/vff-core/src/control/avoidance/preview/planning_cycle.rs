@@ -164,7 +164,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             return;
         }
         rollout.prepare(settings, robot, surroundings, reference);
-        closed_loop.reserve(surroundings.count());
+        closed_loop.reserve(surroundings.most_contacts());
         trial.make_idle();
         // A candidate is given up only once the law as it is keeps the margin over the whole horizon.
         match std::mem::take(&mut self.foreseen) {

@@ -10,16 +10,22 @@ pub trait Prediction<const D: usize> {
     /// How many obstacles there are.
     fn count(&self) -> usize;
 
+    /// The most contacts that one body can have with them.
+    fn most_contacts(&self) -> usize;
+
     /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
     fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>);
 
-    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity.
-    fn predicted_contact(
+    /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity: the
+    /// nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
+    fn predict(
         &self,
         index: usize,
         body: &Body<D>,
         obstacle: usize,
         after: f64,
+        reach: f64,
+        visit: &mut dyn FnMut(&Contact<D>),
     ) -> Contact<D>;
 }
 
@@ -28,28 +34,29 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         self.obstacle_count()
     }
 
-    fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>) {
-        self.for_each_contact(
-            bodies.iter().copied(),
-            reach,
-            |_, _| {},
-            |pair| {
-                interrupt::spend(64 + found.len());
-                if !found.contains(&pair.obstacle) {
-                    found.push(pair.obstacle);
-                }
-            },
-        );
+    fn most_contacts(&self) -> usize {
+        self.contact_count()
     }
 
-    fn predicted_contact(
+    fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>) {
+        self.for_each_obstacle_near(bodies.iter().copied(), reach, |obstacle| {
+            interrupt::spend(64 + found.len());
+            if !found.contains(&obstacle) {
+                found.push(obstacle);
+            }
+        });
+    }
+
+    fn predict(
         &self,
         index: usize,
         body: &Body<D>,
         obstacle: usize,
         after: f64,
+        reach: f64,
+        visit: &mut dyn FnMut(&Contact<D>),
     ) -> Contact<D> {
-        self.contact_after(index, body, obstacle, after)
+        self.for_each_contact_after(index, body, obstacle, after, reach, visit)
     }
 }
 
@@ -79,17 +86,15 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
             interrupt::spend(64 * self.obstacles.len());
             let mut least = f64::INFINITY;
             for &j in self.obstacles {
-                let contact = self.surroundings.predicted_contact(i, &body, j, self.after);
-                least = least.min(contact.distance);
-                if contact.distance < reach {
-                    visit(&contact);
-                }
+                let nearest = self.surroundings.predict(i, &body, j, self.after, reach, &mut visit);
+                least = least.min(nearest.distance);
             }
             distance(body.link, least);
         }
     }
 
     fn contact_after(&self, index: usize, body: &Body<D>, j: usize, after: f64) -> Contact<D> {
-        self.surroundings.predicted_contact(index, body, j, self.after + after)
+        let [after, unreached] = [self.after + after, f64::NEG_INFINITY];
+        self.surroundings.predict(index, body, j, after, unreached, &mut |_| {})
     }
 }

@@ -120,7 +120,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         obstacles.clear();
         obstacles.reserve(count);
         pairs.clear();
-        pairs.reserve(count * robot.body_count());
+        pairs.reserve(surroundings.most_contacts() * robot.body_count());
         apart.clear();
         apart.reserve(count * robot.body_count());
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body);
@@ -203,14 +203,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                 if apart.room > 0.0 {
                     continue;
                 }
-                let pair = surroundings.predicted_contact(i, &body, j, after);
+                let pair =
+                    surroundings.predict(i, &body, j, after, NEAR, &mut |pair| pairs.push(*pair));
                 // Of an obstacle that turns, other points may come faster than the nearest does.
                 let speed = if pair.spin.is_none() { pair.velocity.norm() } else { f64::INFINITY };
                 *apart = Apart { room: pair.distance - *reach, drift: speed * *step };
                 least = least.min(pair.distance);
-                if pair.distance < NEAR {
-                    pairs.push(pair);
-                }
             }
         }
         least

@@ -1,0 +1,82 @@
+//! Clouds of points that are replaced while a loop runs. New points are made ready beside it, and take the place of the old
+//! ones between two steps.
+
+use crate::control::Settings;
+use crate::scenario::{self, ScenarioError};
+use crate::world::CollisionQuery;
+use crate::world::space::{MOST_POINTS, Points, Shape, World};
+
+/// Why there are no points to be replaced.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PointsError {
+    /// There are none in the plane.
+    #[error("obstacle: clouds of points are in space, and this arm is in the plane")]
+    InThePlane,
+    /// There is no such obstacle.
+    #[error("obstacle: there is no obstacle {given}, {}", there_are(*.count))]
+    NotThere {
+        /// What was asked for.
+        given: usize,
+        /// How many obstacles there are.
+        count: usize,
+    },
+    /// It is no cloud, or another one by now.
+    #[error("obstacle: obstacle {0} is not a cloud of points that these were made for")]
+    NotACloud(usize),
+    /// There are too many points.
+    #[error(
+        "cloud: expected at most {MOST_POINTS} points, got {0}; leave some out where they are dense"
+    )]
+    TooMany(usize),
+    /// The controller has no room for them.
+    #[error("{0}")]
+    NoRoom(#[from] ScenarioError),
+}
+
+fn there_are(count: usize) -> String {
+    match count {
+        0 => "there is none yet".into(),
+        1 => "there is one, number 0".into(),
+        _ => format!("there are {count}, 0 to {}", count - 1),
+    }
+}
+
+/// Points for a cloud of this `orientation`.
+///
+/// # Errors
+/// If they are too many.
+pub fn make(given: Vec<[f64; 3]>, orientation: [f64; 4]) -> Result<Points, PointsError> {
+    match given.len() <= MOST_POINTS {
+        true => Ok(Points::new(given, orientation)),
+        false => Err(PointsError::TooMany(given.len())),
+    }
+}
+
+/// The orientation in which the points of cloud `j` stand.
+pub(super) fn orientation_of(world: &World, j: usize) -> Result<[f64; 4], PointsError> {
+    if j >= world.len() {
+        return Err(PointsError::NotThere { given: j, count: world.len() });
+    }
+    match world.obstacle(j).shape {
+        Shape::Points { .. } => Ok(world.obstacle(j).orientation),
+        _ => Err(PointsError::NotACloud(j)),
+    }
+}
+
+/// Whether a controller of n joints can go on with `points` in the place of those of cloud `j`.
+pub(super) fn check(
+    world: &World,
+    j: usize,
+    points: &Points,
+    settings: &Settings,
+    n: usize,
+) -> Result<(), PointsError> {
+    if orientation_of(world, j)? != points.orientation() {
+        return Err(PointsError::NotACloud(j));
+    }
+    let Shape::Points { points: old, .. } = &world.obstacle(j).shape else {
+        return Err(PointsError::NotACloud(j));
+    };
+    let barriers = world.barrier_count() - old.len() + points.len();
+    Ok(scenario::validate_size(settings, n, barriers)?)
+}

@@ -1,0 +1,590 @@
+//! A cloud of points: balls of one radius that move and turn as one obstacle.
+//!
+//! Every ball is to a link what a sphere at that place would be, to the last bit; the link has a contact with each. Which
+//! of them are near is found from boxes around few points each that lie side by side. The boxes are those of the cloud at
+//! rest, where it is described: as with every solid it is the link that is moved and turned for the query, so that a cloud
+//! that moves and turns costs no more than one that stands.
+
+use super::axis::{Nearest, Probe, perpendicular, seen_from};
+use super::hierarchy::{Region, aabb};
+use super::point::{distance_to_point, square_to_point, to_point};
+use super::volume::Core;
+use super::volume::contact_of;
+use super::{Obstacle, Shape, World};
+use crate::interrupt;
+use crate::math::{UnitQuaternion, Vector};
+use crate::world::crowd::{MARGIN, widened};
+use crate::world::{Contact, Feature, MotionState, Pair};
+use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, TraversalAction};
+use std::cell::Cell;
+use std::fmt;
+use std::mem::swap;
+use std::sync::Arc;
+
+/// The most points of a cloud.
+pub const MOST_POINTS: usize = 50_000;
+
+/// Points in one box.
+const BLOCK: usize = 8;
+
+/// Points that are found at once.
+const ROOM: usize = 256;
+
+/// The points \[m\], relative to the obstacle's position and turned by its orientation, in boxes.
+#[derive(Clone)]
+pub(super) struct Cloud {
+    /// Those that lie side by side one after the other.
+    points: Vec<Vector<3>>,
+    /// Where each stood in the list that was given.
+    numbers: Vec<u32>,
+    /// Boxes around [`BLOCK`] points each.
+    boxes: Bvh,
+    /// Opposite corners of a box around all of them \[m\].
+    extent: [Vector<3>; 2],
+    /// How far the farthest is from the position \[m\].
+    pub(super) reach: f64,
+}
+
+impl fmt::Debug for Cloud {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Cloud").field("points", &self.points.len()).finish_non_exhaustive()
+    }
+}
+
+/// What is asked: a link, from an obstacle at a position.
+struct Query<'a> {
+    link: &'a Probe,
+    position: &'a Vector<3>,
+    /// Where the axis is; none if that is nowhere, or beyond the horizon.
+    region: Option<Region>,
+}
+
+impl Query<'_> {
+    /// The distance of the axis from the centre of a ball \[m\], that of a sphere there.
+    #[inline(always)]
+    fn distance(&self, point: &Vector<3>) -> f64 {
+        distance_to_point(&seen_from(self.link, &(self.position + point)), &Vector::zeros())
+    }
+
+    /// Its square \[m²\].
+    #[inline(always)]
+    fn square(&self, point: &Vector<3>) -> f64 {
+        square_to_point(&seen_from(self.link, &(self.position + point)), &Vector::zeros())
+    }
+}
+
+impl Cloud {
+    /// Of these points, turned. Undefined numbers do not panic.
+    #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
+    pub(super) fn new(points: &[[f64; 3]], turn: &UnitQuaternion) -> Self {
+        interrupt::spend(64 * points.len());
+        let turned: Vec<Vector<3>> =
+            points.iter().map(|point| turn.rotate(&Vector::from(*point))).collect();
+        let extent @ [low, high] = around(&turned);
+        // The place on the curve above the number.
+        let key = |(point, number)| u64::from(along_the_curve(point, &low, &high)) << 32 | number;
+        let mut order: Vec<u64> = turned.iter().zip(0u64..).map(key).collect();
+        order.sort_unstable();
+        let numbers: Vec<u32> = order.iter().map(|key| *key as u32).collect();
+        let points: Vec<Vector<3>> = numbers.iter().map(|i| turned[*i as usize]).collect();
+        let box_of = |block: &[Vector<3>]| {
+            let [low, high] = around(block);
+            aabb(widened([low, high], 1.0 + low.abs().sum() + high.abs().sum()))
+        };
+        let boxes: Vec<_> = points.chunks(BLOCK).map(box_of).collect();
+        Self {
+            boxes: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+            reach: points.iter().map(Vector::norm).fold(0.0, f64::max),
+            extent,
+            points,
+            numbers,
+        }
+    }
+
+    /// How many points there are.
+    pub(super) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Opposite corners of a box around the points \[m\].
+    pub(super) fn extent(&self) -> [Vector<3>; 2] {
+        if self.points.is_empty() { [Vector::zeros(); 2] } else { self.extent }
+    }
+
+    /// Everything that rounding may do to the difference of two points far away counts as in reach.
+    fn query<'a>(&self, link: &'a Probe, position: &'a Vector<3>) -> Query<'a> {
+        let sum = |v: &Vector<3>| v.abs().sum();
+        let radius = MARGIN * (sum(position) + sum(&link.start) + self.reach);
+        let region = Region::of_link(&Probe { radius, ..seen_from(link, position) });
+        Query { link, position, region }
+    }
+
+    /// The place of the point nearest to the axis of the link, the first in the list that was given among those equally
+    /// near; none in an empty cloud.
+    fn nearest(&self, query: &Query<'_>) -> Option<usize> {
+        let best = Cell::new((f64::INFINITY, u32::MAX, 0));
+        let measure = |places: std::ops::Range<usize>| {
+            let (mut least, mut first, mut nearest) = best.get();
+            for place in places {
+                let (square, number) = (query.square(&self.points[place]), self.numbers[place]);
+                #[expect(clippy::float_cmp, reason = "whichever is first of the very same")]
+                if square < least || square == least && number < first {
+                    (least, first, nearest) = (square, number, place);
+                }
+            }
+            best.set((least, first, nearest));
+            least.sqrt()
+        };
+        match &query.region {
+            None => drop(measure(0..self.points.len())),
+            Some(region) => {
+                // What is as far as the best is looked at, too: boxes are wider than their points.
+                let gap = |node: &BvhNode, _: f64| region.gap(node);
+                let leaf = |leaf: u32, _: f64| Some(measure(self.block(leaf)));
+                self.boxes.find_best(f64::INFINITY, gap, leaf);
+            }
+        }
+        let (_, _, place) = best.get();
+        (!self.points.is_empty()).then_some(place)
+    }
+
+    /// Places of the points in a box.
+    #[inline(always)]
+    fn block(&self, leaf: u32) -> std::ops::Range<usize> {
+        let start = leaf as usize * BLOCK;
+        start..(start + BLOCK).min(self.points.len())
+    }
+
+    /// The distance of the nearest centre from the axis of a link \[m\]; ∞ in an empty cloud.
+    pub(super) fn distance(&self, link: &Probe, position: &Vector<3>) -> f64 {
+        let query = self.query(link, position);
+        self.nearest(&query).map_or(f64::INFINITY, |place| query.distance(&self.points[place]))
+    }
+
+    /// The contact with the nearest ball of this `radius` \[m\]. Of an empty cloud it is infinitely far.
+    pub(super) fn contact(
+        &self,
+        pair: Pair,
+        link: &Probe,
+        radius: f64,
+        state: &MotionState<3>,
+    ) -> Contact<3> {
+        match self.nearest(&self.query(link, &state.position)) {
+            Some(place) => self.touch(place, pair, link, radius, state),
+            None => {
+                let (distance, normal) = (f64::INFINITY, perpendicular(&link.direction));
+                let nowhere =
+                    Nearest { distance, normal, point: Vector::zeros(), feature: Feature::Face };
+                let found = contact_of(pair, &nowhere, [radius, link.radius], state);
+                Contact { point: link.start, witness: link.start, ..found }
+            }
+        }
+    }
+
+    /// The contact with one ball: that with a sphere there.
+    #[inline]
+    fn touch(
+        &self,
+        place: usize,
+        pair: Pair,
+        link: &Probe,
+        radius: f64,
+        state: &MotionState<3>,
+    ) -> Contact<3> {
+        let centre = MotionState { position: state.position + self.points[place], ..*state };
+        let nearest = to_point(&seen_from(link, &centre.position), &Vector::zeros());
+        contact_of(pair, &nearest, [radius, link.radius], &centre)
+    }
+
+    /// The contacts with all balls nearer than `reach` \[m\], in the order in which their points were given.
+    pub(super) fn for_each_contact(
+        &self,
+        pair: Pair,
+        link: &Probe,
+        radius: f64,
+        state: &MotionState<3>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<3>),
+    ) {
+        let query = self.query(link, &state.position);
+        let mut room = [(0, 0); ROOM];
+        let mut first = 0;
+        // The first few at a time, since nothing may be allocated here.
+        loop {
+            let found = self.within(&query, radius, reach, first, &mut room);
+            interrupt::spend(64 * found.len());
+            for (_, place) in found {
+                visit(&self.touch(*place as usize, pair, link, radius, state));
+            }
+            match found {
+                [.., (last, _)] if found.len() == ROOM => first = last + 1,
+                _ => return,
+            }
+        }
+    }
+
+    /// Numbers and places of the points within reach whose number is `first` or higher: the lowest of them, as many as there
+    /// is room for, in their order.
+    #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
+    fn within<'r>(
+        &self,
+        query: &Query<'_>,
+        radius: f64,
+        reach: f64,
+        first: u32,
+        room: &'r mut [(u32, u32); ROOM],
+    ) -> &'r [(u32, u32)] {
+        let mut count = 0;
+        let mut measure = |places: std::ops::Range<usize>| {
+            for place in places {
+                let found = (self.numbers[place], place as u32);
+                let within =
+                    query.distance(&self.points[place]) - radius - query.link.radius < reach;
+                if !within || found.0 < first {
+                    continue;
+                }
+                if count < ROOM {
+                    room[count] = found;
+                    count += 1;
+                    if count == ROOM {
+                        room.sort_unstable();
+                    }
+                } else if found < room[ROOM - 1] {
+                    let at = room.partition_point(|other| *other < found);
+                    room.copy_within(at..ROOM - 1, at + 1);
+                    room[at] = found;
+                }
+            }
+        };
+        match &query.region {
+            None => measure(0..self.points.len()),
+            Some(region) => {
+                let limit = reach + radius + query.link.radius;
+                self.boxes.traverse(|node| {
+                    if region.gap(node) > limit {
+                        return TraversalAction::Prune;
+                    }
+                    if let Some(leaf) = node.leaf_data() {
+                        measure(self.block(leaf));
+                    }
+                    TraversalAction::Continue
+                });
+            }
+        }
+        let found = &mut room[..count];
+        if count < ROOM {
+            found.sort_unstable();
+        }
+        found
+    }
+
+    /// Calls `visit` with the points within `radius` \[m\] of a segment, and others.
+    pub(super) fn for_each_beside(
+        &self,
+        segment: &Probe,
+        radius: f64,
+        mut visit: impl FnMut(&Vector<3>),
+    ) {
+        match self.query(segment, &Vector::zeros()).region {
+            None => self.points.iter().for_each(visit),
+            Some(region) => self.boxes.traverse(|node| {
+                if region.gap(node) > radius {
+                    return TraversalAction::Prune;
+                }
+                if let Some(leaf) = node.leaf_data() {
+                    self.points[self.block(leaf)].iter().for_each(&mut visit);
+                }
+                TraversalAction::Continue
+            }),
+        }
+    }
+}
+
+/// Points that are ready to take the place of those of a cloud. They are made beside the world that they are for, which
+/// takes them in at once: [`World::swap_points`].
+#[derive(Debug, Clone)]
+pub struct Points {
+    given: Vec<[f64; 3]>,
+    orientation: [f64; 4],
+    cloud: Arc<Cloud>,
+}
+
+impl Points {
+    /// For a cloud with this `orientation`.
+    ///
+    /// # Arguments
+    /// * `given`: the points \[m\], relative to its position; finite, at most [`MOST_POINTS`].
+    pub fn new(given: Vec<[f64; 3]>, orientation: [f64; 4]) -> Self {
+        let turn = UnitQuaternion::new(orientation).unwrap_or_default();
+        Self { cloud: Arc::new(Cloud::new(&given, &turn)), given, orientation }
+    }
+
+    /// The orientation that they were made for.
+    pub fn orientation(&self) -> [f64; 4] {
+        self.orientation
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.given.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.given.is_empty()
+    }
+}
+
+impl World {
+    /// Exchanges the points of cloud `j` for others, which are then the old ones: it stays where it is, moves as before, and
+    /// keeps its radius. False if obstacle `j` is no cloud. Does not allocate.
+    pub fn swap_points(&mut self, j: usize, points: &mut Points) -> bool {
+        let placed = &mut self.obstacles[j];
+        let Obstacle { shape: Shape::Points { points: given, .. }, .. } = &mut placed.description
+        else {
+            return false;
+        };
+        let Core::Cloud(cloud) = &mut placed.solid.core else { return false };
+        swap(given, &mut points.given);
+        swap(cloud, &mut points.cloud);
+        self.reshaped();
+        true
+    }
+}
+
+/// Opposite corners of a box around points, the lower ones first.
+fn around(points: &[Vector<3>]) -> [Vector<3>; 2] {
+    let none = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
+    points.iter().fold(none, |[low, high], point| [low.inf(point), high.sup(point)])
+}
+
+/// Where a point comes along a curve through a box that leads from neighbour to neighbour as a rule (Morton, 1966).
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "from 0 to 1023; 0 for what is not a number"
+)]
+fn along_the_curve(point: &Vector<3>, low: &Vector<3>, high: &Vector<3>) -> u32 {
+    let side = (high - low).max();
+    let spread = |k: usize| {
+        let cell = (1023.0 * ((point[k] - low[k]) / side)) as u32;
+        // Two bits of room after each bit.
+        let cell = (cell | cell << 16) & 0x0300_00ff;
+        let cell = (cell | cell << 8) & 0x0300_f00f;
+        let cell = (cell | cell << 4) & 0x030c_30c3;
+        (cell | cell << 2) & 0x0924_9249
+    };
+    spread(0) | spread(1) << 1 | spread(2) << 2
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::Volume;
+    use super::super::oracle::*;
+    use super::*;
+    use crate::math::{Body, Capsule};
+    use crate::world::crowd::LEAST;
+    use crate::world::crowd::tests::{motion, point, reach};
+    use crate::world::{CollisionQuery, Motion, Solid};
+    use proptest::prelude::*;
+
+    fn cloud(points: Vec<[f64; 3]>, radius: f64) -> Obstacle {
+        fixed(Shape::Points { points, radius }, [0.0; 3])
+    }
+
+    /// Anywhere, on a lattice where many are equally near and some coincide, or all in one place.
+    pub fn any_points() -> impl Strategy<Value = Vec<[f64; 3]>> {
+        let lattice = [-2i8..3, -2i8..3, -2i8..3].prop_map(|p| p.map(|x| 0.5 * f64::from(x)));
+        prop_oneof![
+            3 => prop::collection::vec(point(2.0), 0..40),
+            2 => prop::collection::vec(lattice, 1..600),
+            1 => (point(1.0), 1usize..20).prop_map(|(point, count)| vec![point; count]),
+        ]
+    }
+
+    /// Everything that the world tells of these links, the obstacle's number left out.
+    fn told(world: &mut World, links: &[Capsule<3>], reach: f64, after: f64) -> Vec<String> {
+        let bodies = || links.iter().enumerate().map(|(link, shape)| Body::new(link, *shape));
+        let text = |contact: &Contact<3>| format!("{:?}", Contact { obstacle: 0, ..*contact });
+        let (mut found, mut rows, mut later) = (vec![], vec![], vec![]);
+        let distances = |link: usize, d: f64| rows.push(format!("{link} {}", d.to_bits()));
+        world.for_each_contact(bodies(), reach, distances, |contact| found.push(text(contact)));
+        world.for_each_barrier(bodies(), reach, |barrier| rows.push(text(barrier)));
+        for (i, body) in bodies().enumerate() {
+            let mut least = f64::INFINITY;
+            for j in 0..world.len() {
+                let visit = |contact: &Contact<3>| later.push(text(contact));
+                let nearest = world.for_each_contact_after(i, &body, j, after, reach, visit);
+                least = least.min(nearest.distance);
+            }
+            later.push(format!("{}", least.to_bits()));
+        }
+        [found, rows, later].concat()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(512))]
+
+        /// A cloud is the balls at its points, to the last bit: contacts in their order, distances, barriers, and what is
+        /// predicted, but for the rounding of where a cloud on its way will be. In a world of its own, where the balls are a
+        /// crowd or not, and beside others.
+        #[test]
+        fn a_cloud_is_the_balls_at_its_points(
+            points in any_points(),
+            radius in prop_oneof![Just(0.0), 0.0..0.3],
+            links in prop::collection::vec(any_link(), 1..4),
+            (position, orientation, spin) in (point(2.0), any_orientation(), three(3.0)),
+            motion in motion(),
+            (kind, others) in (0..3, 0..25usize),
+            (reach, after, t) in (reach(), -0.5..0.5, -1.0..2.0),
+        ) {
+            let own = matches!(motion, Motion::Waypoints { .. } | Motion::Carried(_));
+            let place = |shape, position| fixed(shape, position);
+            let whole = Shape::Points { points: points.clone(), radius };
+            let (cloud, balls): (_, Vec<_>) = match kind {
+                // Where it stands.
+                0 => (place(whole, position), points.iter().map(|point| {
+                    let there = Vector::from(position) + Vector::from(*point);
+                    place(Shape::Sphere { radius }, there.into())
+                }).collect()),
+                // On its way.
+                1 if !own => {
+                    let moving = |obstacle| Obstacle { motion: motion.clone(), ..obstacle };
+                    let balls = points.iter().map(|point| moving(place(Shape::Sphere { radius }, *point)));
+                    (moving(place(whole, [0.0; 3])), balls.collect())
+                }
+                // Turned and turning: a capsule without length is a ball beside its position.
+                _ => {
+                    let angular_velocity = spin.into();
+                    let turning = |shape| Obstacle {
+                        orientation, angular_velocity, motion: motion.clone(), ..place(shape, position)
+                    };
+                    let ball = |point: &[f64; 3]| turning(Shape::Capsule { a: *point, b: *point, radius });
+                    (turning(whole), points.iter().map(ball).collect())
+                }
+            };
+            let rest: Vec<_> = (0..others).map(|k| {
+                let far = [0.3 * k as f64 - 2.0, 1.5, -0.5];
+                place(Shape::Sphere { radius: 0.1 }, far)
+            }).collect();
+            let after = if kind == 1 { 0.0 } else { after };
+            let mut one = World::new([vec![cloud], rest.clone()].concat());
+            let mut many = World::new([balls, rest].concat());
+            for t in [0.0, t, t + 0.01] {
+                one.update(t);
+                many.update(t);
+                prop_assert_eq!(told(&mut one, &links, reach, after), told(&mut many, &links, reach, after));
+            }
+            prop_assert_eq!(one.barrier_count(), many.barrier_count());
+            prop_assert_eq!(one.contact_count(), many.contact_count());
+        }
+
+        /// The nearest contact is that of the nearest ball.
+        #[test]
+        fn the_nearest_is_that_of_the_nearest_ball(points in any_points(), link in any_link()) {
+            prop_assume!(!points.is_empty());
+            let body = Body::new(0, link);
+            let found = World::new(vec![cloud(points.clone(), 0.1)]).contact(0, &body, 0);
+            let ball = |p: &[f64; 3]| contact(&link, &fixed(Shape::Sphere { radius: 0.1 }, *p));
+            let balls: Vec<_> = points.iter().map(ball).collect();
+            let least = balls.iter().map(|ball| ball.distance).fold(f64::INFINITY, f64::min);
+            prop_assert_eq!(found.distance.to_bits(), least.to_bits());
+            prop_assert!(balls.contains(&found));
+        }
+
+        /// With other points in place of its own a world is one that was made with them; the old ones come back.
+        #[test]
+        fn swapped_points_are_those_of_a_new_world(
+            [old, new] in [any_points(), any_points()],
+            link in any_link(),
+            (orientation, spin, motion) in (any_orientation(), three(2.0), motion()),
+            crowd in any::<bool>(),
+            (reach, t) in (reach(), -1.0..2.0),
+        ) {
+            let turning = |points: &Vec<[f64; 3]>| Obstacle {
+                orientation,
+                angular_velocity: spin.into(),
+                motion: motion.clone(),
+                ..cloud(points.clone(), 0.05)
+            };
+            let others = if crowd { LEAST } else { 1 };
+            let world = |points| {
+                let far = |k: usize| fixed(Shape::Sphere { radius: 0.1 }, [4.0 + k as f64, 0.0, 0.0]);
+                World::new((0..others).map(far).chain([turning(points)]).collect())
+            };
+            let mut swapped = world(&old);
+            swapped.update(t);
+            let mut points = Points::new(new.clone(), orientation);
+            prop_assert!(swapped.swap_points(others, &mut points));
+            prop_assert!(!swapped.swap_points(0, &mut points), "a sphere has no points");
+            prop_assert_eq!(&points.given, &old);
+            let mut made = world(&new);
+            prop_assert_eq!(swapped.obstacle(others), made.obstacle(others));
+            prop_assert_eq!(swapped.barrier_count(), made.barrier_count());
+            for t in [t, t + 0.3] {
+                swapped.update(t);
+                made.update(t);
+                prop_assert_eq!(told(&mut swapped, &[link], reach, 0.1), told(&mut made, &[link], reach, 0.1));
+            }
+        }
+
+        /// A ray ends at the first ball.
+        #[test]
+        fn a_ray_ends_at_the_first_ball(
+            points in any_points(), origin in three(3.0), along in direction(), range in 0.1..8.0,
+        ) {
+            let found = World::new(vec![cloud(points.clone(), 0.2)]).cast(origin, along, range);
+            let balls = points.iter().map(|point| fixed(Shape::Sphere { radius: 0.2 }, *point));
+            let expected = World::new(balls.collect()).cast(origin, along, range);
+            prop_assert_eq!(found.is_some(), expected.is_some());
+            prop_assert!((found.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-13);
+        }
+
+        #[test]
+        fn the_extent_holds_the_balls(points in any_points(), turn in any_orientation()) {
+            prop_assume!(!points.is_empty());
+            let shape = Shape::Points { points: points.clone(), radius: 0.3 };
+            let solid = Volume::new(&Obstacle { orientation: turn, ..fixed(shape, [0.0; 3]) });
+            let ([low, high], turn) = (solid.extent(), UnitQuaternion::new(turn).unwrap());
+            for point in points.iter().map(|point| turn.rotate(&Vector::from(*point))) {
+                let [rear, front] = [-0.3, 0.3].map(|radius| point.add_scalar(radius));
+                prop_assert!(low.inf(&rear) == low && high.sup(&front) == high);
+                prop_assert!(point.norm() + 0.3 <= solid.reach());
+            }
+        }
+    }
+
+    /// What a depth camera sees where there is nothing: infinitely far, and nothing undefined but for that.
+    #[test]
+    fn an_empty_cloud_is_nowhere() {
+        let mut world = World::new(vec![cloud(vec![], 0.1)]);
+        let link = capsule([0.0; 3], [1.0, 0.0, 0.0], 0.1);
+        let body = Body::new(0, link);
+        let found = world.contact(0, &body, 0);
+        assert_eq!(found.distance, f64::INFINITY);
+        assert!(!format!("{found:?}").contains("NaN"));
+        assert!((found.normal.norm() - 1.0).abs() < 1e-14);
+        let (mut count, mut least) = (0, 0.0);
+        world.for_each_contact([body], f64::INFINITY, |_, d| least = d, |_| count += 1);
+        assert_eq!((count, least), (0, f64::INFINITY));
+        assert_eq!(world.cast(Vec3::zeros(), Vec3::x(), 9.0), None);
+        assert_eq!((world.contact_count(), world.barrier_count()), (0, 0));
+    }
+
+    #[test]
+    fn unusable_values_do_not_panic() {
+        for value in [0.0, 1e-300, 1e150, f64::MAX, f64::INFINITY, f64::NAN] {
+            for count in [1, 9, 300] {
+                let points: Vec<_> =
+                    (0..count).map(|k| [value * f64::from(k), value, 0.1]).collect();
+                let mut world = World::new(vec![cloud(points.clone(), value)]);
+                for link in
+                    [capsule([0.0; 3], [1.0; 3], 0.1), capsule([value; 3], [0.0, 1.0, value], 0.1)]
+                {
+                    told(&mut world, &[link], f64::INFINITY, 0.0);
+                    world.cast(link.start, link.direction, value);
+                }
+            }
+        }
+    }
+}
