@@ -366,3 +366,17 @@ def test_every_kind_of_file_has_units(result: vff.Result, tmp_path: Path) -> Non
     table = messages(result.save(tmp_path / "run.mcap"))["/vffnull"]
     about = {name: each["description"] for name, each in json.loads(table[0][0].data)["properties"].items()}
     assert about["dx"].endswith("[m/s, rad/s]") and about["obstacles"].endswith("[m]")
+
+
+def test_a_cloud_is_a_ball_around_every_point() -> None:
+    """Where the points are in the cloud's own frame; points without a radius can be seen, too."""
+    points = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
+    clouds = [vff.Obstacle.points(points + [0.5, 0.4, z], radius) for z, radius in ((0.5, 0.01), (0.9, 0.0))]
+    changes = {"obstacles": [each.to_dict() for each in clouds], "duration": 0.02}
+    tree = frames.tree_of(vff.simulate("panda-sweep", changes))
+    drawn = [each for each in tree.frames if each.role == "obstacle"]
+    for frame, cloud in zip(drawn, clouds, strict=True):
+        balls = [each for each in frame.solids if isinstance(each, frames.Capsule)]
+        np.testing.assert_array_equal([each.a for each in balls], cloud.shape["points"])
+        assert all(each.length == 0.0 for each in balls)
+    assert drawn[0].solids[0].radius == 0.01 and 0.0 < drawn[1].solids[0].radius < 0.01  # type: ignore[union-attr]
