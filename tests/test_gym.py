@@ -36,6 +36,10 @@ HITS: dict[str, Any] = {"overrides": {"controller.field.gain": 0.0, "duration": 
         ("sweep-through", POSE),
         ("paper-1", None),
         ("sweep-through", {"obstacles": []}),
+        ("panda-sweep", {"duration": 0.5}),  # a pose in space
+        ("panda-pointing", {"duration": 0.5}),
+        ("ur5e-sweep", {"duration": 0.5}),  # a position in space
+        ("gen3-circle", {"duration": 0.5}),  # joints without end, and a table
     ],
 )
 def test_gymnasium_s_own_check(action: Any, scenario: str, overrides: dict[str, Any] | None) -> None:
@@ -134,14 +138,17 @@ def test_ends() -> None:
     assert terminated and info["diverged"] and env.observation_space.contains(observation)
 
 
-def test_starts_are_random_within_their_bounds() -> None:
-    """Evenly spread over the whole interval, around q0 and the given position."""
-    env = ReachEnv("sweep-through", start_noise=0.2, obstacle_noise=0.3)
+@pytest.mark.parametrize(
+    ("scenario", "turn", "shift"), [("sweep-through", 0.2, 0.3), ("panda-sweep", 0.1, 0.2)]
+)
+def test_starts_are_random_within_their_bounds(scenario: str, turn: float, shift: float) -> None:
+    """Evenly spread over the whole interval, around q0 and the given position, in all directions."""
+    env = ReachEnv(scenario, start_noise=turn, obstacle_noise=shift)
     seen = np.array([env.reset(seed=seed)[0] for seed in range(400)])
     angle = np.arctan2(seen[:, env.layout["sin_q"]], seen[:, env.layout["cos_q"]])
     for values, centre, width in (
-        (angle, env.scenario["q0"], 0.2),
-        (seen[:, env.layout["obstacles"]], env.scenario["obstacles"][0]["position"], 0.3),
+        (angle, env.scenario["q0"], turn),
+        (seen[:, env.layout["obstacles"]], env.scenario["obstacles"][0]["position"], shift),
     ):
         away = values - np.asarray(centre)
         assert np.abs(away).max() <= width + 1e-12 and np.abs(away).max() > 0.98 * width

@@ -16,7 +16,8 @@ into the null space and added to the law's, so that the task goes on while the a
 ``sin_q``, ``dq`` [rad/s], ``tip``, ``reference``, ``reference_velocity``, ``error`` and, where there are
 obstacles, ``clearance`` of every link, ``nearest`` (the way from its axis to the nearest obstacle),
 ``obstacles`` and ``obstacle_velocities``, in m and m/s. What lies beyond the bounds of the space is shown at
-the bound.
+the bound. Of an arm in space, points have three coordinates, and ``error`` has three numbers for a position,
+five for pointing and six for a pose; the orientation of the hand follows from the angles.
 
 **Reward** per step, with weights w:
 

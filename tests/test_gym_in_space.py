@@ -1,0 +1,111 @@
+"""The Gymnasium environments of arms in space: what an agent sees and does, and that many are as one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.gym import ReachEnv, ReachVectorEnv
+
+EXACT: dict[str, Any] = {"start_noise": 0.0, "obstacle_noise": 0.0}
+WIDTHS = {"position": 3, "pointing": 5, "pose": 6}
+
+
+@pytest.mark.parametrize("task", WIDTHS)
+def test_no_action_is_the_run_of_the_scenario(task: str) -> None:
+    """To the last bit; and every part of the observation is what the record has."""
+    scenario = vff.Scenario.load("panda-sweep").replace(
+        **{"controller.task": task, "simulation.record_every": 1, "duration": 1.5}
+    )
+    result = vff.simulate(scenario)
+    env = ReachEnv(scenario, **EXACT)
+    env.reset()
+    rows = round(env.period / scenario["simulation"]["dt"])
+    for k in range(1, 151):
+        observation, _, _, truncated, info = env.step(np.zeros(7))
+        part = {name: observation[where] for name, where in env.layout.items()}
+        row = rows * k
+        np.testing.assert_array_equal(part["dq"], result.dq[row])
+        np.testing.assert_array_equal(part["tip"], result.x[row])
+        np.testing.assert_array_equal(part["reference"], result.x_ref[row])
+        assert part["error"].shape == (WIDTHS[task],)
+        np.testing.assert_array_equal(part["error"], result.error[row])
+        np.testing.assert_array_equal(part["clearance"], result.clearance[row])
+        np.testing.assert_array_equal(part["obstacles"], result.obstacles[row].ravel())
+        np.testing.assert_array_equal(part["obstacle_velocities"], [0.0, 0.2, 0.0])
+        np.testing.assert_allclose(np.arctan2(part["sin_q"], part["cos_q"]), result.q[row], atol=1e-14)
+        assert info["clearance"] == result.clearance[row - rows + 1 : row + 1].min()
+    assert truncated
+
+
+def test_the_way_to_the_nearest_obstacle_is_the_distance_s() -> None:
+    """From the axis of a link to the ball's surface, as `distances` measures it."""
+    env = ReachEnv("panda-sweep", **EXACT)
+    env.reset()
+    for _ in range(100):
+        observation, *_ = env.step(np.zeros(7))
+    way = observation[env.layout["nearest"]].reshape(7, 3)
+    q = np.arctan2(observation[env.layout["sin_q"]], observation[env.layout["cos_q"]])
+    ball = vff.Obstacle.sphere(observation[env.layout["obstacles"]], 0.08)
+    found = vff.distances(env.scenario.arm, q, [0.0] * 7, [ball])
+    for link in range(7):
+        mine = found.link == link
+        each = int(np.flatnonzero(mine)[found.distance[mine].argmin()])
+        clearance = observation[env.layout["clearance"]][link]
+        assert clearance == pytest.approx(found.distance[each], abs=1e-12)
+        direction = way[link] / np.linalg.norm(way[link])
+        np.testing.assert_allclose(direction, -found.normal[each], atol=1e-9)
+
+
+@pytest.mark.parametrize("task", WIDTHS)
+def test_a_null_space_action_leaves_the_task_alone(task: str) -> None:
+    """J M⁻¹ Nᵀ = 0: the hand stays, whatever the agent does to the elbow; unprojected it does not."""
+    quiet = {"duration": 1.0, "obstacles": [], "controller.task": task, "simulation.dt": 2e-4}
+    errors = {}
+    for kind in ("dynamic", "none"):
+        env = ReachEnv("panda-sweep", quiet | {"controller.projection": kind}, **EXACT, torque=1.5)
+        first, info = env.reset()
+        for _ in range(100):
+            observation, _, _, _, info = env.step(np.array([1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0]))
+        moved = np.abs(observation - first)[env.layout["sin_q"]].max()
+        errors[kind] = info["tracking_error"]
+        assert moved > 0.01, kind
+    assert errors["dynamic"] < 1e-4 < 2e-4 < errors["none"]
+
+
+def test_a_torque_action_is_the_torque() -> None:
+    """As `Simulation.step` with the same torque, to the last bit; beyond ±1 it stays at ±1."""
+    torque = [20.0, 20.0, 15.0, 15.0, 3.0, 3.0, 2.0]
+    env = ReachEnv("panda-sweep", action="torque", period=1e-3, torque=torque, **EXACT)
+    env.reset()
+    plant = vff.Simulation(vff.Scenario.load("panda-sweep"))
+    action = np.array([0.1, -2.0, 1.0, 0.0, -0.25, 3.0, 0.5])
+    for _ in range(100):
+        observation, *_ = env.step(action)
+        state = plant.step(np.clip(action, -1.0, 1.0) * env.torque)
+        np.testing.assert_array_equal(observation[env.layout["dq"]], state.dq)
+
+
+@pytest.mark.parametrize("action", ["null_space", "torque"])
+@pytest.mark.parametrize("threads", [1, 3])
+def test_many_are_as_one(action: Any, threads: int) -> None:
+    """Environment i of the core's vector is `ReachEnv` with the seed 5 + i, to the last bit."""
+    settings: dict[str, Any] = {"action": action, "torque": 2.0, "overrides": {"duration": 0.3}}
+    many = ReachVectorEnv(4, "panda-pointing", threads=threads, **settings)
+    ones = [ReachEnv("panda-pointing", **settings) for _ in range(4)]
+    observations, _ = many.reset(seed=5)
+    for i, env in enumerate(ones):
+        np.testing.assert_array_equal(observations[i], env.reset(seed=5 + i)[0])
+    generator = np.random.default_rng(2)
+    for _ in range(30):
+        actions = generator.uniform(-1.0, 1.0, (4, 7))
+        observations, rewards, terminated, truncated, infos = many.step(actions)
+        for i, env in enumerate(ones):
+            one, reward, over, cut, info = env.step(actions[i])
+            np.testing.assert_array_equal(observations[i], one)
+            assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
+            assert infos["tracking_error"][i] == info["tracking_error"]
+    assert truncated.all() and not terminated.any()
