@@ -371,7 +371,10 @@ def test_every_kind_of_file_has_units(result: vff.Result, tmp_path: Path) -> Non
 def test_a_cloud_is_a_ball_around_every_point() -> None:
     """Where the points are in the cloud's own frame; points without a radius can be seen, too."""
     points = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
-    clouds = [vff.Obstacle.points(points + [0.5, 0.4, z], radius) for z, radius in ((0.5, 0.01), (0.9, 0.0))]
+    clouds = [
+        vff.Obstacle.points(points + np.array([0.5, 0.4, z]), radius)
+        for z, radius in ((0.5, 0.01), (0.9, 0.0))
+    ]
     changes = {"obstacles": [each.to_dict() for each in clouds], "duration": 0.02}
     tree = frames.tree_of(vff.simulate("panda-sweep", changes))
     drawn = [each for each in tree.frames if each.role == "obstacle"]
