@@ -248,7 +248,7 @@ fn around(arm: &AnyArm, points: &[[f64; 3]]) -> AnyObstacles {
 /// what is refused changes nothing.
 #[test]
 fn replaced_points_are_those_of_a_new_controller() {
-    let q = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+    let q = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8];
     let dq = [0.1, 0.0, -0.2, 0.1, 0.0, 0.3, 0.0];
     let target = Target { x: &[0.4, 0.0, 0.5], dx: &[0.0; 3], ddx: &[0.0; 3] };
     for settings in [

@@ -71,7 +71,9 @@ pub(super) fn check(
     settings: &Settings,
     n: usize,
 ) -> Result<(), PointsError> {
-    if orientation_of(world, j)? != points.orientation() {
+    let [own, meant] =
+        [orientation_of(world, j)?, points.orientation()].map(|q| q.map(f64::to_bits));
+    if own != meant {
         return Err(PointsError::NotACloud(j));
     }
     let Shape::Points { points: old, .. } = &world.obstacle(j).shape else {

@@ -144,10 +144,19 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     /// The distance between the surfaces of obstacle and link \[m\], bit for bit that of their contact.
     #[inline(always)]
     fn distance(&self, link: &S::Probe) -> f64 {
+        self.distance_below(link, f64::INFINITY)
+    }
+
+    /// The same where it is less than `limit` \[m\]; otherwise anything that is not.
+    #[inline(always)]
+    fn distance_below(&self, link: &S::Probe, limit: f64) -> f64 {
         let position = &self.state.position;
         match self.turn() {
-            None => self.solid.distance(link, position),
-            Some(turn) => self.solid.distance(&Self::seen(link, position, turn), &Vector::zeros()),
+            None => self.solid.distance_below(link, position, limit),
+            Some(turn) => {
+                let seen = Self::seen(link, position, turn);
+                self.solid.distance_below(&seen, &Vector::zeros(), limit)
+            }
         }
     }
 

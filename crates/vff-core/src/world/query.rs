@@ -144,12 +144,13 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     }
 
     /// Body by body from the first of `bodies` on, and for each in the order of the obstacles: `meet` is called with those
-    /// that may be within reach, and how they are turned.
+    /// that may be within reach, and how they are turned. The distance of what is nearest is needed below `limit` \[m\] only.
     #[inline(always)] // three times
     fn for_each_near(
         &mut self,
         bodies: impl IntoIterator<Item = Body<D>>,
         reach: f64,
+        limit: f64,
         mut distance: impl FnMut(usize, f64),
         mut meet: impl FnMut(Pair, &S::Probe, &Placed<S, D>, Option<&Turn<D>>),
     ) {
@@ -165,7 +166,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             for (body, Body { link, shape }) in bodies {
                 let probe = S::probe(&shape);
                 let least = least_distance(obstacles.iter(), |obstacle| {
-                    obstacle.solid.distance(&probe, &obstacle.state.position)
+                    obstacle.solid.distance_below(&probe, &obstacle.state.position, limit)
                 });
                 distance(link, least);
                 if least < reach {
@@ -185,7 +186,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, reach),
             };
             let least = least_distance(near.iter().map(|&j| &obstacles[j]), |obstacle| {
-                obstacle.distance(&probe)
+                obstacle.distance_below(&probe, limit)
             });
             distance(link, least);
             if least < reach {
@@ -216,7 +217,8 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_near(bodies, reach, distance, |pair, probe, obstacle, turn| {
+        let all = f64::INFINITY;
+        self.for_each_near(bodies, reach, all, distance, |pair, probe, obstacle, turn| {
             obstacle.for_each_contact(pair, probe, &obstacle.state, turn, reach, &mut visit);
         });
     }
@@ -230,9 +232,10 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.for_each_near(
             bodies,
             reach,
+            reach,
             |_, _| {},
             |pair, probe, obstacle, _| {
-                if obstacle.distance(probe) < reach {
+                if obstacle.distance_below(probe, reach) < reach {
                     visit(pair.obstacle);
                 }
             },
@@ -252,6 +255,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     ) {
         self.for_each_near(
             bodies,
+            reach,
             reach,
             |_, _| {},
             |pair, probe, obstacle, turn| {

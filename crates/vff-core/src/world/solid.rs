@@ -45,6 +45,13 @@ pub trait Solid<const D: usize>: Clone + Debug {
     /// that of their [`contact`](Self::contact).
     fn distance(&self, body: &Self::Probe, position: &Vector<D>) -> f64;
 
+    /// The same where it is less than `limit` \[m\]; otherwise anything that is not.
+    #[inline(always)]
+    fn distance_below(&self, body: &Self::Probe, position: &Vector<D>, limit: f64) -> f64 {
+        let _ = limit;
+        self.distance(body, position)
+    }
+
     /// Where this solid, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
     fn contact(&self, pair: Pair, body: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
 

@@ -123,9 +123,18 @@ impl Solid<3> for Volume {
             Core::Box(cuboid) => cuboid.distance(&axis),
             Core::Hull(hull) => hull.distance(&axis),
             Core::HalfSpace(normal) => to_half_space(&axis, normal).distance,
-            Core::Cloud(cloud) => cloud.distance(link, position),
+            Core::Cloud(cloud) => cloud.distance(link, position, f64::INFINITY),
         };
         distance - self.radius - link.radius
+    }
+
+    #[inline(always)]
+    fn distance_below(&self, link: &Probe, position: &Vector<3>, limit: f64) -> f64 {
+        if let Core::Cloud(cloud) = &self.core {
+            let around = self.radius + link.radius;
+            return cloud.distance(link, position, limit + around) - self.radius - link.radius;
+        }
+        self.distance(link, position)
     }
 
     #[inline]
