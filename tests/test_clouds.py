@@ -258,7 +258,7 @@ def test_unusable_clouds_are_refused(points: Any, radius: float, path: str) -> N
 
 def test_there_are_none_in_the_plane() -> None:
     shape = {"kind": "points", "points": [], "radius": 0.1}
-    with pytest.raises(ScenarioError, match="`points`, a shape of obstacles in space"):
+    with pytest.raises(ScenarioError, match="that is a shape of obstacles in space"):
         vff.Controller(vff.Arm.uniform(3)).torque(
             [0.1] * 3, [0.0] * 3, [1.0, 1.0], obstacles=[{"shape": shape, "position": [0.0, 0.0]}]
         )

@@ -349,5 +349,5 @@ fn unusable_clouds_are_refused() {
                  reference = { kind = 'setpoint', point = [1, 1] }\n[[obstacles]]\nposition = [0, 0]\n\
                  shape = { kind = 'points', points = [], radius = 0.1 }";
     let error = Scenario::from_toml(plane).unwrap_err().to_string();
-    assert!(error.contains("unknown value `points`, a shape of obstacles in space"), "{error}");
+    assert!(error.contains("that is a shape of obstacles in space"), "{error}");
 }

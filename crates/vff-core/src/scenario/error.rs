@@ -45,7 +45,7 @@ pub enum Problem {
     #[error("missing key `{0}`")]
     MissingKey(String),
     /// A name that is not among the choices.
-    #[error("unknown value `{}`{}{}", cut(.given), elsewhere(given, allowed), hint(given, allowed))]
+    #[error("unknown value `{}`{}{}", cut(.given), hint(given, allowed), elsewhere(given, allowed))]
     UnknownChoice {
         /// The name.
         given: String,
@@ -118,8 +118,8 @@ pub enum Problem {
 fn elsewhere(given: &str, allowed: &[String]) -> &'static str {
     let is_shape = allowed.iter().any(|name| name == "capsule");
     match given {
-        "sphere" | "half_space" | "points" if is_shape => ", a shape of obstacles in space",
-        "circle" | "polygon" if is_shape => ", a shape of obstacles in the plane",
+        "sphere" | "half_space" | "points" if is_shape => "; that is a shape of obstacles in space",
+        "circle" | "polygon" if is_shape => "; that is a shape of obstacles in the plane",
         _ => "",
     }
 }
