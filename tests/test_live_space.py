@@ -472,8 +472,18 @@ def test_the_cup_is_spilt_without_the_projection_and_full_after_a_reset(page: An
     """The read-out says so; with the projection nothing was spilt (see the drag above)."""
     page.show_ghost(False)
     page.configure(page.scenario.to_dict()["controller"] | {"projection": "none"})
-    page._carry(0, at(-0.05, 0.6, 0.62))  # through the elbow
-    wait_for(lambda: page._scene.readings()["spilt"] > 0.02)
+    beside = at(-0.05, 0.6, 0.62)
+    page._carry(0, beside)
+
+    def spilt() -> bool:
+        """Through the elbow, to and fro: one tilt may be over between two pictures."""
+        ball = page.snapshot()["obstacles"][0]
+        for here, there in ((beside, PLACE), (PLACE, beside)):
+            if np.linalg.norm(ball - here) < 0.02:
+                page._carry(0, there)
+        return bool(page._scene.readings()["spilt"] > 0.02)
+
+    wait_for(spilt)
     wait_for(lambda: "spilt" in page._panel._numbers.content)
     page.reset()
     assert page._scene.readings()["spilt"] == 0.0

@@ -213,10 +213,12 @@ def _alone(mujoco: Any, control: Callable[[Any, Any], None] | None = None) -> It
     Warnings of a state that is not finite are neither printed nor written to a file: `step` tells of it.
     """
     before = mujoco.get_mjcb_control(), mujoco.get_mju_user_warning()
-    mujoco.set_mjcb_control(control)
-    mujoco.set_mju_user_warning(lambda _message: None)
-    try:
+    try:  # Ctrl-C may come after any line
+        mujoco.set_mjcb_control(control)
+        mujoco.set_mju_user_warning(lambda _message: None)
         yield
     finally:
-        mujoco.set_mjcb_control(before[0])
-        mujoco.set_mju_user_warning(before[1])
+        try:
+            mujoco.set_mjcb_control(before[0])
+        finally:
+            mujoco.set_mju_user_warning(before[1])
