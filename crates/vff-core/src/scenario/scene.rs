@@ -131,10 +131,7 @@ impl AnyScene {
 
     /// How many bodies the arm has, none if there is no such arm.
     pub fn body_count(&self) -> usize {
-        match self {
-            Self::Plane(scene) => bodies(scene),
-            Self::Space(scene) => bodies(scene),
-        }
+        on_scene!(self, scene => bodies(scene))
     }
 
     /// The highest speed of any obstacle \[m/s\].
