@@ -42,6 +42,12 @@ def scene(n=6, **more):
     return {"duration": 1e5, "q0": q0, "arm": {"lengths": [1.0] * n, "masses": 1.0},
             "reference": {"kind": "setpoint", "point": [0.5 * n, 0.3]},
             "simulation": {"record_every": 10**6}, **more}
+def cloud(count):
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (count, 3))
+    return vff.Obstacle.points(points, 0.01, position=[1.4, 0.0, 0.5])
+def panda(**more):
+    long = {"simulation.record_every": 10**6, "duration": 1e5}
+    return vff.Scenario.load("panda-sweep").replace(**long, **more)
 """
 
 # A name: what is prepared, and the call. Files are as large as those of long runs.
@@ -61,6 +67,14 @@ CALLS = {
         "'controller.yielding': {'preview': {'horizon': 2.0, 'candidates': 64}}, 'duration': 1e4})",
         "vff.simulate(s)",
     ),
+    "simulate, a Panda and a cloud": (
+        "s = panda(**{'obstacles': [cloud(50000)], 'controller.avoidance': 'cbf'})",
+        "vff.simulate(s)",
+    ),
+    "simulate, a Panda that senses": (
+        "s = panda(**{'perception.kind': 'range'})",
+        "vff.simulate(s)",
+    ),
     "simulate, MuJoCo's plant": (
         "s = scene(simulation={'record_every': 1000})",
         "vff.simulate(s, plant='mujoco')",
@@ -76,6 +90,10 @@ CALLS = {
         "vff.feasibility(s)",
     ),
     "evaluate": ("", "vff.evaluate(['null-space field'], category='crowd', n=6, count=4)"),
+    "evaluate, in space": (
+        "",
+        "vff.evaluate(['null-space field'], category='crowd', count=4, space=True, arm='panda')",
+    ),
     "evaluation.loop_times": (
         "from vffnull.evaluation import loop_times",
         "loop_times(['null-space field'], n=6, count=100)",
@@ -104,6 +122,14 @@ CALLS = {
         "[a.forward_dynamics(q, q, q) for _ in range(1000)]",
     ),
     "distances": ("a, q, w = arm_of(50), rows(4000, 50), discs(20)", "vff.distances(a, q, q, w)"),
+    "distances, in space": (
+        "a, w = vff.Arm.named('panda'), [cloud(50000)]; q = np.zeros((100000, 7))",
+        "vff.distances(a, q, q, w)",
+    ),
+    "Arm.from_urdf": (
+        "Path('long.urdf').write_text(arm_of(2000).to_urdf())",
+        "vff.Arm.from_urdf('long.urdf')",
+    ),
     "gymnasium reset and step": (
         "import gymnasium\ne = gymnasium.make_vec('vffnull.gym:vffnull/Reach-v0', num_envs=2000, "
         "scenario='sweep-through')\na = e.action_space.sample()",
@@ -115,6 +141,10 @@ CALLS = {
     ),
     "Scenario.from_dict": (
         "d = scene(obstacles=discs(200000)) | {'duration': 0.1}",
+        "vff.Scenario.from_dict(d)",
+    ),
+    "Scenario.from_dict, a cloud": (
+        "d = panda().to_dict() | {'obstacles': [cloud(50000).to_dict()] * 4}",
         "vff.Scenario.from_dict(d)",
     ),
     "Scenario.replace": (

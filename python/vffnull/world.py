@@ -332,7 +332,8 @@ class Obstacle:
     ) -> Obstacle:
         """The convex hull of points, in any order; its position is the mean of its corners.
 
-        Points within the hull do not count. In the plane this is a `polygon`.
+        Points within the hull do not count. In the plane this is a `polygon`. `vffnull.meshes.enclose` makes
+        such hulls of the file of a mesh.
 
         Parameters
         ----------

@@ -1,0 +1,150 @@
+"""Meshes as obstacles: hulls that enclose them, how much larger they are, and what cannot be one."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import vffnull as vff
+from vffnull.errors import InputError
+from vffnull.meshes import CORNERS, Enclosure, enclose
+
+PANDA = vff.Arm.named("panda")
+Q = np.array([0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854])
+
+
+def saved(mesh: trimesh.Trimesh, folder: Path, name: str = "mesh.stl") -> Path:
+    path = folder / name
+    mesh.export(path)
+    return path
+
+
+def bracket() -> trimesh.Trimesh:
+    """Two boards at a right angle, 6 litres in all; their hull has 13.5."""
+    corners = [[0, 0], [0.3, 0], [0.3, 0.05], [0.05, 0.05], [0.05, 0.3], [0, 0.3]]
+    floor = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+    vertices = np.array([[x, y, z] for z in (0.0, 0.2) for x, y in corners])
+    sides = [[i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6] for i in range(6)]
+    faces = [triangle[::-1] for triangle in floor] + [[i + 6 for i in triangle] for triangle in floor]
+    faces += [each for a, b, c, d in sides for each in ([a, b, c], [a, c, d])]
+    return trimesh.Trimesh(vertices, faces)
+
+
+def beyond(corners: np.ndarray, points: np.ndarray) -> float:
+    """How far points are outside of a hull, by SciPy's planes."""
+    from scipy.spatial import ConvexHull
+
+    planes = ConvexHull(corners).equations
+    return float((points @ planes[:, :3].T + planes[:, 3]).max())
+
+
+def test_a_convex_mesh_is_its_own_hull(tmp_path: Path) -> None:
+    """A box of 8 corners loses nothing, whatever the unit of the file; the distance is the box's own."""
+    size = np.array([0.1, 0.2, 0.3])
+    found = enclose(saved(trimesh.creation.box(1e3 * size), tmp_path), scale=1e-3)
+    assert len(found.hulls) == 1
+    assert found.volume == pytest.approx(0.006, rel=1e-6)  # STL holds floats of 32 bits
+    assert found.mesh_volume == pytest.approx(found.volume, rel=1e-12)
+    assert found.protrusion < 1e-12
+    place = [0.5, 0.1, 0.4]
+    one = vff.distances(PANDA, Q, Q, found.obstacles(place)).distance
+    box = vff.distances(PANDA, Q, Q, [vff.Obstacle.box(place, size)]).distance
+    np.testing.assert_allclose(one, box, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        trimesh.creation.icosphere(subdivisions=3, radius=0.1),
+        trimesh.creation.torus(0.2, 0.05),
+        trimesh.creation.capsule(0.4, 0.05),
+    ],
+    ids=["ball", "torus", "capsule"],
+)
+def test_nothing_sticks_out_of_a_hull_with_fewer_corners(mesh: trimesh.Trimesh, tmp_path: Path) -> None:
+    """Hundreds of vertices become at most 64 corners around all of them, for an eighth of the volume."""
+    found = enclose(saved(mesh, tmp_path, "mesh.ply"))
+    (corners,) = found.hulls
+    assert len(mesh.convex_hull.vertices) > CORNERS >= len(corners)
+    assert beyond(corners, mesh.vertices) <= 0.0
+    assert found.volume < 1.125 * mesh.convex_hull.volume
+    (obstacle,) = found.obstacles()
+    assert obstacle.kind == "convex"
+
+
+@pytest.fixture(scope="module")
+def several(tmp_path_factory: pytest.TempPathFactory) -> Enclosure:
+    """A bracket in pieces; making them takes seconds."""
+    return enclose(saved(bracket(), tmp_path_factory.mktemp("bracket")), 3)
+
+
+def test_pieces_keep_a_hollow(several: Enclosure, tmp_path: Path) -> None:
+    """Between the boards of a bracket there is room, which one hull would fill: two or three keep it."""
+    path = saved(bracket(), tmp_path)
+    one = enclose(path)
+    assert one.mesh_volume == pytest.approx(0.2 * (0.3**2 - 0.25**2), rel=1e-6)
+    assert one.volume == pytest.approx(0.2 * (0.3**2 - 0.25**2 / 2), rel=1e-6)
+    assert 2 <= len(several.hulls) <= 3
+    assert several.volume < 1.05 * one.mesh_volume
+    assert several.protrusion < 1e-4
+    hollow = np.array([[0.15, 0.15, 0.1]])
+    assert beyond(one.hulls[0], hollow) < 0.0
+    assert all(beyond(corners, hollow) > 0.09 for corners in several.hulls)
+    again = enclose(path, 3)
+    assert all(map(np.array_equal, several.hulls, again.hulls))
+
+
+def test_the_pieces_move_as_one(several: Enclosure) -> None:
+    """They turn about the origin of the mesh: after a quarter they are where the mesh would be."""
+    motion = vff.Motion.linear([0.1, 0.0, 0.0])
+    turning = several.obstacles([0.4, 0.0, 0.3], motion, angular_velocity=[0.0, 0.0, np.pi / 2])
+    half = np.sqrt(0.5)
+    turned = several.obstacles([0.5, 0.0, 0.3], orientation=[half, 0.0, 0.0, half])
+    later = vff.distances(PANDA, Q, Q, turning, t=1.0).distance
+    there = vff.distances(PANDA, Q, Q, turned).distance
+    np.testing.assert_allclose(later, there, atol=1e-9)
+    scenario = vff.Scenario.load("panda-sweep").replace(obstacles=turning, duration=0.01)
+    assert vff.simulate(scenario).status == "completed"
+
+
+def test_what_is_no_mesh(tmp_path: Path) -> None:
+    """Everything that cannot be enclosed says what is wrong with it."""
+    path = saved(bracket(), tmp_path)
+    with pytest.raises(InputError, match=r"mesh '.*none\.stl' cannot be found"):
+        enclose(tmp_path / "none.stl")
+    with pytest.raises(InputError, match="pieces: expected a whole number of at least 1, got 0"):
+        enclose(path, 0)
+    with pytest.raises(InputError, match="scale: expected one or three positive numbers, got -1"):
+        enclose(path, scale=-1)
+    flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]])
+    with pytest.raises(InputError, match=r"is flat: it encloses no volume"):
+        enclose(saved(flat, tmp_path, "flat.ply"))
+    broken = tmp_path / "broken.stl"
+    broken.write_text("solid nothing")
+    with pytest.raises(InputError, match=r"broken\.stl"):
+        enclose(broken)
+
+
+def test_cutting_ends_at_ctrl_c(tmp_path: Path) -> None:
+    """A cut that takes long ends with KeyboardInterrupt, and its process with it."""
+    path = saved(trimesh.creation.torus(0.2, 0.05), tmp_path)
+    began = threading.Event()
+
+    def interrupt() -> None:
+        began.wait()
+        time.sleep(0.3)  # into the cut; whenever it comes, it must be answered
+        signal.raise_signal(signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        began.set()
+        enclose(path, 50)
+        pytest.fail("the cut had ended before")
+    thread.join()
