@@ -2,8 +2,8 @@
 
 use crate::arm::Arm;
 use crate::convert::{
-    array1, count, document, instead, load_numpy, matrix, named_document, number, points,
-    read_vector, vector, wrong_type,
+    array1, document, instead, load_numpy, matrix, named_document, new_points, number, read_vector,
+    vector, wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::turns::Turns;
@@ -376,9 +376,7 @@ impl Controller {
         cloud: &Bound<'_, PyAny>,
         obstacle: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let given = points("cloud", cloud)?;
-        let j = obstacle.map_or(Ok(0), |j| count("obstacle", j))?;
-        let j = usize::try_from(j).unwrap_or(usize::MAX);
+        let (given, j) = new_points(cloud, obstacle)?;
         let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
         let mut inner = self.inner.take(py)?;
         if inner.obstacles.get(j).is_some_and(|given| given.bind(py).is_instance_of::<PyDict>()) {

@@ -162,9 +162,7 @@ impl Simulation {
         cloud: &Bound<'_, PyAny>,
         obstacle: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<State> {
-        let given = convert::points("cloud", cloud)?;
-        let j = obstacle.map_or(Ok(0), |j| convert::count("obstacle", j))?;
-        let j = usize::try_from(j).unwrap_or(usize::MAX);
+        let (given, j) = convert::new_points(cloud, obstacle)?;
         let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
         let inner = self.inner.take(py)?;
         inner.present()?;

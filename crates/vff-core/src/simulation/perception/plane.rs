@@ -29,6 +29,12 @@ impl Mount {
         let [forward, outward] = self.direction;
         [origin, body.direction * forward + across * outward]
     }
+
+    /// Where the ray is, and how far it goes until it meets an obstacle.
+    fn cast(&self, robot: &impl Robot<2>, world: &World, range: f64) -> (Ray<2>, Option<f64>) {
+        let [origin, direction] = self.ray(robot);
+        ([origin, direction], world.cast(origin, direction, range))
+    }
 }
 
 /// Range sensors with what they have seen.
@@ -69,18 +75,12 @@ impl Perception {
 impl<R: Robot<2>> Perceive<R, Outline, 2> for Perception {
     fn start(&mut self, robot: &R, world: &World) {
         let Self { mounts, scans } = self;
-        scans.start(
-            |k| mounts[k].ray(robot),
-            |_, [origin, direction], range| world.cast(*origin, *direction, range),
-        );
+        scans.start(|k, range| mounts[k].cast(robot, world, range));
     }
 
     fn advance(&mut self, robot: &R, world: &World) {
         let Self { mounts, scans } = self;
-        scans.advance(
-            |k| mounts[k].ray(robot),
-            |_, [origin, direction], range| world.cast(*origin, *direction, range),
-        );
+        scans.advance(|k, range| mounts[k].cast(robot, world, range));
     }
 
     fn undo(&mut self) {

@@ -71,15 +71,11 @@ impl<const D: usize> Scans<D> {
         &self.met
     }
 
-    /// Begins with a scan, as if all before had been the same. `ray` says where a ray is, `cast` how far it goes until it
+    /// Begins with a scan, as if all before had been the same. `cast` says where a ray is, and how far it goes until it
     /// meets something within the range that it is given \[m\].
-    pub fn start(
-        &mut self,
-        ray: impl Fn(usize) -> Ray<D>,
-        cast: impl Fn(usize, &Ray<D>, f64) -> Option<f64>,
-    ) {
+    pub fn start(&mut self, cast: impl Fn(usize, f64) -> (Ray<D>, Option<f64>)) {
         self.step = 0;
-        self.scan(0, ray, cast);
+        self.scan(0, cast);
         let count = self.seen.len();
         for row in 1..self.rows {
             self.scans.copy_within(..count, row * count);
@@ -88,14 +84,10 @@ impl<const D: usize> Scans<D> {
     }
 
     /// One plant step later.
-    pub fn advance(
-        &mut self,
-        ray: impl Fn(usize) -> Ray<D>,
-        cast: impl Fn(usize, &Ray<D>, f64) -> Option<f64>,
-    ) {
+    pub fn advance(&mut self, cast: impl Fn(usize, f64) -> (Ray<D>, Option<f64>)) {
         self.step += 1;
         if self.step.is_multiple_of(self.every) {
-            self.scan(self.step / self.every % self.rows, ray, cast);
+            self.scan(self.step / self.every % self.rows, cast);
         }
         self.fetch();
     }
@@ -107,23 +99,17 @@ impl<const D: usize> Scans<D> {
     }
 
     /// Reads every sensor (T80).
-    fn scan(
-        &mut self,
-        row: usize,
-        ray: impl Fn(usize) -> Ray<D>,
-        cast: impl Fn(usize, &Ray<D>, f64) -> Option<f64>,
-    ) {
+    fn scan(&mut self, row: usize, cast: impl Fn(usize, f64) -> (Ray<D>, Option<f64>)) {
         let Self { scans, noise, losses, .. } = self;
         let count = self.seen.len();
         for (k, point) in scans[row * count..][..count].iter_mut().enumerate() {
             interrupt::spend(64);
             // Drawn for every ray, so that no reading depends on what the others have met.
             let (error, lost) = (self.deviation * noise.draw(), losses.share() < self.drop_outs);
-            let ray = ray(k);
-            let reading = cast(k, &ray, self.range)
+            let ([origin, direction], met) = cast(k, self.range);
+            let reading = met
                 .map(|distance| rounded(distance + error, self.resolution).max(0.0))
                 .filter(|distance| !lost && *distance <= self.range);
-            let [origin, direction] = ray;
             *point = reading
                 .map_or_else(|| Vector::repeat(f64::NAN), |distance| origin + direction * distance);
         }

@@ -18,8 +18,15 @@ const APART: f64 = 0.173_648_177_666_930_33;
 /// Where a ray begins and how it points: in the frame of the link that carries a body, or in the world.
 #[derive(Debug, Clone, Copy)]
 struct Mount {
-    body: Option<usize>,
+    carrier: Option<Carrier>,
     ray: Ray<3>,
+}
+
+/// A body that carries sensors, and the link that it moves with.
+#[derive(Debug, Clone, Copy)]
+struct Carrier {
+    body: usize,
+    link: usize,
 }
 
 /// Sensors with what they have seen.
@@ -62,6 +69,7 @@ fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize)
     let along = axes.tr_mul(&capsule.direction);
     let side = perpendicular(&along);
     let sides = settings.sides(3);
+    let carrier = Some(Carrier { body, link });
     let mut mounts = Vec::with_capacity(sides * settings.sensors * settings.rays);
     for place in 0..settings.sensors {
         let share = (place as f64 + 0.5) / settings.sensors as f64;
@@ -71,7 +79,7 @@ fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize)
             let origin = start + along * (share * capsule.length) + outward * capsule.radius;
             let frame = Matrix3::from_columns(&[along, outward.cross(&along), outward]);
             let rays = cone(settings.rays, settings.field_of_view);
-            mounts.extend(rays.map(|ray| Mount { body: Some(body), ray: [origin, frame * ray] }));
+            mounts.extend(rays.map(|ray| Mount { carrier, ray: [origin, frame * ray] }));
         }
     }
     mounts
@@ -101,55 +109,45 @@ impl super::Camera {
             let (row, column) = ((k / self.columns) as f64, (k % self.columns) as f64);
             let [x, y] = [column + 0.5 - 0.5 * columns, row + 0.5 - 0.5 * rows];
             let direction = frame.rotate(&Vector::<3>::new(x, y, focal).normalize());
-            Mount { body: None, ray: [origin, direction] }
+            Mount { carrier: None, ray: [origin, direction] }
         })
     }
 }
 
 impl Mount {
     fn ray(&self, robot: &SpatialState) -> Ray<3> {
-        let Some(body) = self.body else { return self.ray };
-        let (link, _) = robot.body(body);
+        let Some(Carrier { link, .. }) = self.carrier else { return self.ray };
         let axes = robot.link_axes(link);
         let [origin, direction] = self.ray;
         [robot.joint_position(link) + axes * origin, axes * direction]
     }
 
-    /// How far the ray goes until it meets an obstacle; not at all if the arm is in its way (T111). A sensor looks through
-    /// its own body and through those that it is inside of.
-    fn cast(
-        &self,
-        [origin, direction]: &Ray<3>,
-        range: f64,
-        robot: &SpatialState,
-        world: &World,
-    ) -> Option<f64> {
-        let end = world.cast(*origin, *direction, range)?;
-        let own = |k: usize| (Some(k) != self.body).then(|| robot.body(k).1);
-        let carried = (0..robot.body_count()).filter_map(own);
-        let hides = |body: Capsule<3>| {
-            cast_at_body(&body, origin, direction).is_some_and(|s| 0.0 < s && s < end)
-        };
-        let mut all = carried.chain(robot.still_bodies().iter().copied());
-        (!all.any(hides)).then_some(end)
+    /// Where the ray is, and how far it goes until it meets an obstacle; not at all if the arm is in its way (T111). A
+    /// sensor looks through its own body and through those that it is inside of.
+    fn cast(&self, robot: &SpatialState, world: &World, range: f64) -> (Ray<3>, Option<f64>) {
+        let [origin, direction] = self.ray(robot);
+        let end = world.cast(origin, direction, range).filter(|end| {
+            let own = self.carrier.map(|carrier| carrier.body);
+            let carried =
+                (0..robot.body_count()).filter(|k| Some(*k) != own).map(|k| robot.body(k).1);
+            let hides = |body: Capsule<3>| {
+                cast_at_body(&body, &origin, &direction).is_some_and(|s| 0.0 < s && s < *end)
+            };
+            !carried.chain(robot.still_bodies().iter().copied()).any(hides)
+        });
+        ([origin, direction], end)
     }
 }
 
 impl Perceive<SpatialState, Volume, 3> for SpatialPerception {
     fn start(&mut self, robot: &SpatialState, world: &World) {
         let Self { mounts, scans, .. } = self;
-        scans.start(
-            |k| mounts[k].ray(robot),
-            |k, ray, range| mounts[k].cast(ray, range, robot, world),
-        );
+        scans.start(|k, range| mounts[k].cast(robot, world, range));
     }
 
     fn advance(&mut self, robot: &SpatialState, world: &World) {
         let Self { mounts, scans, .. } = self;
-        scans.advance(
-            |k| mounts[k].ray(robot),
-            |k, ray, range| mounts[k].cast(ray, range, robot, world),
-        );
+        scans.advance(|k, range| mounts[k].cast(robot, world, range));
     }
 
     fn undo(&mut self) {
