@@ -6,26 +6,21 @@
 //! that moves and turns costs no more than one that stands.
 
 use super::axis::{Nearest, Probe, perpendicular, seen_from};
-use super::hierarchy::{Region, aabb};
 use super::point::{distance_to_point, square_to_point, to_point};
+use super::runs::{Runs, Sight, around};
 use super::volume::Core;
 use super::volume::contact_of;
 use super::{Obstacle, Shape, World};
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
-use crate::world::crowd::{MARGIN, widened};
 use crate::world::{Contact, Feature, MotionState, Pair};
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode, TraversalAction};
-use std::cell::Cell;
 use std::fmt;
 use std::mem::swap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The most points of a cloud.
 pub const MOST_POINTS: usize = 50_000;
-
-/// Points in one box.
-const BLOCK: usize = 8;
 
 /// Points that are found at once.
 const ROOM: usize = 256;
@@ -37,8 +32,7 @@ pub(super) struct Cloud {
     points: Vec<Vector<3>>,
     /// Where each stood in the list that was given.
     numbers: Vec<u32>,
-    /// Boxes around [`BLOCK`] points each.
-    boxes: Bvh,
+    runs: Runs,
     /// Opposite corners of a box around all of them \[m\].
     extent: [Vector<3>; 2],
     /// How far the farthest is from the position \[m\].
@@ -55,8 +49,8 @@ impl fmt::Debug for Cloud {
 struct Query<'a> {
     link: &'a Probe,
     position: &'a Vector<3>,
-    /// Where the axis is; none if that is nowhere, or beyond the horizon.
-    region: Option<Region>,
+    /// Where the axis is; none where all points must be asked.
+    sight: Option<Sight>,
 }
 
 impl Query<'_> {
@@ -87,13 +81,8 @@ impl Cloud {
         order.sort_unstable();
         let numbers: Vec<u32> = order.iter().map(|key| *key as u32).collect();
         let points: Vec<Vector<3>> = numbers.iter().map(|i| turned[*i as usize]).collect();
-        let box_of = |block: &[Vector<3>]| {
-            let [low, high] = around(block);
-            aabb(widened([low, high], 1.0 + low.abs().sum() + high.abs().sum()))
-        };
-        let boxes: Vec<_> = points.chunks(BLOCK).map(box_of).collect();
         Self {
-            boxes: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+            runs: Runs::new(&points),
             reach: points.iter().map(Vector::norm).fold(0.0, f64::max),
             extent,
             points,
@@ -111,20 +100,30 @@ impl Cloud {
         if self.points.is_empty() { [Vector::zeros(); 2] } else { self.extent }
     }
 
-    /// Everything that rounding may do to the difference of two points far away counts as in reach.
     fn query<'a>(&self, link: &'a Probe, position: &'a Vector<3>) -> Query<'a> {
-        let sum = |v: &Vector<3>| v.abs().sum();
-        let radius = MARGIN * (sum(position) + sum(&link.start) + self.reach);
-        let region = Region::of_link(&Probe { radius, ..seen_from(link, position) });
-        Query { link, position, region }
+        Query { link, position, sight: self.runs.sight(link, position) }
+    }
+
+    /// Calls `measure` with the places of all points that may be within `limit` \[m\] of the axis of the link, and of others:
+    /// run by run, nearest first as a rule. It returns the limit from then on.
+    #[inline(always)]
+    fn approach(
+        &self,
+        query: &Query<'_>,
+        limit: f64,
+        mut measure: impl FnMut(Range<usize>) -> f64,
+    ) {
+        match &query.sight {
+            None => drop(measure(0..self.points.len())),
+            Some(sight) => self.runs.approach(sight, limit, measure),
+        }
     }
 
     /// The place of the point nearest to the axis of the link, the first in the list that was given among those equally
     /// near; none in an empty cloud. Where none is nearer than `limit` \[m\], any.
     fn nearest(&self, query: &Query<'_>, limit: f64) -> Option<usize> {
-        let best = Cell::new((f64::INFINITY, u32::MAX, 0));
-        let measure = |places: std::ops::Range<usize>| {
-            let (mut least, mut first, mut nearest) = best.get();
+        let (mut least, mut first, mut nearest) = (f64::INFINITY, u32::MAX, 0);
+        self.approach(query, limit, |places| {
             for place in places {
                 let (square, number) = (query.square(&self.points[place]), self.numbers[place]);
                 #[expect(clippy::float_cmp, reason = "whichever is first of the very same")]
@@ -132,27 +131,9 @@ impl Cloud {
                     (least, first, nearest) = (square, number, place);
                 }
             }
-            best.set((least, first, nearest));
             least.sqrt()
-        };
-        match &query.region {
-            None => drop(measure(0..self.points.len())),
-            Some(region) => {
-                // What is as far as the best is looked at, too: boxes are wider than their points.
-                let gap = |node: &BvhNode, _: f64| region.gap(node);
-                let leaf = |leaf: u32, _: f64| Some(measure(self.block(leaf)));
-                self.boxes.find_best(limit, gap, leaf);
-            }
-        }
-        let (_, _, place) = best.get();
-        (!self.points.is_empty()).then_some(place)
-    }
-
-    /// Places of the points in a box.
-    #[inline(always)]
-    fn block(&self, leaf: u32) -> std::ops::Range<usize> {
-        let start = leaf as usize * BLOCK;
-        start..(start + BLOCK).min(self.points.len())
+        });
+        (!self.points.is_empty()).then_some(nearest)
     }
 
     /// The distance of the nearest centre from the axis of a link \[m\], if that is less than `limit` \[m\], or else one that is
@@ -237,7 +218,8 @@ impl Cloud {
         room: &'r mut [(u32, u32); ROOM],
     ) -> &'r [(u32, u32)] {
         let mut count = 0;
-        let mut measure = |places: std::ops::Range<usize>| {
+        let limit = reach + radius + query.link.radius;
+        self.approach(query, limit, |places| {
             for place in places {
                 let found = (self.numbers[place], place as u32);
                 let within =
@@ -257,22 +239,8 @@ impl Cloud {
                     room[at] = found;
                 }
             }
-        };
-        match &query.region {
-            None => measure(0..self.points.len()),
-            Some(region) => {
-                let limit = reach + radius + query.link.radius;
-                self.boxes.traverse(|node| {
-                    if region.gap(node) > limit {
-                        return TraversalAction::Prune;
-                    }
-                    if let Some(leaf) = node.leaf_data() {
-                        measure(self.block(leaf));
-                    }
-                    TraversalAction::Continue
-                });
-            }
-        }
+            limit
+        });
         let found = &mut room[..count];
         if count < ROOM {
             found.sort_unstable();
@@ -287,18 +255,10 @@ impl Cloud {
         radius: f64,
         mut visit: impl FnMut(&Vector<3>),
     ) {
-        match self.query(segment, &Vector::zeros()).region {
-            None => self.points.iter().for_each(visit),
-            Some(region) => self.boxes.traverse(|node| {
-                if region.gap(node) > radius {
-                    return TraversalAction::Prune;
-                }
-                if let Some(leaf) = node.leaf_data() {
-                    self.points[self.block(leaf)].iter().for_each(&mut visit);
-                }
-                TraversalAction::Continue
-            }),
-        }
+        self.approach(&self.query(segment, &Vector::zeros()), radius, |places| {
+            self.points[places].iter().for_each(&mut visit);
+            radius
+        });
     }
 }
 
@@ -352,12 +312,6 @@ impl World {
         self.reshaped();
         true
     }
-}
-
-/// Opposite corners of a box around points, the lower ones first.
-fn around(points: &[Vector<3>]) -> [Vector<3>; 2] {
-    let none = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
-    points.iter().fold(none, |[low, high], point| [low.inf(point), high.sup(point)])
 }
 
 /// Where a point comes along a curve through a box that leads from neighbour to neighbour as a rule (Morton, 1966).

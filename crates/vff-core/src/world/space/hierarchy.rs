@@ -13,9 +13,6 @@ pub struct Region {
     low: Vec3,
     high: Vec3,
     start: Vec3,
-    /// Along the axis, a unit vector, and its length \[m\].
-    direction: Vec3,
-    length: f64,
     /// Unit vectors across the axis and each coordinate axis; 0 if these are parallel.
     across: [Vec3; 3],
     /// Its radius and the margin \[m\].
@@ -34,8 +31,6 @@ impl Region {
             low: to_glam(start.inf(&end)),
             high: to_glam(start.sup(&end)),
             start: to_glam(start),
-            direction,
-            length: link.length,
             across: [Vec3::X, Vec3::Y, Vec3::Z].map(|k| direction.cross(k).normalize_or_zero()),
             radius: link.radius + MARGIN * size,
         })
@@ -59,21 +54,6 @@ impl Region {
             let (lowest, highest) = (a.min(b).element_sum(), a.max(b).element_sum());
             lowest > distance || -highest > distance
         })
-    }
-
-    /// What the box of `node` is away from the axis at least \[m\], the margin taken off: the distance from a point of the axis
-    /// beside it, less what is gained at most along the axis, of which the distance is a convex function. Tight where the
-    /// box is small, whatever the direction of the axis.
-    #[inline]
-    pub(super) fn gap(&self, node: &BvhNode) -> f64 {
-        let (low, high) = (node.mins(), node.maxs());
-        let before = self.direction.dot(0.5 * (low + high) - self.start).clamp(0.0, self.length);
-        let beside = self.start + before * self.direction;
-        let away = beside - beside.clamp(low, high);
-        let distance = away.length();
-        let slope = if distance > 0.0 { self.direction.dot(away) / distance } else { 0.0 };
-        let gained = (slope * before).max(slope * (before - self.length));
-        distance - gained - self.radius
     }
 }
 

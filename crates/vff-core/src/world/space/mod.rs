@@ -9,7 +9,7 @@
 //! reasons given there; its hierarchy of boxes ([`Boxes`]) finds what is near among many.
 //!
 //! A file per pair: axis and `point`, `segment`, `cuboid`, `hull`, `half_space`, `cloud` of points. A file per question: `barriers`, `rays`,
-//! `hierarchy`.
+//! `hierarchy` of boxes around obstacles, `runs` of points.
 
 mod axis;
 mod barriers;
@@ -23,6 +23,7 @@ mod obstacle;
 pub(super) mod oracle;
 mod point;
 mod rays;
+mod runs;
 mod segment;
 mod shape;
 mod volume;
