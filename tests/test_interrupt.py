@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import pytest
 
@@ -252,3 +253,78 @@ def test_a_handler_cannot_lock_itself_out() -> None:
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, capture_output=True, text=True, timeout=HANG, check=False)
     assert done.stdout.startswith("simulation: in use") and done.stdout.endswith("True\n"), done.stderr
+
+
+DROPPED = """
+import signal, weakref
+class Thing: pass
+def interrupt(*_): signal.raise_signal(signal.SIGINT)
+def call():
+    thing = Thing()
+    kept = weakref.ref(thing, interrupt)
+    del thing
+    return "a result"
+"""
+
+
+@pytest.mark.parametrize("heard", [False, True])
+def test_what_python_drops_is_raised_in_the_end(heard: bool) -> None:
+    """Python itself drops what a callback of a weak reference raises; `heard` does not."""
+    code = (
+        DROPPED
+        + ("from vffnull._interrupts import heard\ncall = heard()(call)\n" if heard else "")
+        + "try:\n    print(call())\nexcept KeyboardInterrupt:\n    print('raised')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ("raised" if heard else "a result")
+
+
+@pytest.mark.parametrize("heard", [False, True])
+def test_an_interrupted_import_begins_anew(heard: bool, tmp_path: Path) -> None:
+    """Of a package that was interrupted parts remain, which do not fit the new one; `heard` forgets them."""
+    package = tmp_path / "whole"
+    package.mkdir()
+    (package / "__init__.py").write_text("registry = []\nimport whole.part\nimport whole.late\n")
+    (package / "part.py").write_text("import whole\nwhole.registry.append('part')\n")
+    (package / "late.py").write_text(
+        "import signal, os\nif os.environ.pop('FIRST', ''): signal.raise_signal(2)\n"
+    )
+    code = f"""
+import os, sys
+sys.path.insert(0, {str(tmp_path)!r})
+from vffnull._interrupts import heard
+def call():
+    import whole
+    return whole.registry
+{"call = heard()(call)" if heard else ""}
+os.environ["FIRST"] = "yes"
+try:
+    call()
+except KeyboardInterrupt:
+    print(call())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ("['part']" if heard else "[]")
+
+
+def test_other_handlers_and_threads_stay_as_they_are() -> None:
+    """A handler that raises nothing is asked and comes back; in another thread nothing is changed."""
+    code = """
+import signal, threading
+from vffnull._interrupts import heard
+seen = []
+def mine(*_): seen.append("asked")
+signal.signal(signal.SIGINT, mine)
+@heard()
+def call():
+    signal.raise_signal(signal.SIGINT)
+    return signal.getsignal(signal.SIGINT) is mine
+assert call() is False and seen == ["asked"] and signal.getsignal(signal.SIGINT) is mine
+found = []
+thread = threading.Thread(target=lambda: found.append(heard()(lambda: signal.getsignal(signal.SIGINT))()))
+thread.start(); thread.join()
+assert found == [mine]
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+assert heard()(lambda: 1)() == 1
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)

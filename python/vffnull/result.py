@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, overload
 from vffnull import _progress, _record
 from vffnull._extras import extra
 from vffnull._figures import ending
+from vffnull._interrupts import heard
 from vffnull._outcome import Metrics, Outcome, Status, readable
 from vffnull._record import recorded
 from vffnull.scenario import Scenario
@@ -280,6 +281,7 @@ class Result(Outcome):
             **measured,
         }
 
+    @heard()
     def plot(
         self, directory: str | os.PathLike[str] | None = None, format: str = "png"
     ) -> dict[str, Figure] | list[Path]:
@@ -334,6 +336,7 @@ class Result(Outcome):
         progress: bool | _progress.Progress | None = None,
     ) -> Path: ...
 
+    @heard()
     def animate(
         self,
         path: str | os.PathLike[str] | None = None,
@@ -386,6 +389,7 @@ class Result(Outcome):
         with _progress.bar(len(frames(self, fps, speed)), delay=1.0, counts=".0f frames") as report:
             return animate(self, path, fps=fps, speed=speed, progress=report)
 
+    @heard()
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write everything about the run into one HTML file that needs nothing else, not even a network.
 

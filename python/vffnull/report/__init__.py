@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from vffnull._extras import extra
 from vffnull._files import replacing
+from vffnull._interrupts import heard
 from vffnull.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ __all__ = ["check_path", "compare", "write"]
 _MOST = 8  # runs on one page; more colours cannot be told apart
 
 
+@heard()
 def compare(results: Mapping[str, Result] | Iterable[Result], path: str | os.PathLike[str]) -> Path:
     """Put several runs side by side on one HTML page that needs nothing else, not even a network.
 
