@@ -51,7 +51,13 @@ pub struct World<S: Solid<D>, const D: usize> {
     time: f64,
     /// Which obstacles are asked, where these are not simply all of them, none of which turns.
     named: Named<S, D>,
+    /// What was nearest to each of the first bodies when they were asked last \[m\], where some obstacle has many contacts:
+    /// nothing much farther away needs to be looked at.
+    remembered: [f64; REMEMBERED],
 }
+
+/// So many bodies are remembered.
+const REMEMBERED: usize = 32;
 
 /// How it is known which obstacles are asked.
 #[derive(Debug, Clone, Default)]
@@ -59,8 +65,8 @@ enum Named<S: Solid<D>, const D: usize> {
     /// All of them; none turns.
     #[default]
     All,
-    /// All of them, and some turn. They are numbered here.
-    Turning(Vec<usize>),
+    /// All of them, and some turn or have many contacts. They are numbered here.
+    Each(Vec<usize>),
     /// Those that may be near, where they are too many to ask each.
     Crowd(Box<Crowd<S, D>>),
 }
@@ -239,12 +245,13 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
 impl<S: Solid<D>, const D: usize> Named<S, D> {
     /// All of these, with `room` for their numbers.
     fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
-        if obstacles.iter().all(|obstacle| obstacle.turned.is_none()) {
+        let is_plain = |it: &Placed<S, D>| it.turned.is_none() && it.solid.contacts() == 1;
+        if obstacles.iter().all(is_plain) {
             return Self::All;
         }
         room.clear();
         room.extend(0..obstacles.len());
-        Self::Turning(room)
+        Self::Each(room)
     }
 }
 
@@ -268,7 +275,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             Named::each(&obstacles, vec![])
         };
         let (contacts, barriers) = most_of(&obstacles);
-        Self { obstacles, moving, contacts, barriers, time: 0.0, named }
+        let remembered = [f64::INFINITY; REMEMBERED];
+        Self { obstacles, moving, contacts, barriers, time: 0.0, named, remembered }
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods
@@ -361,7 +369,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// more that move than ever before.
     fn rearrange(&mut self) {
         let room = match take(&mut self.named) {
-            Named::Turning(numbers) => numbers,
+            Named::Each(numbers) => numbers,
             _ => vec![],
         };
         self.named = Named::each(&self.obstacles, room);

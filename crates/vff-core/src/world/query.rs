@@ -4,6 +4,11 @@ use super::{Contact, Named, Pair, Placed, Solid, Turn, World};
 use crate::interrupt;
 use crate::math::{Body, Vector};
 
+/// How much farther away than it was the nearest of all obstacles is expected at most when a body is asked again \[m\].
+const STRIDE: f64 = 2e-3;
+/// Less than this share below a limit, a distance may be rounded from one that is not.
+const ROUNDING: f64 = 1e-9;
+
 /// What a controller asks of the world around the arm: the nearest points of every body of
 /// the robot to everything that it knows of.
 pub trait CollisionQuery<const D: usize> {
@@ -154,7 +159,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         mut distance: impl FnMut(usize, f64),
         mut meet: impl FnMut(Pair, &S::Probe, &Placed<S, D>, Option<&Turn<D>>),
     ) {
-        let Self { obstacles, named, time, .. } = self;
+        let Self { obstacles, named, time, remembered, .. } = self;
         if obstacles.is_empty() {
             return;
         }
@@ -182,12 +187,24 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let probe = S::probe(&shape);
             let near = match named {
                 Named::All => &[],
-                Named::Turning(all) => &all[..],
+                Named::Each(all) => &all[..],
                 Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, reach),
             };
-            let least = least_distance(near.iter().map(|&j| &obstacles[j]), |obstacle| {
-                obstacle.distance_below(&probe, limit)
-            });
+            let below = |limit: f64| {
+                let near = near.iter().map(|&j| &obstacles[j]);
+                least_distance(near, |obstacle| obstacle.distance_below(&probe, limit))
+            };
+            let before = remembered.get_mut(body);
+            let expected = before.as_ref().map_or(f64::INFINITY, |before| **before + STRIDE);
+            let mut least = below(expected.min(limit));
+            if expected < limit && !(least < expected - ROUNDING * (1.0 + expected.abs())) {
+                least = below(limit);
+            }
+            if let Some(before) = before
+                && limit.is_infinite()
+            {
+                *before = least;
+            }
             distance(link, least);
             if least < reach {
                 interrupt::spend(64 * near.len());
