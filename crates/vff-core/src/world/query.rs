@@ -197,7 +197,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let before = remembered.get_mut(body);
             let expected = before.as_ref().map_or(f64::INFINITY, |before| **before + STRIDE);
             let mut least = below(expected.min(limit));
-            if expected < limit && !(least < expected - ROUNDING * (1.0 + expected.abs())) {
+            if expected < limit && least >= expected - ROUNDING * (1.0 + expected.abs()) {
                 least = below(limit);
             }
             if let Some(before) = before
