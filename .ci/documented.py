@@ -2,6 +2,7 @@
 
     python .ci/documented.py            all of them
     python .ci/documented.py WORD...    those whose place or text contains a word, such as README or tutorials
+    python .ci/documented.py --share 6  a sixth of the pages, other ones for every state of the files
 
 What has to be installed is read where a reader reads it. A shell line `pip install ".[extra]" && …` names it
 itself. For everything else it is what the page has said: `pip install …` above a block, in README since the
@@ -28,6 +29,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.request import urlopen
+from zlib import crc32
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1500.0  # s: only for what hangs
@@ -253,8 +255,18 @@ def label(task: Task) -> str:
     return f"{task.place}: {what}" + (f"  [{', '.join(sorted(task.needs))}]" if task.needs else "")
 
 
+def share(pages: list[Path], parts: int) -> list[Path]:
+    """One of so many parts of the pages, by the state of the files."""
+    command = ["git", "rev-parse", "HEAD^{tree}"]
+    tree = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True).stdout
+    part = int(tree[:8] or "0", 16) % parts  # a source distribution has no history
+    return [page for page in pages if crc32(page.name.encode()) % parts == part]
+
+
 def main(words: list[str]) -> int:
     """Run what the words choose; 1 if anything failed."""
+    parts = int(words[1]) if words[:1] == ["--share"] else 0
+    words = [] if parts else words
     signal.signal(signal.SIGINT, signal.default_int_handler)  # also where it was started in the background
     pages = [
         ROOT / "README.md",
@@ -266,7 +278,8 @@ def main(words: list[str]) -> int:
     # A mention of what has a block of its own, perhaps with a file of the reader's.
     written = tuple(task.code for task in every if task.shell and not task.inline)
     chosen: dict[tuple[str, frozenset[str]], Task] = {}
-    for task in every:
+    shown = share(pages, parts) if parts else pages
+    for task in (task for page in shown for task in tasks(page)):
         if task.code in LEFT_OUT or task.code.startswith(ELSEWHERE):
             continue
         if task.inline and task.code.startswith(written):
