@@ -1,0 +1,14 @@
+"""Studies: many runs as one document, on threads or on a cluster, into a dataset that survives whatever ends it.
+
+`document` reads a study, `designs` make its points, `blocks` compute them, `places` say where, `store` keeps the
+files whole, `running` resumes; `dataset` reads what is there, `effects` and `page` show it, `tuning` searches.
+"""
+
+from __future__ import annotations
+
+from vffnull.studies.dataset import Dataset
+from vffnull.studies.estimate import Estimate
+from vffnull.studies.study import Study, studies
+from vffnull.studies.tuning import Trial, Tuned
+
+__all__ = ["Dataset", "Estimate", "Study", "Trial", "Tuned", "studies"]
