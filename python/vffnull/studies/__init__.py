@@ -7,8 +7,10 @@ files whole, `running` resumes; `dataset` reads what is there, `effects` and `pa
 from __future__ import annotations
 
 from vffnull.studies.dataset import Dataset
+from vffnull.studies.effects import Indices
 from vffnull.studies.estimate import Estimate
+from vffnull.studies.findings import Findings
 from vffnull.studies.study import Study, studies
 from vffnull.studies.tuning import Trial, Tuned
 
-__all__ = ["Dataset", "Estimate", "Study", "Trial", "Tuned", "studies"]
+__all__ = ["Dataset", "Estimate", "Findings", "Indices", "Study", "Trial", "Tuned", "studies"]

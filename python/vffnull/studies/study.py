@@ -21,7 +21,7 @@ from vffnull.studies.estimate import Estimate, estimated
 from vffnull.studies.running import Begun, Tell, begin, carry_out, missing, new_token, runs_of
 from vffnull.studies.sites import check_site, site
 from vffnull.studies.store import Store, opened
-from vffnull.studies.tuning import Tuned, trials_of, tune
+from vffnull.studies.tuning import Tuned, tune
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -279,7 +279,7 @@ class Study:
                 for _ in tune(plan, store, token, where, begun, count, report):
                     pass
             store.tidy()
-        return trials_of(Dataset.open(out))
+        return Dataset.open(out).tuned()
 
     def _carried_out(
         self,

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from vffnull._extras import extra
 from vffnull._progress import Counter
 from vffnull.errors import InputError
-from vffnull.studies.dataset import Dataset
+from vffnull.studies.reading import Runs
 from vffnull.studies.document import Goal, Plan
 from vffnull.studies.factors import Factor
 from vffnull.studies.parts import Part, named
@@ -76,7 +76,7 @@ class Tuned:
 
     Attributes
     ----------
-    dataset : Dataset
+    dataset : Runs
         All runs of all trials.
     trials : list of Trial
         In the order in which they were proposed.
@@ -84,7 +84,7 @@ class Tuned:
         The best one; with several objectives all that no other one beats in each of them.
     """
 
-    dataset: Dataset
+    dataset: Runs
     trials: list[Trial]
     best: list[Trial]
 
@@ -236,7 +236,7 @@ def _values(goal: Goal, columns: Mapping[str, NDArray[Any]]) -> NDArray[np.float
     return np.where(np.isfinite(values) & ~ended, values, missing)
 
 
-def trials_of(dataset: Dataset) -> Tuned:
+def trials_of(dataset: Runs) -> Tuned:
     """The trials of a dataset of a tuning, from its runs."""
     plan = dataset.plan
     names = list(dict.fromkeys(["point", "status", *dataset.factors, *_needed(plan)]))
