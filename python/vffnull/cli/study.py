@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -33,13 +32,17 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--quiet", "-q", is_flag=True, help="Print nothing but warnings and errors."),
         click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead."),
         click.option(
-            "--scheduler", metavar="ADDRESS", help="Let a Dask cluster compute: tcp://host:8786, for instance."
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Let a Dask cluster compute: tcp://host:8786, for instance.",
         ),
         click.option("--workers", type=int, metavar="N", help="Start N worker processes on this machine."),
         click.option("--threads", type=int, metavar="K", help="As many as there are cores by default."),
         click.option("--resume", is_flag=True, help="Go on with what is there, and verify it."),
         click.option(
-            "--out", metavar="DIR", help="A directory, or an address such as s3://bucket/study. Needed to run."
+            "--out",
+            metavar="DIR",
+            help="A directory, or an address such as s3://bucket/study. Needed to run.",
         ),
         click.argument("document", metavar="STUDY", shell_complete=_complete_study),
     ):
@@ -121,7 +124,9 @@ def run(
         _interrupted(target)
         return INTERRUPTED
     if as_json:
-        echo_json({"study": wanted.name, "place": dataset.place, "runs": wanted.runs, "status": dataset.counts()})
+        echo_json(
+            {"study": wanted.name, "place": dataset.place, "runs": wanted.runs, "status": dataset.counts()}
+        )
     elif not quiet:
         counts = ", ".join(f"{count} {status}" for status, count in dataset.counts().items())
         click.echo(f"{wanted.runs} runs: {counts}")
@@ -229,7 +234,11 @@ def _print_tuned(tuned: Tuned) -> None:
     click.echo(f"{len(tuned.trials)} trials; the best:")
     heads = ["trial", *goals, *tuned.dataset.factors]
     rows = [
-        [str(trial.number), *(f"{value:.4g}" for value in trial.values or ()), *map(_short, trial.factors.values())]
+        [
+            str(trial.number),
+            *(f"{value:.4g}" for value in trial.values or ()),
+            *map(_short, trial.factors.values()),
+        ]
         for trial in tuned.best
     ]
     widths = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from vffnull import _core
 from vffnull._document import Document, plain
+from vffnull._keys import nearest
 from vffnull._record import QUANTITIES, Layout
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.scenario import check_overrides, with_hint
@@ -599,19 +600,15 @@ def _check_points(plan: Plan) -> None:
 
 def _placed(plan: Plan, error: ScenarioError, row: Array) -> ScenarioError:
     """The error with the place in the study that is to blame, and keys that may have been meant."""
-    changes = plan.changes(0, row)
-    error = with_hint(error, changes, plan.base.document(0, {}))
-    text = str(error)
-    path = re.sub(r"\[(\d+)\]", r".\1", error.path)
-    for i, factor in enumerate(plan.factors):
-        for key in factor.touched:
-            if key == path or text.startswith(f"{key}:") or _unknown(text, key):
-                return ScenarioError(f"factors[{i}]: {text}", error.path)
-    for key in plan.overrides:
-        if key == path or text.startswith(f"{key}:") or _unknown(text, key):
-            return ScenarioError(f"overrides: {text}", error.path)
+    base = plan.base.document(0, {})
+    error = with_hint(error, plan.changes(0, row), base)
+    text, path = str(error), re.sub(r"\[(\d+)\]", r".\1", error.path)
+    unknown = re.search(r"unknown key `([^`]*)`", text)
+    keys = [(f"factors[{i}]", key) for i, factor in enumerate(plan.factors) for key in factor.touched]
+    for place, key in [*keys, *(("overrides", key) for key in plan.overrides)]:
+        strange = unknown is not None and unknown[1] in key.split(".")
+        if key == path or text.startswith(f"{key}:") or strange:
+            near = nearest(key, base) if strange and "did you mean" not in text else []
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            return ScenarioError(f"{place}: {text}{hint}", error.path)
     return ScenarioError(f"scenario: {text}", error.path)
-
-
-def _unknown(text: str, key: str) -> bool:
-    return f"unknown key `{key.rpartition('.')[2]}`" in text

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from vffnull.errors import InputError
 from vffnull.evaluation.table import Rate, wilson
-from vffnull.studies.reading import Runs
 from vffnull.studies.designs import Saltelli
 from vffnull.studies.effects import Indices, explained, indices
+from vffnull.studies.reading import Runs
 
 __all__ = ["EARLY", "FAILURES", "Findings", "chosen", "coordinates", "findings", "whole_runs"]
 
@@ -74,7 +74,11 @@ class Findings:
             "runs": self.runs,
             "of": self.of,
             "counts": self.counts,
-            "failures": {"count": rate.count, "total": rate.total, "interval": _plain(np.array([rate.low, rate.high]))},
+            "failures": {
+                "count": rate.count,
+                "total": rate.total,
+                "interval": _plain(np.array([rate.low, rate.high])),
+            },
             "factors": self.factors,
             "metrics": {
                 name: {
@@ -84,10 +88,12 @@ class Findings:
                 for name, values in self.metrics.items()
             },
             "explained": {
-                name: dict(zip(self.factors, _plain(values), strict=True)) for name, values in self.explained.items()
+                name: dict(zip(self.factors, _plain(values), strict=True))
+                for name, values in self.explained.items()
             },
             "indices": {
-                name: dict(zip(self.factors, map(told, found), strict=True)) for name, found in self.indices.items()
+                name: dict(zip(self.factors, map(told, found), strict=True))
+                for name, found in self.indices.items()
             },
         }
 
@@ -151,7 +157,8 @@ def findings(dataset: Runs, metrics: Iterable[str] | None = None) -> Findings:
         units={name: dataset.unit(name) for name in names},
         factors=dataset.factors,
         explained={
-            name: np.array([explained(factor, values) for factor in factors]) for name, values in metrics_of.items()
+            name: np.array([explained(factor, values) for factor in factors])
+            for name, values in metrics_of.items()
         },
         indices={
             name: indices(_samples(dataset, columns["run"], values), dataset.plan.seed)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from bokeh.embed import components
 from bokeh.resources import Resources
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from pathlib import Path
 
 from vffnull.plotting.style import prefixed
 from vffnull.studies import pictures
-from vffnull.studies.reading import Runs
 from vffnull.studies.findings import Findings, chosen, findings, whole_runs
+from vffnull.studies.reading import Runs
 from vffnull.studies.tuning import trials_of
 
 __all__ = ["render"]
@@ -29,7 +29,11 @@ def render(dataset: Runs, metrics: Iterable[str] | None) -> str:
     """The whole page."""
     found = findings(dataset, metrics)
     shown = chosen(dataset, metrics, _MOST_METRICS)
-    names = list(dict.fromkeys([*shown, *(n for n in ("min_clearance", "max_error_transient") if n in dataset.metrics)]))
+    names = list(
+        dict.fromkeys(
+            [*shown, *(n for n in ("min_clearance", "max_error_transient") if n in dataset.metrics)]
+        )
+    )
     columns = whole_runs(dataset.columns(["run", "status", *dataset.factors, *names]), names)
     drawn = [
         ("Main effects", "The mean over every factor; 5 to 95 % of the runs lie in the band.",
@@ -64,7 +68,12 @@ def render(dataset: Runs, metrics: Iterable[str] | None) -> str:
             for trial in (tuned.best if tuned else ())
         ],
         metrics=[
-            (name, [_number(found.metrics[name][i]) for i in (1, 2, 3)], found.units[name], dataset.meaning(name))
+            (
+                name,
+                [_number(found.metrics[name][i]) for i in (1, 2, 3)],
+                found.units[name],
+                dataset.meaning(name),
+            )
             for name in found.metrics
         ],
         document=json.dumps(dataset.manifest["study"], indent=1, ensure_ascii=False),
@@ -81,13 +90,19 @@ def _cards(dataset: Runs, found: Findings) -> list[tuple[str, str, str]]:
     rate = found.failures
     cards = [
         (f"{found.runs:,}", f"of {found.of:,}" if found.runs != found.of else "", "runs"),
-        (f"{100 * rate.value:.1f}", "%", f"failed; 95 % interval {100 * rate.low:.1f} to {100 * rate.high:.1f}"),
+        (
+            f"{100 * rate.value:.1f}",
+            "%",
+            f"failed; 95 % interval {100 * rate.low:.1f} to {100 * rate.high:.1f}",
+        ),
     ]
     for name in list(found.metrics)[:4]:
         middle = float(found.metrics[name][2])
         if np.isfinite(middle):
             factor, unit = prefixed(abs(middle), found.units[name]) if middle else (1.0, found.units[name])
-            cards.append((f"{middle * factor:.3g}".replace("-", "−"), unit, f"median: {dataset.meaning(name)}"))
+            cards.append(
+                (f"{middle * factor:.3g}".replace("-", "−"), unit, f"median: {dataset.meaning(name)}")
+            )
     return cards
 
 

@@ -13,10 +13,10 @@ from bokeh.transform import linear_cmap
 from numpy.typing import NDArray
 
 from vffnull.plotting.style import ALARM, INK, MUTED
-from vffnull.studies.reading import Runs
 from vffnull.studies.effects import bins_of, effect, explained, front
 from vffnull.studies.factors import Factor
 from vffnull.studies.findings import FAILURES, coordinates
+from vffnull.studies.reading import Runs
 
 __all__ = ["failure_map", "main_effects", "pairs", "pareto"]
 
@@ -54,7 +54,9 @@ def main_effects(dataset: Runs, columns: Columns, metrics: list[str]) -> list[An
             fig.varea("x", "low", "high", source=source, fill_color=_BLUE, fill_alpha=0.15)
             fig.line("x", "mean", source=source, color=_BLUE, line_width=2)
             dots = fig.scatter("x", "mean", source=source, color=_BLUE, size=5)
-            fig.add_tools(HoverTool(renderers=[dots], tooltips=[("at", "@x"), ("mean", "@mean"), ("runs", "@n")]))
+            fig.add_tools(
+                HoverTool(renderers=[dots], tooltips=[("at", "@x"), ("mean", "@mean"), ("runs", "@n")])
+            )
             _axis(fig.xaxis, factor)
             if first is None:
                 first = fig
@@ -162,7 +164,9 @@ def failure_map(dataset: Runs, columns: Columns) -> list[Any]:
             "n": count[i, j],
         }
     )
-    cells = fig.quad("left", "right", "bottom", "top", source=source, color=linear_cmap("rate", _REDS, 0.0, 1.0))
+    cells = fig.quad(
+        "left", "right", "bottom", "top", source=source, color=linear_cmap("rate", _REDS, 0.0, 1.0)
+    )
     fig.add_tools(HoverTool(renderers=[cells], tooltips=[("failed", "@rate{0.0 %}"), ("runs", "@n")]))
     fig.add_layout(cells.construct_color_bar(title="share of failures"), "right")
     _axis(fig.xaxis, across)

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from vffnull._extras import extra
 from vffnull._progress import Counter
 from vffnull.errors import InputError
-from vffnull.studies.reading import Runs
 from vffnull.studies.document import Goal, Plan
 from vffnull.studies.factors import Factor
 from vffnull.studies.parts import Part, named
 from vffnull.studies.places import Site
+from vffnull.studies.reading import Runs
 from vffnull.studies.running import Begun, carry_out
 from vffnull.studies.store import Store
 
