@@ -1,4 +1,4 @@
-"""Studies: what a document means, that every run is the one that `simulate` makes, and what is left to be read."""
+"""Studies: what a document means, that every run is that of `simulate`, and what is left to be read."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_grid_has_all_combinations() -> None:
 
 
 def test_designs_are_spread_as_they_should_be() -> None:
-    """One point in every layer of a Latin hypercube; Sobol's sequence is SciPy's; a range of whole numbers."""
+    """A point in every layer of a Latin hypercube; Sobol's sequence is SciPy's; a range of whole numbers."""
     from scipy.stats import qmc
 
     plan = Study(changed(design={"kind": "latin-hypercube", "count": 50}))._plan
@@ -256,7 +256,7 @@ def test_a_wrong_document_is_told_by_its_key(name: str) -> None:
 def test_what_is_no_document() -> None:
     with pytest.raises(InputTypeError, match="study: expected a table"):
         Study([])  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="no study called 'disturbence'.*did you mean 'disturbances'"):
+    with pytest.raises(InputError, match=r"no study called 'disturbence'.*did you mean 'disturbances'"):
         Study.load("disturbence")
     with pytest.raises(ScenarioError, match="cannot be read"):
         Study.load("nowhere.toml")
@@ -308,7 +308,7 @@ def test_columns_say_what_they_are(undisturbed: Path) -> None:
 
 
 def test_scenes_points_and_repetitions(tmp_path: Path) -> None:
-    """Every scene meets every point as often as is said; with `seeds` of repetitions all points get the same."""
+    """Every scene meets every point so often; `seeds` of repetitions are the same for all points."""
     document = {
         "scenes": {"families": ["clutter", "crowd"], "joints": [4], "count": 2, "first_seed": 5},
         "factors": [LAW],
@@ -534,7 +534,7 @@ def test_object_stores(address: str, undisturbed: Path, tmp_path: Path) -> None:
     assert system.cat_file(f"{root}/{dataset.files[2]}") == expected[dataset.files[2]]
     if address.startswith("memory"):
         system.pipe_file(f"{root}/.lock", b'{"token": "x", "process": 12, "machine": "there"}')
-        with pytest.raises(InputError, match="process 12 on there is writing there.*remove memory://"):
+        with pytest.raises(InputError, match=r"process 12 on there is writing there.*remove memory://"):
             study.run(place, resume=True)
         system.rm(root, recursive=True)
 
@@ -590,7 +590,7 @@ def test_the_estimate(tmp_path: Path) -> None:
 
 
 def test_blocks_follow_from_the_document_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Their size has nothing to do with the machine; a study of few runs has blocks enough for some workers."""
+    """Their size has nothing to do with the machine; a study of few runs has enough for some workers."""
     document = changed(design={"kind": "random", "count": 10**6}, block=None)
     size = Study(document)._plan.size
     monkeypatch.setattr(os, "cpu_count", lambda: 512)

@@ -1,4 +1,4 @@
-"""Studies whose processes are killed, whose disk is full, whose workers are others: nothing lost, nothing twice."""
+"""Studies whose processes are killed, whose disk is full: nothing is lost, and nothing there twice."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def endless(tmp_path: Path) -> Path:
 
 
 def test_ctrl_c(endless: Path) -> None:
-    """Answered although the block would take hours, with a word about how to go on; what was done is there."""
+    """Answered although the block would take hours, with a word about how to go on; what is done is there."""
     process = client(endless)
     wait_for(lambda: done(endless / "results") == 1 or process.poll() is not None)
     process.send_signal(signal.SIGINT)
@@ -261,7 +261,7 @@ sys.meta_path.insert(0, Hidden())
 
 
 def test_a_cluster_that_falls_apart(folder: Path, undisturbed: dict[str, bytes]) -> None:
-    """A worker without the package is refused by name; a scheduler that is killed is told, and nothing is lost."""
+    """A worker without the package is refused by name; a killed scheduler is told; no part is lost."""
     (folder / "hidden.py").write_text(HIDDEN, encoding="utf-8")
     told = folder / "scheduler.json"
     processes: list[subprocess.Popen[bytes]] = []

@@ -1,7 +1,8 @@
-"""Studies: many runs as one document, on threads or on a cluster, into a dataset that survives whatever ends it.
+"""Studies: many runs as one document, on threads or a cluster, into a dataset that no fault harms.
 
-`document` reads a study, `designs` make its points, `blocks` compute them, `places` say where, `store` keeps the
-files whole, `running` resumes; `dataset` reads what is there, `effects` and `page` show it, `tuning` searches.
+`document` reads a study, `designs` make its points, `blocks` compute them, `places` say where, `store` keeps
+files whole, `running` resumes; `dataset` reads what is there, `findings` and `page`
+show it, `tuning` searches.
 """
 
 from __future__ import annotations

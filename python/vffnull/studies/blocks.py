@@ -21,7 +21,7 @@ REFUSED = "refused"
 """Status of a run whose scenario cannot be run; its message says why."""
 
 
-class Stopped(Exception):  # noqa: N818: nothing is wrong
+class Stopped(Exception):  # noqa: N818
     """The block is not wanted any more."""
 
 
@@ -35,7 +35,7 @@ def compute(plan: Plan, block: Block, threads: int | None = None, report: Report
     block : Block
         Which runs.
     threads : int, optional
-        How many threads compute; as many as there are cores by default. The parts are the same for any number.
+        How many threads compute; as many as there are cores by default. The parts do not depend on it.
     report : callable, optional
         See `Report`.
 

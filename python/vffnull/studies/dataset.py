@@ -19,7 +19,7 @@ __all__ = ["Dataset"]
 class Dataset(Runs):
     """What a study has left in a directory or a store; made by `Study.run` and `Dataset.open`.
 
-    Parts that are added later are seen by the next call. Whatever reads Parquet reads ``runs/*.parquet``, too.
+    Parts that are added later are seen by the next call. Whatever reads Parquet reads ``runs/*.parquet``.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Designs: which values of the factors a study takes, as rows of coordinates.
 
-Every design gives the rows of any stretch of its points without those before it being kept, so that a study of
+Every design gives the rows of any stretch of its points without keeping those before it, so that a study of
 any length needs little memory; the Latin hypercube alone needs all of its points at once.
 """
 
@@ -25,7 +25,7 @@ __all__ = ["DESIGNS", "MOST", "Counted", "Design", "Saltelli", "TableOf", "read_
 Array = NDArray[np.float64]
 
 DESIGNS = ("grid", "latin-hypercube", "sobol", "saltelli", "random", "table")
-"""Kinds of designs: all combinations, space-filling, quasi-random, for Sobol indices, random, and given rows."""
+"""All combinations, space-filling, quasi-random, for Sobol indices, random, and given rows."""
 
 MOST = 2**40
 _MOST_AT_ONCE = 20_000_000  # numbers that a Latin hypercube holds in memory
@@ -41,7 +41,7 @@ class Design(Protocol):
     """How many there are."""
 
     def rows(self, first: int, last: int) -> Array:
-        """The coordinates (last - first, factors) of the points from `first` up to but not including `last`."""
+        """The coordinates (last - first, factors) of the points from `first` up to, not including, `last`."""
         ...
 
     def to_dict(self) -> dict[str, Any]:
@@ -49,16 +49,18 @@ class Design(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass
 class Counted:
     """The number of points alone, where the points themselves are not needed."""
 
     count: int
 
     def rows(self, first: int, last: int) -> Array:
+        """Nothing: they are elsewhere."""
         raise NotImplementedError
 
     def to_dict(self) -> dict[str, Any]:
+        """Nothing: the document is elsewhere."""
         raise NotImplementedError
 
 
@@ -183,6 +185,7 @@ class Saltelli(_Shares):
         super().__init__(factors, base * (len(factors) + 2), seed)
 
     def to_dict(self) -> dict[str, Any]:
+        """The design with the number of its base samples."""
         return {"kind": self.kind, "count": self.base}
 
     def _shares(self, first: int, last: int) -> Array:
@@ -208,9 +211,11 @@ class TableOf:
         self.count = len(rows)
 
     def rows(self, first: int, last: int) -> Array:
+        """A stretch of the rows."""
         return self._rows[first:last]
 
     def to_dict(self) -> dict[str, Any]:
+        """The design with all of its rows."""
         return {"kind": "table", "coordinates": self._rows.tolist()}
 
 
@@ -238,11 +243,11 @@ def read_design(table: Keyed, factors: Sequence[Factor], seed: int) -> Design:
     count = table.whole("count", None, 1, MOST)
     if kind == "random":
         return _Random(factors, count, seed)
-    extra("scipy.stats", "study")
+    extra("scipy", "study")
     if kind == "latin-hypercube":
         if count * len(factors) > _MOST_AT_ONCE:
             raise InputError(
-                f"{table.at('count')}: a Latin hypercube is made at once, of {_MOST_AT_ONCE} numbers at most, "
+                f"{table.at('count')}: a Latin hypercube is made at once, of {_MOST_AT_ONCE} numbers, "
                 f"here {_MOST_AT_ONCE // len(factors)} points; 'sobol' and 'random' have no such bound"
             )
         return _LatinHypercube(factors, count, seed)

@@ -268,7 +268,8 @@ class Plan:
     def row(self, run: int) -> Array:
         """The coordinates of a run's factors."""
         point = self.place(run).point
-        return self._designed.rows(point, point + 1)[0]
+        found: Array = self._designed.rows(point, point + 1)[0]
+        return found
 
     # ------------------------------------------------------------------ blocks
 
@@ -294,7 +295,8 @@ class Plan:
             begin += stop - point
         rows = np.repeat(np.concatenate(parts), self.repetitions, axis=0)
         at = first % self.repetitions
-        return rows[at : at + last - first]
+        found: Array = rows[at : at + last - first]
+        return found
 
     def trial_blocks(self, trial: int, row: Array) -> list[Block]:
         """The blocks of a trial."""

@@ -1,4 +1,4 @@
-"""What the runs of a study say: effects of factors, indices of sensitivity, the Pareto front, rates of failure.
+"""What the runs of a study say: effects of factors, indices of sensitivity, the Pareto front.
 
 Functions of arrays alone, so that they can be checked against what is known in closed form.
 """
@@ -57,7 +57,7 @@ class Indices:
 
 
 def bins_of(values: Array, most: int = _MOST_LEVELS) -> Whole:
-    """The bin of every value (n,), counted from 0: one for each level, or equally full ones if there are many."""
+    """The bin of every value (n,), from 0: one for each level, or equally full ones if there are many."""
     levels, at = np.unique(values, return_inverse=True)
     if len(levels) <= most:
         return at.reshape(-1)
@@ -105,8 +105,8 @@ def explained(factor: Array, metric: Array) -> float:
 def indices(samples: Array, seed: int = 0) -> list[Indices]:
     """Sobol indices from a design of Saltelli's.
 
-    First indices by Saltelli et al. (2010), total ones by Jansen (1999), with intervals from 200 resamplings of
-    the base samples.
+    First indices by Saltelli et al. (2010), total ones by Jansen (1999), with intervals from 200 resamplings
+    of the base samples.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def indices(samples: Array, seed: int = 0) -> list[Indices]:
         found[i, 1] = ((mixed - a[:, None]) ** 2).mean(axis=0) / 2 / variance
     result = []
     for j in range(width - 2):
-        both = [_interval(found[:, kind, j]) for kind in range(2)] if n else [np.full(3, np.nan)] * 2
-        result.append(Indices(*both))
+        pair = [_interval(found[:, kind, j]) for kind in range(2)] if n else [np.full(3, np.nan)] * 2
+        result.append(Indices(*pair))
     return result
 
 
@@ -159,4 +159,5 @@ def front(costs: Array) -> Whole:
         return order
     second = costs[order, 1]
     before = np.concatenate([[np.inf], np.minimum.accumulate(second)[:-1]])
-    return order[second < before]
+    best: Whole = order[second < before]
+    return best

@@ -47,8 +47,8 @@ class Findings:
     factors : list of str
         What varies.
     explained : dict of str to (factors,) ndarray
-        Of each metric, which share of its variance each factor explains alone, from the runs as they are; also
-        of ``"failure"``.
+        Of each metric, which share of its variance each factor explains alone, from the runs as they are;
+        also of ``"failure"``.
     indices : dict of str to list of Indices
         Sobol indices of each metric, where the design is one of Saltelli's; empty otherwise.
     """
@@ -195,7 +195,9 @@ def coordinates(dataset: Runs, columns: dict[str, NDArray[Any]]) -> list[NDArray
     for factor in dataset.plan.factors:
         values = columns[factor.name]
         if factor.values is not None:
-            places = {value: float(i) for i, value in enumerate(factor.column(np.arange(len(factor.values))))}
+            places = {
+                value: float(i) for i, value in enumerate(factor.column(np.arange(float(len(factor.values)))))
+            }
             found.append(np.array([places[each] for each in values.tolist()]))
         else:
             found.append(np.log(values.astype(float)) if factor.log else values.astype(float))

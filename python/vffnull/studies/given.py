@@ -24,7 +24,7 @@ _SPREADS = ("range", "values", "choices")
 
 
 def columns_of(table: Keyed, names: Sequence[str], folder: Path) -> Columns | None:
-    """The columns of a table, by the names of the factors; None if it stands in the document as coordinates."""
+    """The columns of a table, by the names of the factors; None if the document has coordinates."""
     where = table.one_of("rows", "file", "coordinates")
     if where == "coordinates":
         return None
@@ -90,7 +90,8 @@ def _coordinates(table: Keyed, factor: Factor, column: Sequence[Any]) -> list[fl
         if not factor.low <= value <= factor.high or (factor.whole and value % 1):
             sort = "a whole number" if factor.whole else "a number"
             raise InputError(
-                f"{table.path}: row {i}: {factor.name}: expected {sort} from {factor.low:g} to {factor.high:g}, "
+                f"{table.path}: row {i}: {factor.name}: expected {sort} from {factor.low:g} to "
+                f"{factor.high:g}, "
                 f"got {value!r}"
             )
         found.append(float(value))

@@ -84,7 +84,7 @@ def read_manifest(store: Store) -> Document | None:
         raise InputError(f"{store.place}: {MANIFEST} is damaged, or no manifest of a study") from None
     if not known:
         raise InputError(
-            f"{store.place}: a dataset of format {found['format']}, which this version of vffnull does not know"
+            f"{store.place}: a dataset of format {found['format']}, which this version does not know"
         )
     return found  # type: ignore[no-any-return]
 

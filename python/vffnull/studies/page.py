@@ -1,4 +1,4 @@
-"""A study as one page that needs no network: effects, pairs, the Pareto front, failures, indices, the document."""
+"""A study as one page that needs no network: effects, pairs, the Pareto front, failures, indices."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ def render(dataset: Runs, metrics: Iterable[str] | None) -> str:
     drawn = [
         ("Main effects", "The mean over every factor; 5 to 95 % of the runs lie in the band.",
          pictures.main_effects(dataset, columns, shown)),
-        ("Clearance against tracking", "Blue: runs that no other one beats in both.", pictures.pareto(dataset, columns)),
+        ("Clearance against tracking", "Blue: runs that no other one beats in both.",
+         pictures.pareto(dataset, columns)),
         ("Where runs fail", "Collided, diverged, failed or refused, over the two factors that decide most.",
          pictures.failure_map(dataset, columns)),
         (f"Pairs, coloured by {shown[0]}" if shown else "", "Yellow is more. A run tells its number.",

@@ -122,6 +122,7 @@ def schema_of(plan: Plan) -> pyarrow.Schema:
 
 
 def about(plan: Plan) -> dict[str, str]:
+    """What every part says of where it comes from."""
     return {"vffnull": json.dumps({"version": _core.__version__, "study": plan.digest, "name": plan.name})}
 
 

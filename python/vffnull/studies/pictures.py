@@ -1,4 +1,4 @@
-"""The pictures of a study, drawn by Bokeh. What comes from a document is shown as text, never read as a page."""
+"""The pictures of a study, drawn by Bokeh. What comes from a document is shown as text, never as a page."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def main_effects(dataset: Runs, columns: Columns, metrics: list[str]) -> list[An
         for factor, axis in zip(dataset.plan.factors, axes, strict=True):
             found = effect(axis, values)
             at = np.exp(found.at) if factor.log else found.at
-            shared = {} if first is None else {"y_range": first.y_range}
+            shared: dict[str, Any] = {} if first is None else {"y_range": first.y_range}
             fig = figure(
                 width=230,
                 height=180,
@@ -217,7 +217,7 @@ def _place(factor: Factor) -> str:
 def _numbers(factor: Factor, values: NDArray[Any]) -> NDArray[np.float64]:
     if factor.values is None:
         return values.astype(float)
-    places = {value: float(i) for i, value in enumerate(factor.column(np.arange(len(factor.values))))}
+    places = {value: float(i) for i, value in enumerate(factor.column(np.arange(float(len(factor.values)))))}
     return np.array([places[each] for each in values.tolist()])
 
 

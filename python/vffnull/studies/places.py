@@ -1,6 +1,6 @@
 """Where blocks are computed: in threads of this process, or by the workers of Dask.
 
-Whoever computes a block writes it, too, if it has the store before it; else its parts come back to be written.
+Whoever computes a block writes it, too, if the store is within reach; else its parts come back.
 """
 
 from __future__ import annotations
@@ -88,6 +88,7 @@ class Here:
     def each(
         self, plan: Plan, blocks: Iterator[Block], store: Store, token: str, told: Callable[[int], None]
     ) -> Iterator[Done]:
+        """Compute blocks, two at a time; see `Site.each`."""
         stop = threading.Event()
         under_way: dict[int, int] = {}
 
@@ -155,6 +156,7 @@ class Cluster:
     def each(
         self, plan: Plan, blocks: Iterator[Block], store: Store, token: str, told: Callable[[int], None]
     ) -> Iterator[Done]:
+        """Compute blocks, some more at a time than the workers have threads; see `Site.each`."""
         distributed = extra("distributed", "study")
         client, packed, wanted = self._client, plan.packed(), versions()
         completed = distributed.as_completed()
@@ -191,7 +193,8 @@ class Cluster:
             found: Done = future.result()
         except distributed.KilledWorker as error:
             raise ChildProcessError(
-                f"block {block.number} (runs {block.first} to {block.last - 1}) has ended several workers: {error}"
+                f"block {block.number} (runs {block.first} to {block.last - 1}) has ended several workers: "
+                f"{error}"
             ) from None
         except ModuleNotFoundError as error:
             raise InputError(f"a worker lacks a package: {error}") from None

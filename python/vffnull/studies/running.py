@@ -1,4 +1,4 @@
-"""Running a study: what is there is verified and left, the rest is computed, and nothing is lost by an end."""
+"""Running a study: what is there is verified and left, the rest is computed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ def begin(plan: Plan, store: Store, resume: bool) -> Begun:
         count = len({part.block for name in store.names("runs") if (part := named("runs", name))})
         of = f" of {plan.blocks}" if plan.design is not None else ""
         raise InputError(
-            f"{store.place}: holds {count}{of} blocks of this study; resume it (--resume), or choose another directory"
+            f"{store.place}: holds {count}{of} blocks of this study; resume it (--resume), "
+            "or choose another directory"
         )
     store.tidy()
     return verified(plan, store) if there else Begun(frozenset(), 0)

@@ -127,7 +127,7 @@ def with_changes(document: Document, overrides: Mapping[str, Any]) -> Document:
 
 
 def read_base(table: Keyed, folder: Path) -> Base:
-    """The base of a study: ``scenario``, a name, a path beside the study's file or a table; or ``[scenes]``."""
+    """The base of a study: ``scenario``, a name, a path beside the study or a table; or ``[scenes]``."""
     if table.one_of("scenario", "scenes") == "scenes":
         allowed = ("families", "joints", "arms", "tasks", "count", "first_seed")
         return _Scenes(Keyed(table.get("scenes"), "scenes", allowed))

@@ -121,7 +121,8 @@ class Study:
             near = difflib.get_close_matches(str(path), names, n=1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
             raise InputError(
-                f"no study called {shown(source)!r}{hint}; bundled are {', '.join(names)}; the path of a file ends in .toml"
+                f"no study called {shown(source)!r}{hint}; bundled are {', '.join(names)}; "
+                "the path of a file ends in .toml"
             )
         text = (_BUNDLED / f"{path}.toml").read_text(encoding="utf-8")
         return cls(_core.parse_toml(text, str(path)), _BUNDLED)
@@ -214,8 +215,8 @@ class Study:
         Returns
         -------
         Dataset
-            ``runs/*.parquet``, one part for each block, and ``study.json``, the document with versions, seeds,
-            and units; with ``[records]`` also ``records/*.parquet``.
+            ``runs/*.parquet``, one part for each block, and ``study.json``, the document with versions,
+            seeds, and units; with ``[records]`` also ``records/*.parquet``.
 
         Raises
         ------

@@ -50,7 +50,7 @@ def records_part(plan: Plan, block: Block, outcomes: Sequence[Mapping[str, Any]]
 
 @lru_cache(8)
 def _record_columns(plan: Plan) -> tuple[pyarrow.Schema, list[str]]:
-    """The columns of records, those of the first scenario, with units; and the names of the quantities' own."""
+    """The columns of records, those of the first scenario, with units; and the names of quantities."""
     arrow = extra("pyarrow", "study")
     assert plan.records is not None
     start = _begun(plan)

@@ -1,8 +1,8 @@
 """Tuning: Optuna proposes points, and their runs are blocks like those of any study.
 
-What is proposed follows from the document and the trials before: the sampler of each trial has a seed of its own,
-and the trials of a batch are proposed before one of them is told. So a tuning that was killed goes on to the same
-end as one that was not.
+What is proposed follows from the document and the trials before: the sampler of each trial has a seed of its
+own, and the trials of a batch are proposed before one of them is told. So a tuning that was killed goes on to
+the same end as one that was not.
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ def _front(trials: list[Trial], signs: NDArray[np.float64]) -> list[Trial]:
 def _journal(optuna: Any, store: Store) -> Any:
     """Optuna's journal in the dataset's directory, mended if a line was broken off by the end of a process.
 
-    Whoever comes here has locked the directory: a lock of the journal's own would only outlive a killed client.
+    Whoever comes here has locked the directory: a lock of the journal's own would outlive a killed client.
     """
     if "://" in store.place:
         raise InputError(f"{store.place}: Optuna's journal needs a directory of this machine")
