@@ -386,6 +386,22 @@ def test_runs_that_go_wrong_leave_the_others_alone(tmp_path: Path) -> None:
     assert (found.failures.count, found.failures.total) == (3, 6) and "50.0" in str(found)
 
 
+def test_a_run_that_a_fault_of_ours_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the core says of a panic is kept as its message; the other runs of the block count."""
+    real = vff._core.run_many
+
+    def panics(documents: list[Any], *rest: Any) -> list[dict[str, Any]]:
+        found = real(documents, *rest)
+        found[-1:] = [found[-1] | {"status": "failed", "message": "a fault of vffnull itself", "metrics": {}}]
+        return found
+
+    monkeypatch.setattr(vff._core, "run_many", panics)
+    rows = Study(changed(metrics=["effort"])).run(tmp_path / "results").table().to_pylist()
+    assert [row["status"] for row in rows[:3]] == ["completed", "completed", "failed"]
+    assert rows[2]["message"] == "a fault of vffnull itself" and rows[2]["effort"] is None
+    assert rows[0]["message"] is None and rows[0]["effort"] is not None
+
+
 # ------------------------------------------------------------------------------------------------- datasets
 
 

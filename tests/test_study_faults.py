@@ -221,6 +221,28 @@ def test_a_worker_that_is_killed(cluster: Any, folder: Path, undisturbed: dict[s
         assert connected.status == "running"
 
 
+def test_a_block_that_ends_its_workers(cluster: Any, folder: Path, undisturbed: dict[str, bytes]) -> None:
+    """Dask gives a block up that has ended too many workers; that is told, and the rest is there."""
+    killed: list[int] = []
+    with distributed.Client(cluster) as connected:
+        pids = connected.run(os.getpid)
+
+        def kill(finished: int, _total: int) -> None:
+            busy = [worker for worker, keys in connected.processing().items() if keys and worker in pids]
+            if finished and busy and not killed:
+                os.kill(pids[busy[0]], signal.SIGKILL)
+                killed.append(pids[busy[0]])
+
+        allowed, cluster.scheduler.allowed_failures = cluster.scheduler.allowed_failures, 0
+        try:
+            with pytest.raises(ChildProcessError, match=r"block \d+ \(runs \d+ to \d+\) has ended"):
+                Study(DOCUMENT).run(folder / "results", scheduler=connected, progress=kill)
+        finally:
+            cluster.scheduler.allowed_failures = allowed
+    assert 1 <= done(folder / "results") < BLOCKS
+    finished(folder, undisturbed)
+
+
 def test_ctrl_c_lets_go_of_a_cluster(cluster: Any, folder: Path, undisturbed: dict[str, bytes]) -> None:
     """A client of somebody else's stays as it was, without our tasks; resumed there, it is the same again."""
     with distributed.Client(cluster) as connected:
