@@ -612,6 +612,9 @@ def test_blocks_follow_from_the_document_alone(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(os, "cpu_count", lambda: 512)
     assert Study(document)._plan.size == size > 1000
     assert Study(changed(block=None)).blocks == 16
+    long = {"overrides": {"duration": 4.0}, "block": None}
+    many, most = (Study(changed(design={"kind": "random", "count": 10**n}, **long)) for n in (5, 9))
+    assert many.blocks == 361 and most._plan.size == 4096
 
 
 # -------------------------------------------------------------------------------------------------- effects
@@ -705,13 +708,14 @@ def test_findings_and_the_page(tmp_path: Path) -> None:
         ],
         design={"kind": "saltelli", "count": 8},
         block=None,
+        metrics=["min_clearance", "max_error_transient", "effort"],
     )
     dataset = Study(document).run(tmp_path / "results")
     found = dataset.findings()
     assert found.runs == found.of == 40 and 0 < found.failures.count < 40
     assert set(found.indices) == {"failure", *found.metrics} and found.factors[1] == "speed"
     assert "Sobol indices" in str(found) and json.dumps(found.to_dict())
-    text = dataset.report(tmp_path / "page.html", ["min_clearance", "effort"]).read_text(encoding="utf-8")
+    text = dataset.report(tmp_path / "page.html").read_text(encoding="utf-8")
     for heading in ("Main effects", "Clearance against tracking", "Where runs fail", "Pairs", "What decides"):
         assert f"<h2>{heading}" in text, heading
     markup = re.sub(r"<(script|style)\b.*?</\1>", "", text, flags=re.S)

@@ -59,7 +59,7 @@ def study() -> None:
     vffnull study run disturbances --dry-run              how many runs, how long, how large
     vffnull study run disturbances --out results          run it; --resume goes on
     vffnull study show results --page results.html        effects, indices, failures
-    vffnull study tune disturbances --out tuned           look for good values instead
+    vffnull study tune gains --out tuned                  look for good values instead
 
     Needs the extra vffnull[study].
     """
@@ -151,8 +151,8 @@ def tune(
     """Look for good values of a study's factors by Optuna; the study needs a table [tune].
 
     \b
-    vffnull study tune disturbances --out tuned --trials 40
-    vffnull study tune disturbances --out tuned --trials 80 --resume
+    vffnull study tune gains --out tuned --trials 40
+    vffnull study tune gains --out tuned --trials 80 --resume
 
     The trials are runs like any others: `vffnull study show` shows them. Optuna's journal is tuning.log.
 

@@ -69,6 +69,7 @@ _MOST_SEED = 2**63 - 1
 _NOMINAL = 3e-7  # s for a step and a joint; decides how many runs a block has, so it never changes
 _BLOCK_TIME = 2.0  # s of such work in a block
 _MOST_IN_BLOCK = 4096
+_MOST_BLOCKS = 200_000  # beyond, they grow: a scheduler has to look after each
 _FEWEST_BLOCKS = 32  # so that a short study keeps a few workers busy, too
 _BLOCK_BYTES = 64e6  # of records in a block
 _SPREAD = 16  # points that are tried before the first run
@@ -212,7 +213,8 @@ class Plan:
         simulation = base.get("simulation", {})
         steps = float(base["duration"]) / float(simulation.get("dt", 1e-3))
         joints = len(base["q0"])
-        most = min(_BLOCK_TIME / (steps * joints * _NOMINAL), _MOST_IN_BLOCK)
+        most = max(_BLOCK_TIME / (steps * joints * _NOMINAL), together / _MOST_BLOCKS)
+        most = min(most, _MOST_IN_BLOCK)
         if self.records is not None:
             width = 8 * (4 + joints) * len(self.records.quantities)
             most = min(most, _BLOCK_BYTES / (width * (1 + steps / self.records.every)))
