@@ -614,7 +614,7 @@ def test_blocks_follow_from_the_document_alone(monkeypatch: pytest.MonkeyPatch) 
     assert Study(changed(block=None)).blocks == 16
     long = {"overrides": {"duration": 4.0}, "block": None}
     many, most = (Study(changed(design={"kind": "random", "count": 10**n}, **long)) for n in (5, 9))
-    assert many.blocks == 361 and most._plan.size == 4096
+    assert many.blocks == 362 and most._plan.size == 4096
 
 
 # -------------------------------------------------------------------------------------------------- effects
