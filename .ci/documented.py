@@ -55,6 +55,8 @@ SHORTER = {
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
+    "python benches/studies.py": "python benches/studies.py --quick",
+    "python benches/studies.py --long 1000000": "python benches/studies.py --long 10000",
     "vffnull evaluate": "vffnull evaluate --count 1",
 }
 # What is not run, and why.
@@ -66,6 +68,7 @@ LEFT_OUT = {
     "python docs/evaluate.py --space": "as the one of the plane",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
+    "vffnull study": "names the command; it needs a study",
     "python -m timeit": "names the command; the next line of its table is run",
 }
 

@@ -71,7 +71,7 @@ def test_ten_minutes(clone: Path, path: str) -> None:
     }
 
 
-@pytest.mark.parametrize("page", ["ten-minutes.md", "from-osc.md"])
+@pytest.mark.parametrize("page", ["ten-minutes.md", "from-osc.md", "studies.md"])
 def test_cells(page: str, tmp_path: Path, path: str) -> None:
     """All cells as one program, in a folder that has what is beside the page, warnings as errors."""
     shutil.copy(TUTORIALS / "robot.toml", tmp_path)
@@ -83,6 +83,9 @@ def test_cells(page: str, tmp_path: Path, path: str) -> None:
         numbers = [float(each) for each in re.findall(r"(\d[\d.e+-]*) (?:N·m|m/s²|rad/s²)", said)]
         standing, moving, hand, joints, still = numbers
         assert max(standing, hand, still) < 1e-9 < 0.1 < min(moving, joints)
+    elif page == "studies.md":
+        assert "160 runs" in said and "\nTrue\n" in said
+        assert "Sobol indices" in said and "N·m: {'gain'" in said
     else:
         assert "without contact" in said and "completed" in said
 

@@ -154,7 +154,12 @@ def commands() -> str:
         text = runner.invoke(_commands, [*words, "--help"], prog_name="vffnull", terminal_width=92).output
         return f"```text\n{text.rstrip()}\n```"
 
-    parts = [f"## vffnull {name}\n\n{shown(name)}" for name in _commands.commands]
+    names = [
+        (name, *below)
+        for name, command in _commands.commands.items()
+        for below in [(), *((each,) for each in getattr(command, "commands", ()))]
+    ]
+    parts = [f"##{'#' * (len(name) - 1)} vffnull {' '.join(name)}\n\n{shown(*name)}" for name in names]
     return "# Command line\n\n" + "\n\n".join([shown(), *parts]) + "\n"
 
 

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from vffnull.evaluation import Evaluation, evaluate
     from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
+    from vffnull.studies import Study
     from vffnull.viewer import live
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "State",
     "Status",
     "StreamRecorder",
+    "Study",
     "Terms",
     "VffNullError",
     "__version__",
@@ -96,6 +98,7 @@ _LATER = {
     "Histogram": "vffnull._timing",
     "RealTimeReport": "vffnull._realtime",
     "StreamRecorder": "vffnull.logs.stream",
+    "Study": "vffnull.studies",
     "evaluate": "vffnull.evaluation",
     "feasibility": "vffnull.evaluation.planner",
     "live": "vffnull.viewer",

@@ -15,7 +15,7 @@ _LONGEST_ENDING = 16
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, folder: Path | None = None) -> Iterator[Path]:
     """A draft beside the target, renamed over it on success and removed on failure.
 
     A full disk, an exception or the end of the process leave an old file as it was. The draft has a new name
@@ -26,6 +26,9 @@ def replacing(path: Path) -> Iterator[Path]:
     ----------
     path : Path
         The target; its name may be as long as the file system allows.
+    folder : Path, optional
+        Where the draft stands instead, on the same file system: where nobody looks who reads all files
+        beside the target.
 
     Yields
     ------
@@ -38,7 +41,7 @@ def replacing(path: Path) -> Iterator[Path]:
         If the file cannot be written; `filename` is the target, never the draft.
     """
     target = Path(os.path.realpath(path))
-    draft = target.with_name(f".{os.urandom(8).hex()}{_ending(target)}")
+    draft = (folder or target.parent) / f".{os.urandom(8).hex()}{_ending(target)}"
     try:
         permissions = _permissions(target)
         os.close(os.open(draft, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))

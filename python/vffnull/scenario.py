@@ -19,7 +19,17 @@ from vffnull.errors import InputTypeError, ScenarioError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["Scenario", "ScenarioLike", "changed", "document_of", "prepare", "read", "scenarios", "source_of"]
+__all__ = [
+    "Scenario",
+    "ScenarioLike",
+    "changed",
+    "document_of",
+    "prepare",
+    "read",
+    "scenarios",
+    "source_of",
+    "with_hint",
+]
 
 _BUNDLED = Path(__file__).with_name("scenarios")
 
@@ -296,10 +306,10 @@ def prepare(scenario: ScenarioLike, overrides: Mapping[str, Any] | None = None) 
     try:
         return Scenario.from_dict(changed(document, overrides))
     except ScenarioError as error:
-        raise _with_hint(error, overrides or {}, before) from None
+        raise with_hint(error, overrides or {}, before) from None
 
 
-def _with_hint(error: ScenarioError, overrides: Mapping[str, Any], document: Document) -> ScenarioError:
+def with_hint(error: ScenarioError, overrides: Mapping[str, Any], document: Document) -> ScenarioError:
     """The error with the keys that may have been meant, if an override's key is unknown."""
     from vffnull._keys import nearest
 

@@ -35,6 +35,7 @@ from vffnull.cli.common import (
 from vffnull.cli.evaluate import evaluate
 from vffnull.cli.live import live
 from vffnull.cli.realtime import realtime
+from vffnull.cli.study import study
 from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE, check_path
 from vffnull.result import Result, Status
@@ -111,6 +112,7 @@ def _commands() -> None:
     vffnull live                           play with it in the browser
     vffnull realtime paper-1               run it against the clock
     vffnull evaluate --count 20            controllers side by side on random scenes
+    vffnull study run NAME --out results   thousands of runs, resumable, on a cluster too
     vffnull animate paper-1 paper-1.gif    film it
     vffnull report paper-1 paper-1.html    everything about it on one page
 
@@ -122,7 +124,7 @@ def _commands() -> None:
     """
 
 
-for _command in (arms, live, realtime, evaluate, results.animate, results.report, results.compare):
+for _command in (arms, live, realtime, evaluate, study, results.animate, results.report, results.compare):
     _commands.add_command(_command)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import webbrowser
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -90,6 +89,8 @@ def live(
         print(f"{page.url}; Ctrl-C ends it")
     try:
         if open_browser:
+            import webbrowser
+
             webbrowser.open(page.url)
         if block:
             page.wait()
