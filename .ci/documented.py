@@ -53,6 +53,7 @@ SHORTER = {
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
+    "python benches/peers/space.py": "python benches/peers/space.py --quick",
     "vffnull evaluate": "vffnull evaluate --count 1",
 }
 # What is not run, and why.
@@ -62,6 +63,7 @@ LEFT_OUT = {
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
     "python docs/evaluate.py --space": "as the one of the plane",
+    "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
     "python -m timeit": "names the command; the next line of its table is run",
