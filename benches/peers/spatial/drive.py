@@ -10,9 +10,10 @@ import numpy as np
 
 import vffnull as vff
 from peers.spatial.task import Array, Task
-from peers.spatial.way import Settings, Way
+from peers.spatial.way import Controller, Settings, Way
 from vffnull import evaluation
 from vffnull._arm import SpatialArm
+from vffnull.evaluation.geometry.space import Things
 
 EVERY = 10  # steps between the instants at which errors are taken, as in `vffnull.evaluate`
 
@@ -86,9 +87,24 @@ def drive(
     return Outcome(
         evaluation.identity(scene, verdict, way.name)
         | _scores(task, span, q[: k + 1], dq[: k + 1], torques[: k + 1], clearance, k == steps)
-        | {"cut_off": cut / max(k, 1)},
+        | {
+            "cut_off": cut / max(k, 1),
+            "unsolved": controller.unsolved / max(k, 1) if controller else 0.0,
+            "model_clearance": _by_spheres(controller, task, q[: k + 1]),
+        },
         taken[:k],
     )
+
+
+def _by_spheres(controller: Controller | None, task: Task, q: Array) -> float:
+    """The smallest distance of the spheres that a controller takes for the arm [m]; NaN if it takes none."""
+    if controller is None or controller.spheres is None:
+        return np.nan
+    spheres, seen = controller.spheres, slice(None, None, EVERY)
+    poses = SpatialArm(task.arm.to_dict()).link_poses(q[seen])[:, spheres.link]
+    centers = np.einsum("ksij,sj->ksi", poses[..., :3, :3], spheres.center) + poses[..., :3, 3]
+    ends = np.repeat(centers[:, :, None], 2, axis=2)
+    return float(Things(task.solids).distances(ends, spheres.radius, task.times[: len(q)][seen]).min())
 
 
 def _scores(

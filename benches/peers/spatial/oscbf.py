@@ -166,6 +166,7 @@ def compiled(arm: str, placed: Callable[[vff.Arm], Spheres], rows: int, slots: i
 class OperationalSpace(Controller):
     def __init__(self, task: Task, settings: Settings, spheres: Callable[[vff.Arm], Spheres]) -> None:
         super().__init__(task)
+        self.spheres = spheres(task.arm)
         control = task.scene["controller"]
         self.nominal = vff.Controller(
             task.arm,

@@ -33,6 +33,7 @@ def tables(
 {rates(outcome)}
 {medians(outcome)}
 {costs(outcome, taken)}
+{reasons(outcome)}
 {works}
 {searched(everybody, found)}
 {versions}; Python {platform.python_version()}; {os.cpu_count()} cores, {platform.machine()}.
@@ -104,6 +105,25 @@ def medians(outcome: vff.Evaluation) -> str:
         "runs beyond a speed limit",
     ]
     return rows(head, body)
+
+
+def reasons(outcome: vff.Evaluation) -> str:
+    """What precedes collisions of the libraries: a QP without a solution, or spheres that are too small."""
+    lines = []
+    for name in outcome.controllers:
+        of = outcome.where(controller=name)
+        hit = of.where(collided=True).columns
+        runs = f"of the {len(hit['scene'])} runs that collide"
+        if (of.columns["unsolved"] > 0.0).any():
+            share = 100.0 * of.columns["unsolved"].mean()
+            lines.append(
+                f"- **{name}**: the QP had no solution in {share:.2g} % of all steps, and in a step of "
+                f"{(hit['unsolved'] > 0.0).sum()} {runs}.\n"
+            )
+        if np.isfinite(of.columns["model_clearance"]).any():
+            clear = (hit["model_clearance"] > 0.0).sum()
+            lines.append(f"- **{name}**: in {clear} {runs}, no sphere touches anything.\n")
+    return "".join(lines)
 
 
 def costs(outcome: vff.Evaluation, taken: Mapping[str, Array]) -> str:

@@ -7,13 +7,25 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from peers.spatial.spheres import Spheres
 from peers.spatial.task import Array, Task
 
 Settings = Mapping[str, Any]
 
 
 class Controller(ABC):
-    """A controller for one scene, made anew for each."""
+    """A controller for one scene, made anew for each.
+
+    Attributes
+    ----------
+    spheres : Spheres or None
+        What it takes for the shape of the arm, if not the capsules.
+    unsolved : int
+        Steps in which its QP had no solution.
+    """
+
+    spheres: Spheres | None = None
+    unsolved = 0
 
     def __init__(self, task: Task) -> None:
         self.task = task

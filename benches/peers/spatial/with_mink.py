@@ -11,7 +11,6 @@ of k dt², and its default 0.85 is no restriction at 1 kHz until the limit is re
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from functools import partial
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -101,7 +100,7 @@ class Mink(Controller):
         self.tip.set_target(mink.SE3(np.array([*turn, x, y, z])))
         before = configuration.q.copy()
         self.velocity = self.settings["persistence"] * self.velocity  # unless a solution is found
-        with suppress(mink.NoSolutionFound):
+        try:
             self.velocity = mink.solve_ik(
                 configuration,
                 [self.tip, self.posture],
@@ -110,6 +109,8 @@ class Mink(Controller):
                 damping=self.settings["damping"],
                 limits=self.limits,
             )
+        except mink.NoSolutionFound:
+            self.unsolved += 1
         configuration.integrate_inplace(self.velocity, dt)
         servo = self.settings["servo"]
         wanted = servo**2 * (before - q) + 2.0 * servo * (self.velocity - dq)
