@@ -121,13 +121,13 @@ def test_loss_counts_what_the_tables_count() -> None:
         "returned": True,
         "success": True,
         "feasibility": "with tip",
-        "min_clearance": 0.03,
         "max_error": 0.0,
+        "end_time": 4.0,
     }
     lost = fine | {"success": False, "max_error": 0.02}
     away = lost | {"returned": False}
-    hit = away | {"collided": True, "min_clearance": -0.01}
-    losses = [tune.loss(row) for row in (fine, lost, away, hit, hit | {"min_clearance": -0.1})]
+    hit = away | {"collided": True, "end_time": 3.0}
+    losses = [tune.loss(row) for row in (fine, lost, away, hit, hit | {"end_time": 1.0})]
     assert losses[0] == 0.0 and losses == sorted(losses) and len(set(losses)) == 5
     assert tune.loss(lost | {"feasibility": "without tip"}) < 0.1
 
@@ -143,8 +143,13 @@ def test_tuning_finds_a_better_setting_and_keeps_it(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(tune, "FOUND", tmp_path / "tuned.toml")
     with pytest.raises(SystemExit, match="run with --tune first"):
         tune.settings_of(way)
-    outcome = tune.tune(way, [scenes.in_space("links-swept", "panda", "position", 0)], trials=4)
-    assert outcome["loss"] < outcome["loss_at_first"] and outcome["settings"]["gain"] > 1.0
+    chosen = [scenes.in_space("links-swept", "panda", "position", 0)]
+    outcome = tune.tune(way, chosen, trials=4)
+    assert outcome["loss"] < 0.1 and outcome["settings"]["gain"] > 1.0
+    span = evaluation.encounter(free(chosen[0]))
+    assert tune.loss(drive(way, {"gain": 1.0}, chosen[0], span, "with tip").row) > 1.0
     tune.keep(way.name, outcome)
     tune.keep("other", outcome)
+    again = tune.tune(way, chosen, trials=1)
+    assert again["trials"] == 5 and again["loss"] == outcome["loss"]  # what was found is tried first
     assert tune.settings_of(way) == outcome["settings"] and set(tune.found()) == {"field", "other"}

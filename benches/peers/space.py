@@ -2,12 +2,15 @@
 
 Needs ``pip install ".[peers,tune]"`` and a quarter of an hour; writes docs/peers.md and draws
 docs/figures/peers-space.png. ``--tune`` finds the settings of benches/peers/spatial/tuned.toml first, on
-training seeds, which takes longer. ``--quick`` drives 0.1 s of two scenes and only prints.
+training seeds, which takes longer. Scenes that are done are kept in target/peers: an interrupted run resumes,
+and several processes can share the work with ``--skip``. ``--quick`` drives 0.1 s of two scenes and only
+prints.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 from pathlib import Path
@@ -28,28 +31,36 @@ from peers.spatial.page import tables  # noqa: E402
 from peers.spatial.way import Way  # noqa: E402
 from report import write_section  # noqa: E402
 from vffnull import evaluation, scenes  # noqa: E402
+from vffnull._files import replacing  # noqa: E402
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-JUDGED, TRAINING, TRIALS = 6, 1, 24  # seeds of every family and task; trials of every way
+KEPT = Path(__file__).resolve().parents[2] / "target" / "peers"
+JUDGED, TRAINING, TRIALS = 4, 1, 16  # seeds of every family and task; trials of every way
 QUICK = 100  # steps
+Times = dict[str, np.ndarray]
 
 
 def judge(
-    everybody: list[Way], chosen: list[vff.Scenario], most: int | None = None
-) -> tuple[vff.Evaluation, dict[str, np.ndarray]]:
-    """Every way on every scene, one after the other on each, and the times of all steps [ns]."""
-    rows, taken = [], {way.name: [] for way in everybody}
-    for i, scene in enumerate(chosen):
+    everybody: list[Way], scene: vff.Scenario, most: int | None = None
+) -> tuple[list[dict[str, object]], Times]:
+    """The rows of every way on a scene, one after the other, and the times of all steps [ns]."""
+    span, verdict = evaluation.encounter(free(scene)), vff.feasibility(scene)
+    done = [drive(way, tune.settings_of(way), scene, span, verdict, most) for way in everybody]
+    return [each.row for each in done], {each.row["controller"]: each.taken for each in done}
+
+
+def kept(everybody: list[Way], scene: vff.Scenario) -> tuple[list[dict[str, object]], Times]:
+    """The same, run unless there is a file of it; remove the files after changing a way."""
+    file = KEPT / f"{scene.name}.npz"
+    if not file.exists():
         begin = perf_counter()
-        span, verdict = evaluation.encounter(free(scene)), vff.feasibility(scene)
-        for way in everybody:
-            done = drive(way, tune.settings_of(way), scene, span, verdict, most)
-            rows.append(done.row)
-            taken[way.name].append(done.taken)
-        seconds = perf_counter() - begin
-        print(f"{i + 1} of {len(chosen)}: {scene.name}, {seconds:.0f} s", file=sys.stderr, flush=True)
-    names = tuple(way.name for way in everybody)
-    return vff.Evaluation.of(rows, names), {name: np.concatenate(each) for name, each in taken.items()}
+        rows, taken = judge(everybody, scene)
+        KEPT.mkdir(parents=True, exist_ok=True)
+        with replacing(file) as draft, draft.open("wb") as stream:
+            np.savez(stream, rows=np.array(json.dumps(rows, default=lambda value: value.item())), **taken)
+        print(f"{scene.name}: {perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
+    with np.load(file) as read:
+        return json.loads(str(read["rows"])), {way.name: read[way.name] for way in everybody}
 
 
 def main() -> None:
@@ -62,18 +73,30 @@ def main() -> None:
         "--training", type=int, default=TRAINING, help="training seeds of every family and task"
     )
     parser.add_argument("--seeds", type=int, default=JUDGED, help="evaluation seeds of every family and task")
+    parser.add_argument(
+        "--skip", type=int, default=0, help="seeds to leave to another process; writes no page"
+    )
     given = parser.parse_args()
     everybody, begin = spatial.load(), perf_counter()
     if given.tune or given.only:
         seeds = range(scenes.TRAINING.start, scenes.TRAINING.start + given.training)
         for way in everybody:
             if way.space and given.only in (None, way.name):
-                tune.keep(way.name, tune.tune(way, tune.drawn(spatial.ARM, seeds), given.trials))
+                chosen = tune.drawn(spatial.ARM, seeds, tune.FAMILIES)
+                tune.keep(way.name, tune.tune(way, chosen, given.trials))
         if given.only:
             return
-    first = scenes.EVALUATION.start
+    first = scenes.EVALUATION.start + given.skip
     chosen = tune.drawn(spatial.ARM, range(first, first + (1 if given.quick else given.seeds)))
-    outcome, taken = judge(everybody, chosen[:2] if given.quick else chosen, QUICK if given.quick else None)
+    if given.quick:
+        parts = [judge(everybody, scene, QUICK) for scene in chosen[:2]]
+    else:
+        parts = [kept(everybody, scene) for scene in chosen]
+    if given.skip:
+        return
+    names = tuple(way.name for way in everybody)
+    outcome = vff.Evaluation.of([row for rows, _ in parts for row in rows], names)
+    taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names}
     text = tables(everybody, outcome, taken, tune.found())
     print(text)
     if not given.quick:

@@ -14,6 +14,7 @@ from peers.spatial.way import Controller, Settings, Way
 from vffnull import evaluation
 from vffnull._arm import SpatialArm
 from vffnull.evaluation.geometry.space import Things
+from vffnull.evaluation.run import TOUCH
 
 EVERY = 10  # steps between the instants at which errors are taken, as in `vffnull.evaluate`
 
@@ -40,8 +41,9 @@ def drive(
     span: tuple[float, float] | None,
     verdict: str,
     most: int | None = None,
+    until_contact: bool = False,
 ) -> Outcome:
-    """Run a scene under a way; `most` limits the steps.
+    """Run a scene under a way; `most` limits the steps, and with `until_contact` a collision ends the run.
 
     The plant takes any torque: that of a library is cut off at the arm's limits here. What the core runs
     itself keeps them by its own law, and its times contain the plant.
@@ -82,6 +84,8 @@ def drive(
         if controller is None:
             torques[k] = state.tau
         clearance.append(float(state.clearance.min()))
+        if until_contact and clearance[-1] < -TOUCH:
+            steps = k
     if controller is not None:
         torques[k] = torques[k - 1] if k else 0.0
     return Outcome(

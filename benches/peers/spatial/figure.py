@@ -33,7 +33,7 @@ def draw(outcome: vff.Evaluation, taken: dict[str, Array], path: Path) -> None:
         for i, (what, chosen) in enumerate(kinds):
             for place, name in zip(places, names, strict=True):
                 rate = chosen(outcome.where(controller=name)).rate(what)
-                label = ("back at the end", "held throughout, where it can be")[i]
+                label = ("back at the end", "held all along, where it can be")[i]
                 interval(held, rate, place + 0.24 * (i - 0.5), (style.INK, style.MUTED)[i], MARKS[i], label)
         for place, name in zip(places, names, strict=True):
             low, high = 1e-3 * np.percentile(taken[name], (50.0, 99.9))
@@ -44,18 +44,24 @@ def draw(outcome: vff.Evaluation, taken: dict[str, Array], path: Path) -> None:
         for ax in (hit, held):
             ax.set_xlim(-3, 103)
         cost.set_xscale("log")
+        ends = [np.percentile(each, (50.0, 99.9)) for each in taken.values()]
+        cost.set_xlim(0.6e-3 * np.min(ends), 1.6e-3 * np.max(ends))
         hit.set_xlabel("collisions where an escape exists [%]")
         held.set_xlabel("hand [%]")
-        cost.set_xlabel("one step of control [µs]:\nmedian to 99.9 %")
+        cost.set_xlabel("step of control [µs],\nmedian to 99.9 %")
         for ax in (hit, held, cost):
             ax.grid(axis="y", visible=False)
             ax.tick_params(axis="y", length=0)
-        for ax in (hit, held):
+        for ax, columns in ((hit, 2), (held, 1)):
             handles, labels = ax.get_legend_handles_labels()
             first = dict(zip(labels[::-1], handles[::-1], strict=True))
             order = list(dict.fromkeys(labels))
             ax.legend(
-                [first[each] for each in order], order, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2
+                [first[each] for each in order],
+                order,
+                loc="lower center",
+                bbox_to_anchor=(0.5, 1.0),
+                ncols=columns,
             )
         fig.savefig(path)
     print(path.name)

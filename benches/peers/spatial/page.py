@@ -13,7 +13,7 @@ import numpy as np
 import vffnull as vff
 from peers.spatial.task import Array
 from peers.spatial.way import Way
-from report import rows
+from report import readable, rows
 from vffnull.evaluation.planner import VERDICTS
 
 PACKAGES = ("cbfpy", "daqp", "jax", "mink", "mujoco", "numpy", "qpax", "vffnull")
@@ -132,7 +132,7 @@ def costs(outcome: vff.Evaluation, taken: Mapping[str, Array]) -> str:
     body = []
     for name in outcome.controllers:
         here = np.percentile(taken[name], (50.0, 99.9))
-        times = (f"{1e-3 * each:.3g} µs" for each in here)
+        times = (readable(1e-9 * each) for each in here)
         ratios = (f"{each:.3g}" for each in here / base)
         body.append([name, *times, *ratios])
     head = ["one step of control", "median", "99.9 %", "multiple of cbf, median", "multiple of cbf, 99.9 %"]
@@ -146,14 +146,11 @@ def searched(everybody: list[Way], found: Mapping[str, Any]) -> str:
         if not way.space:
             continue
         known = found[way.name]
-        efforts.append(
-            f"{way.name} {known['trials']} trials, "
-            f"loss {known['loss_at_first']} at first and {known['loss']} at last"
-        )
+        efforts.append(f"{way.name} {known['trials']} trials, loss {known['loss']}")
         for key, each in way.space.items():
             scale = ", logarithmic" if each.log else ""
             chosen = known["settings"][key]
             body.append([f"{way.name}: `{key}`", f"{each.low:g} to {each.high:g}{scale}", f"{chosen:g}"])
     table = rows(["setting", "searched", "chosen"], body)
     scenes = {known["scenes"] for known in found.values()}
-    return f"Tuned on {', '.join(map(str, scenes))} training scenes each: {'; '.join(efforts)}.\n\n{table}"
+    return f"Tuned on {', '.join(map(str, scenes))} training scenes: {'; '.join(efforts)}.\n\n{table}"
