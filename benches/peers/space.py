@@ -37,30 +37,31 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 KEPT = Path(__file__).resolve().parents[2] / "target" / "peers"
 JUDGED, TRAINING, TRIALS = 4, 1, 16  # seeds of every family and task; trials of every way
 QUICK = 100  # steps
+TIMED = ("crowd",)  # families of the training scenes whose steps are timed
 Times = dict[str, np.ndarray]
 
 
 def judge(
     everybody: list[Way], scene: vff.Scenario, most: int | None = None
 ) -> tuple[list[dict[str, object]], Times]:
-    """The rows of every way on a scene, one after the other, and the times of all steps [ns]."""
+    """The rows of every way on a scene, one after the other, and what all steps took [ns]."""
     span, verdict = evaluation.encounter(free(scene)), vff.feasibility(scene)
     done = [drive(way, tune.settings_of(way), scene, span, verdict, most) for way in everybody]
     return [each.row for each in done], {each.row["controller"]: each.taken for each in done}
 
 
-def kept(everybody: list[Way], scene: vff.Scenario) -> tuple[list[dict[str, object]], Times]:
-    """The same, run unless there is a file of it; remove the files after changing a way."""
-    file = KEPT / f"{scene.name}.npz"
+def kept(everybody: list[Way], scene: vff.Scenario) -> list[dict[str, object]]:
+    """The rows, run unless there is a file of them; remove the files after changing a way."""
+    file = KEPT / f"{scene.name}.json"
     if not file.exists():
         begin = perf_counter()
-        rows, taken = judge(everybody, scene)
+        rows, _ = judge(everybody, scene)
         KEPT.mkdir(parents=True, exist_ok=True)
-        with replacing(file) as draft, draft.open("wb") as stream:
-            np.savez(stream, rows=np.array(json.dumps(rows, default=lambda value: value.item())), **taken)
+        with replacing(file) as draft:
+            draft.write_text(json.dumps(rows, default=lambda value: value.item()), encoding="utf-8")
         print(f"{scene.name}: {perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
-    with np.load(file) as read:
-        return json.loads(str(read["rows"])), {way.name: read[way.name] for way in everybody}
+    read: list[dict[str, object]] = json.loads(file.read_text(encoding="utf-8"))
+    return read
 
 
 def main() -> None:
@@ -87,15 +88,16 @@ def main() -> None:
         if given.only:
             return
     first = scenes.EVALUATION.start + given.skip
-    chosen = tune.drawn(spatial.ARM, range(first, first + (1 if given.quick else given.seeds)))
+    chosen = tune.drawn(spatial.ARM, range(first, first + given.seeds))
     if given.quick:
-        parts = [judge(everybody, scene, QUICK) for scene in chosen[:2]]
+        scored, most = [], QUICK
     else:
-        parts = [kept(everybody, scene) for scene in chosen]
-    if given.skip:
-        return
+        scored, most = [row for scene in chosen for row in kept(everybody, scene)], None
+        if given.skip:
+            return
+    parts = [judge(everybody, scene, most) for scene in tune.drawn(spatial.ARM, scenes.TRAINING[:1], TIMED)]
     names = tuple(way.name for way in everybody)
-    outcome = vff.Evaluation.of([row for rows, _ in parts for row in rows], names)
+    outcome = vff.Evaluation.of(scored or [row for rows, _ in parts for row in rows], names)
     taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names}
     text = tables(everybody, outcome, taken, tune.found())
     print(text)

@@ -1,9 +1,12 @@
-"""The closed loop that all ways drive: `vffnull.Simulation`, a timed torque every millisecond."""
+"""The closed loop that all ways drive: `vffnull.Simulation`, a timed torque every millisecond.
+
+Times are those of the processor, all threads together, which other programs on the machine disturb least.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter_ns
+from time import process_time_ns
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,7 @@ EVERY = 10  # steps between the instants at which errors are taken, as in `vffnu
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run: its row, and how long every step of control took [ns]."""
+    """What became of a run: its row, and the time of the processor for every step of control [ns]."""
 
     row: dict[str, Any]
     taken: Array
@@ -64,13 +67,13 @@ def drive(
         controller.torque(0, q[0], dq[0])
         controller.reset()
     while k < steps and not simulation.done:
-        begin = perf_counter_ns()
+        begin = process_time_ns()
         if controller is None:
             state = simulation.step()
-            taken[k] = perf_counter_ns() - begin
+            taken[k] = process_time_ns() - begin
         else:
             tau = controller.torque(k, q[k], dq[k])
-            taken[k] = perf_counter_ns() - begin
+            taken[k] = process_time_ns() - begin
             if not np.all(np.isfinite(tau)):
                 break
             held = tau if limits is None else np.clip(tau, -limits, limits)

@@ -16,7 +16,7 @@ from peers.spatial.way import Way
 from report import readable, rows
 from vffnull.evaluation.planner import VERDICTS
 
-PACKAGES = ("cbfpy", "daqp", "jax", "mink", "mujoco", "numpy", "qpax", "vffnull")
+PACKAGES = ("cbfpy", "daqp", "elastiqp", "jax", "mink", "mujoco", "numpy")
 SLOWER = 1.001  # of a speed limit: beyond rounding
 BEYOND = 1e-3  # rad
 
@@ -36,7 +36,8 @@ def tables(
 {reasons(outcome)}
 {works}
 {searched(everybody, found)}
-{versions}; Python {platform.python_version()}; {os.cpu_count()} cores, {platform.machine()}.
+{versions}, vffnull {vff.__version__}; Python {platform.python_version()}; {os.cpu_count()} cores,
+{platform.machine()}.
 """
 
 
