@@ -78,7 +78,7 @@ def test_the_loop_makes_the_rows_of_evaluate(family: str, task: str, seed: int) 
 
 @pytest.mark.parametrize("family", scenes.FAMILIES)
 def test_a_task_knows_where_obstacles_are_and_how_fast(family: str) -> None:
-    for seed in range(4):
+    for seed in range(1 if family == "clutter" else 4):  # all of that is at rest, and slow to draw
         task = Task(scenes.in_space(family, "panda", "pose", seed))
         result = vff.simulate(task.scene, {"simulation.record_every": 1})
         np.testing.assert_allclose(task.obstacles, result.obstacles, atol=1e-12)

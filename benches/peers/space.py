@@ -3,7 +3,7 @@
 Needs ``pip install ".[peers,tune]"`` and a quarter of an hour; writes docs/peers.md and draws
 docs/figures/peers-space.png. ``--tune`` finds the settings of benches/peers/spatial/tuned.toml first, on
 training seeds, which takes longer. Scenes that are done are kept in target/peers: an interrupted run resumes,
-and several processes can share the work with ``--skip``. ``--quick`` drives 0.1 s of two scenes and only
+and several processes can share the work with ``--skip``. ``--quick`` drives 0.1 s of one scene and only
 prints.
 """
 
@@ -66,7 +66,7 @@ def kept(everybody: list[Way], scene: vff.Scenario) -> list[dict[str, object]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="0.1 s of two scenes, nothing written")
+    parser.add_argument("--quick", action="store_true", help="0.1 s of one scene, nothing written")
     parser.add_argument("--tune", action="store_true", help="find the settings first")
     parser.add_argument("--only", help="tune this way alone, and judge nothing")
     parser.add_argument("--trials", type=int, default=TRIALS, help="settings tried for every way")
@@ -95,7 +95,8 @@ def main() -> None:
         scored, most = [row for scene in chosen for row in kept(everybody, scene)], None
         if given.skip:
             return
-    parts = [judge(everybody, scene, most) for scene in tune.drawn(spatial.ARM, scenes.TRAINING[:1], TIMED)]
+    timed = tune.drawn(spatial.ARM, scenes.TRAINING[:1], TIMED)
+    parts = [judge(everybody, scene, most) for scene in (timed[:1] if given.quick else timed)]
     names = tuple(way.name for way in everybody)
     outcome = vff.Evaluation.of(scored or [row for rows, _ in parts for row in rows], names)
     taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names}
