@@ -57,6 +57,7 @@ SHORTER = {
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
     "python benches/studies.py": "python benches/studies.py --quick",
     "python benches/studies.py --long 1000000": "python benches/studies.py --long 10000",
+    "python benches/peers/space.py": "python benches/peers/space.py --quick",
     "vffnull evaluate": "vffnull evaluate --count 1",
 }
 # What is not run, and why.
@@ -66,6 +67,7 @@ LEFT_OUT = {
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
     "python docs/evaluate.py --space": "as the one of the plane",
+    "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
     "vffnull study": "names the command; it needs a study",

@@ -190,7 +190,7 @@ def test_joint_limits_decide() -> None:
 
 @pytest.mark.parametrize("arm", scenes.ARMS)
 def test_distances_of_the_two_implementations_agree(arm: str) -> None:
-    """Spheres, capsules and boxes about links in random postures: NumPy against the core."""
+    """Spheres, capsules and boxes, at rest and turning, about random postures: NumPy against the core."""
     random = np.random.default_rng(7)
     model = vff.Arm.named(arm)
     bodies = space.Bodies(model.to_dict())
@@ -214,6 +214,12 @@ def test_distances_of_the_two_implementations_agree(arm: str) -> None:
         }
         for shape in shapes * 4
     ]
+    for still in obstacles[:3]:
+        obstacles.append(still | {"angular_velocity": random.uniform(-3.0, 3.0, 3).tolist()})
+        poses = [still["orientation"], *(turn() for _ in range(3))]
+        points = [still["position"], *random.uniform(-0.8, 0.8, (3, 3)).tolist()]
+        motion = {"kind": "waypoints", "times": [0.2, 0.7, 1.1, 1.6], "points": points, "orientations": poses}
+        obstacles.append(still | {"motion": motion})
     q = random.uniform(-1.5, 1.5, (50, model.n))
     times = random.uniform(0.0, 2.0, 50)
     found = space.Things(obstacles).distances(bodies.ends(q)[:, moving], bodies.radius[moving], times)

@@ -83,7 +83,7 @@ def run(way: Way, scene: vff.Scenario, free: vff.Result, verdict: str) -> dict[s
         speeds.append(state.dq)
     through = k == round(scene.duration / dt) and bool(np.isfinite(error).all())
     if len(speeds) > 3:
-        jerk = float(np.sqrt(np.mean(np.sum((np.diff(speeds, 2, axis=0) / dt**2) ** 2, axis=1))))
+        jerk = float(np.sqrt(np.mean((np.diff(speeds, 2, axis=0) / dt**2) ** 2)))
     row = evaluation.scores(
         status="completed" if through else "diverged",
         t=np.array(t),

@@ -1,4 +1,4 @@
-"""Where obstacles are, in the plane and in space."""
+"""Where obstacles are, in the plane and in space, and how they are turned there."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Array", "Motion"]
+from vffnull._arm import quaternion, rotation
+
+__all__ = ["Array", "Motion", "Turning"]
 
 Array = NDArray[np.float64]
 
@@ -42,3 +44,45 @@ class Motion:
             away = swing[:, None] * np.asarray(motion["amplitude"], dtype=float)
         positions: Array = self.position + away
         return positions
+
+
+class Turning:
+    """How an obstacle in space is turned: at a constant rate, or from one orientation to the next.
+
+    Parameters
+    ----------
+    obstacle : Mapping
+        With its orientation, its angular velocity along world axes [rad/s], and its motion.
+    """
+
+    def __init__(self, obstacle: Mapping[str, Any]) -> None:
+        self._start = rotation(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+        motion = obstacle.get("motion") or {}
+        self._orientations = np.array(motion.get("orientations", ()), dtype=float).reshape(-1, 4)
+        self._times = np.asarray(motion.get("times", ()), dtype=float)
+        self._rate = np.asarray(obstacle.get("angular_velocity", np.zeros(3)), dtype=float)
+
+    def __call__(self, times: Array) -> Array:
+        """Rotation matrices at instants [s], (k, 3, 3), or (1, 3, 3) for all if it does not turn."""
+        if not len(self._orientations):
+            if not self._rate.any():
+                return self._start[None]
+            return _rotations(times[:, None] * self._rate) @ self._start
+        turns = rotation(self._orientations)
+        if len(turns) == 1:
+            return turns
+        k = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(turns) - 2)
+        share = np.clip((times - self._times[k]) / (self._times[k + 1] - self._times[k]), 0.0, 1.0)
+        between = quaternion(turns[k + 1] @ np.swapaxes(turns[k], 1, 2))  # w ≥ 0: the shorter way
+        length = np.linalg.norm(between[:, 1:], axis=1)
+        angle = 2.0 * np.arctan2(length, between[:, 0])
+        axis = between[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
+        return _rotations((share * angle)[:, None] * axis) @ turns[k]
+
+
+def _rotations(vectors: Array) -> Array:
+    """The matrices (k, 3, 3) of rotation vectors (k, 3) [rad]."""
+    angle = np.linalg.norm(vectors, axis=1, keepdims=True)
+    axis = vectors / np.where(angle > 0.0, angle, 1.0)
+    made: Array = rotation(np.concatenate([np.cos(0.5 * angle), np.sin(0.5 * angle) * axis], axis=1))
+    return made

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from vffnull._arm import SpatialArm, rotation
-from vffnull.evaluation.geometry.motion import Array, Motion
+from vffnull._arm import SpatialArm
+from vffnull.evaluation.geometry.motion import Array, Motion, Turning
 
 __all__ = ["Bodies", "Things", "box_to_segments", "segment_to_segments"]
 
@@ -90,7 +90,7 @@ class Things:
 
     def __init__(self, obstacles: Sequence[Mapping[str, Any]]) -> None:
         self._motions = [Motion(each, 3) for each in obstacles]
-        self._turns = [rotation(each.get("orientation", (1.0, 0.0, 0.0, 0.0))) for each in obstacles]
+        self._turnings = [Turning(each) for each in obstacles]
         self._shapes = [each["shape"] for each in obstacles]
 
     def distances(self, ends: Array, radius: Array, times: Array) -> Array:
@@ -111,8 +111,12 @@ class Things:
             Distances [m].
         """
         found = np.empty((len(times), len(radius), len(self._shapes)))
-        for i, (motion, turn, shape) in enumerate(zip(self._motions, self._turns, self._shapes, strict=True)):
-            local = (ends - motion(times)[:, None, None]) @ turn  # in the obstacle's frame
+        for i, (motion, turning, shape) in enumerate(
+            zip(self._motions, self._turnings, self._shapes, strict=True)
+        ):
+            turns = turning(times)
+            # In the obstacle's frame.
+            local = (ends - motion(times)[:, None, None]) @ (turns[0] if len(turns) == 1 else turns[:, None])
             if shape["kind"] == "box":
                 found[..., i] = box_to_segments(0.5 * np.asarray(shape["size"], dtype=float), local)
             else:
