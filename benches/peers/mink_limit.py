@@ -68,15 +68,16 @@ TUNED = {
     "gain": 0.05,
     "minimum_distance_from_collisions": 0.03,  # m
     "collision_detection_distance": 0.3,  # m
-    "bound_relaxation": -0.6,  # m/s
+    "bound_relaxation": -0.6,  # m, in each step
 }
 WAYS = (
     Way("mink", "`CollisionAvoidanceLimit` with its defaults", partial(Mink, limit={}, speed=None)),
     Way(
         "mink, tuned",
         "the same with gain 0.05, a minimum distance of 0.03 m, detection from 0.3 m, a bound relaxation of "
-        "-0.6 m/s (without it, it never retreats) and a `VelocityLimit` of 6 rad/s: the best of a dozen on "
-        "training seeds",
+        "-0.6 (without it, it never retreats) and a `VelocityLimit` of 6 rad/s: the best of a dozen on "
+        "training seeds. mink takes gain and relaxation per step, not per second, so that these leave little "
+        "of the limit; searched in that unit (docs/peers.md) it does better",
         partial(Mink, limit=TUNED, speed=6.0),
     ),
 )

@@ -228,6 +228,8 @@ def _tooltips(dataset: Runs, metrics: list[str]) -> list[tuple[str, str]]:
 
 
 def _axis(axis: Any, factor: Factor) -> None:
+    axis.ticker.desired_num_ticks = 3  # small figures: labels must not meet
+    axis.ticker.num_minor_ticks = 0
     axis.axis_label = _labelled(factor.name, factor.unit)
     if factor.values is not None:
         places = list(range(len(factor.values)))
