@@ -12,7 +12,7 @@
 #include <unistd.h>
 #include <vffnull.h>
 
-static const char *const SETTINGS = "task = 'pose'\navoidance = 'cbf'\nyielding = { preview = { trigger = 2.0 } }\n"
+static const char *const SETTINGS = "task = 'pose'\navoidance = 'cbf'\nyielding = { preview = { trigger = 1.2 } }\n"
                                     "field = { kind = 'bounded', gain = 80, influence = 0.25 }";
 static const char *const BALL = "shape = { kind = 'sphere', radius = 0.08 }\nposition = [-0.05, -0.3, 0.62]";
 static const char *const CLOUD = "shape = { kind = 'points', points = [], radius = 0.01 }\nposition = [0.5, 0.3, 0.6]";

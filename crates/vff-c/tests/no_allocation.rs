@@ -3,7 +3,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use std::ffi::CString;
+use std::ffi::{CStr, CString};
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
@@ -65,7 +65,8 @@ fn panda(settings: &str) -> (*mut Controller, *mut Cloud) {
     // SAFETY: all pointers are to what lives, and arrays have the lengths that are given.
     unsafe {
         assert_eq!(vff_robot_named(c"panda".as_ptr(), &raw mut robot), Status::Ok);
-        assert_eq!(vff_controller_new(robot, settings.as_ptr(), &raw mut controller), Status::Ok);
+        let made = vff_controller_new(robot, settings.as_ptr(), &raw mut controller);
+        assert_eq!(made, Status::Ok, "{:?}", CStr::from_ptr(vff_last_message()));
         vff_robot_free(robot);
         assert_eq!(
             vff_controller_add_obstacle(controller, sphere.as_ptr(), &raw mut id),
@@ -91,7 +92,7 @@ fn no_cycle_touches_the_heap() {
         format!("task = 'position'\navoidance = 'priority'\n{field}"),
         format!("task = 'pose'\navoidance = 'cbf'\n{field}"),
         format!(
-            "task = 'pose'\navoidance = 'cbf'\nself_collision = 'avoid'\nyielding = {{ preview = {{ trigger = 2.0 }} }}\n{field}"
+            "task = 'pose'\navoidance = 'cbf'\nself_collision = 'avoid'\nyielding = {{ preview = {{ trigger = 1.2 }} }}\n{field}"
         ),
     ] {
         let (controller, cloud) = panda(&settings);
@@ -191,6 +192,55 @@ fn no_cycle_touches_the_heap() {
             vff_cloud_free(cloud);
             vff_controller_free(controller);
         }
+    }
+}
+
+/// Nor does the first cycle of a controller without obstacles, or of a scenario's, whose obstacle is moved.
+#[test]
+fn no_first_cycle_touches_the_heap() {
+    let settings =
+        "task = 'pose'\navoidance = 'cbf'\nself_collision = 'avoid'\nyielding = { preview = {} }";
+    let scenario = format!(
+        "duration = 1.0\nq0 = {READY:?}\narm = {{ model = 'panda' }}\nreference = {{ kind = 'setpoint' }}\n\
+         obstacles = [{{ {} }}]\n[controller]\n{settings}",
+        SPHERE.replace('\n', ", ")
+    );
+    let [settings, scenario] = [settings, &scenario].map(|text| CString::new(text).unwrap());
+    let (mut robot, mut alone, mut whole) = (null_mut(), null_mut(), null_mut());
+    // SAFETY: all pointers are to what lives, and arrays have the lengths that are given.
+    unsafe {
+        assert_eq!(vff_robot_named(c"panda".as_ptr(), &raw mut robot), Status::Ok);
+        assert_eq!(vff_controller_new(robot, settings.as_ptr(), &raw mut alone), Status::Ok);
+        assert_eq!(vff_controller_from_scenario(scenario.as_ptr(), &raw mut whole), Status::Ok);
+        for (controller, moved) in [(alone, Status::NoObstacle), (whole, Status::Ok)] {
+            let count = touches(|| {
+                let (mut tau, mut pose) = ([0.0; 7], [0.0; 7]);
+                let place = [-0.05, -0.2, 0.62];
+                assert_eq!(
+                    vff_controller_move_obstacle(controller, 0, 0.0, place.as_ptr(), null(), 3),
+                    moved
+                );
+                assert_eq!(
+                    vff_controller_observe(controller, 0.0, READY.as_ptr(), [0.0; 7].as_ptr(), 7),
+                    Status::Ok
+                );
+                assert_eq!(vff_controller_pose(controller, pose.as_mut_ptr(), 7), Status::Ok);
+                let given = vff_controller_set_reference(
+                    controller,
+                    pose.as_ptr(),
+                    7,
+                    null(),
+                    0,
+                    null(),
+                    0,
+                );
+                assert_eq!(given, Status::Ok);
+                assert_eq!(vff_controller_torque(controller, tau.as_mut_ptr(), 7), Status::Ok);
+            });
+            assert_eq!(count, 0);
+            vff_controller_free(controller);
+        }
+        vff_robot_free(robot);
     }
 }
 

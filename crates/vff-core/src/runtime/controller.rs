@@ -541,7 +541,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let (robot, gains) = (arm.state(), Gains::new(&settings).of_arm(&settings, &**arm));
         let controller = Controller::new(robot, gains);
         let (world, trajectory) = (World::new(vec![]), None);
-        Self { controller, settings, world, trajectory, last: None, spoilt: false }
+        let mut this = Self { controller, settings, world, trajectory, last: None, spoilt: false };
+        this.reserve();
+        this
     }
 
     /// The controller of a scenario.
@@ -553,7 +555,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let mut this = Self::new(&arm, scenario.controller.clone());
         this.surround(scene.obstacles.clone())?;
         this.trajectory = Some(trajectory);
-        this.reserve();
         Ok(Box::new(this))
     }
 
@@ -564,6 +565,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let world = World::<S::Solid, D>::new(obstacles);
         self.fits(world.barrier_count())?;
         self.world = world;
+        self.reserve();
         Ok(())
     }
 
@@ -592,6 +594,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     fn reset(&mut self) {
         let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
         self.controller = Controller::new(robot, gains);
+        self.reserve();
         (self.last, self.spoilt) = (None, false);
     }
 
