@@ -54,7 +54,7 @@ def documented(page: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def built() -> Path:
-    """Where the programs are, after both documented commands. Workers of pytest take turns; the second builds nothing."""
+    """Where the programs are, after both documented commands. Workers of pytest take turns."""
     folder = ROOT / "target"
     folder.mkdir(exist_ok=True)
     with (folder / "c.lock").open("w") as lock:
@@ -85,7 +85,7 @@ def compiled(prefix: Path, source: Path, to: Path) -> Path:
 
 
 def test_what_is_installed(prefix: Path) -> None:
-    """Headers, both libraries, what CMake and pkg-config want; and the library shows the functions of the header alone."""
+    """Headers, libraries, what CMake and pkg-config want; the library exports what the header names."""
     files = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if not path.is_dir()}
     version = re.search(r"#define VFF_ABI_VERSION (\d+)", (prefix / "include/vffnull.h").read_text())
     assert version
@@ -150,7 +150,7 @@ def test_the_model_is_that_of_the_arm() -> None:
 
 
 def test_lockstep(built: Path, tmp_path: Path) -> None:
-    """C++ and Python drive MuJoCo along the same motion, while the ball goes through the place of the elbow."""
+    """C++ and Python drive MuJoCo along the same motion, while the ball approaches the elbow."""
     cycles = 3000
     run([built / "sweep", "--lockstep", tmp_path / "q.txt", "--cycles", str(cycles)])
     found = np.loadtxt(tmp_path / "q.txt")
@@ -185,9 +185,11 @@ def test_lockstep(built: Path, tmp_path: Path) -> None:
     assert abs(found[:, 1:] - expected).max() < 1e-9
 
 
-@pytest.mark.parametrize("options", [("--seconds", "10"), ("--seconds", "2", "--points")], ids=["ball", "points"])
+@pytest.mark.parametrize(
+    "options", [("--seconds", "10"), ("--seconds", "2", "--points")], ids=["ball", "points"]
+)
 def test_against_the_clock(built: Path, options: Sequence[str]) -> None:
-    """The example runs at 1 kHz, reports, and nothing touches the ball, however busy the machine is: its robot waits."""
+    """It runs at 1 kHz, reports, and nothing touches the ball: where torques come late, its robot waits."""
     told = run([built / "sweep", *options])
     for line in ("jitter, robot wakes late by", "latency, state to torque", "compute, observe + torque"):
         assert re.search(rf"^{re.escape(line)} +p50 +[\d.]+ µs .* max +[\d.]+ µs$", told, re.MULTILINE), told

@@ -16,7 +16,7 @@ static const char *const SETTINGS = "task = 'pose'\navoidance = 'cbf'\nyielding 
                                     "field = { kind = 'bounded', gain = 80, influence = 0.25 }";
 static const char *const BALL = "shape = { kind = 'sphere', radius = 0.08 }\nposition = [-0.05, -0.3, 0.62]";
 static const char *const CLOUD = "shape = { kind = 'points', points = [], radius = 0.01 }\nposition = [0.5, 0.3, 0.6]";
-static double points[3 * 500];
+static double points[3 * 100];
 
 int main(int count, char **arguments) {
     (void)arguments;
@@ -25,13 +25,13 @@ int main(int count, char **arguments) {
     vff_cloud *cloud = NULL;
     uint32_t ball = 0, id = 0;
     double q[7] = {0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785}, dq[7] = {0.0}, tau[7], pose[7];
-    for (int i = 0; i < 1500; i++) {
-        points[i] = 0.0004 * i - 0.3;
+    for (int i = 0; i < 300; i++) {
+        points[i] = 0.002 * i - 0.3;
     }
     int failed = vff_robot_named("panda", &robot) || vff_controller_new(robot, SETTINGS, &controller) ||
                  vff_controller_add_obstacle(controller, BALL, &ball) || vff_controller_add_obstacle(controller, CLOUD, &id) ||
-                 vff_controller_cloud(controller, id, 500, &cloud) || vff_robot_pose(robot, q, 7, pose, 7) ||
-                 vff_controller_set_reference(controller, pose, 7, NULL, 0, NULL, 0) || vff_cloud_update(cloud, points, 500);
+                 vff_controller_cloud(controller, id, 100, &cloud) || vff_robot_pose(robot, q, 7, pose, 7) ||
+                 vff_controller_set_reference(controller, pose, 7, NULL, 0, NULL, 0) || vff_cloud_update(cloud, points, 100);
     if (failed) {
         fprintf(stderr, "%s\n", vff_last_message());
         return 1;
@@ -39,7 +39,7 @@ int main(int count, char **arguments) {
     if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_STRICT) != 0) {
         return 77; /* the kernel does not offer it */
     }
-    for (int k = 0; k < 1000 && !failed; k++) {
+    for (int k = 0; k < 200 && !failed; k++) {
         const double t = 0.001 * k, position[3] = {-0.05, -0.3 + 0.3 * t, 0.62}, velocity[3] = {0.0, 0.3, 0.0};
         q[0] = 0.1 * sin(t);
         dq[0] = 0.1 * cos(t);
