@@ -10,7 +10,7 @@ use vff_core::runtime::{AnyArm, AnyController, Target};
 use vff_core::scenario::Scenario;
 use vffnull::*;
 
-const READY: [f64; 7] = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+const READY: [f64; 7] = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8];
 const FIELD: &str = "field = { kind = 'bounded', gain = 20.0, influence = 0.3 }";
 const SPHERE: &str = "shape = { kind = 'sphere', radius = 0.08 }\nposition = [-0.05, -0.25, 0.62]";
 const CLOUD: &str = "shape = { kind = 'points', points = [[0.0, 0.0, 0.0]], radius = 0.01 }\nposition = [0.5, 0.25, 0.6]\n\

@@ -50,7 +50,7 @@ impl Drop for Over<'_> {
     }
 }
 
-const READY: [f64; 7] = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+const READY: [f64; 7] = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8];
 const SPHERE: &str = "shape = { kind = 'sphere', radius = 0.08 }\nposition = [-0.05, -0.3, 0.62]";
 const CLOUD: &str =
     "shape = { kind = 'points', points = [], radius = 0.01 }\nposition = [0.5, 0.25, 0.6]";

@@ -5,12 +5,16 @@ use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Sizes,
-    orientation_width,
+    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Setting, Sizes,
+    System, orientation_width,
 };
 use crate::trajectory::Trajectory;
 use crate::world::World;
 use std::sync::Arc;
+
+/// Which arm, and where its end effector has to be.
+type ArmAndReference<S, const D: usize, const M: usize> =
+    (Arc<<S as Setting<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>);
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.
@@ -65,7 +69,7 @@ impl Scenario {
     pub(crate) fn arm_and_reference<S: Prepared<D, M>, const D: usize, const M: usize>(
         &self,
         scene: &Scene<S, D>,
-    ) -> Result<(Arc<S::Arm>, Trajectory<S::Pose, M>), ScenarioError> {
+    ) -> Result<ArmAndReference<S, D, M>, ScenarioError> {
         let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
         let mut state = arm.state();
         let rest = vec![0.0; arm.dof()];
