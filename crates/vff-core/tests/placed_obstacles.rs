@@ -6,14 +6,14 @@ use vff_core::world::{CollisionQuery, Motion};
 
 fn obstacle(j: usize) -> Obstacle {
     Obstacle {
-        shape: if j % 2 == 0 {
+        shape: if j.is_multiple_of(2) {
             Shape::Circle { radius: 0.2 }
         } else {
             Shape::Box { size: [0.3, 0.1] }
         },
         position: [j as f64 % 5.0, j as f64 / 5.0],
         angle: 0.3,
-        angular_velocity: if j % 3 == 0 { 0.7 } else { 0.0 },
+        angular_velocity: if j.is_multiple_of(3) { 0.7 } else { 0.0 },
         motion: match j % 4 {
             0 => Motion::waypoints(vec![0.0, 1.0], vec![[0.0, 0.0], [3.0, 1.0]]),
             1 => Motion::Sinusoid { amplitude: [0.1, 0.4], angular_frequency: 2.0, phase: 0.1 },
