@@ -63,16 +63,21 @@ def faults(packages: list[dict[str, Any]], rules: dict[str, Any]) -> list[str]:
     """One line for every crate that breaks a rule, and for every exception that is not needed."""
     found, versions = [], defaultdict(list)
     allowed, skipped = set(rules["licenses"]["allow"]), {each["crate"] for each in rules["bans"]["skip"]}
+    exceptions = {each["crate"]: set(each["allow"]) for each in rules["licenses"].get("exceptions", ())}
     for package in packages:
         name = f"{package['name']} {package['version']}"
         versions[package["name"]].append(package["version"])
         licence = package["license"]
         if not licence:
             found.append(f"{name} names no licence")
-        elif not permitted(licence, allowed):
+        elif not permitted(licence, allowed | exceptions.get(package["name"], set())):
             found.append(f"{name} is under {licence}, which deny.toml does not allow")
+        elif package["name"] in exceptions and permitted(licence, allowed):
+            found.append(f"deny.toml makes an exception for {package['name']}, which needs none")
         if package["source"] not in (None, REGISTRY):
             found.append(f"{name} comes from {package['source']}")
+    for name in sorted(exceptions.keys() - versions.keys()):
+        found.append(f"deny.toml makes an exception for {name}, which is not there")
     several = {name: each for name, each in versions.items() if len(each) > 1}
     for name in sorted(several.keys() - skipped):
         found.append(f"{name} is there {len(several[name])} times: {', '.join(sorted(several[name]))}")

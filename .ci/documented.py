@@ -39,7 +39,7 @@ PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
 INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 # What is there to be read.
-SHOWN = ("", "toml", "text", "json", "math", "{toctree}", "{rst-class}", "{literalinclude}")
+SHOWN = ("", "toml", "text", "json", "cmake", "math", "{toctree}", "{rst-class}", "{literalinclude}")
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
@@ -51,6 +51,7 @@ SHORTER = {
     " -- --quick && python benches/table.py",
     "cargo bench --bench closed_loop": "cargo bench --locked --bench closed_loop -- --test",
     "cargo bench --bench single_steps": "cargo bench --locked --bench single_steps -- --test",
+    "python benches/calls.py": "python benches/calls.py 2000",
     "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",

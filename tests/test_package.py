@@ -378,7 +378,11 @@ def test_licences_are_judged() -> None:
         "Apache-2.0": False,
     }.items():
         assert dependencies.permitted(expression, allowed) is fine, expression
-    rules = {"licenses": {"allow": ["MIT"]}, "bans": {"skip": [{"crate": "once"}]}}
+    exceptions = [{"crate": name, "allow": ["MPL-2.0"]} for name in ("except", "a", "gone")]
+    rules = {
+        "licenses": {"allow": ["MIT"], "exceptions": exceptions},
+        "bans": {"skip": [{"crate": "once"}]},
+    }
     crate = {"name": "a", "version": "1.0.0", "license": "MIT", "source": dependencies.REGISTRY}
     found = dependencies.faults(
         [
@@ -388,13 +392,17 @@ def test_licences_are_judged() -> None:
             crate | {"name": "c", "license": None},
             crate | {"name": "d", "source": "git+https://example.org/d"},
             crate | {"name": "once"},
+            crate | {"name": "except", "license": "MPL-2.0"},
         ],
         rules,
     )
     assert found == [
+        "deny.toml makes an exception for a, which needs none",
+        "deny.toml makes an exception for a, which needs none",
         "b 1.0.0 is under GPL-3.0-only, which deny.toml does not allow",
         "c 1.0.0 names no licence",
         "d 1.0.0 comes from git+https://example.org/d",
+        "deny.toml makes an exception for gone, which is not there",
         "a is there 2 times: 1.0.0, 2.0.0",
         "deny.toml skips once, which is there once at most",
     ]

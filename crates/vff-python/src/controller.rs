@@ -13,6 +13,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySequence};
 use std::mem::{replace, take};
 use vff_core::math::memory;
+use vff_core::math::rotation::NotARotation;
 use vff_core::runtime::points::make;
 use vff_core::runtime::{AnyController, AnyObstacles, Target, controller};
 
@@ -126,7 +127,7 @@ impl Controller {
             let finite = tau.iter().all(|tau| tau.is_finite());
             Ok((take(&tau, controller), finite))
         })?;
-        match done.map_err(InputError::new_err::<String>)? {
+        match done.map_err(|fault: NotARotation| InputError::new_err(fault.to_string()))? {
             (_, false) if self.strict => Err(InputError::new_err(
                 "the torque at this state and reference is not finite: they are beyond what numbers can hold",
             )),
@@ -446,55 +447,55 @@ impl Terms {
     /// Energies as named in `ENERGIES`, (3,) [J].
     #[getter]
     fn energy<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.energy)
+        array1(py, &self.inner.scalars.energy)
     }
 
     /// Powers as named in `PORTS`, (6,) [W].
     #[getter]
     fn power<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.power)
+        array1(py, &self.inner.scalars.power)
     }
 
     /// What the limits let through of each of `OBJECTIVES`, (6,), from 0 to 1.
     #[getter]
     fn objective_scale<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.objective_scale)
+        array1(py, &self.inner.scalars.objective_scale)
     }
 
     /// By how much barriers are violated at most [m/s²]; None without ``avoidance="cbf"``.
     #[getter]
     fn slack(&self) -> Option<f64> {
-        self.inner.slack
+        self.inner.scalars.slack
     }
 
     /// Energy in the tank [J]; None without one.
     #[getter]
     fn tank(&self) -> Option<f64> {
-        self.inner.tank
+        self.inner.scalars.tank
     }
 
     /// Signed distance of the nearest two links that share no joint [m]; infinite if not measured.
     #[getter]
     fn self_clearance(&self) -> f64 {
-        self.inner.self_clearance
+        self.inner.scalars.self_clearance
     }
 
     /// √det(J Jᵀ), 0 in a singularity [m², for a task in space m³].
     #[getter]
     fn manipulability(&self) -> f64 {
-        self.inner.manipulability
+        self.inner.scalars.manipulability
     }
 
     /// Whether the task force is damped because of a singularity.
     #[getter]
     fn singular(&self) -> bool {
-        self.inner.singular
+        self.inner.scalars.singular
     }
 
     /// ‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task.
     #[getter]
     fn null_acceleration(&self) -> f64 {
-        self.inner.null_acceleration
+        self.inner.scalars.null_acceleration
     }
 
     /// Whether the torque is finite: it is not at states and references beyond what numbers can hold.

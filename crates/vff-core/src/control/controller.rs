@@ -410,6 +410,16 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.observe(q, dq, surroundings);
     }
 
+    /// Makes room for all contacts with these surroundings, so that the next observation, look-ahead and command among
+    /// them do not allocate. What was observed is to be observed again.
+    pub fn reserve(&mut self, surroundings: &impl CollisionQuery<D>) {
+        let most = surroundings.contact_count().max(surroundings.barrier_count());
+        self.reactive.reserve(most);
+        if let Some(preview) = &mut self.preview {
+            preview.reserve(surroundings.obstacle_count(), most);
+        }
+    }
+
     /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
     pub fn look_ahead(
         &mut self,

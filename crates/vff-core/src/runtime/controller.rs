@@ -7,12 +7,12 @@ use crate::control::energy::{ENERGIES, PORTS};
 use crate::control::{
     Avoidance, Controller, Gains, ObjectiveScale, Settings, StablePeriod, Tank, TaskKind,
 };
-use crate::math::rotation::UnitQuaternion;
-use crate::math::{Pointing, SpatialPose, Vector};
+use crate::math::rotation::{NotARotation, UnitQuaternion};
+use crate::math::{Pointing, Pose, SpatialPose, Vector};
 use crate::robot::{Manipulator, Model, PlanarState, Robot, SpatialState};
-use crate::scenario::{self, ScenarioError};
+use crate::scenario::{self, AnyScene, Prepared, Scenario, ScenarioError, Scene};
 use crate::simulation::{Plane, Space, System};
-use crate::trajectory::Sample;
+use crate::trajectory::{Sample, Trajectory};
 use crate::world::space::{self, Points};
 use crate::world::{CollisionQuery, Solid, World};
 use nalgebra::DMatrix;
@@ -38,8 +38,8 @@ pub trait Commanded<const D: usize, const M: usize>: Manipulator<D, M> {
     /// Whether the numbers, which are finite, are a reference.
     ///
     /// # Errors
-    /// With a sentence, if they are not.
-    fn check(target: &Target<'_>) -> Result<(), String>;
+    /// If they are not.
+    fn check(target: &Target<'_>) -> Result<(), NotARotation>;
     /// What the numbers mean for the task of this robot at its present state.
     fn sample(&self, target: &Target<'_>) -> Sample<Self::Pose, M>;
 }
@@ -51,7 +51,7 @@ where
 {
     const WIDTHS: [usize; 3] = [M; 3];
 
-    fn check(_: &Target<'_>) -> Result<(), String> {
+    fn check(_: &Target<'_>) -> Result<(), NotARotation> {
         Ok(())
     }
 
@@ -65,7 +65,7 @@ where
 impl Commanded<3, 3> for SpatialState {
     const WIDTHS: [usize; 3] = [3; 3];
 
-    fn check(_: &Target<'_>) -> Result<(), String> {
+    fn check(_: &Target<'_>) -> Result<(), NotARotation> {
         Ok(())
     }
 
@@ -79,7 +79,7 @@ impl Commanded<3, 3> for SpatialState {
 impl Commanded<3, 5> for SpatialState {
     const WIDTHS: [usize; 3] = <Self as Commanded<3, 6>>::WIDTHS;
 
-    fn check(target: &Target<'_>) -> Result<(), String> {
+    fn check(target: &Target<'_>) -> Result<(), NotARotation> {
         orientation(target).map(drop)
     }
 
@@ -93,7 +93,7 @@ impl Commanded<3, 5> for SpatialState {
 impl Commanded<3, 6> for SpatialState {
     const WIDTHS: [usize; 3] = [7, 6, 6];
 
-    fn check(target: &Target<'_>) -> Result<(), String> {
+    fn check(target: &Target<'_>) -> Result<(), NotARotation> {
         orientation(target).map(drop)
     }
 
@@ -106,30 +106,34 @@ impl Commanded<3, 6> for SpatialState {
 }
 
 /// The orientation of a pose that is given as seven numbers.
-fn orientation(target: &Target<'_>) -> Result<UnitQuaternion, String> {
-    let numbers = [target.x[3], target.x[4], target.x[5], target.x[6]];
-    UnitQuaternion::new(numbers).map_err(|error| error.to_string())
+fn orientation(target: &Target<'_>) -> Result<UnitQuaternion, NotARotation> {
+    UnitQuaternion::new([target.x[3], target.x[4], target.x[5], target.x[6]])
 }
 
-/// The parts of the torque at one state, as they are shown to people.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Terms {
+/// The parts of the last torque, as they are shown to people.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TermsView<'a> {
     /// Joint torque, (n).
-    pub tau: Vec<f64>,
+    pub tau: &'a [f64],
     /// What serves the task, and what makes it give way, (n).
-    pub tau_task: Vec<f64>,
+    pub tau_task: &'a [f64],
     /// What acts in the null space, (n).
-    pub tau_null: Vec<f64>,
+    pub tau_null: &'a [f64],
     /// Repulsion before its projection, (n).
-    pub tau_vff: Vec<f64>,
+    pub tau_vff: &'a [f64],
     /// Magnitude of the repulsion on each link \[N\], (n).
-    pub force: Vec<f64>,
+    pub force: &'a [f64],
     /// Signed distance of each link from the nearest obstacle \[m\], (n).
-    pub clearance: Vec<f64>,
+    pub clearance: &'a [f64],
+    /// What is a number.
+    pub scalars: Scalars,
+}
+
+/// Those parts that are numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scalars {
     /// By how much barriers are violated at most \[m/s²\]; None without barriers.
     pub slack: Option<f64>,
-    /// The null-space projector, (n, n).
-    pub projector: DMatrix<f64>,
     /// [`ENERGIES`] \[J\].
     pub energy: [f64; ENERGIES.len()],
     /// [`PORTS`] \[W\].
@@ -146,6 +150,42 @@ pub struct Terms {
     pub singular: bool,
     /// ‖J M⁻¹ τ_null‖ \[m/s²\].
     pub null_acceleration: f64,
+}
+
+/// The same to be kept, with the projector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Terms {
+    /// As in [`TermsView`].
+    pub tau: Vec<f64>,
+    /// As in [`TermsView`].
+    pub tau_task: Vec<f64>,
+    /// As in [`TermsView`].
+    pub tau_null: Vec<f64>,
+    /// As in [`TermsView`].
+    pub tau_vff: Vec<f64>,
+    /// As in [`TermsView`].
+    pub force: Vec<f64>,
+    /// As in [`TermsView`].
+    pub clearance: Vec<f64>,
+    /// As in [`TermsView`].
+    pub scalars: Scalars,
+    /// The null-space projector, (n, n).
+    pub projector: DMatrix<f64>,
+}
+
+impl TermsView<'_> {
+    fn to_terms(self, projector: DMatrix<f64>) -> Terms {
+        Terms {
+            tau: self.tau.to_vec(),
+            tau_task: self.tau_task.to_vec(),
+            tau_null: self.tau_null.to_vec(),
+            tau_vff: self.tau_vff.to_vec(),
+            force: self.force.to_vec(),
+            clearance: self.clearance.to_vec(),
+            scalars: self.scalars,
+            projector,
+        }
+    }
 }
 
 /// A controller of any arm with any task in a loop that is not ours: the list of all that there are.
@@ -209,9 +249,39 @@ impl AnyController {
         }
     }
 
+    /// The controller of a scenario, among its obstacles, with its reference to [`follow`](Self::follow).
+    ///
+    /// # Errors
+    /// As [`Scenario::prepare`]: with the dotted path of what is wrong, or of no use to the arm.
+    pub fn from_scenario(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        use TaskKind::{Pointing, Pose, Position};
+        Ok(match (&scenario.scene, scenario.controller.task) {
+            (AnyScene::Plane(scene), Position) => {
+                Self::PlanarPosition(Standalone::of(scenario, scene)?)
+            }
+            (AnyScene::Plane(scene), Pose) => Self::PlanarPose(Standalone::of(scenario, scene)?),
+            (AnyScene::Space(scene), Position) => {
+                Self::SpatialPosition(Standalone::of(scenario, scene)?)
+            }
+            (AnyScene::Space(scene), Pointing) => {
+                Self::SpatialPointing(Standalone::of(scenario, scene)?)
+            }
+            (AnyScene::Space(scene), Pose) => Self::SpatialPose(Standalone::of(scenario, scene)?),
+            (AnyScene::Plane(_), Pointing) => unreachable!("validated: no task of the plane"),
+        })
+    }
+
     /// The number of joints n.
     pub fn dof(&self) -> usize {
         either!(self, inner => inner.controller.robot().dof())
+    }
+
+    /// The dimension of the space that the arm moves in.
+    pub fn dimension(&self) -> usize {
+        match self {
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => 2,
+            Self::SpatialPosition(_) | Self::SpatialPointing(_) | Self::SpatialPose(_) => 3,
+        }
     }
 
     /// The settings in use.
@@ -282,11 +352,52 @@ impl AnyController {
     /// # Errors
     /// If it is no cloud, or not the one that the others were made for; then nothing has changed.
     pub fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
-        let (settings, n) = (self.settings().clone(), self.dof());
-        let world = self.space()?;
-        points::check(world, j, points, &settings, n)?;
-        world.swap_points(j, points);
-        Ok(())
+        match self {
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
+            Self::SpatialPosition(inner) => inner.swap_points(j, points),
+            Self::SpatialPointing(inner) => inner.swap_points(j, points),
+            Self::SpatialPose(inner) => inner.swap_points(j, points),
+        }
+    }
+
+    /// Makes room for clouds of up to `most` points in obstacle `j`, so that no later torque allocates for them.
+    ///
+    /// # Errors
+    /// If it is no cloud, or for so many there is no room; then nothing has changed.
+    pub fn make_room(&mut self, j: usize, most: usize) -> Result<(), PointsError> {
+        match self {
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
+            Self::SpatialPosition(inner) => inner.make_room(j, most),
+            Self::SpatialPointing(inner) => inner.make_room(j, most),
+            Self::SpatialPose(inner) => inner.make_room(j, most),
+        }
+    }
+
+    /// How many obstacles there are.
+    pub fn obstacle_count(&self) -> usize {
+        either!(self, inner => inner.world.len())
+    }
+
+    /// Adds the obstacle of a document, the last one from now on. Allocates, so that no later torque does for it.
+    ///
+    /// # Errors
+    /// With the dotted path of its first fault, or if the controller has no room for it; then nothing has changed.
+    pub fn add(&mut self, document: &Table) -> Result<(), ScenarioError> {
+        either!(self, inner => inner.add(document))
+    }
+
+    /// Takes obstacle `j` away; those behind it move up.
+    pub fn remove(&mut self, j: usize) {
+        either!(self, inner => inner.world.remove(j));
+    }
+
+    /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\], a number per
+    /// axis each. It turns as before.
+    pub fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) {
+        either!(self, inner => {
+            let [position, velocity] = [position, velocity].map(Vector::from_column_slice);
+            inner.world.place(j, t, position, velocity);
+        });
     }
 
     /// Forgets the past and the obstacles.
@@ -311,13 +422,79 @@ impl AnyController {
         dq: &[f64],
         target: &Target<'_>,
         t: f64,
-    ) -> Result<&[f64], String> {
+    ) -> Result<&[f64], NotARotation> {
         either!(self, inner => inner.torque(q, dq, target, t))
+    }
+
+    /// The first half of [`torque`](Self::torque): takes in the state.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
+        either!(self, inner => inner.observe(q, dq, t));
+    }
+
+    /// The second half of [`torque`](Self::torque): the torque at the observed state.
+    ///
+    /// # Errors
+    /// If the target is no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
+        either!(self, inner => inner.command(target))
+    }
+
+    /// Whether the numbers, which are finite, are a reference.
+    ///
+    /// # Errors
+    /// If they are not.
+    pub fn check(&self, target: &Target<'_>) -> Result<(), NotARotation> {
+        fn of<S: System<D, M, State: Commanded<D, M>>, const D: usize, const M: usize>(
+            _: &Standalone<S, D, M>,
+            target: &Target<'_>,
+        ) -> Result<(), NotARotation> {
+            S::State::check(target)
+        }
+        either!(self, inner => of(inner, target))
+    }
+
+    /// Whether it has a reference of its own, that of its scenario.
+    pub fn has_reference(&self) -> bool {
+        either!(self, inner => inner.trajectory.is_some())
+    }
+
+    /// The torque at the observed state for that reference, or for the observed pose at rest if it has none.
+    pub fn follow(&mut self) -> &[f64] {
+        either!(self, inner => inner.follow())
+    }
+
+    /// The observed pose of the end effector; it has the first of the [`widths`](Self::widths).
+    pub fn write_pose(&self, out: &mut [f64]) {
+        either!(self, inner => out.copy_from_slice(inner.controller.pose().as_slice()));
+    }
+
+    /// Forgets the past, not the obstacles. Does not allocate.
+    pub fn forget(&mut self) {
+        either!(self, inner => {
+            inner.controller.reset();
+            inner.last = None;
+        });
     }
 
     /// The parts of the last torque. Allocates.
     pub fn terms(&self) -> Terms {
+        either!(self, inner => inner.terms().to_terms(inner.controller.null_projector()))
+    }
+
+    /// The parts of the last torque, borrowed.
+    pub fn terms_view(&self) -> TermsView<'_> {
         either!(self, inner => inner.terms())
+    }
+
+    /// The null-space projector at the observed state, (n, n). Allocates.
+    pub fn null_projector(&self) -> DMatrix<f64> {
+        either!(self, inner => inner.controller.null_projector())
     }
 
     /// How long a torque may be held at q and time `t` \[s\], at rest, before the null space oscillates (T34).
@@ -351,6 +528,8 @@ pub struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     controller: Controller<S::State, D, M>,
     settings: Settings,
     world: World<S::Solid, D>,
+    /// The reference of its scenario.
+    trajectory: Option<Trajectory<S::Pose, M>>,
     /// The instant of the last call \[s\].
     last: Option<f64>,
     /// Whether the last call came to no good: it was broken off, or its torque is not finite.
@@ -361,7 +540,22 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     fn new(arm: &Arc<S::Arm>, settings: Settings) -> Self {
         let (robot, gains) = (arm.state(), Gains::new(&settings).of_arm(&settings, &**arm));
         let controller = Controller::new(robot, gains);
-        Self { controller, settings, world: World::new(vec![]), last: None, spoilt: false }
+        let (world, trajectory) = (World::new(vec![]), None);
+        let mut this = Self { controller, settings, world, trajectory, last: None, spoilt: false };
+        this.reserve();
+        this
+    }
+
+    /// The controller of a scenario.
+    fn of(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Box<Self>, ScenarioError>
+    where
+        S: Prepared<D, M>,
+    {
+        let (arm, trajectory) = scenario.arm_and_reference::<S, D, M>(scene)?;
+        let mut this = Self::new(&arm, scenario.controller.clone());
+        this.surround(scene.obstacles.clone())?;
+        this.trajectory = Some(trajectory);
+        Ok(Box::new(this))
     }
 
     fn surround(
@@ -369,15 +563,38 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         obstacles: Vec<<S::Solid as Solid<D>>::Obstacle>,
     ) -> Result<(), ScenarioError> {
         let world = World::<S::Solid, D>::new(obstacles);
-        let n = self.controller.robot().dof();
-        scenario::validate_size(&self.settings, n, world.barrier_count())?;
+        self.fits(world.barrier_count())?;
         self.world = world;
+        self.reserve();
         Ok(())
+    }
+
+    /// Whether there is room for so many distances of each link.
+    fn fits(&self, barriers: usize) -> Result<(), ScenarioError> {
+        scenario::validate_size(&self.settings, self.controller.robot().dof(), barriers)
+    }
+
+    fn add(&mut self, document: &Table) -> Result<(), ScenarioError>
+    where
+        S: scenario::Described<D>,
+    {
+        let obstacle = scenario::read_obstacle::<S, D>(document)?;
+        let more = S::Solid::new(&obstacle).barriers();
+        self.fits(self.world.barrier_count().saturating_add(more))?;
+        self.world.add(obstacle);
+        self.reserve();
+        Ok(())
+    }
+
+    /// Allocates all that the next torques need among these obstacles.
+    fn reserve(&mut self) {
+        self.controller.reserve(&self.world);
     }
 
     fn reset(&mut self) {
         let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
         self.controller = Controller::new(robot, gains);
+        self.reserve();
         (self.last, self.spoilt) = (None, false);
     }
 
@@ -387,11 +604,16 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         dq: &[f64],
         target: &Target<'_>,
         t: f64,
-    ) -> Result<&[f64], String>
+    ) -> Result<&[f64], NotARotation>
     where
         S::State: Commanded<D, M, Pose = S::Pose>,
     {
         S::State::check(target)?;
+        self.observe(q, dq, t);
+        self.command(target)
+    }
+
+    fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
         if self.spoilt {
             self.reset();
         }
@@ -400,32 +622,67 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         world.update(t);
         controller.elapse(self.last.replace(t).map_or(0.0, |last| (t - last).max(0.0)));
         controller.observe(q, dq, world);
-        let reference = controller.robot().sample(target);
-        controller.look_ahead(world, |ahead| reference.carried_on(ahead));
-        let total = controller.command(&reference).total.as_slice();
-        self.spoilt = !total.iter().all(|tau| tau.is_finite());
-        Ok(total)
+        self.spoilt = false;
     }
 
-    fn terms(&self) -> Terms {
+    fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation>
+    where
+        S::State: Commanded<D, M, Pose = S::Pose>,
+    {
+        S::State::check(target)?;
+        let reference = self.controller.robot().sample(target);
+        Ok(self.act(&reference, |ahead| reference.carried_on(ahead)))
+    }
+
+    fn follow(&mut self) -> &[f64] {
+        match self.trajectory.take() {
+            None => {
+                let here = Sample::at_rest(self.controller.pose());
+                self.act(&here, |_| here)
+            }
+            Some(trajectory) => {
+                let now = self.world.time();
+                self.act(&trajectory.at(now), |ahead| trajectory.at(now + ahead));
+                self.trajectory = Some(trajectory);
+                self.controller.torque().total.as_slice()
+            }
+        }
+    }
+
+    /// The torque at the observed state; `later` is the reference in so many seconds.
+    fn act(
+        &mut self,
+        reference: &Sample<S::Pose, M>,
+        later: impl Fn(f64) -> Sample<S::Pose, M>,
+    ) -> &[f64] {
+        self.spoilt = true;
+        let Self { controller, world, .. } = self;
+        controller.look_ahead(world, later);
+        let total = controller.command(reference).total.as_slice();
+        self.spoilt = !total.iter().all(|tau| tau.is_finite());
+        total
+    }
+
+    fn terms(&self) -> TermsView<'_> {
         let law = &self.controller;
-        Terms {
-            tau: law.torque().total.clone(),
-            tau_task: law.torque().task.clone(),
-            tau_null: law.torque().null.clone(),
-            tau_vff: law.forces().torque().to_vec(),
-            force: law.forces().magnitude().to_vec(),
-            clearance: law.forces().clearance().to_vec(),
-            slack: law.slack(),
-            projector: law.null_projector(),
-            energy: law.energy().values(),
-            power: law.power(&law.torque().total).values(),
-            objective_scale: *law.objective_scale(),
-            tank: law.tank().map(Tank::level),
-            self_clearance: law.forces().self_clearance(),
-            manipulability: law.manipulability(),
-            singular: law.space().singular,
-            null_acceleration: law.null_acceleration(),
+        TermsView {
+            tau: &law.torque().total,
+            tau_task: &law.torque().task,
+            tau_null: &law.torque().null,
+            tau_vff: law.forces().torque(),
+            force: law.forces().magnitude(),
+            clearance: law.forces().clearance(),
+            scalars: Scalars {
+                slack: law.slack(),
+                energy: law.energy().values(),
+                power: law.power(&law.torque().total).values(),
+                objective_scale: *law.objective_scale(),
+                tank: law.tank().map(Tank::level),
+                self_clearance: law.forces().self_clearance(),
+                manipulability: law.manipulability(),
+                singular: law.space().singular,
+                null_acceleration: law.null_acceleration(),
+            },
         }
     }
 
@@ -436,5 +693,29 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         self.world.update(t);
         self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
         self.controller.stable_period(&mut self.world)
+    }
+}
+
+/// Among obstacles of space.
+impl<const M: usize> Standalone<Space, 3, M>
+where
+    Space: System<3, M>,
+{
+    fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
+        let n = self.controller.robot().dof();
+        points::check(&self.world, j, points, &self.settings, n)?;
+        self.world.swap_points(j, points);
+        Ok(())
+    }
+
+    fn make_room(&mut self, j: usize, most: usize) -> Result<(), PointsError> {
+        points::orientation_of(&self.world, j)?;
+        if most > space::MOST_POINTS {
+            return Err(PointsError::TooMany(most));
+        }
+        self.fits(self.world.barrier_count().saturating_add(most))?; // more than it will be
+        self.world.make_room(j, most);
+        self.reserve();
+        Ok(())
     }
 }

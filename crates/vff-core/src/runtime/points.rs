@@ -79,6 +79,7 @@ pub(super) fn check(
     let Shape::Points { points: old, .. } = &world.obstacle(j).shape else {
         return Err(PointsError::NotACloud(j));
     };
-    let barriers = world.barrier_count() - old.len() + points.len();
+    let counted = |points: usize| points.max(world.room(j));
+    let barriers = world.barrier_count() - counted(old.len()) + counted(points.len());
     Ok(scenario::validate_size(settings, n, barriers)?)
 }

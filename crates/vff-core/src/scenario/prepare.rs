@@ -5,12 +5,16 @@ use super::{Problem, Scenario, ScenarioError, validate};
 use crate::control::Gains;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Sizes,
-    orientation_width,
+    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Setting, Sizes,
+    System, orientation_width,
 };
 use crate::trajectory::Trajectory;
 use crate::world::World;
 use std::sync::Arc;
+
+/// Which arm, and where its end effector has to be.
+type ArmAndReference<S, const D: usize, const M: usize> =
+    (Arc<<S as Setting<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>);
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.
@@ -58,6 +62,28 @@ impl Scenario {
         Ok(self.reality(scene, &model)?.plant)
     }
 
+    /// The arm of the controller, and the reference that it can follow from `q0` on.
+    ///
+    /// # Errors
+    /// If the reference does not fit the task or leaves the reach of the arm.
+    pub(crate) fn arm_and_reference<S: Prepared<D, M>, const D: usize, const M: usize>(
+        &self,
+        scene: &Scene<S, D>,
+    ) -> Result<ArmAndReference<S, D, M>, ScenarioError> {
+        let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
+        let mut state = arm.state();
+        let rest = vec![0.0; arm.dof()];
+        state.update(&self.q0, self.dq0.as_deref().unwrap_or(&rest));
+        let trajectory = Trajectory::new(&scene.reference, &state.pose()).map_err(|error| {
+            ScenarioError::new(
+                format!("reference.{}", error.field()),
+                Problem::Other(error.to_string()),
+            )
+        })?;
+        S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration)?;
+        Ok((arm, trajectory))
+    }
+
     /// The closed loop at t = 0 for a task of dimension `M`, and what is odd about it, in sentences.
     ///
     /// # Errors
@@ -66,17 +92,8 @@ impl Scenario {
         &self,
         scene: &Scene<S, D>,
     ) -> Result<(ClosedLoop<S, D, M>, Vec<String>), ScenarioError> {
-        let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
+        let (arm, trajectory) = self.arm_and_reference::<S, D, M>(scene)?;
         let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; arm.dof()]);
-        let mut state = arm.state();
-        state.update(&self.q0, &dq0);
-        let trajectory = Trajectory::new(&scene.reference, &state.pose()).map_err(|error| {
-            ScenarioError::new(
-                format!("reference.{}", error.field()),
-                Problem::Other(error.to_string()),
-            )
-        })?;
-        S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration)?;
         let gains =
             Gains::<M>::new(&self.controller).of_arm(&self.controller, &*arm).with_seed(self.seed);
         let world = World::new(scene.obstacles.clone());

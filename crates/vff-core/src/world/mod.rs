@@ -29,7 +29,7 @@ pub use turning::{Rotation, Spin, Turn, Turning};
 
 use crate::math::{ThirdOrderFilter, Vector};
 use crowd::Crowd;
-use std::mem::take;
+use std::mem::{replace, take};
 
 /// Separations up to this \[m\] count as touching: the difference of two points that near is
 /// mostly rounding and has no direction, whereas a separating axis always has one.
@@ -83,6 +83,8 @@ struct Placed<S: Solid<D>, const D: usize> {
     is_static: bool,
     /// How it turns, if it does.
     turned: Option<Box<Turned<D>>>,
+    /// The most contacts and barriers that it will have, where that is more than it has.
+    room: usize,
 }
 
 /// How an obstacle turns, and how it is turned at the instant of its state.
@@ -102,6 +104,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
             time: 0.0,
             is_static: description.motion().is_static() && turned.is_none(),
             turned,
+            room: 0,
             description,
         }
     }
@@ -257,8 +260,10 @@ impl<S: Solid<D>, const D: usize> Named<S, D> {
 
 /// The most contacts and the most barriers that one link can have.
 fn most_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> (usize, usize) {
-    let solids = || obstacles.iter().map(|obstacle| &obstacle.solid);
-    (solids().map(Solid::contacts).sum(), solids().map(Solid::barriers).sum())
+    let most = |of: fn(&S) -> usize| {
+        obstacles.iter().map(|obstacle| of(&obstacle.solid).max(obstacle.room)).sum()
+    };
+    (most(Solid::contacts), most(Solid::barriers))
 }
 
 impl<S: Solid<D>, const D: usize> World<S, D> {
@@ -268,7 +273,9 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// them mean nothing.
     pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(Placed::new).collect();
-        let moving = (0..obstacles.len()).filter(|&j| !obstacles[j].is_static).collect();
+        // Room for all, as any may be placed elsewhere later.
+        let mut moving = Vec::with_capacity(obstacles.len());
+        moving.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_static));
         let named = if obstacles.len() >= crowd::LEAST {
             Named::Crowd(Box::new(Crowd::new(&obstacles)))
         } else {
@@ -345,9 +352,40 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.rearrange();
     }
 
+    /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\]. It turns as
+    /// before. In a crowd every obstacle is asked from then on, as after [`carry`](Self::carry). Does not allocate;
+    /// the first time, what the motion and the crowd took is freed.
+    pub fn place(&mut self, j: usize, t: f64, position: Vector<D>, velocity: Vector<D>) {
+        let obstacle = &mut self.obstacles[j];
+        obstacle.description.set_position(position - velocity * t);
+        obstacle.description.set_motion(Motion::Linear { velocity: velocity.into() });
+        obstacle.state = obstacle.moved_to(self.time);
+        obstacle.time = self.time;
+        let was_static = replace(&mut obstacle.is_static, false);
+        if was_static || matches!(self.named, Named::Crowd(_)) {
+            self.rearrange();
+        } else if let Some(turned) = &mut obstacle.turned {
+            turned.now = turned.turning.at(self.time);
+        }
+    }
+
+    /// Counts obstacle `j` as one of at least so many contacts and barriers: what is allocated by
+    /// their number then suffices when it becomes one.
+    pub fn make_room(&mut self, j: usize, contacts: usize) {
+        let room = &mut self.obstacles[j].room;
+        *room = contacts.max(*room);
+        (self.contacts, self.barriers) = most_of(&self.obstacles);
+    }
+
+    /// As how many contacts and barriers obstacle `j` counts at least.
+    pub fn room(&self, j: usize) -> usize {
+        self.obstacles[j].room
+    }
+
     /// Adds an obstacle, the last one from now on. Allocates.
     pub fn add(&mut self, obstacle: S::Obstacle) {
         self.obstacles.push(Placed::new(obstacle));
+        self.moving.reserve(self.obstacles.len());
         self.rearrange();
     }
 

@@ -142,7 +142,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             pairs: vec![],
             own: vec![],
             most_own: OwnPair::<D>::FEATURES * own_pairs,
-            bodies: vec![],
+            bodies: Vec::with_capacity(if keeps_apart { robot.body_count() } else { 0 }),
             strategy,
             slack: 0.0,
         }))

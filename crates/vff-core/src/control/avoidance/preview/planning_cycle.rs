@@ -90,6 +90,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         }
     }
 
+    /// Makes room for so many more obstacles, and contacts of each body.
+    pub fn reserve(&mut self, obstacles: usize, contacts: usize) {
+        self.rollout.reserve(obstacles, contacts);
+        self.closed_loop.reserve(contacts);
+    }
+
     /// Forgets the past.
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.seed, STREAM);

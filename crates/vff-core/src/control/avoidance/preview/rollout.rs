@@ -106,6 +106,14 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         }
     }
 
+    /// Makes room for so many more obstacles, and contacts of each body.
+    pub fn reserve(&mut self, count: usize, contacts: usize) {
+        let Self { obstacles, pairs, apart, bodies, .. } = self;
+        obstacles.reserve(count);
+        pairs.reserve(contacts * bodies.len());
+        apart.reserve(count * bodies.len());
+    }
+
     /// Takes in the state, what is around and what is wanted.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn prepare(
@@ -115,14 +123,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
     ) {
-        let Self { obstacles, pairs, apart, bodies, w, v, inverse_inertia, .. } = self;
-        let count = surroundings.count();
+        let Self { obstacles, pairs, apart, .. } = self;
         obstacles.clear();
-        obstacles.reserve(count);
         pairs.clear();
-        pairs.reserve(surroundings.most_contacts() * robot.body_count());
         apart.clear();
-        apart.reserve(count * robot.body_count());
+        self.reserve(surroundings.count(), surroundings.most_contacts());
+        let Self { obstacles, bodies, w, v, inverse_inertia, .. } = self;
         bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body);
         surroundings.obstacles_near(bodies, REACH, obstacles);
         w.fill(0.0);

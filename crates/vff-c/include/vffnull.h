@@ -1,0 +1,294 @@
+// The torque law of vffnull in a loop of your own. See docs/c.md.
+//
+// Written by cbindgen from crates/vff-c; `vffnull.hpp` is the same for C++17.
+
+#ifndef VFFNULL_H
+#define VFFNULL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+// Number of the binary interface. It changes when a program has to be compiled again.
+#define VFF_ABI_VERSION 1
+
+// What a call came to. Whatever is not `VFF_STATUS_OK` has changed nothing, has written nothing, and has left a sentence in
+// `vff_last_message`.
+enum vff_status
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // Done.
+    VFF_STATUS_OK = 0,
+    // A pointer is NULL that must not be.
+    VFF_STATUS_NULL = 1,
+    // An array has the wrong length.
+    VFF_STATUS_LENGTH = 2,
+    // A number is infinite or not a number.
+    VFF_STATUS_NOT_FINITE = 3,
+    // A text or what it describes is not what it must be. The message says where.
+    VFF_STATUS_DOCUMENT = 4,
+    // A file cannot be read.
+    VFF_STATUS_FILE = 5,
+    // The numbers are no reference: the quaternion is not of norm 1.
+    VFF_STATUS_REFERENCE = 6,
+    // There is no reference yet.
+    VFF_STATUS_NO_REFERENCE = 7,
+    // No state was observed since the last torque or change of the obstacles, or there is no torque yet.
+    VFF_STATUS_NOT_OBSERVED = 8,
+    // There is no such obstacle.
+    VFF_STATUS_NO_OBSTACLE = 9,
+    // The obstacle is no cloud of points, or not any longer.
+    VFF_STATUS_NOT_A_CLOUD = 10,
+    // More than there is room for.
+    VFF_STATUS_TOO_MANY = 11,
+    // A torque held over that period makes the arm oscillate.
+    VFF_STATUS_PERIOD = 12,
+    // The torque is not finite: state and reference are beyond what numbers can hold. The next call begins anew, which allocates.
+    VFF_STATUS_TORQUE = 13,
+    // Another thread is in a call with the same object.
+    VFF_STATUS_BUSY = 14,
+    // A fault of vffnull itself, please report it. The object can be freed, and nothing else.
+    VFF_STATUS_PANIC = 15,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum vff_status vff_status;
+#else
+typedef int32_t vff_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// Where the points of a cloud come from. Any thread may use it, also while another is in a call with the controller.
+typedef struct vff_cloud vff_cloud;
+
+// The torque law of one robot. One thread at a time may use it; a call that finds another one in progress comes to
+// `VFF_STATUS_BUSY`.
+//
+// Once per cycle: `vff_controller_observe`, then `vff_controller_torque`. What is said to be "for the loop" allocates nothing,
+// takes no lock, makes no system call and does not wait (with `formulation = "recursive"`, the default).
+typedef struct vff_controller vff_controller;
+
+// A robot arm. It never changes: any number of threads may use one.
+typedef struct vff_robot vff_robot;
+
+// Sizes of a controller.
+typedef struct vff_sizes {
+    // The number of joints n.
+    size_t joints;
+    // The dimension of the space, 2 or 3.
+    size_t dimension;
+    // How many numbers a pose has. In the plane 2, or with the task "pose" 3: (x, y, angle). In space 3, or with "pose" or "pointing"
+    // 7: position and quaternion (w, x, y, z).
+    size_t pose;
+    // How many its velocity has, and its acceleration: linear, then angular in world axes. 2 or 3; 3 or 6.
+    size_t rate;
+} vff_sizes;
+
+// The parts of the last torque. Arrays have n numbers and are valid until the next call with the controller but
+// `vff_controller_terms`.
+typedef struct vff_terms {
+    // The number of joints n.
+    size_t joints;
+    // Joint torque [N·m].
+    const double *tau;
+    // What serves the task, and what makes it give way [N·m].
+    const double *tau_task;
+    // What acts in the null space [N·m].
+    const double *tau_null;
+    // Repulsion before its projection [N·m].
+    const double *tau_vff;
+    // Magnitude of the repulsion on each link [N].
+    const double *force;
+    // Signed distance of each link's surface to the nearest obstacle's [m]; infinite without one.
+    const double *clearance;
+    // Energies: kinetic, gravitational, of the null space [J].
+    double energy[3];
+    // Powers of actuators, damping, task, obstacles, approach, scaling [W].
+    double power[6];
+    // What the limits let through of posture, task, damping, avoidance, compensation, speed; 0 to 1.
+    double objective_scale[6];
+    // By how much barriers are violated at most [m/s²]; NaN without `avoidance = "cbf"`.
+    double slack;
+    // Energy in the tank [J]; NaN without one.
+    double tank;
+    // Signed distance of the nearest two links that share no joint [m]; infinite if not measured.
+    double self_clearance;
+    // √det(J Jᵀ), 0 in a singularity.
+    double manipulability;
+    // ‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task.
+    double null_acceleration;
+    // Whether the task force is damped because of a singularity.
+    bool singular;
+} vff_terms;
+
+#ifdef __cplusplus
+extern "C" {
+#endif // __cplusplus
+
+// `VFF_ABI_VERSION` of the library that is loaded: compare it with that of the header.
+uint32_t vff_abi_version(void);
+
+// The version of vffnull, such as "0.1.0".
+const char *vff_version(void);
+
+// The name of a status, such as "VFF_STATUS_OK"; "?" for a number that is none.
+const char *vff_status_name(int32_t status);
+
+// The sentence of the last fault of the calling thread; empty if there was none. It is valid until the next one.
+const char *vff_last_message(void);
+
+// A robot from TOML: the table `arm` of a scenario, alone or under that name. `vffnull arms check ROBOT.urdf --toml` writes
+// it for a URDF or MJCF, `vffnull arms show panda --toml` for a bundled arm. Free it with `vff_robot_free`.
+vff_status vff_robot_from_text(const char *toml,
+                               struct vff_robot **robot);
+
+// The same from a file.
+vff_status vff_robot_from_file(const char *path, struct vff_robot **robot);
+
+// A bundled robot: "panda", "fr3", "ur5e", "ur10e", "iiwa14", "gen3" or "xarm7".
+vff_status vff_robot_named(const char *name, struct vff_robot **robot);
+
+// Frees a robot. Its controllers may live on. NULL is nothing.
+void vff_robot_free(struct vff_robot *robot);
+
+// The number of joints n; 0 for NULL.
+size_t vff_robot_joints(const struct vff_robot *robot);
+
+// The dimension of the space that it moves in, 2 or 3; 0 for NULL.
+size_t vff_robot_dimension(const struct vff_robot *robot);
+
+// The pose of the tip at q: in space position [m] and quaternion (w, x, y, z), 7 numbers; in the plane position [m] and angle
+// [rad], 3 numbers. Allocates.
+vff_status vff_robot_pose(const struct vff_robot *robot,
+                          const double *q,
+                          size_t joints,
+                          double *pose,
+                          size_t length);
+
+// The torque that holds the arm against gravity at q, n numbers [N·m]: to be compared with that of the robot. Allocates.
+vff_status vff_robot_gravity_torque(const struct vff_robot *robot,
+                                    const double *q,
+                                    size_t joints,
+                                    double *tau,
+                                    size_t length);
+
+// The mass matrix at q, n × n numbers [kg·m²]: to be compared with that of the maker. Allocates.
+vff_status vff_robot_mass_matrix(const struct vff_robot *robot,
+                                 const double *q,
+                                 size_t joints,
+                                 double *mass,
+                                 size_t length);
+
+// A controller for a robot, among no obstacles. `settings` is TOML: the table `controller` of a scenario, alone or under that
+// name; NULL for the defaults. Free it with `vff_controller_free`.
+vff_status vff_controller_new(const struct vff_robot *robot,
+                              const char *settings,
+                              struct vff_controller **controller);
+
+// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, which is that of
+// its time t. Plant, sensors and drives of a scenario are for simulations.
+vff_status vff_controller_from_scenario(const char *toml,
+                                        struct vff_controller **controller);
+
+// The same from a file.
+vff_status vff_controller_from_scenario_file(const char *path, struct vff_controller **controller);
+
+// Frees a controller. No thread may be in a call with it; handles of its clouds live on and come to `VFF_STATUS_NOT_A_CLOUD`.
+// NULL is nothing.
+void vff_controller_free(struct vff_controller *controller);
+
+// The sizes of the arrays of a controller.
+vff_status vff_controller_sizes(const struct vff_controller *controller, struct vff_sizes *sizes);
+
+// Whether its gains are stable where a torque is held for `period` seconds; if not, `VFF_STATUS_PERIOD`, and the message says
+// which. Allocates.
+vff_status vff_controller_check_period(const struct vff_controller *controller,
+                                       double period);
+
+// For the loop: takes in the state at time `t` [s], q [rad, m] and dq [rad/s, m/s], n numbers each. Obstacles are moved to `t`,
+// and clouds that were updated meanwhile take effect.
+vff_status vff_controller_observe(struct vff_controller *controller,
+                                  double t,
+                                  const double *q,
+                                  const double *dq,
+                                  size_t joints);
+
+// For the loop: the pose of the end effector at the observed state, as many numbers as `sizes.pose`.
+vff_status vff_controller_pose(const struct vff_controller *controller, double *pose, size_t length);
+
+// For the loop: the reference of the end effector from now on, until another is set: pose, velocity and acceleration.
+// The last two may be NULL with length 0, which means 0. Lengths are `sizes.pose`, `sizes.rate` and `sizes.rate`.
+vff_status vff_controller_set_reference(struct vff_controller *controller,
+                                        const double *x,
+                                        size_t x_length,
+                                        const double *dx,
+                                        size_t dx_length,
+                                        const double *ddx,
+                                        size_t ddx_length);
+
+// For the loop: the reference is that of the scenario again.
+vff_status vff_controller_follow_scenario(struct vff_controller *controller);
+
+// For the loop: the joint torque at the observed state, n numbers [N·m, N]. Each needs an observation of its own.
+vff_status vff_controller_torque(struct vff_controller *controller, double *tau, size_t joints);
+
+// For the loop: the parts of the last torque.
+vff_status vff_controller_terms(const struct vff_controller *controller, struct vff_terms *terms);
+
+// The null-space projector at the observed state, n × n numbers, row by row. Allocates.
+vff_status vff_controller_null_projector(const struct vff_controller *controller, double *projector, size_t length);
+
+// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
+// next state may be at any time. Obstacles and reference stay.
+vff_status vff_controller_reset(struct vff_controller *controller);
+
+// Adds an obstacle from TOML: one of the tables `obstacles` of a scenario. `id` gets its number, which stays its own; it may be
+// NULL. Allocates, so that no later torque does for it; observe the state again before the next torque.
+vff_status vff_controller_add_obstacle(struct vff_controller *controller,
+                                       const char *toml,
+                                       uint32_t *id);
+
+// For the loop: obstacle `id` is at `position` [m] at time `t` [s] and goes on at `velocity` [m/s] until it is moved again;
+// NULL is at rest. `dimension` is their length. It turns as before. The first time, what a motion of way points took is freed.
+vff_status vff_controller_move_obstacle(struct vff_controller *controller,
+                                        uint32_t id,
+                                        double t,
+                                        const double *position,
+                                        const double *velocity,
+                                        size_t dimension);
+
+// Takes obstacle `id` away. Frees memory; observe the state again before the next torque.
+vff_status vff_controller_remove_obstacle(struct vff_controller *controller, uint32_t id);
+
+// The numbers of the obstacles, ascending: writes at most `room` of them to `ids`, which may be NULL if that is 0, and to
+// `count` how many there are.
+vff_status vff_controller_obstacles(const struct vff_controller *controller,
+                                    uint32_t *ids,
+                                    size_t room,
+                                    size_t *count);
+
+// A handle by which other threads replace the points of obstacle `id`, `shape = { kind = "points", … }` in its TOML, by at most
+// `most` others (50 000). Allocates room for them, so that no later torque does; observe the state again before the next
+// torque. Free it with `vff_cloud_free`.
+vff_status vff_controller_cloud(struct vff_controller *controller,
+                                uint32_t id,
+                                size_t most,
+                                struct vff_cloud **cloud);
+
+// Replaces the points of the cloud by these, `count` times (x, y, z) [m], relative to the obstacle's position. They take effect
+// together in the next `vff_controller_observe`, unless others are sent before. Prepares them here, in the calling thread, and
+// neither waits for the loop nor lets it wait. Allocates, and frees the points of before.
+vff_status vff_cloud_update(const struct vff_cloud *cloud,
+                            const double *points,
+                            size_t count);
+
+// Frees the handle, not the cloud. NULL is nothing.
+void vff_cloud_free(struct vff_cloud *cloud);
+
+#ifdef __cplusplus
+}  // extern "C"
+#endif  // __cplusplus
+
+#endif  /* VFFNULL_H */

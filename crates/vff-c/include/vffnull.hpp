@@ -1,0 +1,278 @@
+// The torque law of vffnull in a loop of your own, for C++17. See docs/c.md.
+//
+// Handles are move-only and free what they own. What makes them, and what is not for the loop, throws `vff::Error`; what is
+// for the loop is `noexcept` and returns a status.
+
+#ifndef VFFNULL_HPP
+#define VFFNULL_HPP
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "vffnull.h"
+
+namespace vff {
+
+/// Numbers that lie side by side and belong to somebody else: an array, a vector, or a pointer with a length.
+template <class T>
+class Span {
+public:
+    constexpr Span() noexcept = default;
+    constexpr Span(T* data, std::size_t size) noexcept : data_(data), size_(size) {}
+    template <std::size_t N>
+    constexpr Span(T (&array)[N]) noexcept : data_(array), size_(N) {}
+    /// Of whatever has `data()` and `size()`: `std::array`, `std::vector`, `std::span`, a column of Eigen.
+    template <class C,
+              class = std::enable_if_t<
+                  !std::is_same_v<std::decay_t<C>, Span> &&
+                  std::is_convertible_v<std::remove_pointer_t<decltype(std::declval<C&>().data())> (*)[], T (*)[]>>>
+    constexpr Span(C&& values) noexcept : data_(values.data()), size_(static_cast<std::size_t>(values.size())) {}
+
+    constexpr T* data() const noexcept { return data_; }
+    constexpr std::size_t size() const noexcept { return size_; }
+    constexpr bool empty() const noexcept { return size_ == 0; }
+    constexpr T& operator[](std::size_t i) const noexcept { return data_[i]; }
+    constexpr T* begin() const noexcept { return data_; }
+    constexpr T* end() const noexcept { return data_ + size_; }
+
+private:
+    T* data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+using Input = Span<const double>;
+using Output = Span<double>;
+
+/// What a call in the loop came to: true if all is well.
+class [[nodiscard]] Status {
+public:
+    constexpr Status(vff_status code) noexcept : code_(code) {}
+    constexpr explicit operator bool() const noexcept { return code_ == VFF_STATUS_OK; }
+    constexpr vff_status code() const noexcept { return code_; }
+    /// Such as "VFF_STATUS_LENGTH".
+    const char* name() const noexcept { return vff_status_name(code_); }
+
+private:
+    vff_status code_;
+};
+
+/// The sentence of the last fault of this thread.
+inline const char* message() noexcept { return vff_last_message(); }
+
+/// What is thrown where something is made.
+class Error : public std::runtime_error {
+public:
+    explicit Error(vff_status code) : std::runtime_error(vff_last_message()), code_(code) {}
+    vff_status code() const noexcept { return code_; }
+
+private:
+    vff_status code_;
+};
+
+namespace detail {
+
+inline void check(vff_status code) {
+    if (code != VFF_STATUS_OK) {
+        throw Error(code);
+    }
+}
+
+struct Free {
+    void operator()(vff_robot* robot) const noexcept { vff_robot_free(robot); }
+    void operator()(vff_controller* controller) const noexcept { vff_controller_free(controller); }
+    void operator()(vff_cloud* cloud) const noexcept { vff_cloud_free(cloud); }
+};
+
+template <class T>
+using Handle = std::unique_ptr<T, Free>;
+
+/// The object that `make` hands out.
+template <class T, class Make>
+Handle<T> made(Make make) {
+    if (vff_abi_version() != VFF_ABI_VERSION) {
+        throw std::runtime_error(std::string("libvffnull ") + vff_version() +
+                                 " has another binary interface than the header that this program was compiled with");
+    }
+    T* handle = nullptr;
+    check(make(&handle));
+    return Handle<T>(handle);
+}
+
+}  // namespace detail
+
+/// A robot arm. It never changes: any number of threads may use one.
+class Robot {
+public:
+    /// From the TOML of `vffnull arms check ROBOT.urdf --toml`.
+    static Robot from_text(const std::string& toml) {
+        return Robot([&](vff_robot** out) { return vff_robot_from_text(toml.c_str(), out); });
+    }
+    static Robot from_file(const std::string& path) {
+        return Robot([&](vff_robot** out) { return vff_robot_from_file(path.c_str(), out); });
+    }
+    /// A bundled one, such as "panda".
+    static Robot named(const std::string& name) {
+        return Robot([&](vff_robot** out) { return vff_robot_named(name.c_str(), out); });
+    }
+
+    std::size_t joints() const noexcept { return vff_robot_joints(get()); }
+    std::size_t dimension() const noexcept { return vff_robot_dimension(get()); }
+
+    /// The pose of the tip at q: position [m], then quaternion (w, x, y, z), in the plane angle [rad].
+    std::vector<double> pose(Input q) const {
+        std::vector<double> out(dimension() == 3 ? 7 : 3);
+        detail::check(vff_robot_pose(get(), q.data(), q.size(), out.data(), out.size()));
+        return out;
+    }
+    /// The torque that holds the arm at q [N·m].
+    std::vector<double> gravity_torque(Input q) const {
+        std::vector<double> out(joints());
+        detail::check(vff_robot_gravity_torque(get(), q.data(), q.size(), out.data(), out.size()));
+        return out;
+    }
+    /// The mass matrix at q, n × n [kg·m²].
+    std::vector<double> mass_matrix(Input q) const {
+        std::vector<double> out(joints() * joints());
+        detail::check(vff_robot_mass_matrix(get(), q.data(), q.size(), out.data(), out.size()));
+        return out;
+    }
+
+    const vff_robot* get() const noexcept { return handle_.get(); }
+
+private:
+    template <class Make>
+    explicit Robot(Make make) : handle_(detail::made<vff_robot>(make)) {}
+
+    detail::Handle<vff_robot> handle_;
+};
+
+/// The parts of a torque; valid until the next call with the controller.
+struct Terms : vff_terms {
+    Input torque() const noexcept { return {tau, joints}; }
+    Input task_torque() const noexcept { return {tau_task, joints}; }
+    Input null_torque() const noexcept { return {tau_null, joints}; }
+    Input repulsion() const noexcept { return {tau_vff, joints}; }
+    Input forces() const noexcept { return {force, joints}; }
+    Input clearances() const noexcept { return {clearance, joints}; }
+    /// Of the link that is nearest to an obstacle [m].
+    double least_clearance() const noexcept {
+        double least = self_clearance;
+        for (double each : clearances()) {
+            least = each < least ? each : least;
+        }
+        return least;
+    }
+};
+
+/// Where the points of a cloud come from. Any thread may use it, also while another is in a call with the controller.
+class Cloud {
+public:
+    /// Replaces the points: x, y, z of each [m], relative to the obstacle's position. Takes effect in the next `observe`.
+    void update(Input xyz) {
+        if (xyz.size() % 3 != 0) {
+            throw std::invalid_argument("points: expected three numbers each");
+        }
+        detail::check(vff_cloud_update(handle_.get(), xyz.data(), xyz.size() / 3));
+    }
+
+private:
+    friend class Controller;
+    explicit Cloud(detail::Handle<vff_cloud> handle) : handle_(std::move(handle)) {}
+
+    detail::Handle<vff_cloud> handle_;
+};
+
+/// The torque law. One thread at a time may use it. Once per cycle: `observe`, then `torque`.
+class Controller {
+public:
+    /// For a robot, with the TOML of its settings, among no obstacles.
+    explicit Controller(const Robot& robot, const std::string& settings = "")
+        : Controller([&](vff_controller** out) { return vff_controller_new(robot.get(), settings.c_str(), out); }) {}
+    /// From a whole scenario.
+    static Controller from_scenario(const std::string& toml) {
+        return Controller([&](vff_controller** out) { return vff_controller_from_scenario(toml.c_str(), out); });
+    }
+    static Controller from_scenario_file(const std::string& path) {
+        return Controller([&](vff_controller** out) { return vff_controller_from_scenario_file(path.c_str(), out); });
+    }
+
+    std::size_t joints() const noexcept { return sizes_.joints; }
+    const vff_sizes& sizes() const noexcept { return sizes_; }
+
+    // Not for the loop.
+
+    /// Throws if the gains are unstable where a torque is held for `period` seconds.
+    void check_period(double period) const { detail::check(vff_controller_check_period(get(), period)); }
+    /// Adds an obstacle from TOML; returns its number. Observe the state again before the next torque.
+    std::uint32_t add_obstacle(const std::string& toml) {
+        std::uint32_t id = 0;
+        detail::check(vff_controller_add_obstacle(get(), toml.c_str(), &id));
+        return id;
+    }
+    void remove_obstacle(std::uint32_t id) { detail::check(vff_controller_remove_obstacle(get(), id)); }
+    std::vector<std::uint32_t> obstacles() const {
+        std::size_t count = 0;
+        detail::check(vff_controller_obstacles(get(), nullptr, 0, &count));
+        std::vector<std::uint32_t> ids(count);
+        detail::check(vff_controller_obstacles(get(), ids.data(), ids.size(), &count));
+        return ids;
+    }
+    /// A handle by which other threads replace the points of cloud `id`, by at most `most` others.
+    Cloud cloud(std::uint32_t id, std::size_t most) {
+        return Cloud(
+            detail::made<vff_cloud>([&](vff_cloud** out) { return vff_controller_cloud(get(), id, most, out); }));
+    }
+    /// n × n numbers, row by row.
+    std::vector<double> null_projector() const {
+        std::vector<double> out(joints() * joints());
+        detail::check(vff_controller_null_projector(get(), out.data(), out.size()));
+        return out;
+    }
+
+    // For the loop.
+
+    /// Takes in the state at time t [s].
+    Status observe(double t, Input q, Input dq) noexcept {
+        // Of two lengths the one that is wrong, if one is.
+        return vff_controller_observe(get(), t, q.data(), dq.data(), q.size() == joints() ? dq.size() : q.size());
+    }
+    /// The observed pose of the end effector.
+    Status pose(Output out) const noexcept { return vff_controller_pose(get(), out.data(), out.size()); }
+    /// The reference from now on; velocity and acceleration are 0 if they are not given.
+    Status set_reference(Input x, Input dx = {}, Input ddx = {}) noexcept {
+        return vff_controller_set_reference(get(), x.data(), x.size(), dx.data(), dx.size(), ddx.data(), ddx.size());
+    }
+    Status follow_scenario() noexcept { return vff_controller_follow_scenario(get()); }
+    /// The joint torque at the observed state [N·m].
+    Status torque(Output tau) noexcept { return vff_controller_torque(get(), tau.data(), tau.size()); }
+    Status terms(Terms& out) const noexcept { return vff_controller_terms(get(), &out); }
+    /// Obstacle `id` is at `position` at time t and goes on at `velocity`.
+    Status move_obstacle(std::uint32_t id, double t, Input position, Input velocity = {}) noexcept {
+        const bool first = velocity.empty() || position.size() != sizes_.dimension;
+        const std::size_t size = first ? position.size() : velocity.size();
+        return vff_controller_move_obstacle(get(), id, t, position.data(), velocity.data(), size);
+    }
+    /// Forgets the past.
+    Status reset() noexcept { return vff_controller_reset(get()); }
+
+    vff_controller* get() const noexcept { return handle_.get(); }
+
+private:
+    template <class Make, class = std::enable_if_t<std::is_invocable_v<Make, vff_controller**>>>
+    explicit Controller(Make make) : handle_(detail::made<vff_controller>(make)) {
+        detail::check(vff_controller_sizes(get(), &sizes_));
+    }
+
+    detail::Handle<vff_controller> handle_;
+    vff_sizes sizes_{};
+};
+
+}  // namespace vff
+
+#endif  // VFFNULL_HPP

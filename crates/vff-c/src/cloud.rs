@@ -1,0 +1,88 @@
+//! Clouds of points from another thread.
+
+use crate::border::{border, free, object, place};
+use crate::controller::{Controller, with};
+use crate::mailbox::Mailbox;
+use crate::status::{Fault, Status};
+use std::slice;
+use std::sync::Arc;
+use vff_core::runtime::points::make;
+use vff_core::world::space::Points;
+
+/// Where the points of a cloud come from. Any thread may use it, also while another is in a call with the controller.
+#[derive(Debug)]
+pub struct Cloud {
+    mailbox: Arc<Mailbox<Points>>,
+    /// The orientation of the obstacle.
+    orientation: [f64; 4],
+    most: usize,
+}
+
+/// A handle by which other threads replace the points of obstacle `id`, `shape = { kind = "points", … }` in its TOML, by at most
+/// `most` others (50 000). Allocates room for them, so that no later torque does; observe the state again before the next
+/// torque. Free it with `vff_cloud_free`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_cloud(
+    controller: *mut Controller,
+    id: u32,
+    most: usize,
+    cloud: *mut *mut Cloud,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let cloud = place("cloud", cloud)?;
+            let j = inner.place_of(id)?;
+            let orientation = inner.controller.orientation_of_points(j)?;
+            inner.controller.make_room(j, most)?;
+            inner.observed = false;
+            let known = inner.clouds.iter().find(|(of, _)| *of == id).map(|(_, m)| Arc::clone(m));
+            let mailbox = known.unwrap_or_else(|| {
+                let new = Arc::new(Mailbox::new());
+                inner.clouds.push((id, Arc::clone(&new)));
+                new
+            });
+            cloud.write(Box::into_raw(Box::new(Cloud { mailbox, orientation, most })));
+            Ok(())
+        })
+    }
+}
+
+/// Replaces the points of the cloud by these, `count` times (x, y, z) [m], relative to the obstacle's position. They take effect
+/// together in the next `vff_controller_observe`, unless others are sent before. Prepares them here, in the calling thread, and
+/// neither waits for the loop nor lets it wait. Allocates, and frees the points of before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_cloud_update(
+    cloud: *const Cloud,
+    points: *const f64,
+    count: usize,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    border(|| unsafe {
+        let Cloud { mailbox, orientation, most } = object("cloud", cloud)?;
+        if mailbox.is_closed() {
+            return Err(Fault::Gone);
+        }
+        if count > *most {
+            return Err(Fault::Room { most: *most, given: count });
+        }
+        let given: &[[f64; 3]] = match (points.is_null(), count) {
+            (_, 0) => &[],
+            (true, _) => return Err(Fault::Null("points")),
+            (false, _) => slice::from_raw_parts(points.cast(), count),
+        };
+        if let Some(index) = given.as_flattened().iter().position(|x| !x.is_finite()) {
+            let value = given.as_flattened()[index];
+            return Err(Fault::NotFinite { name: "points", index, value });
+        }
+        mailbox.send(make(given.to_vec(), *orientation)?);
+        Ok(())
+    })
+}
+
+/// Frees the handle, not the cloud. NULL is nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_cloud_free(cloud: *mut Cloud) {
+    // SAFETY: pointers as C has them.
+    unsafe { free(cloud) }
+}

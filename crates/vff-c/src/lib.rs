@@ -1,0 +1,31 @@
+//! The C interface: `vffnull.h`.
+//!
+//! Whatever crosses the border is checked here: pointers, lengths, numbers, the order of calls. What is behind it is
+//! [`vff_core::runtime::AnyController`]. This crate alone has `unsafe` code, and no mathematics.
+//!
+//! | file | what |
+//! |---|---|
+//! | `border` | every call: no panic leaves, a fault becomes a status and a message |
+//! | `status` | what can be wrong |
+//! | `robot`, `controller`, `obstacles`, `cloud` | the functions |
+//! | `mailbox` | one value handed from one thread to another without a lock |
+
+// Names and documentation are those of the C header.
+#![allow(clippy::missing_safety_doc, reason = "said once in the header: pointers as C has them")]
+
+mod border;
+mod cloud;
+mod controller;
+mod mailbox;
+mod obstacles;
+mod robot;
+mod status;
+mod version;
+
+pub use border::vff_last_message;
+pub use cloud::*;
+pub use controller::*;
+pub use obstacles::*;
+pub use robot::*;
+pub use status::{Status, vff_status_name};
+pub use version::*;

@@ -1,0 +1,146 @@
+//! What a call can come to.
+
+use std::ffi::c_char;
+use std::io;
+use vff_core::math::rotation::NotARotation;
+use vff_core::runtime::PointsError;
+use vff_core::scenario::ScenarioError;
+
+/// What a call came to. Whatever is not `VFF_STATUS_OK` has changed nothing, has written nothing, and has left a sentence in
+/// `vff_last_message`.
+#[repr(i32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Done.
+    Ok = 0,
+    /// A pointer is NULL that must not be.
+    Null = 1,
+    /// An array has the wrong length.
+    Length = 2,
+    /// A number is infinite or not a number.
+    NotFinite = 3,
+    /// A text or what it describes is not what it must be. The message says where.
+    Document = 4,
+    /// A file cannot be read.
+    File = 5,
+    /// The numbers are no reference: the quaternion is not of norm 1.
+    Reference = 6,
+    /// There is no reference yet.
+    NoReference = 7,
+    /// No state was observed since the last torque or change of the obstacles, or there is no torque yet.
+    NotObserved = 8,
+    /// There is no such obstacle.
+    NoObstacle = 9,
+    /// The obstacle is no cloud of points, or not any longer.
+    NotACloud = 10,
+    /// More than there is room for.
+    TooMany = 11,
+    /// A torque held over that period makes the arm oscillate.
+    Period = 12,
+    /// The torque is not finite: state and reference are beyond what numbers can hold. The next call begins anew, which allocates.
+    Torque = 13,
+    /// Another thread is in a call with the same object.
+    Busy = 14,
+    /// A fault of vffnull itself, please report it. The object can be freed, and nothing else.
+    Panic = 15,
+}
+
+/// A fault, with its sentence.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Fault {
+    #[error("{0} is NULL")]
+    Null(&'static str),
+    #[error("{name}: expected {expected} numbers, got {given}")]
+    Length { name: &'static str, expected: usize, given: usize },
+    #[error("{name}[{index}] must be finite, got {value}")]
+    NotFinite { name: &'static str, index: usize, value: f64 },
+    #[error("{name} is not UTF-8")]
+    NotText { name: &'static str },
+    #[error(transparent)]
+    Document(#[from] ScenarioError),
+    #[error("{path}: {error}")]
+    File { path: String, error: io::Error },
+    #[error("x_ref: {0}")]
+    Reference(#[from] NotARotation),
+    #[error("there is no reference: call vff_controller_set_reference first")]
+    NoReference,
+    #[error("there is no reference of a scenario to follow")]
+    NoScenario,
+    #[error("no state was observed since the last torque: call vff_controller_observe first")]
+    NotObserved,
+    #[error("there is no torque yet: call vff_controller_torque first")]
+    NoTorque,
+    #[error("there is no obstacle {0}")]
+    NoObstacle(u32),
+    #[error(transparent)]
+    Points(#[from] PointsError),
+    #[error("the cloud has room for {most} points, got {given}")]
+    Room { most: usize, given: usize },
+    #[error("the cloud's obstacle or controller is not there any longer")]
+    Gone,
+    #[error("period must be finite and greater than 0, got {0}")]
+    NoPeriod(f64),
+    #[error("{0}")]
+    Period(String),
+    #[error(
+        "the torque at this state and reference is not finite: they are beyond what numbers can hold"
+    )]
+    Torque,
+    #[error("another thread is in a call with the same {0}")]
+    Busy(&'static str),
+    #[error("a fault of vffnull itself, please report it: {0}")]
+    Panic(String),
+    #[error(
+        "an earlier call ended in a fault of vffnull itself; free the controller and make another"
+    )]
+    Broken,
+}
+
+impl Fault {
+    pub(crate) fn status(&self) -> Status {
+        match self {
+            Self::Null(_) => Status::Null,
+            Self::Length { .. } => Status::Length,
+            Self::NotFinite { .. } | Self::NoPeriod(_) => Status::NotFinite,
+            Self::NotText { .. } | Self::Document(_) => Status::Document,
+            Self::File { .. } => Status::File,
+            Self::Reference(_) => Status::Reference,
+            Self::NoReference | Self::NoScenario => Status::NoReference,
+            Self::NotObserved | Self::NoTorque => Status::NotObserved,
+            Self::NoObstacle(_) => Status::NoObstacle,
+            Self::Points(PointsError::TooMany(_) | PointsError::NoRoom(_)) | Self::Room { .. } => {
+                Status::TooMany
+            }
+            Self::Points(_) | Self::Gone => Status::NotACloud,
+            Self::Period(_) => Status::Period,
+            Self::Torque => Status::Torque,
+            Self::Busy(_) => Status::Busy,
+            Self::Panic(_) | Self::Broken => Status::Panic,
+        }
+    }
+}
+
+/// The name of a status, such as "VFF_STATUS_OK"; "?" for a number that is none.
+#[unsafe(no_mangle)]
+pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
+    const NAMES: [&str; 16] = [
+        "VFF_STATUS_OK\0",
+        "VFF_STATUS_NULL\0",
+        "VFF_STATUS_LENGTH\0",
+        "VFF_STATUS_NOT_FINITE\0",
+        "VFF_STATUS_DOCUMENT\0",
+        "VFF_STATUS_FILE\0",
+        "VFF_STATUS_REFERENCE\0",
+        "VFF_STATUS_NO_REFERENCE\0",
+        "VFF_STATUS_NOT_OBSERVED\0",
+        "VFF_STATUS_NO_OBSTACLE\0",
+        "VFF_STATUS_NOT_A_CLOUD\0",
+        "VFF_STATUS_TOO_MANY\0",
+        "VFF_STATUS_PERIOD\0",
+        "VFF_STATUS_TORQUE\0",
+        "VFF_STATUS_BUSY\0",
+        "VFF_STATUS_PANIC\0",
+    ];
+    let name = usize::try_from(status).ok().and_then(|status| NAMES.get(status));
+    name.unwrap_or(&"?\0").as_ptr().cast()
+}

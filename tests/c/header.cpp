@@ -1,0 +1,58 @@
+// What the C++ header promises of its types, checked by the compiler.
+
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+#include <vffnull.hpp>
+
+using vff::Cloud;
+using vff::Controller;
+using vff::Robot;
+
+static_assert(!std::is_copy_constructible_v<Robot> && std::is_nothrow_move_constructible_v<Robot>);
+static_assert(!std::is_copy_constructible_v<Controller> && std::is_nothrow_move_constructible_v<Controller>);
+static_assert(!std::is_copy_constructible_v<Cloud> && std::is_nothrow_move_assignable_v<Cloud>);
+
+static_assert(noexcept(std::declval<Controller&>().observe(0.0, {}, {})));
+static_assert(noexcept(std::declval<Controller&>().torque({})));
+static_assert(noexcept(std::declval<Controller&>().set_reference({})));
+static_assert(noexcept(std::declval<Controller&>().move_obstacle(0, 0.0, {})));
+static_assert(noexcept(std::declval<const Controller&>().terms(std::declval<vff::Terms&>())));
+
+static_assert(std::is_convertible_v<const std::vector<double>&, vff::Input>);
+static_assert(std::is_convertible_v<std::vector<double>&, vff::Output>);
+static_assert(std::is_convertible_v<double (&)[7], vff::Output>);
+static_assert(!std::is_convertible_v<const std::vector<double>&, vff::Output>, "what is constant is not written to");
+static_assert(!std::is_convertible_v<std::vector<float>&, vff::Input>);
+
+int main() {
+    // Faults are thrown with their sentence where something is made, and returned in the loop.
+    try {
+        Robot::named("pandas");
+        return 1;
+    } catch (const vff::Error& error) {
+        if (error.code() != VFF_STATUS_DOCUMENT || std::string(error.what()).find("panda") == std::string::npos) return 2;
+    }
+    Controller first(Robot::named("panda"), "task = 'pose'");
+    Controller controller = std::move(first);
+    std::vector<double> q(7), short_q(6), tau(7);
+    if (controller.observe(0.0, q, short_q).code() != VFF_STATUS_LENGTH) return 3;
+    if (controller.observe(0.0, short_q, q).code() != VFF_STATUS_LENGTH) return 4;
+    if (std::string(vff::message()) != "q: expected 7 numbers, got 6") return 5;
+    if (controller.torque(tau).code() != VFF_STATUS_NOT_OBSERVED) return 6;
+    const auto id = controller.add_obstacle("shape = { kind = 'points', points = [], radius = 0.01 }");
+    Cloud cloud = controller.cloud(id, 2);
+    cloud.update(std::vector<double>(6, 0.5));
+    try {
+        cloud.update(std::vector<double>(9, 0.5));
+        return 7;
+    } catch (const vff::Error& error) {
+        if (error.code() != VFF_STATUS_TOO_MANY) return 8;
+    }
+    if (!controller.observe(0.0, q, q) || !controller.set_reference(Robot::named("panda").pose(q))) return 9;
+    if (!controller.torque(tau) || controller.null_projector().size() != 49) return 10;
+    if (controller.obstacles() != std::vector<std::uint32_t>{id}) return 11;
+    return first.get() == nullptr ? 0 : 12;
+}
