@@ -36,15 +36,29 @@ VIEWS: dict[str, Array] = {
 """Flat pictures along an axis, called after what is to the right and what is up."""
 
 _AXES = (np.array(to_rgb("#D62728")), np.array(to_rgb("#2CA02C")), np.array(to_rgb("#1F77B4")))
-_ELEVATION, _AZIMUTH = 20.0, -52.0  # degrees
+ELEVATION, AZIMUTH = 20.0, -52.0
+"""Where from a scene is seen [°]."""
+DARK = np.array([60, 64, 72]) / 255.0
+"""The colour of obstacles among links that are coloured by clearance."""
 _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
 _DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
 
 
-def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) -> list[Layer]:
-    """What there is of bodies at an instant, in the colours of their roles, or the arm in another one."""
+def layers_at(
+    scene: Scene,
+    row: int,
+    *,
+    colour: Any = None,
+    tool: bool = True,
+    shades: Sequence[Array] | None = None,
+) -> list[Layer]:
+    """What there is of bodies at an instant, in the colours of their roles, or the arm in another one.
+
+    With `shades` of the links, red, green, blue (3,) from 0 to 1, obstacles are dark.
+    """
+    solid = _tint(COLOURS["obstacle"], 0.15) if shades is None else DARK
     solids: list[Solid | Balls] = []
     surfaces, box = [], padded(scene)
     thin = _ROD * scene.reach
@@ -55,11 +69,13 @@ def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) 
                 surfaces.append(Solid(corners, radius, np.array(to_rgb(COLOURS["obstacle"]))))
             case Body(role="obstacle", corners=corners, radius=radius):
                 found = _cut(corners, radius, box)
-                solids += [] if found is None else [Solid(found, radius, _tint(COLOURS["obstacle"], 0.15))]
+                solids += [] if found is None else [Solid(found, radius, solid)]
             case Cloud(points=points, radius=radius):
-                solids.append(balls(points, radius, box, _tint(COLOURS["obstacle"], 0.15)))
+                solids.append(balls(points, radius, box, solid))
             case Body(role="base", corners=corners, radius=radius):
                 solids.append(Solid(corners, radius, np.array([0.55, 0.56, 0.58])))
+            case Body(index=index, corners=corners, radius=radius) if shades is not None:
+                solids.append(Solid(corners, radius, shades[index] * (0.9 if index % 2 else 1.0)))
             case Body(index=index, corners=corners, radius=radius):
                 shade = _tint(COLOURS["link"] if colour is None else colour, 0.18 if index % 2 else 0.5)
                 solids.append(Solid(corners, radius, shade))
@@ -168,7 +184,7 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
     low, high = padded(scene)
     ax: Any = fig.add_axes(rect, projection="3d")
     ax.set_proj_type("ortho")
-    ax.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+    ax.view_init(elev=ELEVATION, azim=AZIMUTH)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.set_box_aspect(high - low, zoom=0.97)
     ax.patch.set_alpha(0.0)

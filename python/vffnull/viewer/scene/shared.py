@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vffnull._arm import quaternion
 from vffnull._core import rotations
-from vffnull.plotting import primitives
+from vffnull.plotting import primitives, style
 from vffnull.plotting.geometry import points_in_space
 from vffnull.scenario import Scenario
 from vffnull.viewer.scene.meshes import Mesh
@@ -27,7 +27,7 @@ Core = tuple[Array, float]
 """Corners (·, D) [m] of an obstacle's core, relative to its position, and the radius [m] around it."""
 Quaternion = tuple[float, float, float, float]
 
-NEAR, HIT = np.array([230, 130, 30]), np.array([200, 20, 40])
+NEAR, HIT = np.array(style.NEAR), np.array(style.CONTACT)
 """Colours of a link that is half way into the influence distance, and in contact."""
 OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
     (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),

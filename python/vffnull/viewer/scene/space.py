@@ -10,7 +10,7 @@ import viser
 
 from vffnull._arm import SpatialArm, frame, quaternion, rotation
 from vffnull._core import distances
-from vffnull.plotting import geometry
+from vffnull.plotting import geometry, style
 from vffnull.scenario import Scenario
 from vffnull.viewer.scene.cup import Cup
 from vffnull.viewer.scene.meshes import Mesh, solid, turned
@@ -60,7 +60,7 @@ class SpaceScene(Scene):
 
     views: ClassVar[Mapping[str, str]] = dict.fromkeys((*VIEWS, FOLLOW), HINT)
     up = "+z"
-    FREE = np.array([196, 204, 214])
+    FREE = np.array(style.FREE)
     HALO_OPACITY = 0.06
 
     def __init__(
