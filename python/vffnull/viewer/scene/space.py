@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -375,8 +376,13 @@ class SpaceScene(Scene):
             shadow_opacity=0.2,
             position=(0.0, 0.0, self._floor + 0.002 * reach),
         )
-        for i, part in enumerate(each for each in self._still.parts if each.index < 0):
-            self._mesh(f"/base/{i}", solid(part.corners[0], part.radius), (120, 124, 132), casts=True)
+        base = [solid(part.corners[0], part.radius) for part in self._still.parts if part.index < 0]
+        if self._dress is not None:
+            mount = frame(scenario.to_dict()["arm"].get("mount", {}))
+            looks = self._looks(self._geometry.base)
+            base = [replace(each, vertices=each.vertices @ mount[:3, :3].T + mount[:3, 3]) for each in looks]
+        for i, mesh in enumerate(base):
+            self._mesh(f"/base/{i}", mesh, (120, 124, 132), casts=True)
 
     def _floor_of(self, scenario: Scenario) -> float:
         """The height of what the arm stands on [m]: of a table, else of its base; a little below an arm that
@@ -402,19 +408,23 @@ class SpaceScene(Scene):
         for i, pose in enumerate(poses):
             name = f"{path}/{i}"
             nodes.append(self._server.scene.add_frame(name, show_axes=False))
+            bodies = [
+                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (0.8 if ghost else 1.0))
+                for part in self._still.parts
+                if part.index == i
+            ]
+            if self._dress is not None and not ghost:
+                bodies = self._looks(self._geometry.link_names[i])
             links.append(
                 [
                     self._mesh(
                         f"{name}/{k}",
-                        solid(
-                            (part.corners[0] - pose[:3, 3]) @ pose[:3, :3],
-                            part.radius * (0.8 if ghost else 1.0),
-                        ),
+                        mesh,
                         GHOST if ghost else self.FREE,
                         opacity=0.28 if ghost else None,
                         casts=not ghost,
                     )
-                    for k, part in enumerate(each for each in self._still.parts if each.index == i)
+                    for k, mesh in enumerate(bodies)
                 ]
             )
         if ghost:
@@ -422,6 +432,15 @@ class SpaceScene(Scene):
         else:
             self._nodes = nodes
         return links
+
+    def _looks(self, link: str) -> list[Mesh]:
+        """The surfaces of a link; of what has no triangles the hull."""
+        return [
+            Mesh(each.points, each.triangles)
+            if len(each.triangles)
+            else solid(each.points, float(each.radii.max()))
+            for each in (self._dress or {}).get(link, ())
+        ]
 
     def _add_tip(self) -> viser.MeshHandle:
         return self._mesh("/tip", solid(np.zeros((1, 3)), 0.008 * self.reach), TIP)
