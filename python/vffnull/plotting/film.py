@@ -22,8 +22,8 @@ from vffnull.plotting.primitives import COLOURS, Arrow, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, arrow
 
 if TYPE_CHECKING:
-    from vffnull._outcome import Outcome
     from vffnull.plotting.primitives import Rows
+    from vffnull.result import Result
 
 __all__ = ["SpacePicture"]
 
@@ -40,7 +40,7 @@ _GROUND = 2.4  # of the arm's reach, how far the ground is seen
 class SpacePicture:
     """The frames of a film, each an array of dots (height, width, 3)."""
 
-    def __init__(self, result: Outcome, scene: Scene, rows: Rows, speed: float) -> None:
+    def __init__(self, result: Result, scene: Scene, rows: Rows, speed: float) -> None:
         self._scene, self._rows = scene, rows
         self._clearance, self._error = result.clearance, tracking.distance(result)
         sizes = np.linalg.norm(scene.pushes[1][rows], axis=2).max(axis=1, initial=0.0)

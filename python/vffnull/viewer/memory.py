@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-State = Mapping[str, Any]
+if TYPE_CHECKING:
+    from vffnull._core import LiveState
 
 KEPT = 30.0
 """How far back one can look [s]."""
@@ -20,7 +20,7 @@ class Memory:
     """States of the loop and of the ghost beside it, and whether one of them is looked at now."""
 
     def __init__(self) -> None:
-        self._states: deque[tuple[State, State | None]] = deque()
+        self._states: deque[tuple[LiveState, LiveState | None]] = deque()
         self.back: float | None = None
         """How far back is looked at [s]; None while the present is."""
         self.plays = False
@@ -40,7 +40,7 @@ class Memory:
         """Look at the present."""
         self.back, self.plays = None, False
 
-    def add(self, state: State, ghost: State | None) -> None:
+    def add(self, state: LiveState, ghost: LiveState | None) -> None:
         """Take in what is drawn, if it is later than the last."""
         if self._states and state["t"] <= self._states[-1][0]["t"]:
             return
@@ -63,7 +63,7 @@ class Memory:
             self.look(self.back - passed)
             self.plays = self.back is not None
 
-    def seen(self) -> tuple[State, State | None] | None:
+    def seen(self) -> tuple[LiveState, LiveState | None] | None:
         """What is looked at; None if that is the present."""
         if self.back is None or not self._states:
             return None
