@@ -1,8 +1,9 @@
 // Draws a scene in space with light and shadow; see `space.js`. Without WebGL there is none, but `flat.js`.
 const webglPainter = (() => {
   "use strict";
-  const SUN = [0.36, -0.48, 0.8], SOFT = 10; // the direction of the light, and the suns that make a soft shadow
-  const AROUND = 40;
+  const SUN = [0.36, -0.48, 0.8]; // the direction of the light
+  // On a graphics card: how many suns make a soft shadow, and how many sides what is round has. Without one: fewer.
+  const CARD = { suns: 8, around: 40 }, NONE = { suns: 1, around: 24 };
 
   const COMMON = `#version 300 es
     precision highp float;
@@ -26,8 +27,9 @@ const webglPainter = (() => {
       n = mat3(model) * (normal / size);
       gl_Position = view * vec4(world, 1);
     }`, `${COMMON}
-    uniform vec3 eye, colour; uniform float opacity; uniform int look; in vec3 world, n; out vec4 dot_;
+    uniform vec3 eye, colour; uniform float opacity, ground; uniform int look; in vec3 world, n; out vec4 dot_;
     void main() {
+      if (world.z < ground) discard;
       vec3 toEye = normalize(eye - world), m = normalize(n);
       if (look == 2) { dot_ = vec4(colour, 1) * opacity; return; }
       if (look == 1) { // a shell, of which the rim is seen best
@@ -124,7 +126,7 @@ const webglPainter = (() => {
     return { array, count: indices ? indices.length : (4 * vertices.length) / stride };
   };
   // What a profile of [radius, height, radius and height of its normal, end] makes by a turn about the z axis.
-  const turned = (gl, profile, around = AROUND) => {
+  const turned = (gl, profile, around) => {
     const vertices = [], indices = [];
     profile.forEach(([r, z, nr, nz, end], row) => {
       for (let k = 0; k <= around; k++) {
@@ -136,9 +138,10 @@ const webglPainter = (() => {
     return mesh(gl, vertices, [3, 3, 1], indices);
   };
   const steps = (from, to, count) => Array.from({ length: count + 1 }, (_, i) => from + ((to - from) * i) / count);
-  const ball = gl => {
+  const ball = (gl, around) => {
     const row = end => angle => [Math.cos(angle), Math.sin(angle), Math.cos(angle), Math.sin(angle), end];
-    return turned(gl, [...steps(-Math.PI / 2, 0, 10).map(row(0)), ...steps(0, Math.PI / 2, 10).map(row(1))]);
+    const tall = around >> 2;
+    return turned(gl, [...steps(-Math.PI / 2, 0, tall).map(row(0)), ...steps(0, Math.PI / 2, tall).map(row(1))], around);
   };
   // Along the z axis, of length 1.
   const arrow = gl => turned(gl, [[0, 0, 0, -1], [0.09, 0, 0, -1], [0.09, 0, 1, 0], [0.09, 0.62, 1, 0], [0.09, 0.62, 0, -1],
@@ -189,10 +192,13 @@ const webglPainter = (() => {
   return (canvas, scene, vec, redraw) => {
     const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, stencil: true, preserveDrawingBuffer: true });
     if (!gl) return null;
+    const told = gl.getExtension("WEBGL_debug_renderer_info");
+    const card = String(gl.getParameter(told ? told.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+    const { suns, around } = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(card) ? NONE : CARD;
     let programs, meshes, made;
     const build = () => {
       programs = Object.fromEntries(Object.entries({ BODY, POINTS, LINES, FLOOR }).map(([name, text]) => [name, compile(gl, text)]));
-      meshes = { rod: ball(gl), arrow: arrow(gl), ring: ring(gl) };
+      meshes = { rod: ball(gl, around), shade: ball(gl, 16), arrow: arrow(gl), ring: ring(gl) };
       meshes.floor = mesh(gl, [-1, -1, 0, 1, -1, 0, -1, 1, 0, 1, 1, 0], [3], [0, 1, 2, 2, 1, 3]);
       made = new Map();
     };
@@ -232,7 +238,7 @@ const webglPainter = (() => {
         paint(found, gl.TRIANGLES, item.radius > 0);
         return;
       }
-      paint(meshes[item.kind]);
+      paint(meshes[how.casts ? "shade" : item.kind]);
     };
 
     const draw = (_, camera, row) => {
@@ -242,7 +248,7 @@ const webglPainter = (() => {
       const depth = (far + near) / (near - far), offset = (2 * far * near) / (near - far);
       const project = ([x, y, z], w) => [x / (slope * aspect), y / slope, depth * z + w * offset, -z];
       const view = [...columns.flatMap(column => project(column, 0)), ...project(shift, 1)];
-      const scale = canvas.height / 2 / slope, common = { view, eye, right, up, back, scale, casts: false, opacity: 1, look: 0 };
+      const scale = canvas.height / 2 / slope, common = { view, eye, right, up, back, scale, casts: false, opacity: 1, look: 0, ground: -1e9 };
       gl.viewport(0, 0, canvas.width, canvas.height);
       gl.depthMask(true);
       gl.clearColor(0, 0, 0, 0);
@@ -257,9 +263,9 @@ const webglPainter = (() => {
         paint(meshes.floor);
         gl.enable(gl.STENCIL_TEST);
         gl.stencilOp(gl.KEEP, gl.KEEP, gl.REPLACE);
-        const dark = { ...common, casts: true, look: 2, opacity: 0.28 / SOFT, colour: [0.09, 0.11, 0.16] };
-        for (let k = 0; k < SOFT; k++) { // every dot gets dark once in the light of each of the suns
-          const angle = 2.4 * k, wide = 0.075 * Math.sqrt((k + 0.5) / SOFT);
+        const dark = { ...common, casts: true, look: 2, opacity: 0.28 / suns, colour: [0.09, 0.11, 0.16] };
+        for (let k = 0; k < suns; k++) { // every dot gets dark once in the light of each of the suns
+          const angle = 2.4 * k, wide = suns > 1 ? 0.075 * Math.sqrt((k + 0.5) / suns) : 0;
           gl.stencilFunc(gl.NOTEQUAL, k + 1, 0xff);
           const sun = [SUN[0] + wide * Math.cos(angle), SUN[1] + wide * Math.sin(angle), SUN[2], scene.floor];
           for (const item of solids) if (item.kind !== "ring" && item.kind !== "arrow") solid(item, { ...dark, sun });
@@ -267,7 +273,8 @@ const webglPainter = (() => {
         gl.disable(gl.STENCIL_TEST);
       }
       gl.enable(gl.DEPTH_TEST);
-      for (const item of solids) solid(item, common);
+      const ground = scene.floor === null ? -1e9 : scene.floor - 1e-4 * scene.reach; // hides what is below
+      for (const item of solids) solid(item, { ...common, ground });
       for (const each of lines) {
         const { array } = once(each.points, () => line(gl, each.points, vec));
         programs.LINES({ view, half_: [canvas.width / 2, canvas.height / 2], width: (each.width / 2) * (canvas.width / canvas.clientWidth), dash: each.dash, colour: each.colour });

@@ -16,7 +16,7 @@ from vffnull.scenario import Scenario, scenarios
 from vffnull.viewer.memory import KEPT
 from vffnull.viewer.plots import measures
 from vffnull.viewer.scene.cup import SPILLS
-from vffnull.viewer.stories import IN_SPACE, IN_THE_PLANE, STORIES
+from vffnull.viewer.stories import GIVING_WAY, IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.viewer.tasks import TASKS, with_task
 
 LEAD = """
@@ -122,7 +122,11 @@ class Panel:
         self._numbers = gui.add_html("")
         self._stories = [
             gui.add_button_group(label, tuple(stories))
-            for label, stories in (("Stories", IN_THE_PLANE), ("In space", IN_SPACE))
+            for label, stories in (
+                ("Stories", IN_THE_PLANE),
+                ("In space", IN_SPACE),
+                ("Giving way", GIVING_WAY),
+            )
         ]
         self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):

@@ -95,6 +95,13 @@ IN_SPACE: dict[str, Story] = {
             "reference": _to_and_fro([0.0, -0.15, 0.0], [0.0, 0.15, 0.0], 0.5),
         },
     ),
+    "Pointer": Story(
+        "panda-pointing",
+        "The tool draws circles and keeps its direction, while a bar swings through the forearm.",
+    ),
+}
+
+GIVING_WAY: dict[str, Story] = {
     "Around": Story(
         "panda-cup",
         "A ball hangs where the cup has to pass. Barriers let the hand go around it and come back; nothing "
@@ -148,10 +155,6 @@ IN_SPACE: dict[str, Story] = {
             "controller.yielding.preview": {},
         },
     ),
-    "Pointer": Story(
-        "panda-pointing",
-        "The tool draws circles and keeps its direction, while a bar swings through the forearm.",
-    ),
 }
 
-STORIES = IN_THE_PLANE | IN_SPACE
+STORIES = IN_THE_PLANE | IN_SPACE | GIVING_WAY
