@@ -156,7 +156,7 @@ class SpacePicture:
         ax.plot(t, least, color="#C9CDD3", linewidth=1.2)
         low, high = min(0.0, float(np.nanmin(least))), float(np.nanmax(least))
         ax.set(xlim=(t[0], max(t[-1], t[0] + 1e-9)), ylim=(low - 0.04 * (high - low), max(high, low + 1e-3)))
-        ax.yaxis.set_major_locator(MaxNLocator(nbins=2))
+        ax.yaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 5, 10]))
         ax.set_ylabel("clearance\n[m]", fontsize=6.5)
         ax.tick_params(labelsize=6.5)
         ax.annotate("t [s]", (0.0, 0.0), xycoords="axes fraction", xytext=(-8, -8.5), fontsize=6.5,

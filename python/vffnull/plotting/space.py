@@ -41,6 +41,9 @@ ELEVATION, AZIMUTH = 20.0, -52.0
 DARK = np.array([60, 64, 72]) / 255.0
 """The colour of obstacles among links that are coloured by clearance."""
 _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
+TABLE = np.array([222, 214, 202]) / 255.0
+"""The same of planes."""
+_FAR = 1.5  # of the arm's reach, beyond the arm's own box
 _DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
@@ -56,17 +59,20 @@ def layers_at(
 ) -> list[Layer]:
     """What there is of bodies at an instant, in the colours of their roles, or the arm in another one.
 
-    With `shades` of the links, red, green, blue (3,) from 0 to 1, obstacles are dark.
+    With `shades` of the links, red, green, blue (3,) from 0 to 1, obstacles are dark, and are cut off only
+    where they are far away.
     """
     solid = _tint(COLOURS["obstacle"], 0.15) if shades is None else DARK
+    flat = np.array(to_rgb(COLOURS["obstacle"])) if shades is None else TABLE
     solids: list[Solid | Balls] = []
-    surfaces, box = [], padded(scene)
+    surfaces, around = [], padded(scene)
+    box = around if shades is None else (around[0] - _FAR * scene.reach, around[1] + _FAR * scene.reach)
     thin = _ROD * scene.reach
     roles: tuple[Role, ...] = ("obstacle", "base", "link", "tool")
     for each in scene.at(row, roles if tool else roles[:-1]):
         match each:
             case Body(role="obstacle", corners=corners, radius=radius) if geometry.is_surface(corners):
-                surfaces.append(Solid(corners, radius, np.array(to_rgb(COLOURS["obstacle"]))))
+                surfaces.append(Solid(corners, radius, flat))
             case Body(role="obstacle", corners=corners, radius=radius):
                 found = _cut(corners, radius, box)
                 solids += [] if found is None else [Solid(found, radius, solid)]
@@ -84,7 +90,8 @@ def layers_at(
                     tip = origin + length * axes[:, i]
                     solids.append(Solid(np.stack([origin, tip]), 1.4 * thin, paint))
     made = [Layer(solids, floor=floor_of(scene))]
-    return [*made, Layer(surfaces, 0.25, box=box)] if surfaces else made
+    opacity = 0.25 if shades is None else 0.5
+    return [*made, Layer(surfaces, opacity, box=around)] if surfaces else made
 
 
 def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Layer]:

@@ -103,7 +103,7 @@ const vffnullSpace = (() => {
         const tall = Math.abs(dot(corner, up)), wide = Math.abs(dot(corner, right)) / aspect;
         away = Math.max(away, dot(corner, direction) + Math.max(tall, wide) / slope);
       }
-      return 0.94 * away; // the box is larger than what is in it
+      return away;
     };
     scene.middle = middle;
     return scene;
