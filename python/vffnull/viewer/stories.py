@@ -134,7 +134,7 @@ GIVING_WAY: dict[str, Story] = {
                 "relative": True,
             },
             "controller.field.gain": 60.0,
-            "controller.field.influence": 0.15,
+            "controller.field.influence": 0.1,
             "controller.avoidance": "cbf",
             "controller.yielding.task_weight": 300.0,
         },

@@ -404,12 +404,13 @@ class SpaceScene(Scene):
         The other arm is a little thinner, so that it is not seen where it is the same.
         """
         poses = self._geometry.link_poses(self._start)
+        thin = 0.8 if self._dress is None else 0.45  # a robot is thinner than what is measured of it
         nodes, links = [], []
         for i, pose in enumerate(poses):
             name = f"{path}/{i}"
             nodes.append(self._server.scene.add_frame(name, show_axes=False))
             bodies = [
-                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (0.8 if ghost else 1.0))
+                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (thin if ghost else 1.0))
                 for part in self._still.parts
                 if part.index == i
             ]
