@@ -13,7 +13,7 @@ from PIL import Image
 
 import vffnull as vff
 from vffnull._arm import SpatialArm, rotation
-from vffnull.plotting import film, geometry, limits, null_space, space, style, tracking
+from vffnull.plotting import animation, film, geometry, limits, null_space, space, style, tracking
 from vffnull.plotting.primitives import Axes, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
 
@@ -447,6 +447,30 @@ def test_a_film_shows_how_near_it_is(result: vff.Result, scene: Scene) -> None:
             height - 1 - bottom - int(y) - 3 : height - 1 - bottom - int(y) + 3, int(x) - 3 : int(x) + 3
         ]
         assert dark.mean() < 90
+
+
+def test_a_gif_keeps_shades_and_white(result: vff.Result, scene: Scene, tmp_path: Path) -> None:
+    """256 colours and a pattern that stands still: smooth shades stay so, white is white."""
+    path = result.animate(tmp_path / "run.gif", fps=1, speed=6.0)
+    rows = animation.frames(result, 1, 6.0)
+    with style.look():
+        picture = film.SpacePicture(result, scene, rows, 6.0)
+        drawn = picture.at(1).astype(float)
+    with Image.open(path) as made:
+        made.seek(1)
+        shown = np.asarray(made.convert("RGB"), dtype=float)
+    white = (drawn == 255).all(axis=2)
+    assert (shown[white] == 255).all()
+    away = np.abs(shown - drawn)[~white]
+    assert away.mean() < 4.0
+    tall, wide = (size // 8 * 8 for size in drawn.shape[:2])
+
+    def smooth(dots: Any) -> Any:
+        """Means of squares of 8 by 8 dots, in which the pattern vanishes."""
+        return dots[:tall, :wide].reshape(tall // 8, 8, wide // 8, 8, 3).mean(axis=(1, 3))
+
+    assert np.abs(smooth(shown) - smooth(drawn)).max() < 8.0
+    np.testing.assert_allclose(animation._BAYER.mean(), 0.0, atol=1e-12)
 
 
 def test_a_film_without_obstacles(tmp_path: Path) -> None:

@@ -40,6 +40,8 @@ _GROUND = 2.4  # of the arm's reach, how far the ground is seen
 class SpacePicture:
     """The frames of a film, each an array of dots (height, width, 3)."""
 
+    shaded = True
+
     def __init__(self, result: Result, scene: Scene, rows: Rows, speed: float) -> None:
         self._scene, self._rows = scene, rows
         self._clearance, self._error = result.clearance, tracking.distance(result)

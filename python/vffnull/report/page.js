@@ -165,7 +165,7 @@
     slider.addEventListener("input", () => window.vffnullSeek(Number(slider.value)));
     $("play").addEventListener("click", toggle);
     document.addEventListener("keydown", event => {
-      if (["SELECT", "SUMMARY"].includes(event.target.tagName)) return;
+      if (["SELECT", "SUMMARY"].includes(event.target.tagName) || event.target.closest(".views")) return;
       const jump = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
       if (event.key === " ") toggle();
       else if (jump) window.vffnullSeek(time + (jump * (end - begin)) / (event.shiftKey ? 20 : 200));
