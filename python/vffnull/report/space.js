@@ -131,7 +131,8 @@ const vffnullSpace = (() => {
   };
 
   let frame = null, gliding = null;
-  const draw = () => { frame = null; for (const view of views) if (view.canvas.width > 1) view.painter.draw(view.scene, camera(view), view.row); };
+  const paint = view => { if (view.sized) view.painter.draw(view.scene, camera(view), view.row); };
+  const draw = () => { frame = null; views.forEach(paint); };
   const redraw = () => { if (frame === null) frame = requestAnimationFrame(draw); };
 
   const tilt = angle => {
@@ -203,18 +204,19 @@ const vffnullSpace = (() => {
       const dots = Math.min(devicePixelRatio || 1, 2);
       canvas.width = Math.round(canvas.clientWidth * dots);
       canvas.height = Math.round(canvas.clientHeight * dots);
-      draw();
+      view.sized = canvas.width > 1 && canvas.height > 1;
+      paint(view);
     };
     new ResizeObserver(resized).observe(canvas);
   };
 
   // Draws a run into a canvas; `show(row)` draws another instant, at once.
   const open = (canvas, run, unpack, painters = [webglPainter, flatPainter]) => {
-    const scene = sceneOf(run.space, run.colours, unpack), view = { canvas, scene, row: 0 };
+    const scene = sceneOf(run.space, run.colours, unpack), view = { canvas, scene, row: 0, sized: false };
     view.painter = painters.reduce((found, make) => found || make(canvas, scene, vec, redraw), null);
     views.push(view);
     listen(view);
-    return { show(row) { view.row = row; if (canvas.width > 1) view.painter.draw(scene, camera(view), row); } };
+    return { show(row) { view.row = row; paint(view); } };
   };
   const colour = byLink => { for (const view of views) view.scene.byLink = byLink; redraw(); };
   // Where on its canvas a run shows a place [m], in the canvas's dots.
