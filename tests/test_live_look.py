@@ -242,3 +242,17 @@ def test_a_live_page_draws_the_robot_s_own_meshes(robot: Any, tmp_path: Path) ->
         assert not page._panel._meshes.visible and len(page._scene._links) == 7
     finally:
         page.stop()
+
+
+def test_the_command_line_takes_meshes(robot: Any) -> None:
+    """They reach the page, which says what it cannot do with them."""
+    pytest.importorskip("viser")
+    from click.testing import CliRunner
+
+    from vffnull.cli.live import live
+
+    path, _, _ = robot
+    result = CliRunner().invoke(
+        live, ["swing", "--no-browser", "--meshes", str(path), "--package", str(path.parents[1])]
+    )
+    assert isinstance(result.exception, InputError) and "in the plane" in str(result.exception)
