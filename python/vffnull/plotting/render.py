@@ -354,7 +354,9 @@ def _laid(sheets: list[Sheet], shape: tuple[int, int]) -> Shades:
     picture = np.zeros((*shape, 4), dtype=np.float32)
     if not sheets:
         return picture
-    count = np.sum([opacity > 0.0 for _, _, opacity in sheets], axis=0, dtype=np.int8)
+    count: NDArray[np.int8] = np.zeros(shape, dtype=np.int8)
+    for _, _, opacity in sheets:
+        count += opacity > 0.0
     for colour, _, opacity in sheets:  # most dots see one sheet alone
         alone = (count == 1) & (opacity > 0.0)
         share = opacity[alone].astype(np.float32)
