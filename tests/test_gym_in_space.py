@@ -109,3 +109,36 @@ def test_many_are_as_one(action: Any, threads: int) -> None:
             assert (rewards[i], terminated[i], truncated[i]) == (reward, over, cut)
             assert infos["tracking_error"][i] == info["tracking_error"]
     assert truncated.all() and not terminated.any()
+
+
+@pytest.mark.parametrize("name", sorted(vff._core.ARMS))
+def test_an_action_of_one_is_a_torque_that_the_arm_is_made_for(name: str) -> None:
+    """By default every joint is carried against gravity and accelerated a little, within its limit, so that
+    whatever an untrained agent does for half a second is no explosion."""
+    arm = vff.Arm.named(name)
+    q0 = [0.3, -0.5, 0.2, -1.4, 0.1, 0.9, 0.2][: arm.n]
+    scenario = {
+        "arm": {"model": name},
+        "q0": q0,
+        "duration": 1.0,
+        "controller": {"task": "position", "stiffness": 50.0, "damping": 14.0},
+        "reference": {"kind": "setpoint"},
+    }
+    env = ReachEnv(scenario, action="torque", **EXACT)
+    limits = np.asarray(arm.torque_limits)
+    assert np.all(env.torque <= limits) and np.all(env.torque > 0.0)
+    weight = np.max([np.abs(arm.gravity_torque(q)) for q in (np.asarray(q0), 0.5 * np.asarray(q0))], axis=0)
+    assert np.all(env.torque > np.minimum(0.9 * weight, 0.99 * limits))
+    generator = np.random.default_rng(1)
+    env.reset(seed=1)
+    for _ in range(50):
+        _, _, terminated, _, info = env.step(generator.choice([-1.0, 1.0], arm.n))
+        assert not terminated and not info["diverged"]
+
+
+def test_full_torque_limits_throw_a_wrist_about() -> None:
+    """Why they are not the default: the wrist of a UR5e is too fast after a few hundredths of a second."""
+    arm = vff.Arm.named("ur5e")
+    env = ReachEnv("ur5e-sweep", action="torque", torque=arm.torque_limits, **EXACT)
+    env.reset()
+    assert any(env.step(np.ones(6))[4]["diverged"] for _ in range(10))

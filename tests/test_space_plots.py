@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
-import json
-import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -16,7 +13,7 @@ from PIL import Image
 
 import vffnull as vff
 from vffnull._arm import SpatialArm, rotation
-from vffnull.plotting import geometry, limits, null_space, space, tracking
+from vffnull.plotting import animation, film, geometry, limits, null_space, space, style, tracking
 from vffnull.plotting.primitives import Axes, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
 
@@ -422,17 +419,72 @@ def test_film(result: vff.Result, tmp_path: Path) -> None:
     assert (np.abs(frames[0] - frames[1]).sum(axis=2) > 60).mean() > 0.02
 
 
-def test_report(result: vff.Result, tmp_path: Path) -> None:
-    """Every body moves on the page, with its depth; what is drawn there is where the bodies are seen."""
-    text = result.report(tmp_path / "run.html").read_text(encoding="utf-8")
-    found = re.search(r'id="motion"[^>]*>(.*?)</script>', text, re.DOTALL)
-    assert found is not None
-    (run,) = json.loads(found[1])
-    assert len(run["parts"]) == 11  # ten capsules and the ball
-    assert "Rigid links in space" in text and "orientation of the end effector" in text
-    scene = Scene.of_result(result)
-    ends = np.frombuffer(base64.b64decode(run["parts"][1]["ends"]), "<f4").reshape(-1, 2, 2)
-    np.testing.assert_allclose(ends[0], geometry.seen(scene.parts[1].corners[0]), atol=1e-6)
+def test_a_film_shows_how_near_it_is(result: vff.Result, scene: Scene) -> None:
+    """Links turn from grey to orange as the ball comes near, the ball stays dark and is where it belongs;
+    words say the clearance and the error; the course of the clearance grows."""
+    rows = np.array([0, 15])
+    with style.look():
+        picture = film.SpacePicture(result, scene, rows, 1.0)
+        frames = [picture.at(i).astype(int) for i in range(2)]
+        words = [text.get_text() for text in picture._texts]
+    least = result.clearance[15].min()
+    assert words[0].startswith(f"t = {result.t[15]:.2f} s")
+    assert words[1] == f"clearance {1e3 * least:.0f} mm" and " µm" in words[2]
+    (course, now) = picture._course
+    assert len(course.get_xdata()) == 16 and now.get_ydata()[0] == least  # type: ignore[attr-defined]
+
+    def warm(frame: Any) -> float:
+        """The share of orange dots."""
+        red, green, blue = np.moveaxis(frame, 2, 0)
+        return float(((red > green + 50) & (green > blue + 20)).mean())
+
+    assert warm(frames[1]) > 0.02 > 0.002 > warm(frames[0])
+    canvas, height = picture._canvas, frames[0].shape[0]
+    bottom = round(picture._axes.bbox.y0)
+    for row, frame in zip(rows, frames, strict=True):
+        x, y = (canvas.view @ scene.obstacles[row, 0] - canvas.low) / canvas.dot
+        dark = frame[
+            height - 1 - bottom - int(y) - 3 : height - 1 - bottom - int(y) + 3, int(x) - 3 : int(x) + 3
+        ]
+        assert dark.mean() < 90
+
+
+def test_a_gif_keeps_shades_and_white(result: vff.Result, scene: Scene, tmp_path: Path) -> None:
+    """256 colours and a pattern that stands still: smooth shades stay so, white is white."""
+    path = result.animate(tmp_path / "run.gif", fps=1, speed=6.0)
+    rows = animation.frames(result, 1, 6.0)
+    with style.look():
+        picture = film.SpacePicture(result, scene, rows, 6.0)
+        drawn = picture.at(1).astype(float)
+    with Image.open(path) as made:
+        made.seek(1)
+        shown = np.asarray(made.convert("RGB"), dtype=float)
+    white = (drawn == 255).all(axis=2)
+    assert (shown[white] == 255).all()
+    away = np.abs(shown - drawn)[~white]
+    assert away.mean() < 4.0
+    tall, wide = (size // 8 * 8 for size in drawn.shape[:2])
+
+    def smooth(dots: Any) -> Any:
+        """Means of squares of 8 by 8 dots, in which the pattern vanishes."""
+        return dots[:tall, :wide].reshape(tall // 8, 8, wide // 8, 8, 3).mean(axis=(1, 3))
+
+    assert np.abs(smooth(shown) - smooth(drawn)).max() < 8.0
+    np.testing.assert_allclose(animation._BAYER.mean(), 0.0, atol=1e-12)
+
+
+def test_a_film_without_obstacles(tmp_path: Path) -> None:
+    quiet = vff.simulate("panda-sweep", {"obstacles": [], "duration": 0.1, "simulation.record_every": 50})
+    quiet.animate(tmp_path / "run.gif", fps=10)
+    with Image.open(tmp_path / "run.gif") as film_:
+        assert film_.height < film_.width  # no room for a clearance that there is not
+
+
+def test_colours_say_the_clearance() -> None:
+    ends = [style.by_clearance(share) * 255 for share in (-1.0, 0.5, 1.0, np.inf, np.nan)]
+    for found, wanted in zip(ends, [style.CONTACT, style.NEAR, *[style.FREE] * 3], strict=True):
+        np.testing.assert_allclose(found, wanted)
+    np.testing.assert_allclose(style.by_clearance(0.25) * 255, np.add(style.CONTACT, style.NEAR) / 2)
 
 
 def test_comparison(result: vff.Result, tmp_path: Path) -> None:

@@ -347,6 +347,8 @@ class Result(Outcome):
     ) -> Path | Film:
         """Show the arm in motion: obstacles and how far their fields reach, forces, the tip's trail, time.
 
+        In space, links have the colour of their clearance, and a strip shows the course of the smallest one.
+
         An arrow shows the repulsion on a link, at its point nearest to an obstacle and away from that.
 
         Parameters
@@ -394,7 +396,8 @@ class Result(Outcome):
         """Write everything about the run into one HTML file that needs nothing else, not even a network.
 
         The arm in motion with a time slider that is linked to the plots, the metrics, the scenario, the
-        assumptions and the version.
+        assumptions and the version. A scene in space is turned by dragging, and its links have the colour of
+        their clearance; a browser without WebGL shows it in a simpler way.
 
         Parameters
         ----------

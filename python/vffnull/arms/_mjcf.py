@@ -16,7 +16,7 @@ from vffnull import _core
 from vffnull.arms._frames import frame, matrix, six
 from vffnull.arms._read import Collision, finish, options, tell
 from vffnull.arms._report import Report
-from vffnull.arms._urdf import _text
+from vffnull.arms._urdf import text_of
 from vffnull.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def read_mjcf(
     mujoco = _import()
     model, source = _compiled(mujoco, mjcf)
     reader = _Reader(mujoco, model)
-    pairs = None if srdf is None else _text("srdf", srdf)[0]
+    pairs = None if srdf is None else text_of("srdf", srdf)[0]
     asked = options(
         tip,
         base,
@@ -139,7 +139,7 @@ def _compiled(mujoco: Any, given: Any) -> tuple[Any, str]:
         return given, "MjModel"
     if not isinstance(given, (str, os.PathLike)):
         raise InputTypeError(f"mjcf: expected a path, text or MjModel, got {type(given).__name__}")
-    text, path = _text("mjcf", given)
+    text, path = text_of("mjcf", given)
     try:
         if path is None:
             return mujoco.MjModel.from_xml_string(text), "MJCF"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from vffnull.arms._capsules import Fit, Solid
 
-__all__ = ["Collision", "MeshReader", "finish", "options", "tell"]
+__all__ = ["Collision", "MeshReader", "finish", "options", "solid_of", "tell"]
 
 Collision = Literal["fit", "file", "none"]
 MeshReader = Callable[[Mapping[str, Any], str], "Solid"]
@@ -135,7 +135,8 @@ def _name(item: Mapping[str, Any]) -> str:
     return f"{item['link']}: {form.get('file', form['kind'])}"
 
 
-def _solid(item: Mapping[str, Any], mesh: MeshReader) -> Solid:
+def solid_of(item: Mapping[str, Any], mesh: MeshReader) -> Solid:
+    """What a piece of geometry is made of, in the frame of its link."""
     from vffnull.arms._capsules import Solid
 
     form, name = item["form"], _name(item)
@@ -158,7 +159,7 @@ def _fit(arm: Mapping[str, Any], geometry: Sequence[Mapping[str, Any]], mesh: Me
         raise ImportError('fitting capsules needs SciPy: pip install "vffnull[meshes]"') from error
     solids: dict[str, list[Solid]] = defaultdict(list)
     for item in geometry:
-        solids[item["on"]].append(_solid(item, mesh))
+        solids[item["on"]].append(solid_of(item, mesh))
     order = [arm["base"], *(joint["link"] for joint in arm["joints"])]
     return [fit for link in order for fit in fit_solids(link, solids[link])]
 
@@ -181,7 +182,7 @@ def _as_in_file(
             shape = {"kind": "sphere", "center": place["position"], "radius": form["radius"]}
         else:
             try:
-                solid = _solid(item, mesh)
+                solid = solid_of(item, mesh)
             except MissingMeshError as error:
                 odd.append(f"{error}; it is left out")
                 continue

@@ -129,8 +129,8 @@ def read_urdf(
     Report
         The document, what is odd, and how tight the capsules are.
     """
-    text, path = _text("urdf", urdf)
-    pairs = None if srdf is None else _text("srdf", srdf)[0]
+    text, path = text_of("urdf", urdf)
+    pairs = None if srdf is None else text_of("srdf", srdf)[0]
     asked = options(tip, base, locked, tool, mount, gravity, armature, fix_inertia, pairs)
     reading = _core.read_urdf(text, asked)
     folder = None if path is None else path.resolve().parent
@@ -148,7 +148,7 @@ def read_urdf(
     return finish(reading, collision, mesh, str(path or "URDF"))
 
 
-def _text(name: str, given: str | os.PathLike[str]) -> tuple[str, Path | None]:
+def text_of(name: str, given: str | os.PathLike[str]) -> tuple[str, Path | None]:
     """The text, and the file that it comes from."""
     if isinstance(given, str) and given.lstrip("\ufeff \t\r\n").startswith("<"):
         return given, None

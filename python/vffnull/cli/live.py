@@ -31,6 +31,20 @@ __all__ = ["live"]
     metavar="ORIGIN",
     help="Another origin that may use the page, such as http://localhost:9000; may be repeated.",
 )
+@click.option(
+    "--meshes",
+    type=click.Path(path_type=Path, dir_okay=False, exists=True),
+    metavar="URDF",
+    help="Draw the arm with the visual geometry of its URDF.",
+)
+@click.option(
+    "--package",
+    "packages",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    multiple=True,
+    metavar="DIR",
+    help="Where the meshes are searched; may be repeated.",
+)
 @set_option
 def live(
     scenario: str,
@@ -38,6 +52,8 @@ def live(
     no_browser: bool,
     record_to: Path,
     origins: tuple[str, ...],
+    meshes: Path | None,
+    packages: tuple[Path, ...],
     assignments: tuple[str, ...],
 ) -> int:
     """Run a scenario in real time on a page: drag obstacles and target, turn the knobs.
@@ -53,7 +69,14 @@ def live(
     ready = prepared(scenario, assignments)
     port = free(port, "--port")
     page = open_page(
-        ready, port=port, open_browser=not no_browser, block=False, record_to=record_to, allow_origins=origins
+        ready,
+        port=port,
+        open_browser=not no_browser,
+        block=False,
+        record_to=record_to,
+        allow_origins=origins,
+        meshes=meshes,
+        packages=packages or None,
     )
     click.echo(f"{ready.name or 'scenario'} is running at {page.url}; Ctrl-C ends it")
     try:

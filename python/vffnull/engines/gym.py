@@ -38,6 +38,7 @@ _MODES = {
     AutoresetMode.DISABLED: "disabled",
 }
 _FLAGS = ("diverged",)
+_POSTURES, _ACCELERATION = 64, 4.0
 _MOST_ENVIRONMENTS = 65_536
 _LARGEST_SEED = 2**63 - 1
 
@@ -57,6 +58,8 @@ class _Episodes:
         self.scenario: Scenario = prepare(scenario, overrides)
         self.lock = threading.RLock()  # threads that share an environment take turns
         given = {name: value for name, value in settings.items() if value is not None}
+        if self.scenario.arm.dimension == 3:
+            given.setdefault("torque", _typical_torque(self.scenario).tolist())
         try:
             mode = _MODES[AutoresetMode(autoreset)]
         except ValueError:
@@ -106,8 +109,10 @@ class ReachEnv(gymnasium.Env["Array", "Array"]):
         How long an action lasts [s], a multiple of the control period; by default that nearest to 10 ms. The
         law goes on at its own rate in between.
     torque : float or (n,) array_like, optional
-        The torque of an action of 1 [N·m]. By default the torque limits of the arm or, without any, what
-        carries the stretched arm and accelerates each of its joints by 4 rad/s².
+        The torque of an action of 1 [N·m, N for a joint that slides]. By default of an arm in space what
+        carries every joint against gravity and accelerates it by 4 rad/s², or m/s², within its torque limit:
+        the limits of many wrists are a thousand times that. Of an arm in the plane the torque limits or,
+        without any, what does so for the stretched arm.
     start_noise : float, optional
         Every joint starts within this of its q0 [rad], evenly spread.
     obstacle_noise : float, optional
@@ -314,6 +319,22 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
                 f"options['reset_mask']: expected {self.num_envs} booleans, not all False, got {mask!r}"
             )
         return flags
+
+
+def _typical_torque(scenario: Scenario) -> Array:
+    """What carries each joint of an arm in space in some postures between its limits, and accelerates it at
+    4 rad/s², or m/s², there, but no more than its limit (n,).
+    """
+    arm = scenario.arm
+    count = len(scenario["q0"])
+    ends = np.full((count, 2), [-np.pi, np.pi]) if arm.joint_limits is None else np.asarray(arm.joint_limits)
+    low, high = np.clip(np.where(np.isfinite(ends), ends, [-np.pi, np.pi]), -np.pi, np.pi).T
+    postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, count))
+    postures[0] = scenario["q0"]
+    weight = np.max([np.abs(arm.gravity_torque(q)) for q in postures], axis=0)
+    inertia = np.max([np.diag(arm.mass_matrix(q)) for q in postures], axis=0)
+    limits = np.inf if arm.torque_limits is None else np.asarray(arm.torque_limits)
+    return np.asarray(np.minimum(weight + _ACCELERATION * inertia, limits))
 
 
 def _seed(name: str, value: Any) -> int | None:

@@ -31,6 +31,9 @@ ENDINGS = (".gif", ".mp4")
 
 _WIDTH, _DPI = 5.4, 120  # [in], dots per inch: 648 dots across
 _LONGEST = 0.11  # of the picture's width, the arrow of the greatest force
+_BAYER = 6.0 * (
+    np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16.0 - 15.0 / 32.0
+)  # in shades of 256
 _LEAST = 0.004  # of the picture's width, the shortest arrow that is drawn
 
 Progress = Callable[[float, float], None]
@@ -89,6 +92,8 @@ class Picture(Protocol):
 
     strongest: int
     """The frame with the greatest force."""
+    shaded: bool
+    """Whether there is light and shadow, which takes more colours than a drawing has."""
 
     def __len__(self) -> int: ...
 
@@ -101,17 +106,47 @@ def _write_gif(picture: Picture, file: IO[bytes], fps: float, progress: Progress
     """All frames share one palette, so that the file stays small and colours do not flicker."""
     count = len(picture)
     typical = np.unique([*range(0, count, max(1, count // 6)), picture.strongest])
-    mosaic = Image.fromarray(np.vstack([picture.at(i) for i in typical]))
-    palette = mosaic.quantize(colors=128, method=Image.Quantize.MAXCOVERAGE)
+    drawn = {int(i): picture.at(int(i)) for i in typical}
+    mosaic = np.vstack(list(drawn.values()))
+    if picture.shaded:
+        palette = _even_palette(mosaic)
+    else:
+        palette = Image.fromarray(mosaic).quantize(colors=128, method=Image.Quantize.MAXCOVERAGE)
 
     def indexed() -> Iterator[Image.Image]:
         for i in range(count):
-            yield Image.fromarray(picture.at(i)).quantize(palette=palette, dither=Image.Dither.NONE)
+            dots = drawn[i] if i in drawn else picture.at(i)
+            dots = _dithered(dots) if picture.shaded else dots
+            yield Image.fromarray(dots).quantize(palette=palette, dither=Image.Dither.NONE)
             progress(i + 1, count)
 
     images = indexed()
     pauses = [round(1000 / fps)] * (count - 1) + [1000]
     next(images).save(file, format="GIF", save_all=True, append_images=images, duration=pauses, loop=0)
+
+
+def _even_palette(dots: NDArray[np.uint8]) -> Image.Image:
+    """255 colours and white for shaded dots (h, w, 3): a shade that covers much gets more of them, but not by
+    as much as it covers.
+    """
+    cells, counts = np.unique(dots.reshape(-1, 3) >> 3, axis=0, return_counts=True)
+    cells, counts = cells[cells.min(axis=1) < 31], counts[cells.min(axis=1) < 31]  # white has its own
+    weights = np.clip(np.ceil(np.sqrt(counts) / 4.0).astype(int), 1, 40)
+    drawn = np.repeat(cells << 3 | 4, weights, axis=0).astype(np.uint8)
+    found = Image.fromarray(drawn[None]).quantize(255, method=Image.Quantize.MEDIANCUT, kmeans=3)
+    colours = (found.getpalette() or [])[: 3 * 255]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*colours, *[255] * (768 - len(colours))])
+    return palette
+
+
+def _dithered(dots: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Shades that a palette will cut into steps, with a pattern (Bayer's) that blurs these; it stands still,
+    so that nothing flickers. White stays white.
+    """
+    high, wide, _ = dots.shape
+    pattern = np.tile(_BAYER, (high // 4 + 1, wide // 4 + 1))[:high, :wide, None]
+    return np.where(dots == 255, 255, np.clip(np.rint(dots + pattern), 0, 254)).astype(np.uint8)
 
 
 def _write_mp4(picture: Picture, path: Path, fps: float, progress: Progress, encoder: Any) -> None:
@@ -130,6 +165,7 @@ def _write_mp4(picture: Picture, path: Path, fps: float, progress: Progress, enc
 class _Picture:
     """The frames of a film, each an array of dots (height, width, 3)."""
 
+    shaded = False
     _POLYGONS: tuple[Role, ...] = ("influence", "obstacle", "link")
 
     def __init__(self, result: Result, rows: Rows, speed: float) -> None:

@@ -1,6 +1,7 @@
 """The frames of a film of an arm in space.
 
-Axes and panes are drawn once; every frame puts the bodies over them, traced anew.
+The ground and the course of the clearance are drawn once; every frame puts the bodies over the ground, traced
+anew, the links in the colours of their clearance, and says in figures how the run is.
 """
 
 from __future__ import annotations
@@ -8,46 +9,65 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.colors import to_rgb
+from matplotlib.artist import Artist
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.image import AxesImage
+from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from vffnull.plotting import space, style
+from vffnull.plotting import geometry, space, style, tracking
 from vffnull.plotting.primitives import COLOURS, Arrow, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, arrow
 
 if TYPE_CHECKING:
-    from vffnull._outcome import Outcome
     from vffnull.plotting.primitives import Rows
+    from vffnull.result import Result
 
 __all__ = ["SpacePicture"]
 
-_WIDTH, _HEIGHT, _DPI = 5.0, 5.0, 110  # [in], [in], dots per inch
-_LONGEST = 0.2  # of the arm's reach, the arrow of the greatest force
+Array = NDArray[np.float64]
+
+_WIDTH, _DPI = 5.0, 120  # [in], dots per inch
+_PICTURE, _HEAD, _STRIP = 4.0, 0.42, 0.78  # heights [in]
+_LONGEST = 0.25  # of the arm's reach, the arrow of the greatest force
 _LEAST = 0.01  # of the arm's reach, the shortest arrow that is drawn
 _SHELL = 0.1  # opacity of how far a field reaches
+_GROUND = 2.4  # of the arm's reach, how far the ground is seen
 
 
 class SpacePicture:
     """The frames of a film, each an array of dots (height, width, 3)."""
 
-    def __init__(self, result: Outcome, scene: Scene, rows: Rows, speed: float) -> None:
+    shaded = True
+
+    def __init__(self, result: Result, scene: Scene, rows: Rows, speed: float) -> None:
         self._scene, self._rows = scene, rows
+        self._clearance, self._error = result.clearance, tracking.distance(result)
         sizes = np.linalg.norm(scene.pushes[1][rows], axis=2).max(axis=1, initial=0.0)
         self.strongest = int(sizes.argmax())
         self._scale = _LONGEST * scene.reach / (float(sizes.max()) or 1.0)  # m/N
+        self._near = scene.influence or 0.1 * scene.reach
         self._speed = "" if speed == 1.0 else f"  ({speed:g}×)"
-        figure: Any = style.figure(_HEIGHT, _WIDTH)  # Agg's blitting has no types
+        self._least = result.clearance.min(axis=1)
+        strip = _STRIP if np.isfinite(self._least).any() else 0.0
+        height = _PICTURE + _HEAD + strip
+        figure: Any = style.figure(height, _WIDTH)  # Agg's blitting has no types
         figure.set_layout_engine("none")
         figure.set_dpi(_DPI)
-        self._agg = figure.canvas
-        self._axes = space.stage(figure, scene, (0.0, 0.0, 1.0, 0.95))
-        figure.text(0.03, 0.96, result.scenario.name, ha="left", va="center")
-        self._clock = figure.text(0.97, 0.96, "", ha="right", va="center", animated=True)
+        self._figure, self._agg = figure, figure.canvas
+        self._axes = figure.add_axes((0.0, strip / height, 1.0, _PICTURE / height))
+        self._canvas = self._stage()
+        top = 1.0 - 0.15 / height
+        figure.text(0.03, top, result.scenario.name, ha="left", va="center", weight="bold", fontsize=9)
+        self._clock = self._say(0.03, top - 0.17 / height, ha="left", color=style.MUTED)
+        self._nearest = self._say(0.97, top, ha="right", weight="bold", fontsize=9)
+        self._off = self._say(0.97, top - 0.17 / height, ha="right", color=style.MUTED)
+        self._texts = [self._clock, self._nearest, self._off]
+        self._course = self._follow((0.13, 0.3 / height, 0.84, (strip - 0.42) / height)) if strip else []
         self._agg.draw()
-        view, scale, origin = space.view_of(self._axes)
-        self._canvas = self._framed(view, scale, origin)
-        self._image = self._placed(scale, origin)
+        self._image = self._placed()
         self._background = self._agg.copy_from_bbox(figure.bbox)
 
     def __len__(self) -> int:
@@ -59,8 +79,12 @@ class SpacePicture:
         self._agg.restore_region(self._background)
         self._image.set_data(self._canvas.draw(self.layers(row)))
         self._axes.draw_artist(self._image)
-        self._clock.set_text(f"t = {self._scene.t[row]:.2f} s{self._speed}")
-        self._clock.draw(self._agg.get_renderer())
+        self._tell(row)
+        for text in self._texts:
+            text.draw(self._agg.get_renderer())
+        for artist in self._course:
+            assert artist.axes is not None
+            artist.axes.draw_artist(artist)
         dots: NDArray[np.uint8] = np.asarray(self._agg.buffer_rgba())[..., :3].copy()
         return dots
 
@@ -79,23 +103,85 @@ class SpacePicture:
                         begin = tail + vector / length * scene.radii[index]  # on the link's surface
                         colour = np.array(to_rgb(COLOURS["force"]))
                         arrows += arrow(begin, vector * self._scale, thin, colour)
-        layers = space.layers_at(scene, row)
+        shades = [style.by_clearance(away / self._near) for away in self._clearance[row]]
+        layers = space.layers_at(scene, row, shades=shades)
         found = [*layers, Layer(arrows), *space.path_layers(scene, row, thin)]
         return [*found, Layer(shells, _SHELL)] if shells else found
 
-    def _framed(self, view: NDArray[Any], scale: float, origin: NDArray[Any]) -> Canvas:
-        """All of the axes, of which nothing need be cut off."""
-        corners = self._axes.transData.inverted().transform(self._axes.bbox.get_points())
-        low, high = (corners - origin) / scale
-        dot = space.dot_of(self._axes, scale)
-        wide, tall = np.ceil((high - low) / dot).astype(int)
-        return Canvas(view, low, dot, (int(tall), int(wide)))
+    # ------------------------------------------------------------------------------------------------ inside
 
-    def _placed(self, scale: float, origin: NDArray[Any]) -> AxesImage:
-        left, right, bottom, top = self._canvas.extent
-        across, up = origin[0] + scale * np.array([left, right]), origin[1] + scale * np.array([bottom, top])
-        image = AxesImage(self._axes, extent=(*across, *up), origin="lower", interpolation="antialiased")
+    def _stage(self) -> Canvas:
+        """The ground, and where the bodies are drawn: all of the axes, with the scene in the middle."""
+        ax, scene = self._axes, self._scene
+        view = geometry.looking(space.AZIMUTH, space.ELEVATION)
+        box = np.array(np.meshgrid(*zip(*space.padded(scene), strict=True))).reshape(3, -1).T @ view.T
+        low, high = box.min(axis=0), box.max(axis=0)
+        wide, tall = round(_WIDTH * _DPI), round(_PICTURE * _DPI)
+        dot = float(((high - low) / [wide, tall]).max())
+        low = (low + high - dot * np.array([wide, tall])) / 2.0
+        ax.set(xlim=(low[0], low[0] + wide * dot), ylim=(low[1], low[1] + tall * dot))
+        ax.set_axis_off()
+        floor = space.floor_of(scene)
+        if floor is not None:
+            ax.add_collection(_ground(scene, floor, view), autolim=False)
+        return Canvas(view, low, dot, (tall, wide))
+
+    def _placed(self) -> AxesImage:
+        extent = self._canvas.extent
+        image = AxesImage(self._axes, extent=extent, origin="lower", interpolation="nearest")
         image.set_animated(True)
-        image.set_clip_on(False)
         self._axes.add_artist(image)
         return image
+
+    def _say(self, x: float, y: float, **how: Any) -> Text:
+        """A place for words that change."""
+        return self._figure.text(x, y, "", va="center", animated=True, **how)  # type: ignore[no-any-return]
+
+    def _tell(self, row: int) -> None:
+        """Time, smallest clearance and tracking error of an instant."""
+        least = float(self._least[row])
+        self._clock.set_text(f"t = {self._scene.t[row]:.2f} s{self._speed}")
+        if np.isfinite(least):
+            self._nearest.set_text(f"clearance {1e3 * least:.0f} mm".replace("-", "−"))
+            self._nearest.set_color(style.ALARM if least <= 0.0 else style.INK)
+        error = float(self._error[row])
+        factor, unit = style.prefixed(error, "m")
+        self._off.set_text(f"tip off by {factor * error:.3g} {unit}" if error > 1e-9 else "tip off by < 1 nm")
+        for artist in self._course:
+            now = slice(row + 1) if artist.get_label() == "until now" else slice(row, row + 1)
+            artist.set_data(self._scene.t[now], self._least[now])  # type: ignore[attr-defined]
+
+    def _follow(self, rect: tuple[float, float, float, float]) -> list[Artist]:
+        """The course of the smallest clearance, on which the film goes along."""
+        ax = self._figure.add_axes(rect)
+        t, least = self._scene.t, np.where(np.isfinite(self._least), self._least, np.nan)
+        ax.plot(t, least, color="#C9CDD3", linewidth=1.2)
+        low, high = min(0.0, float(np.nanmin(least))), float(np.nanmax(least))
+        ax.set(xlim=(t[0], max(t[-1], t[0] + 1e-9)), ylim=(low - 0.04 * (high - low), max(high, low + 1e-3)))
+        ax.yaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 5, 10]))
+        ax.set_ylabel("clearance\n[m]", fontsize=6.5)
+        ax.tick_params(labelsize=6.5)
+        ax.annotate("t [s]", (0.0, 0.0), xycoords="axes fraction", xytext=(-8, -8.5), fontsize=6.5,
+                    textcoords="offset points", ha="right", va="center")  # fmt: skip
+        if low < 0.0:
+            ax.axhspan(low - 1.0, 0.0, color=style.ALARM, alpha=0.1, linewidth=0.0)
+        ax.axhline(0.0, color=style.ALARM, linewidth=0.8)
+        how: dict[str, Any] = {"color": COLOURS["link"], "animated": True, "clip_on": False}
+        (course,) = ax.plot([], [], linewidth=1.6, label="until now", **how)
+        (now,) = ax.plot([], [], "o", markersize=4.5, label="now", **how)
+        return [course, now]
+
+
+def _ground(scene: Scene, floor: float, view: Array) -> LineCollection:
+    """Squares of a round size around the base, which fade away."""
+    base = scene.joints[0, 0] if scene.base is None else scene.base
+    cell, far = float(10.0 ** np.floor(np.log10(scene.reach))), _GROUND * scene.reach
+    many = int(np.ceil(far / cell))
+    at, along = cell * np.arange(-many, many + 1), np.linspace(-far, far, 61)
+    lines = np.stack(np.broadcast_arrays(at[:, None], along[None, :], 0.0), axis=-1)
+    lines = np.concatenate([lines, lines[..., [1, 0, 2]]])
+    pieces = np.stack([lines[:, :-1], lines[:, 1:]], axis=2).reshape(-1, 2, 3)
+    away = np.linalg.norm(pieces.mean(axis=1), axis=1) / far
+    shown = pieces[away < 1.0] + np.array([base[0], base[1], floor])
+    colours = [to_rgba("#7A8596", 0.6 * (1.0 - share) ** 1.5) for share in away[away < 1.0]]
+    return LineCollection(list(shown @ view.T), colors=colours, linewidths=0.7, zorder=0)

@@ -101,7 +101,12 @@ def view_of(dimension: int) -> Array:
     """
     if dimension == 2:
         return np.eye(2)
-    azimuth, elevation = np.radians(-60.0), np.radians(25.0)
+    return looking(-60.0, 25.0)
+
+
+def looking(azimuth: float, elevation: float) -> Array:
+    """The axes (2, 3), right and up, of a picture taken from there [°]."""
+    azimuth, elevation = np.radians(azimuth), np.radians(elevation)
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     ahead = -np.array(
         [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]

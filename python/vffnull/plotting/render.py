@@ -354,7 +354,14 @@ def _laid(sheets: list[Sheet], shape: tuple[int, int]) -> Shades:
     picture = np.zeros((*shape, 4), dtype=np.float32)
     if not sheets:
         return picture
-    seen = np.any([opacity > 0.0 for _, _, opacity in sheets], axis=0)
+    count: NDArray[np.int8] = np.zeros(shape, dtype=np.int8)
+    for _, _, opacity in sheets:
+        count += opacity > 0.0
+    for colour, _, opacity in sheets:  # most dots see one sheet alone
+        alone = (count == 1) & (opacity > 0.0)
+        share = opacity[alone].astype(np.float32)
+        picture[alone, :3], picture[alone, 3] = colour[alone] * share[:, None], share
+    seen = count > 1
     for rows in np.array_split(np.arange(shape[0]), max(1, shape[0] * shape[1] // 400_000)):
         here = np.zeros_like(seen)
         here[rows] = seen[rows]

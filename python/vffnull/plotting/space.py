@@ -36,30 +36,52 @@ VIEWS: dict[str, Array] = {
 """Flat pictures along an axis, called after what is to the right and what is up."""
 
 _AXES = (np.array(to_rgb("#D62728")), np.array(to_rgb("#2CA02C")), np.array(to_rgb("#1F77B4")))
-_ELEVATION, _AZIMUTH = 20.0, -52.0  # degrees
+ELEVATION, AZIMUTH = 20.0, -52.0
+"""Where from a scene is seen [°]."""
+DARK = np.array([60, 64, 72]) / 255.0
+"""The colour of obstacles among links that are coloured by clearance."""
 _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
+TABLE = np.array([222, 214, 202]) / 255.0
+"""The same of planes."""
+_FAR = 1.5  # of the arm's reach, beyond the arm's own box
 _DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
 
 
-def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) -> list[Layer]:
-    """What there is of bodies at an instant, in the colours of their roles, or the arm in another one."""
+def layers_at(
+    scene: Scene,
+    row: int,
+    *,
+    colour: Any = None,
+    tool: bool = True,
+    shades: Sequence[Array] | None = None,
+) -> list[Layer]:
+    """What there is of bodies at an instant, in the colours of their roles, or the arm in another one.
+
+    With `shades` of the links, red, green, blue (3,) from 0 to 1, obstacles are dark, and are cut off only
+    where they are far away.
+    """
+    solid = _tint(COLOURS["obstacle"], 0.15) if shades is None else DARK
+    flat = np.array(to_rgb(COLOURS["obstacle"])) if shades is None else TABLE
     solids: list[Solid | Balls] = []
-    surfaces, box = [], padded(scene)
+    surfaces, around = [], padded(scene)
+    box = around if shades is None else (around[0] - _FAR * scene.reach, around[1] + _FAR * scene.reach)
     thin = _ROD * scene.reach
     roles: tuple[Role, ...] = ("obstacle", "base", "link", "tool")
     for each in scene.at(row, roles if tool else roles[:-1]):
         match each:
             case Body(role="obstacle", corners=corners, radius=radius) if geometry.is_surface(corners):
-                surfaces.append(Solid(corners, radius, np.array(to_rgb(COLOURS["obstacle"]))))
+                surfaces.append(Solid(corners, radius, flat))
             case Body(role="obstacle", corners=corners, radius=radius):
                 found = _cut(corners, radius, box)
-                solids += [] if found is None else [Solid(found, radius, _tint(COLOURS["obstacle"], 0.15))]
+                solids += [] if found is None else [Solid(found, radius, solid)]
             case Cloud(points=points, radius=radius):
-                solids.append(balls(points, radius, box, _tint(COLOURS["obstacle"], 0.15)))
+                solids.append(balls(points, radius, box, solid))
             case Body(role="base", corners=corners, radius=radius):
                 solids.append(Solid(corners, radius, np.array([0.55, 0.56, 0.58])))
+            case Body(index=index, corners=corners, radius=radius) if shades is not None:
+                solids.append(Solid(corners, radius, shades[index] * (0.9 if index % 2 else 1.0)))
             case Body(index=index, corners=corners, radius=radius):
                 shade = _tint(COLOURS["link"] if colour is None else colour, 0.18 if index % 2 else 0.5)
                 solids.append(Solid(corners, radius, shade))
@@ -68,7 +90,8 @@ def layers_at(scene: Scene, row: int, *, colour: Any = None, tool: bool = True) 
                     tip = origin + length * axes[:, i]
                     solids.append(Solid(np.stack([origin, tip]), 1.4 * thin, paint))
     made = [Layer(solids, floor=floor_of(scene))]
-    return [*made, Layer(surfaces, 0.25, box=box)] if surfaces else made
+    opacity = 0.25 if shades is None else 0.5
+    return [*made, Layer(surfaces, opacity, box=around)] if surfaces else made
 
 
 def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Layer]:
@@ -168,7 +191,7 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
     low, high = padded(scene)
     ax: Any = fig.add_axes(rect, projection="3d")
     ax.set_proj_type("ortho")
-    ax.view_init(elev=_ELEVATION, azim=_AZIMUTH)
+    ax.view_init(elev=ELEVATION, azim=AZIMUTH)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.set_box_aspect(high - low, zoom=0.97)
     ax.patch.set_alpha(0.0)

@@ -30,6 +30,9 @@ ALARM = "#B2182B"
 ROUNDING = 1e-12
 """Where rounding begins: a distance [m] below it says nothing of arm and law."""
 
+CONTACT, NEAR, FREE = (200, 20, 40), (230, 130, 30), (196, 204, 214)
+"""Colours of a link in space in contact, half way into the influence distance, and out of it."""
+
 # Okabe and Ito's palette, its yellow darkened so that a thin line of it shows on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#222222", "#A89B00")
 
@@ -166,6 +169,15 @@ def _visible(axes: Sequence[Axes]) -> set[int]:
             if str(line.get_label())[1:].isdigit() and np.any((values >= low) & (values <= high)):
                 found.add(int(str(line.get_label())[1:]))
     return found
+
+
+def by_clearance(share: float) -> NDArray[np.float64]:
+    """Red, green, blue (3,) from 0 to 1 of a link in space, by its clearance in shares of the influence
+    distance.
+    """
+    nodes = np.array([CONTACT, NEAR, FREE]) / 255.0
+    part = 2.0 * float(np.clip(share, 0.0, 1.0)) if np.isfinite(share) else 2.0
+    return np.array([np.interp(part, [0.0, 1.0, 2.0], nodes[:, i]) for i in range(3)])
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:

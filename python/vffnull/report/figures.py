@@ -25,7 +25,7 @@ from bokeh.plotting import figure
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from vffnull.plotting import geometry, style, tracking
+from vffnull.plotting import style, tracking
 from vffnull.plotting.primitives import COLOURS, Curve, Scene
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def link_key(run: Run) -> list[tuple[str, str]]:
 
 
 def arm(run: Run, index: int, count: int) -> figure:
-    """The scene; all that moves has a name that ends in the run's index."""
+    """A scene of the plane; all that moves has a name that ends in the run's index."""
     low, high = run.scene.frame(field=True)
     spans = high - low
     fig = figure(
@@ -106,8 +106,7 @@ def arm(run: Run, index: int, count: int) -> figure:
         tools="pan,wheel_zoom,reset,save",
         toolbar_location="above" if count == 1 else None,
     )
-    if run.scene.dimension == 2:
-        fig.xaxis.axis_label, fig.yaxis.axis_label = "x [m]", "y [m]"
+    fig.xaxis.axis_label, fig.yaxis.axis_label = "x [m]", "y [m]"
     _dress(fig)
     middle = ((low + high) / 2).tolist()
     fit = CustomJS(args={"fig": fig, "spans": spans.tolist(), "middle": middle}, code=_FIT)
@@ -121,21 +120,15 @@ def arm(run: Run, index: int, count: int) -> figure:
 
     for each in run.scene.pick(run.rows).at(0, ["reference"]):
         if isinstance(each, Curve):
-            fig.line(*geometry.seen(each.points).T, line_color="#999999", line_dash="4 3", line_width=1)
+            fig.line(*each.points.T, line_color="#999999", line_dash="4 3", line_width=1)
     solid, force = COLOURS["obstacle"], COLOURS["force"]
     fig.patches("xs", "ys", source=empty("halos", "xs", "ys"), fill_color=solid, fill_alpha=0.05,
                 line_color=solid, line_alpha=0.45, line_dash="1 4")  # fmt: skip
     fig.patches("xs", "ys", source=empty("solids", "xs", "ys"), fill_color=solid, fill_alpha=0.22,
                 line_color=solid, line_width=1.5)  # fmt: skip
-    if run.scene.dimension == 3:
-        _floor(fig, run.scene)
-        fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
-                    fill_alpha=0.92, line_color="#333333", line_width=1.0)  # fmt: skip
-    else:
-        fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
-                    fill_alpha=0.25, line_color="colour", line_width=1.2)  # fmt: skip
-        base = geometry.seen(run.scene.joints[0, :1])
-        fig.scatter(*base.T, marker="square", size=13, color=COLOURS["base"])
+    fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
+                fill_alpha=0.25, line_color="colour", line_width=1.2)  # fmt: skip
+    fig.scatter(*run.scene.joints[0, :1].T, marker="square", size=13, color=COLOURS["base"])
     thick = bool(run.scene.radii.max() > 0.0)
     fig.multi_line("xs", "ys", source=empty("links", "xs", "ys", "colour"), line_color="colour",
                    line_width=1.2 if thick else 4, line_cap="round")  # fmt: skip
@@ -148,21 +141,6 @@ def arm(run: Run, index: int, count: int) -> figure:
     fig.scatter("x", "y", source=empty("target", "x", "y"), marker="x", size=11,
                 line_color=COLOURS["target"], line_width=1.8)  # fmt: skip
     return fig
-
-
-def _floor(fig: figure, scene: Scene) -> None:
-    """A grid of squares of a round size at the height of the base, in the place of axes."""
-    size = float(10.0 ** np.floor(np.log10(scene.reach / 2.0)))
-    base = scene.joints[0, 0] if scene.base is None else scene.base
-    many = int(np.ceil(1.1 * scene.reach / size))
-    at, far = size * np.arange(-many, many + 1), size * many
-    along = [np.array([[a, -far, 0.0], [a, far, 0.0]]) for a in at]
-    lines = [geometry.seen(base + line) for each in along for line in (each, each[:, [1, 0, 2]])]
-    fig.multi_line(
-        [line[:, 0] for line in lines], [line[:, 1] for line in lines], line_color="#dddddd", line_width=1
-    )
-    fig.axis.visible = False
-    fig.grid.visible = False
 
 
 def plots(runs: list[Run], names: list[str]) -> list[figure]:

@@ -5,17 +5,20 @@
   const $ = id => document.getElementById(id);
 
   const runs = JSON.parse($("motion").textContent).map(run => {
-    for (const name of ["t", "joints", "tip", "target", "obstacles", "points", "forces"]) run[name] = unpack(run[name]);
-    // Of an obstacle that turns there is one at every instant.
-    const outline = one => Array.isArray(one) ? one.map(unpack) : unpack(one);
-    run.outlines = run.outlines.map(outline);
-    run.halos = run.halos.map(outline);
-    for (const part of run.parts) { part.ends = unpack(part.ends); part.depth = unpack(part.depth); }
+    run.t = unpack(run.t);
+    if (!run.space) {
+      for (const name of ["joints", "tip", "target", "obstacles", "points", "forces"]) run[name] = unpack(run[name]);
+      // Of an obstacle that turns there is one at every instant.
+      const outline = one => Array.isArray(one) ? one.map(unpack) : unpack(one);
+      run.outlines = run.outlines.map(outline);
+      run.halos = run.halos.map(outline);
+    }
     for (const name in run.now) run.now[name] = unpack(run.now[name]);
     return run;
   });
   const begin = Math.min(...runs.map(run => run.t[0]));
   const end = Math.max(...runs.map(run => run.t[run.t.length - 1]));
+  const views = runs.map((run, i) => run.space && vffnullSpace.open($(`space-${i}`), run, unpack));
   let doc, sources, marks, time = begin, playing = null, frame = null;
 
   // The last instant that is not later than t.
@@ -53,27 +56,21 @@
   };
 
   const draw = (run, index) => {
-    const row = rowAt(run, time), n = run.radii.length, k = run.outlines.length;
+    const row = rowAt(run, time);
+    if (views[index]) { views[index].show(row); return row; }
+    const n = run.radii.length, k = run.outlines.length;
     const set = (what, data) => { sources[`${what}-${index}`].data = data; };
     const { x, y } = split(run.joints, row * (n + 1) * 2, (row + 1) * (n + 1) * 2);
-    const flat = !run.parts.length;
-    if (flat) set("joints", { x, y });
+    set("joints", { x, y });
     const pair = (values, i) => [values[i], values[i + 1]], each = [...run.radii.keys()];
-    if (flat) set("links", { xs: each.map(i => pair(x, i)), ys: each.map(i => pair(y, i)), colour: run.colours });
+    set("links", { xs: each.map(i => pair(x, i)), ys: each.map(i => pair(y, i)), colour: run.colours });
     set("solids", moved(run.outlines, run.obstacles, row, k));
     set("halos", moved(run.halos, run.obstacles, row, k));
     set("target", split(run.target, row * 2, row * 2 + 2));
     set("trail", split(run.tip, 0, row * 2 + 2));
     const bodies = { xs: [], ys: [], colour: [] };
-    // In space: the farthest first, so that what is near covers it.
-    [...run.parts].sort((a, b) => a.depth[row] - b.depth[row]).forEach(part => {
-      const [xs, ys] = capsule(...part.ends.subarray(row * 4, row * 4 + 4), part.radius);
-      bodies.colour.push(part.colour);
-      bodies.xs.push(xs);
-      bodies.ys.push(ys);
-    });
     run.radii.forEach((r, i) => {
-      if (r <= 0 || !flat) return;
+      if (r <= 0) return;
       const [xs, ys] = capsule(x[i], y[i], x[i + 1], y[i + 1], r);
       bodies.colour.push(run.colours[i]);
       bodies.xs.push(xs);
@@ -168,12 +165,19 @@
     slider.addEventListener("input", () => window.vffnullSeek(Number(slider.value)));
     $("play").addEventListener("click", toggle);
     document.addEventListener("keydown", event => {
-      if (["SELECT", "SUMMARY"].includes(event.target.tagName)) return;
+      if (["SELECT", "SUMMARY"].includes(event.target.tagName) || event.target.closest(".views")) return;
       const jump = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
       if (event.key === " ") toggle();
       else if (jump) window.vffnullSeek(time + (jump * (end - begin)) / (event.shiftKey ? 20 : 200));
       else return;
       event.preventDefault();
+    });
+    for (const button of document.querySelectorAll(".views button"))
+      button.addEventListener("click", () => vffnullSpace.go(button.textContent));
+    if ($("colours")) $("colours").addEventListener("change", () => {
+      const byLink = $("colours").value === "link";
+      vffnullSpace.colour(byLink);
+      $("scale").hidden = byLink;
     });
     if ($("choice")) {
       runs[0].quantities.forEach((quantity, i) => {

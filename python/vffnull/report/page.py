@@ -14,9 +14,10 @@ from bokeh.resources import Resources
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vffnull._outcome import readable
+from vffnull.plotting import style
 from vffnull.plotting.primitives import drawable
 from vffnull.plotting.style import prefixed
-from vffnull.report import figures, motion
+from vffnull.report import figures, motion, space
 from vffnull.report.figures import Run
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def render(results: list[Result], names: list[str]) -> str:
     """The whole page."""
     runs = [Run.of(drawable(result)) for result in results]
     colours = figures.run_colours(len(runs))
-    arms = [figures.arm(run, i, len(runs)) for i, run in enumerate(runs)]
+    flat = {i: figures.arm(run, i, len(runs)) for i, run in enumerate(runs) if run.scene.dimension == 2}
     key = figures.link_key(runs[0])
     links = (
         [[colour for _, colour in key]]
@@ -40,18 +41,23 @@ def render(results: list[Result], names: list[str]) -> str:
         else [[colour] * len(run.scene.radii) for run, colour in zip(runs, colours, strict=True)]
     )
     plots = figures.plots(runs, names)
-    script, slots = components([*arms, *plots])
+    script, slots = components([*flat.values(), *plots])
+    drawn = dict(zip(flat, slots, strict=False))
     template = Environment(
         loader=FileSystemLoader(_HERE), undefined=StrictUndefined, autoescape=True, trim_blocks=True
     ).get_template("page.html")
     alone = results[0] if len(results) == 1 else None
+    scripts = ("page.js",) if len(flat) == len(runs) else ("webgl.js", "flat.js", "space.js", "page.js")
     return template.render(
         title=_title(results, names),
         alone=alone,
         runs=list(zip(results, names, colours, strict=True)),
         description=results[0].scenario.description if alone or _same_scenario(results) else "",
-        arms=list(zip(slots[: len(arms)], names, colours, strict=True)),
-        plots=slots[len(arms) :],
+        arms=list(zip(map(drawn.get, range(len(runs))), names, colours, strict=True)),
+        space=len(flat) < len(runs),
+        near=_near(runs),
+        shades=[f"rgb{shade}" for shade in (style.CONTACT, style.NEAR, style.FREE)],
+        plots=slots[len(flat) :],
         links=key if alone else [],
         cards=list(_cards(alone)) if alone else [],
         metrics=list(_metrics(results)),
@@ -68,9 +74,15 @@ def render(results: list[Result], names: list[str]) -> str:
         bokeh=Resources(mode="inline", components=["bokeh"]).render(),
         script=script,
         style=(_HERE / "page.css").read_text(encoding="utf-8"),
-        code=(_HERE / "page.js").read_text(encoding="utf-8"),
+        code=[(_HERE / name).read_text(encoding="utf-8") for name in scripts],
         data=_for_script([motion.pack(run, shades) for run, shades in zip(runs, links, strict=True)]),
     )
+
+
+def _near(runs: list[Run]) -> str:
+    """The clearance from which on links in space have the colour of those that nothing is near."""
+    found = {f"{space.near(run.scene):.3g} m" for run in runs if run.scene.dimension == 3}
+    return found.pop() if len(found) == 1 else "far"
 
 
 def _for_script(value: object) -> str:

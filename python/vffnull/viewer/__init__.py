@@ -12,6 +12,7 @@ from vffnull.errors import InputError, InputTypeError
 from vffnull.viewer.ports import free
 
 if TYPE_CHECKING:
+    from vffnull.arms._meshes import Packages
     from vffnull.scenario import ScenarioLike
     from vffnull.viewer.page import LivePage
 
@@ -26,6 +27,8 @@ def live(
     block: bool = True,
     record_to: str | os.PathLike[str] = ".",
     allow_origins: Iterable[str] = (),
+    meshes: str | os.PathLike[str] | None = None,
+    packages: Packages | None = None,
 ) -> LivePage:
     """Run a scenario in real time on a page of this machine.
 
@@ -50,6 +53,11 @@ def live(
         Origins from which the page may be used besides its own address on this machine, such as
         ``"https://hub.example.org"`` behind a proxy or ``"http://localhost:9000"`` through a tunnel.
         Requests of all others are refused.
+    meshes : str or path, optional
+        A URDF of the arm, whose visual geometry is drawn in the place of the capsules that are measured
+        against obstacles; a box of the page shows those. Needs the extra ``vffnull[meshes]``.
+    packages : path, list of paths, or dict, optional
+        Folders where the URDF's meshes are searched, as in `Arm.from_urdf`.
 
     Returns
     -------
@@ -59,11 +67,12 @@ def live(
     Raises
     ------
     vffnull.errors.InputError
-        If the port is out of range or no port is free, or if the folder or an origin cannot be used.
+        If the port is out of range or no port is free, or if the folder, an origin or `meshes` cannot be
+        used.
     vffnull.errors.ScenarioError
         If the scenario cannot be run.
     ImportError
-        Without the extra ``vffnull[viewer]``.
+        Without the extra ``vffnull[viewer]``, or ``vffnull[meshes]`` where there are meshes.
 
     Examples
     --------
@@ -84,7 +93,14 @@ def live(
     from vffnull.viewer.page import LivePage
 
     ready = prepare(scenario)
-    page = LivePage(ready, port, folder, origins(allow_origins))
+    dress = None
+    if meshes is not None:
+        from vffnull.arms._visual import surfaces
+
+        if ready.arm.dimension == 2:
+            raise InputError("meshes: an arm in the plane has none")
+        dress = surfaces(ready.arm.to_dict(), meshes, packages)
+    page = LivePage(ready, port, folder, origins(allow_origins), dress)
     if block:
         print(f"{page.url}; Ctrl-C ends it")
     try:

@@ -19,10 +19,11 @@ from vffnull import _core
 from vffnull.errors import VffNullError
 from vffnull.scenario import Scenario
 from vffnull.viewer.guard import guarding
+from vffnull.viewer.memory import Memory
 from vffnull.viewer.panel import Panel
 from vffnull.viewer.plots import Plots
 from vffnull.viewer.recording import Recording
-from vffnull.viewer.scene import Scene, kind_of
+from vffnull.viewer.scene import TRAIL, Dress, Scene, kind_of
 
 FRAME = 1 / 60
 """Between two pictures [s]."""
@@ -71,6 +72,8 @@ class LivePage:
         Where recordings go.
     allowed : collection of str, optional
         Origins other than the page's own that may use it.
+    dress : Mapping, optional
+        Surfaces of the first scenario's arm by the names of its links.
 
     Attributes
     ----------
@@ -79,16 +82,24 @@ class LivePage:
     """
 
     def __init__(
-        self, scenario: Scenario, port: int, folder: Path, allowed: Collection[str] = frozenset()
+        self,
+        scenario: Scenario,
+        port: int,
+        folder: Path,
+        allowed: Collection[str] = frozenset(),
+        dress: Dress | None = None,
     ) -> None:
         self._live = _core.Live(scenario.to_dict())  # first: nothing is left behind if it fails
         self._ghost: _core.Live | None = None
         self._with_ghost = True
+        self._dress, self._dressed = dress, scenario.to_dict()["arm"]
+        self._bare = False
         self._view = next(iter(kind_of(scenario).views))
         self._dragged = False
         self._shadows = True
         self._seen = False
         self._counts = Counts()
+        self._memory = Memory()
         self._folder = folder
         self._recording: Recording | None = None
         self._lock = threading.RLock()  # around everything that belongs to one scenario
@@ -153,8 +164,16 @@ class LivePage:
 
     def _draw_scene(self) -> None:
         """Draw the scenario from its start."""
+        self._memory.clear()
         self._scene: Scene = kind_of(self._scenario)(
-            self._server, self._scenario, self._carry, self._aim, self._view, not self._dragged, self._shadows
+            self._server,
+            self._scenario,
+            self._carry,
+            self._aim,
+            self._view,
+            not self._dragged,
+            self._shadows,
+            self._dress if self.has_meshes and not self._bare else None,
         )
         self._clear_plots()
 
@@ -220,7 +239,18 @@ class LivePage:
         """Stand still, or go on."""
         with self._lock:
             if not self._over.is_set():
+                self._memory.leave()
                 self._run(not paused)
+
+    def look_back(self, seconds: float) -> None:
+        """Show what was drawn so many seconds ago; 0 is the present."""
+        with self._lock:
+            self._memory.look(seconds)
+
+    def replay(self) -> None:
+        """Show again what was drawn, from where one looks or from as far back as possible."""
+        with self._lock:
+            self._memory.play()
 
     def reset(self) -> None:
         """Go back to the start with the present settings; after a loop that has stopped by itself with those
@@ -246,6 +276,7 @@ class LivePage:
         """Put a disc, or a ball, where there is room."""
         with self._lock:
             self.stop_recording()
+            self._memory.clear()
             more = self._scene.spare(len(self._live.snapshot()["obstacles"]))
             for live in self._loops():
                 live.add(more)
@@ -258,6 +289,7 @@ class LivePage:
             count = len(self._live.snapshot()["obstacles"])
             if count:
                 self.stop_recording()
+                self._memory.clear()
                 for live in self._loops():
                     live.remove(count - 1)
                 self._scene.remove(count - 1)
@@ -305,6 +337,18 @@ class LivePage:
                 self.reset()
 
     @property
+    def has_meshes(self) -> bool:
+        """Whether it is known how the arm looks."""
+        return self._dress is not None and self._scenario.to_dict()["arm"] == self._dressed
+
+    def show_meshes(self, on: bool) -> None:
+        """Draw the arm as it looks, or as the bodies that are measured; the scene begins anew."""
+        with self._lock:
+            if on == self._bare and not self._over.is_set():
+                self._bare = not on
+                self.reset()
+
+    @property
     def notes(self) -> list[str]:
         """What is odd about what runs, in sentences."""
         return self._live.notes
@@ -338,6 +382,7 @@ class LivePage:
 
     def _carry(self, obstacle: int, place: NDArray[np.float64]) -> None:
         self._dragged = True
+        self._memory.leave()
         self._bring(obstacle, place)
 
     def _bring(self, obstacle: int, place: NDArray[np.float64]) -> None:
@@ -346,6 +391,7 @@ class LivePage:
 
     def _aim(self, place: NDArray[np.float64]) -> None:
         self._dragged = True
+        self._memory.leave()
         for live in self._loops():
             live.aim(place)
 
@@ -399,26 +445,36 @@ class LivePage:
         """Draw until the page is stopped."""
         read_at = 0.0
         due = time.monotonic()
-        drawn: tuple[int, float] | None = None
+        drawn: tuple[int, float, bool] | None = None
         while not self._over.is_set():
             due = max(due + FRAME, time.monotonic() - FRAME)
             with self._lock:
-                state = self._counts.told(self._live.snapshot())
+                present = state = self._counts.told(self._live.snapshot())
                 other = self._ghost.snapshot() if self._ghost is not None else None
-                moment = (id(self._scene), state["t"])
+                if state["status"] == "running":
+                    self._memory.add(state, other)
+                self._memory.go_on(FRAME)
+                past = self._memory.seen()
+                if past is not None:
+                    state, other = past
+                    if drawn is None or state["t"] != drawn[1]:
+                        self._scene.retrace(self._memory.tips(TRAIL, self._scene.size))
+                moment = (id(self._scene), state["t"], past is None)
                 if moment != drawn or self._scene.waits:  # a browser rests while nothing moves
                     with self._server.atomic():
                         self._scene.draw(state, other)
                     self._scene.follow(self._server.get_clients().values())
-                    for obstacle, place in self._scene.strays(state):
-                        self._bring(obstacle, place)
+                    if past is None:
+                        for obstacle, place in self._scene.strays(state):
+                            self._bring(obstacle, place)
                     drawn = moment
-                self._plots.add(state)
+                self._plots.add(present)
                 self.shown = state
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
                     self._panel.read({**state, **self._scene.readings()})
+                    self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._drain()
             self._count(now)
             self._over.wait(max(0.0, due - time.monotonic()))

@@ -13,9 +13,10 @@ import viser
 
 from vffnull.errors import VffNullError
 from vffnull.scenario import Scenario, scenarios
+from vffnull.viewer.memory import KEPT
 from vffnull.viewer.plots import measures
 from vffnull.viewer.scene.cup import SPILLS
-from vffnull.viewer.stories import IN_SPACE, IN_THE_PLANE, STORIES
+from vffnull.viewer.stories import GIVING_WAY, IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.viewer.tasks import TASKS, with_task
 
 LEAD = """
@@ -60,6 +61,12 @@ class Page(Protocol):
     def pause(self, paused: bool) -> None:
         """Stand still, or go on."""
 
+    def look_back(self, seconds: float) -> None:
+        """Show what was drawn so many seconds ago; 0 is the present."""
+
+    def replay(self) -> None:
+        """Show again what was drawn."""
+
     def reset(self) -> None:
         """Go back to the start."""
 
@@ -83,6 +90,13 @@ class Page(Protocol):
 
     def cast_shadows(self, on: bool) -> None:
         """Whether bodies in space cast shadows."""
+
+    @property
+    def has_meshes(self) -> bool:
+        """Whether it is known how the arm looks."""
+
+    def show_meshes(self, on: bool) -> None:
+        """Draw the arm as it looks, or as the bodies that are measured."""
 
 
 class Panel:
@@ -108,12 +122,22 @@ class Panel:
         self._numbers = gui.add_html("")
         self._stories = [
             gui.add_button_group(label, tuple(stories))
-            for label, stories in (("Stories", IN_THE_PLANE), ("In space", IN_SPACE))
+            for label, stories in (
+                ("Stories", IN_THE_PLANE),
+                ("In space", IN_SPACE),
+                ("Giving way", GIVING_WAY),
+            )
         ]
         self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):
             self._preset = gui.add_dropdown("Preset", scenarios())
             self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
+            self._back = gui.add_slider(
+                "Look back [s]", -KEPT, 0.0, 0.05, 0.0, visible=False, hint="What was drawn before the pause"
+            )
+            self._replay = gui.add_button(
+                "Replay", icon=viser.Icon.PLAYER_TRACK_NEXT, color="gray", visible=False
+            )
             self._reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, color="gray")
             self._view = gui.add_button("Tilt the view", icon=viser.Icon.CUBE, color="gray")
             self._views = gui.add_button_group("View", ("Corner",), visible=False)
@@ -135,6 +159,9 @@ class Panel:
         with gui.add_folder("Details", expand_by_default=False):
             self._details = gui.add_html("")
             self._shadows = gui.add_checkbox("Shadows", True, hint="Without a graphics card they are slow")
+            self._meshes = gui.add_checkbox(
+                "The robot's own meshes", True, visible=False, hint="Otherwise the bodies that are measured"
+            )
         self._connect()
 
     def show(self, scenario: Scenario) -> None:
@@ -148,6 +175,7 @@ class Panel:
         self._show_paused(False)
         self._show_views()
         put(self._task, settings.get("task", "position"))
+        self._meshes.visible = self._page.has_meshes
         self._task.visible = self._shadows.visible = scenario.arm.dimension == 3
         self._apply(settings)
 
@@ -171,6 +199,16 @@ class Panel:
         """Show the numbers of a state."""
         self._numbers.content = numbers(state)
         self._details.content = details(state, self._page.notes)
+
+    def show_memory(self, span: float, back: float) -> None:
+        """How far back one can look [s], and does."""
+        if not self._back.visible:
+            return
+        begin = -max(round(span, 2), 0.05)
+        if self._back.min != begin:
+            self._back.min = begin
+        if abs(self._back.value + back) > 0.5 * self._back.step:
+            put(self._back, max(begin, -back))
 
     def show_recording(self, on: bool) -> None:
         """Let the button say what it does next."""
@@ -221,6 +259,15 @@ class Panel:
             page.pause(pausing)
             self._show_paused(pausing)
 
+        @self._back.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                page.look_back(-self._back.value)
+
+        @self._replay.on_click
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            page.replay()
+
         @self._reset.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
             self._show_paused(False)
@@ -230,6 +277,11 @@ class Panel:
         async def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:
                 self._told(event.client, page.cast_shadows, self._shadows.value)
+
+        @self._meshes.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._told(event.client, page.show_meshes, self._meshes.value)
 
         @self._view.on_click
         async def _(event: viser.GuiEvent[Any]) -> None:
@@ -345,6 +397,8 @@ class Panel:
     def _show_paused(self, paused: bool) -> None:
         self._pause.label = "Go on" if paused else "Pause"
         self._pause.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
+        self._back.visible = self._replay.visible = paused
+        put(self._back, 0.0)
 
     @staticmethod
     def _told(client: viser.ClientHandle | None, action: Callable[..., None], *arguments: Any) -> None:

@@ -25,6 +25,8 @@ class Story:
 
 
 _QUARTER = 1.5707963267948966  # rad
+_IN_THE_SHELF = [0.45, 0.2, 0.0, -2.0, 0.0, 2.2, 1.2]
+"""A Panda that holds a cup upright between two boards [rad]."""
 
 
 def _ball(center: list[float], amplitude: list[float], frequency: float, phase: float) -> dict[str, Any]:
@@ -39,6 +41,11 @@ def _ball(center: list[float], amplitude: list[float], frequency: float, phase: 
             "phase": phase,
         },
     }
+
+
+def _board(center: list[float], size: list[float]) -> dict[str, Any]:
+    """A board that stands straight [m]."""
+    return {"shape": {"kind": "box", "size": size}, "position": center}
 
 
 def _to_and_fro(center: list[float], amplitude: list[float], frequency: float) -> dict[str, Any]:
@@ -88,6 +95,13 @@ IN_SPACE: dict[str, Story] = {
             "reference": _to_and_fro([0.0, -0.15, 0.0], [0.0, 0.15, 0.0], 0.5),
         },
     ),
+    "Pointer": Story(
+        "panda-pointing",
+        "The tool draws circles and keeps its direction, while a bar swings through the forearm.",
+    ),
+}
+
+GIVING_WAY: dict[str, Story] = {
     "Around": Story(
         "panda-cup",
         "A ball hangs where the cup has to pass. Barriers let the hand go around it and come back; nothing "
@@ -95,6 +109,32 @@ IN_SPACE: dict[str, Story] = {
         {
             "obstacles": [{"shape": {"kind": "sphere", "radius": 0.06}, "position": [0.42, -0.25, 0.5]}],
             "reference": _to_and_fro([0.05, -0.25, 0.0], [0.0, 0.25, 0.0], 0.6),
+            "controller.avoidance": "cbf",
+            "controller.yielding.task_weight": 300.0,
+        },
+    ),
+    "Shelf": Story(
+        "panda-cup",
+        "The cup goes from one side of a shelf to the other; its path cuts through the board between them. "
+        "Barriers lead the hand around the board's edge with 2 cm to spare, and nothing is spilt.",
+        {
+            "q0": _IN_THE_SHELF,
+            "controller.posture": _IN_THE_SHELF,
+            "obstacles": [
+                _board([0.70, 0.0, 0.13], [0.36, 0.9, 0.03]),
+                _board([0.70, 0.0, 0.63], [0.36, 0.9, 0.03]),
+                _board([0.70, 0.0, 0.38], [0.36, 0.03, 0.47]),
+            ],
+            "reference": {
+                "kind": "lissajous",
+                "center": [-0.04, -0.257, 0.0],
+                "amplitude": [0.04, 0.257, 0.0],
+                "angular_frequency": [1.2, 0.6, 0.0],
+                "phase": [_QUARTER, _QUARTER, 0.0],
+                "relative": True,
+            },
+            "controller.field.gain": 60.0,
+            "controller.field.influence": 0.1,
             "controller.avoidance": "cbf",
             "controller.yielding.task_weight": 300.0,
         },
@@ -115,10 +155,6 @@ IN_SPACE: dict[str, Story] = {
             "controller.yielding.preview": {},
         },
     ),
-    "Pointer": Story(
-        "panda-pointing",
-        "The tool draws circles and keeps its direction, while a bar swings through the forearm.",
-    ),
 }
 
-STORIES = IN_THE_PLANE | IN_SPACE
+STORIES = IN_THE_PLANE | IN_SPACE | GIVING_WAY

@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from vffnull.scenario import Scenario
 from vffnull.viewer.scene.plane import PlaneScene, view
-from vffnull.viewer.scene.shared import Camera, Scene
+from vffnull.viewer.scene.shared import TRAIL, Camera, Dress, Scene
 from vffnull.viewer.scene.space import SpaceScene
 
-__all__ = ["Camera", "Scene", "kind_of", "view"]
+__all__ = ["TRAIL", "Camera", "Dress", "Scene", "kind_of", "view"]
 
 
 def kind_of(scenario: Scenario) -> type[Scene]:

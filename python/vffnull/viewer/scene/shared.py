@@ -6,9 +6,9 @@ import copy
 import dataclasses
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import viser
@@ -16,18 +16,23 @@ from numpy.typing import NDArray
 
 from vffnull._arm import quaternion
 from vffnull._core import rotations
-from vffnull.plotting import primitives
+from vffnull.plotting import primitives, style
 from vffnull.plotting.geometry import points_in_space
 from vffnull.scenario import Scenario
 from vffnull.viewer.scene.meshes import Mesh
+
+if TYPE_CHECKING:
+    from vffnull.arms._capsules import Solid
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 Core = tuple[Array, float]
 """Corners (·, D) [m] of an obstacle's core, relative to its position, and the radius [m] around it."""
 Quaternion = tuple[float, float, float, float]
+Dress = Mapping[str, "Sequence[Solid]"]
+"""Surfaces by the names of their links, in the frames of these."""
 
-NEAR, HIT = np.array([230, 130, 30]), np.array([200, 20, 40])
+NEAR, HIT = np.array(style.NEAR), np.array(style.CONTACT)
 """Colours of a link that is half way into the influence distance, and in contact."""
 OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
     (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),
@@ -96,6 +101,8 @@ class Scene(ABC):
         Whether to say that something can be dragged.
     shadows : bool
         Whether bodies in space cast shadows, which a computer without a graphics card has trouble with.
+    dress : Mapping, optional
+        How the links look, where that is not the bodies that are measured.
     """
 
     views: ClassVar[Mapping[str, str]]
@@ -115,8 +122,9 @@ class Scene(ABC):
         view: str | None = None,
         hint: bool = True,
         shadows: bool = True,
+        dress: Dress | None = None,
     ) -> None:
-        self._shadowed = shadows
+        self._shadowed, self._dress = shadows, dress
         self._server, self._on_carry, self._on_aim = server, on_carry, on_aim
         self._arm = scenario.arm
         self.reach = self._reach_of(scenario)
@@ -396,6 +404,16 @@ class Scene(ABC):
 
     def _draw_more(self, state: Mapping[str, Any]) -> None:  # noqa: B027
         """What else there is."""
+
+    @property
+    def size(self) -> int:
+        """Coordinates of a place."""
+        return self._still.dimension
+
+    def retrace(self, tips: Iterable[Array]) -> None:
+        """Let the trail be the one that these places of the tip (D,) [m] have left."""
+        self._places.clear()
+        self._places.extend(self._spot(tip, "trail") for tip in tips)
 
     @property
     def waits(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ import viser
 
 from vffnull._arm import SpatialArm, frame, quaternion, rotation
 from vffnull._core import distances
-from vffnull.plotting import geometry
+from vffnull.plotting import geometry, style
 from vffnull.scenario import Scenario
 from vffnull.viewer.scene.cup import Cup
 from vffnull.viewer.scene.meshes import Mesh, solid, turned
@@ -60,7 +61,7 @@ class SpaceScene(Scene):
 
     views: ClassVar[Mapping[str, str]] = dict.fromkeys((*VIEWS, FOLLOW), HINT)
     up = "+z"
-    FREE = np.array([196, 204, 214])
+    FREE = np.array(style.FREE)
     HALO_OPACITY = 0.06
 
     def __init__(
@@ -375,8 +376,13 @@ class SpaceScene(Scene):
             shadow_opacity=0.2,
             position=(0.0, 0.0, self._floor + 0.002 * reach),
         )
-        for i, part in enumerate(each for each in self._still.parts if each.index < 0):
-            self._mesh(f"/base/{i}", solid(part.corners[0], part.radius), (120, 124, 132), casts=True)
+        base = [solid(part.corners[0], part.radius) for part in self._still.parts if part.index < 0]
+        if self._dress is not None:
+            mount = frame(scenario.to_dict()["arm"].get("mount", {}))
+            looks = self._looks(self._geometry.base)
+            base = [replace(each, vertices=each.vertices @ mount[:3, :3].T + mount[:3, 3]) for each in looks]
+        for i, mesh in enumerate(base):
+            self._mesh(f"/base/{i}", mesh, (120, 124, 132), casts=True)
 
     def _floor_of(self, scenario: Scenario) -> float:
         """The height of what the arm stands on [m]: of a table, else of its base; a little below an arm that
@@ -398,23 +404,28 @@ class SpaceScene(Scene):
         The other arm is a little thinner, so that it is not seen where it is the same.
         """
         poses = self._geometry.link_poses(self._start)
+        thin = 0.8 if self._dress is None else 0.45  # a robot is thinner than what is measured of it
         nodes, links = [], []
         for i, pose in enumerate(poses):
             name = f"{path}/{i}"
             nodes.append(self._server.scene.add_frame(name, show_axes=False))
+            bodies = [
+                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (thin if ghost else 1.0))
+                for part in self._still.parts
+                if part.index == i
+            ]
+            if self._dress is not None and not ghost:
+                bodies = self._looks(self._geometry.link_names[i])
             links.append(
                 [
                     self._mesh(
                         f"{name}/{k}",
-                        solid(
-                            (part.corners[0] - pose[:3, 3]) @ pose[:3, :3],
-                            part.radius * (0.8 if ghost else 1.0),
-                        ),
+                        mesh,
                         GHOST if ghost else self.FREE,
                         opacity=0.28 if ghost else None,
                         casts=not ghost,
                     )
-                    for k, part in enumerate(each for each in self._still.parts if each.index == i)
+                    for k, mesh in enumerate(bodies)
                 ]
             )
         if ghost:
@@ -422,6 +433,15 @@ class SpaceScene(Scene):
         else:
             self._nodes = nodes
         return links
+
+    def _looks(self, link: str) -> list[Mesh]:
+        """The surfaces of a link; of what has no triangles the hull."""
+        return [
+            Mesh(each.points, each.triangles)
+            if len(each.triangles)
+            else solid(each.points, float(each.radii.max()))
+            for each in (self._dress or {}).get(link, ())
+        ]
 
     def _add_tip(self) -> viser.MeshHandle:
         return self._mesh("/tip", solid(np.zeros((1, 3)), 0.008 * self.reach), TIP)
