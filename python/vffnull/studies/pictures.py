@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -228,13 +229,23 @@ def _tooltips(dataset: Runs, metrics: list[str]) -> list[tuple[str, str]]:
 
 
 def _axis(axis: Any, factor: Factor) -> None:
-    axis.ticker.desired_num_ticks = 3  # small figures: labels must not meet
-    axis.ticker.num_minor_ticks = 0
+    if factor.log:
+        axis.ticker = FixedTicker(ticks=_round_numbers(factor.low, factor.high))
+    else:
+        axis.ticker.desired_num_ticks = 3  # small figures: labels must not meet
+        axis.ticker.num_minor_ticks = 0
     axis.axis_label = _labelled(factor.name, factor.unit)
     if factor.values is not None:
         places = list(range(len(factor.values)))
         axis.ticker = FixedTicker(ticks=places[:20])
         axis.major_label_overrides = {i: str(factor.values[i]) for i in places[:20]}
+
+
+def _round_numbers(low: float, high: float) -> list[float]:
+    """Three or four of the numbers 1, 2, 5, 10, … between two positive ones, evenly thinned out."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    within = [m * 10.0**k for k in decades for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+    return within[:: max(1, math.ceil(len(within) / 4))] or [low, high]
 
 
 def _labelled(name: str, unit: str) -> str:
