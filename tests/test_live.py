@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from browsing import WEBGL, chromium
+from browsing import WEBGL, chromium, playwright
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
@@ -445,15 +445,33 @@ class Visitor:
 
     def __init__(self, browser: Any, page: Any) -> None:
         self.page = page
-        self.tab = browser.new_page(viewport={"width": 1200, "height": 600}, device_scale_factor=0.5)
         self.requests: list[str] = []
         self.errors: list[str] = []
+        # Without a GPU a tab sometimes stands still before its first picture; a visitor opens another.
+        for patience in (60.0, 240.0, HANG):
+            try:
+                self.open(browser, patience)
+                break
+            except (AssertionError, playwright().TimeoutError) as stuck:
+                if patience == HANG:
+                    raise
+                print(f"a tab stood still: {stuck}")
+                self.tab.close()
         self.tab.set_default_timeout(1000 * HANG)
+
+    def open(self, browser: Any, patience: float) -> None:
+        """Open the page in a tab; an error if there is no picture after so many seconds."""
+        self.requests.clear()
+        self.errors.clear()
+        self.tab = browser.new_page(viewport={"width": 1200, "height": 600}, device_scale_factor=0.5)
+        self.tab.set_default_timeout(1000 * patience)
         self.tab.on("request", lambda request: self.requests.append(request.url))
         self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.tab.goto(page.url)
+        self.tab.goto(self.page.url)
         self.tab.wait_for_selector("#vff-tip")
-        wait_for(self.settled)
+        end = time.monotonic() + patience
+        while not self.settled():
+            assert time.monotonic() < end, "the picture did not come to rest"
 
     def settled(self) -> bool:
         """Whether the picture has a size, twice the same, and the camera is where it belongs to it."""
