@@ -53,11 +53,15 @@ SHORTER = {
     "cargo bench --bench single_steps": "cargo bench --locked --bench single_steps -- --test",
     "python benches/calls.py": "python benches/calls.py 2000",
     "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
+    "python benches/drive.py": "python benches/drive.py --quick",
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
     "python benches/studies.py": "python benches/studies.py --quick",
     "python benches/studies.py --long 1000000": "python benches/studies.py --long 10000",
+    "vffnull realtime panda-sweep --rate 1000 --seconds 600 --priority 80 --core 3": (
+        "vffnull realtime panda-sweep --rate 1000 --seconds 2 --priority 80 --core 0"
+    ),
     "python benches/peers/space.py": "python benches/peers/space.py --quick",
     "vffnull evaluate": "vffnull evaluate --count 1",
 }

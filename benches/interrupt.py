@@ -85,6 +85,11 @@ CALLS = {
         "vff.simulate_many([s] * 400, record=False)",
     ),
     "realtime": ("", "vff.realtime(scene(), rate=1000.0, seconds=1e4)"),
+    "drive": (
+        "from vffnull.robots.simulated import SimulatedRobot\ns = panda(obstacles=[])\n"
+        "c = vff.Controller(s.arm, s['controller'])",
+        "d = vff.drive(SimulatedRobot(s), c); d.wait(); d.report",
+    ),
     "feasibility": (
         "s = vff.Scenario.from_dict(scene(40, obstacles=discs(40)) | {'duration': 1e3})",
         "vff.feasibility(s)",
@@ -187,12 +192,16 @@ CALLS = {
 TRIES = """
 import ctypes
 from ctypes import c_byte, c_int, c_void_p
-class Event(ctypes.Structure):  # POSIX's sigevent: a timer that sends SIGINT
-    _fields_ = [("value", c_void_p), ("signal", c_int), ("kind", c_int), ("rest", c_byte * 48)]
+class Event(ctypes.Structure):  # Linux's sigevent: a timer that sends SIGINT to one thread
+    _fields_ = [
+        ("value", c_void_p), ("signal", c_int), ("kind", c_int), ("thread", c_int), ("rest", c_byte * 44)
+    ]
 class Times(ctypes.Structure):
     _fields_ = [("interval", ctypes.c_long * 2), ("value", ctypes.c_long * 2)]
 libc, timer = ctypes.CDLL(None), c_void_p()
-assert libc.timer_create(1, ctypes.byref(Event(None, signal.SIGINT, 0)), ctypes.byref(timer)) == 0
+# To the main thread, as Ctrl-C in a terminal; a timer of the process would prefer the thread that computes.
+event = Event(None, signal.SIGINT, 4, threading.get_native_id())
+assert libc.timer_create(1, ctypes.byref(event), ctypes.byref(timer)) == 0
 def alarm(delay):
     seconds = int(delay)
     times = Times((0, 0), (seconds, int(1e9 * (delay - seconds))))

@@ -2,8 +2,8 @@
 
 `sweep-through.png` compares three settings of one bundled scenario, `on-path.png` the four answers to an
 obstacle on the tip's own path; `scenes.png` shows bundled scenes and `random-scenes.png` random ones;
-`example.png` is what the README's Python example plots, made by running it, and `panda-sweep.png`
-the overview of that scenario.
+`example.png` is what the README's Python example plots, made by running it, `panda-sweep.png` and
+`panda-shelf.png` the overviews of these scenarios.
 """
 
 from __future__ import annotations
@@ -230,11 +230,12 @@ def example() -> None:
             os.chdir(before)
 
 
-def panda_sweep() -> None:
-    """The overview of the bundled scenario."""
-    with tempfile.TemporaryDirectory() as directory:
-        vff.simulate("panda-sweep").plot(directory)
-        shutil.copy(Path(directory) / "overview.png", FIGURES / "panda-sweep.png")
+def overviews() -> None:
+    """The overviews of bundled scenarios."""
+    for name in ("panda-sweep", "panda-shelf"):
+        with tempfile.TemporaryDirectory() as directory:
+            vff.simulate(name).plot(directory)
+            shutil.copy(Path(directory) / "overview.png", FIGURES / f"{name}.png")
 
 
 if __name__ == "__main__":
@@ -244,4 +245,4 @@ if __name__ == "__main__":
     bundled()
     random_scenes()
     example()
-    panda_sweep()
+    overviews()

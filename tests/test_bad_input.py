@@ -580,7 +580,7 @@ BAD_CALLS: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: vff.ControlSettings(field={"kind": "khatib", "gain": 1.0}), "influence"),
     (lambda: vff.ControlSettings(field="khatib"), "field"),  # type: ignore[arg-type]
-    (lambda: vff.ControlSettings(posture_stiffness=1.0), "posture"),
+    (lambda: vff.Controller(ARM, {"posture_stiffness": 1.0}), "posture"),
     (lambda: vff.Field.khatib(-1.0, 1.0), "gain"),
     (lambda: vff.Field.khatib(1.0, NAN), "influence"),
     (lambda: vff.Field.khatib("strong", 1.0), "gain"),  # type: ignore[arg-type]

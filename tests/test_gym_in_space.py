@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import vffnull as vff
 from vffnull.gym import ReachEnv, ReachVectorEnv
@@ -37,8 +38,51 @@ def test_no_action_is_the_run_of_the_scenario(task: str) -> None:
         np.testing.assert_array_equal(part["obstacles"], result.obstacles[row].ravel())
         np.testing.assert_array_equal(part["obstacle_velocities"], [0.0, 0.2, 0.0])
         np.testing.assert_allclose(np.arctan2(part["sin_q"], part["cos_q"]), result.q[row], atol=1e-14)
+        if task == "position":
+            assert "tip_axes" not in part
+        else:
+            columns = [0, 1] if task == "pose" else [2]
+            for name, wxyz in (("tip", result.orientation), ("reference", result.orientation_ref)):
+                axes = Rotation.from_quat(wxyz[row], scalar_first=True).as_matrix().T[columns]
+                np.testing.assert_allclose(part[f"{name}_axes"].reshape(-1, 3), axes, atol=1e-12)
+            assert part["reference_angular_velocity"].shape == (WIDTHS[task] - 3,)
         assert info["clearance"] == result.clearance[row - rows + 1 : row + 1].min()
     assert truncated
+
+
+def test_the_reference_turns_as_it_is_seen_to() -> None:
+    """iiwa-line turns its hand: the observed rate is that of the axes, ω × a, by central differences."""
+    env = ReachEnv("iiwa-line", {"obstacles": []}, **EXACT)
+    env.reset()
+    seen = [env.step(np.zeros(7))[0] for _ in range(100)]
+    axes = np.array([each[env.layout["reference_axes"]].reshape(2, 3) for each in seen])
+    omega = np.array([each[env.layout["reference_angular_velocity"]] for each in seen])
+    assert np.linalg.norm(omega, axis=1).max() > 0.05
+    change = (axes[2:] - axes[:-2]) / (2 * env.period)
+    np.testing.assert_allclose(change, np.cross(omega[1:-1, None], axes[1:-1]), atol=2e-4)
+
+
+def test_a_joint_that_slides_is_seen_in_metres() -> None:
+    """It has no angle: its position stands in `slide`, those of the others in cosine and sine."""
+    body = {"mass": 1.0, "com": [0.0, 0.0, 0.1], "inertia": [0.02, 0.02, 0.02, 0.0, 0.0, 0.0]}
+    kinds = ("revolute", "revolute", "prismatic", "revolute")
+    joints = [
+        {"name": f"joint {k}", "kind": kind, "position": [0, 0, 0.3], "axis": [0, k % 2, 1 - k % 2], **body}
+        for k, kind in enumerate(kinds)
+    ]
+    document = {
+        "arm": {"joints": joints, "tool": {"position": [0, 0, 0.2]}},
+        "q0": [0.1, 0.8, 0.15, 0.5],
+        "duration": 0.5,
+        "controller": {"task": "position", "stiffness": 50.0, "damping": 14.0},
+        "reference": {"kind": "setpoint"},
+    }
+    env = ReachEnv(vff.Scenario.from_dict(document), **EXACT)
+    observation, _ = env.reset()
+    part = {name: observation[where] for name, where in env.layout.items()}
+    np.testing.assert_allclose(np.arctan2(part["sin_q"], part["cos_q"]), [0.1, 0.8, 0.5], atol=1e-15)
+    np.testing.assert_array_equal(part["slide"], [0.15])
+    assert part["dq"].shape == (4,)
 
 
 def test_the_way_to_the_nearest_obstacle_is_the_distance_s() -> None:

@@ -279,6 +279,38 @@ def test_what_python_drops_is_raised_in_the_end(heard: bool) -> None:
     assert done.stdout.strip() == ("raised" if heard else "a result")
 
 
+def test_what_python_drops_is_raised_again_while_the_work_goes_on() -> None:
+    """Long work is not waited for; but tidying up after an interrupt is not interrupted again."""
+    code = (
+        DROPPED
+        + f"""
+import time
+from vffnull._interrupts import AGAIN, heard
+def work(until):
+    call()
+    while time.monotonic() < until:
+        time.sleep(0.01)
+    return "a result"
+def tidy(until):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        time.sleep(3 * AGAIN)
+        print("tidied up")
+for each in (work, tidy):
+    try:
+        print(heard()(each)(time.monotonic() + {HANG}))
+    except KeyboardInterrupt:
+        print("raised")
+time.sleep(2 * AGAIN)  # nothing comes later
+"""
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=HANG
+    )
+    assert done.stdout.split("\n") == ["raised", "tidied up", "raised", ""]
+
+
 @pytest.mark.parametrize("heard", [False, True])
 def test_an_interrupted_import_begins_anew(heard: bool, tmp_path: Path) -> None:
     """Of a package that was interrupted parts remain, which do not fit the new one; `heard` forgets them."""

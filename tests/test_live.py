@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from browsing import WEBGL, chromium, playwright
+from browsing import WEBGL, chromium, visit
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 from vffnull.viewer.plots import span
@@ -445,39 +445,14 @@ class Visitor:
 
     def __init__(self, browser: Any, page: Any) -> None:
         self.page = page
-        self.requests: list[str] = []
-        self.errors: list[str] = []
-        # Without a GPU a tab sometimes stands still before its first picture; a visitor opens another.
-        for patience in (60.0, 240.0, HANG):
-            try:
-                self.open(browser, patience)
-                break
-            except (AssertionError, playwright().TimeoutError) as stuck:
-                if patience == HANG:
-                    raise
-                print(f"a tab stood still: {stuck}")
-                self.tab.close()
-        self.tab.set_default_timeout(1000 * HANG)
+        self.seen = visit(browser, page.url, self.settled, (1200, 600))
+        self.tab = self.seen.tab
 
-    def open(self, browser: Any, patience: float) -> None:
-        """Open the page in a tab; an error if there is no picture after so many seconds."""
-        self.requests.clear()
-        self.errors.clear()
-        self.tab = browser.new_page(viewport={"width": 1200, "height": 600}, device_scale_factor=0.5)
-        self.tab.set_default_timeout(1000 * patience)
-        self.tab.on("request", lambda request: self.requests.append(request.url))
-        self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.tab.goto(self.page.url)
-        self.tab.wait_for_selector("#vff-tip")
-        end = time.monotonic() + patience
-        while not self.settled():
-            assert time.monotonic() < end, "the picture did not come to rest"
-
-    def settled(self) -> bool:
+    def settled(self, tab: Any) -> bool:
         """Whether the picture has a size, twice the same, and the camera is where it belongs to it."""
-        before = self.tab.locator("canvas").first.bounding_box()
-        self.tab.wait_for_timeout(250)
-        box = self.tab.locator("canvas").first.bounding_box()
+        before = tab.locator("canvas").first.bounding_box()
+        tab.wait_for_timeout(250)
+        box = tab.locator("canvas").first.bounding_box()
         if box is None or box != before or min(box["width"], box["height"]) < 50:
             return False
         clients = list(self.page._server.get_clients().values())
@@ -550,10 +525,8 @@ def test_a_visitor_drags_the_obstacle_into_the_arm(browser: Any, tmp_path: Path)
         visitor.press("Reset")
         wait_for(lambda: page.snapshot()["status"] == "running")
         assert np.allclose(page.snapshot()["x_ref"], target)
-        assert visitor.errors == []
-        assert {url.split("/")[2] for url in visitor.requests if url.startswith("http")} == {
-            page.url.split("/")[2]
-        }
+        assert visitor.seen.errors == []
+        assert visitor.seen.hosts() == {page.url.split("/")[2]}
     finally:
         page.stop()
 
@@ -576,6 +549,6 @@ def test_a_visitor_lets_the_tip_give_way(browser: Any, tmp_path: Path) -> None:
         wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - place) < 0.1)
         wait_for(lambda: np.linalg.norm(page.snapshot()["error"]) > 0.2)
         assert page.snapshot()["min_clearance"] > 0.02 - 3e-4 and page.snapshot()["status"] == "running"
-        assert visitor.errors == []
+        assert visitor.seen.errors == []
     finally:
         page.stop()

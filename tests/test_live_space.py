@@ -10,17 +10,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import vffnull as vff
-from browsing import WEBGL, chromium
-from vffnull.errors import ScenarioError
+from browsing import WEBGL, chromium, visit
+from vffnull.errors import InputError, ScenarioError
 from vffnull.plotting import geometry
 from vffnull.viewer.plots import turned_off
 from vffnull.viewer.scene import meshes
 from vffnull.viewer.scene.cup import SPILLS, Liquid
 from vffnull.viewer.scene.space import VIEWS, carries, stays_level
 from vffnull.viewer.tasks import TASKS, with_task
-from waiting import HANG, frames, obey, wait_for
+from waiting import frames, obey, wait_for
 
 
 def at(*place: float) -> Any:
@@ -259,6 +260,100 @@ def test_a_gizmo_comes_by_a_click_moves_the_ball_and_goes(page: Any) -> None:
     np.testing.assert_allclose(drawing._gizmo.position, page.snapshot()["x_ref"][:3], atol=1e-3)
     page.remove_obstacle()
     assert drawing._gizmo is None
+
+
+def turned(axis: Any, angle: float, first: Any = (1.0, 0.0, 0.0, 0.0)) -> Any:
+    """The orientation (4,) after a turn about an axis in the world."""
+    half = Rotation.from_rotvec(angle * np.asarray(axis)) * Rotation.from_quat(first, scalar_first=True)
+    return half.as_quat(scalar_first=True)
+
+
+def apart(one: Any, other: Any) -> float:
+    """The angle between two orientations [rad]."""
+    return 2.0 * float(np.arccos(min(1.0, abs(np.dot(one, other)))))
+
+
+def test_a_gizmo_turns_the_hand_and_the_bar(tmp_path: Path) -> None:
+    """The hand turns and stays where it is; the bar turns from the orientation of the scenario."""
+    start = turned((0.0, 1.0, 0.0), 0.5)
+    bar = {
+        "shape": {"kind": "box", "size": [0.1, 0.1, 0.4]},
+        "position": PLACE.tolist(),
+        "orientation": start.tolist(),
+    }
+    page = vff.live(scene().replace(obstacles=[bar]), open_browser=False, block=False, record_to=tmp_path)
+    try:
+        frames(page)
+        drawing = page._scene
+        before = page.snapshot()
+        drawing._toggle(None)
+        np.testing.assert_allclose(apart(drawing._gizmo.wxyz, before["x_ref"][3:]), 0.0, atol=1e-4)
+        wanted = turned((0.0, 0.0, 1.0), 0.4, before["x_ref"][3:])
+
+        def pull(wxyz: Any) -> None:
+            drawing._gizmo.wxyz = wxyz  # as viser does when somebody pulls at it
+            (told,) = drawing._gizmo._impl_aux.update_cb
+            obey(told(SimpleNamespace(target=drawing._gizmo, phase="update")))
+
+        pull(wanted)
+        wait_for(lambda: apart(page.snapshot()["x_ref"][3:], wanted) < 1e-5)
+        wait_for(lambda: apart(page.snapshot()["x"][3:], wanted) < 1e-3)
+        np.testing.assert_allclose(page.snapshot()["x"][:3], before["x"][:3], atol=1e-4)
+
+        drawing._toggle(0)
+        assert apart(drawing._gizmo.wxyz, (1.0, 0.0, 0.0, 0.0)) < 1e-6
+        turn = turned((1.0, 0.0, 0.0), 1.0)
+        pull(turn)
+        expected = Rotation.from_quat(turn, scalar_first=True).as_matrix()
+        wait_for(lambda: np.allclose(page.snapshot()["turns"][0], expected, atol=1e-9))
+        frames(page)
+        assert apart(drawing._obstacles[0].wxyz, turn) < 1e-3
+        state = page.snapshot()
+        standing = bar | {"orientation": turned((1.0, 0.0, 0.0), 1.0, start).tolist()}
+        found = vff.distances(page.scenario.arm, state["q"], state["dq"], [standing]).distance.min()
+        assert state["clearance"].min() == pytest.approx(found, abs=1e-6)
+    finally:
+        page.stop()
+
+
+def test_a_cloud_gets_other_points_while_the_loop_runs(tmp_path: Path) -> None:
+    """What the core measures and what is drawn are those points; what is none leaves the ones of before."""
+    first = np.random.default_rng(3).uniform(-0.1, 0.1, (500, 3))
+    far = vff.Obstacle.points(first, 0.01, position=PLACE + at(0.0, -1.0, 0.0))
+    page = vff.live(scene().replace(obstacles=[far]), open_browser=False, block=False, record_to=tmp_path)
+    try:
+        frames(page)
+        near = first[:300] + at(0.0, 0.9, 0.0)
+        page.update_points(near)
+        frames(page)
+        np.testing.assert_allclose(page._scene._obstacles[0].points, near, atol=1e-6)
+        state = page.snapshot()
+        cloud = vff.Obstacle.points(near, 0.01, position=PLACE + at(0.0, -1.0, 0.0))
+        found = vff.distances(page.scenario.arm, state["q"], state["dq"], [cloud]).distance.min()
+        assert state["clearance"].min() == pytest.approx(found, abs=1e-9)
+        with pytest.raises(InputError, match="finite"):
+            page.update_points([[np.nan, 0.0, 0.0]])
+        with pytest.raises(InputError, match="there is one, number 0"):
+            page.update_points(near, 1)
+        assert len(page._scene._obstacles[0].points) == 300
+    finally:
+        page.stop()
+
+
+def test_what_cannot_be_turned_says_so() -> None:
+    """In the plane, for a task of position, with what is no orientation, and where there is nothing."""
+    space, plane = vff._core.Live(scene()), vff._core.Live("swing")
+    level = vff._core.Live(scene().replace(**{"controller.task": "position"}))
+    quarter = turned((0.0, 0.0, 1.0), np.pi / 2)
+    with pytest.raises(ScenarioError, match="there is none, only 1"):
+        space.turn(3, quarter)
+    with pytest.raises(InputError, match="norm must be 1"):
+        space.turn(0, [1.0, 1.0, 0.0, 0.0])
+    with pytest.raises(ScenarioError, match="in the plane nobody turns it"):
+        plane.turn(0, quarter)
+    for live in (plane, level):
+        with pytest.raises(ScenarioError, match="the task has no orientation in space"):
+            live.turn_target(quarter)
 
 
 def test_a_table_is_moved_by_a_gizmo_where_it_is_clicked(tmp_path: Path) -> None:
@@ -524,14 +619,20 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
         with chromium(*WEBGL) as browser:
             page.look("Front")  # dragging along this picture goes along y and z
             page.cast_shadows(False)  # half a minute of a software renderer
-            tab = browser.new_page(viewport={"width": 1000, "height": 450}, device_scale_factor=0.5)
-            tab.set_default_timeout(1000 * HANG)
-            errors: list[str] = []
-            requests: list[str] = []
-            tab.on("pageerror", lambda fault: errors.append(str(fault)))
-            tab.on("request", lambda request: requests.append(request.url))
-            tab.goto(page.url)
-            tab.wait_for_selector("#vff-angle")
+
+            def settled(tab: Any) -> bool:
+                """Whether the picture has its size and the camera is where it belongs to it."""
+                clients = list(page._server.get_clients().values())
+                box = tab.locator("canvas").first.bounding_box()
+                if len(clients) != 1 or box is None or clients[0].camera.update_timestamp == 0.0:
+                    return False
+                camera = clients[0].camera
+                wanted = page._scene.camera(page._box(), camera.aspect)
+                fits = abs(camera.aspect * box["height"] / box["width"] - 1) < 0.02
+                return fits and np.allclose(camera.position, wanted.position, rtol=0.01)
+
+            seen = visit(browser, page.url, settled, (1000, 450))
+            tab = seen.tab
             canvas = tab.locator("canvas").first
 
             def pixel(place: Any) -> tuple[float, float]:
@@ -545,17 +646,6 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                     box["y"] + box["height"] / 2 + scale * seen[1] / seen[2],
                 )
 
-            def settled() -> bool:
-                """Whether the picture has its size and the camera is where it belongs to it."""
-                clients = list(page._server.get_clients().values())
-                box = canvas.bounding_box()
-                if len(clients) != 1 or box is None or clients[0].camera.update_timestamp == 0.0:
-                    return False
-                camera = clients[0].camera
-                wanted = page._scene.camera(page._box(), camera.aspect)
-                fits = abs(camera.aspect * box["height"] / box["width"] - 1) < 0.02
-                return fits and np.allclose(camera.position, wanted.position, rtol=0.01)
-
             def darkness(place: Any) -> float:
                 """How dark the picture is there, from 0 to 1."""
                 box, (x, y) = canvas.bounding_box(), pixel(place)
@@ -568,7 +658,6 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 for close in tab.locator(".mantine-Notification-closeButton").all():
                     close.evaluate("button => button.click()")
 
-            wait_for(settled)
             wait_for(lambda: (uncover(), darkness(PLACE) > 0.5)[1])  # the ball
             assert darkness(at(0.0, 0.0, 0.05)) > 0.2  # the base
             assert darkness(PLACE + at(0.0, 0.0, -0.35)) < 0.15  # nothing
@@ -585,10 +674,8 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
             assert error(page) < 1e-3 and page.snapshot()["min_clearance"] > 0.0
             wait_for(lambda: float(tab.text_content("#vff-clearance").split()[0]) < 250)
             page.open(vff.Scenario.load("ur5e-sweep"))  # without a cup
-            wait_for(lambda: errors or tab.locator("#vff-angle").count() == 0)
-            assert errors == [] and tab.locator("#vff-tip").count() == 1
-            assert {url.split("/")[2] for url in requests if url.startswith("http")} == {
-                page.url.split("/")[2]
-            }
+            wait_for(lambda: seen.errors or tab.locator("#vff-angle").count() == 0)
+            assert seen.errors == [] and tab.locator("#vff-tip").count() == 1
+            assert seen.hosts() == {page.url.split("/")[2]}
     finally:
         page.stop()

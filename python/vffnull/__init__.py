@@ -7,8 +7,9 @@ completed
 
 The arm follows its task to rounding while its links give way to moving obstacles. `simulate` runs a whole
 scenario, `simulate_many` a list of them on all cores, `realtime` one against the clock, `live` one on a page
-to play with; `Controller` is the torque law alone, for somebody else's loop; `Simulation` is the plant, for
-somebody else's controller. Units are SI, angles are radians, and arrays run (time, joint).
+to play with; `drive` drives a robot; `Controller` is the torque law alone, for somebody else's loop;
+`Simulation` is the plant, for somebody else's controller. Units are SI, angles are radians, and arrays run
+(time, joint).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from vffnull._core import (
     Simulation,
     State,
     Terms,
+    VirtualArm,
     __version__,
     distances,
 )
@@ -41,11 +43,13 @@ from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
     from vffnull import scenes
+    from vffnull._drive import Drive, DriveReport, DriveState, drive
     from vffnull._realtime import RealTimeReport, realtime
     from vffnull._timing import Histogram
     from vffnull.evaluation import Evaluation, evaluate
     from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
+    from vffnull.planning import Plan, PlanStatus, plan
     from vffnull.studies import Study
     from vffnull.viewer import live
 
@@ -57,6 +61,9 @@ __all__ = [
     "ControlSettings",
     "Controller",
     "Distances",
+    "Drive",
+    "DriveReport",
+    "DriveState",
     "Evaluation",
     "ExtendedJacobian",
     "Field",
@@ -65,6 +72,8 @@ __all__ = [
     "Metrics",
     "Motion",
     "Obstacle",
+    "Plan",
+    "PlanStatus",
     "RealTimeReport",
     "Result",
     "Scenario",
@@ -75,14 +84,17 @@ __all__ = [
     "Study",
     "Terms",
     "VffNullError",
+    "VirtualArm",
     "__version__",
     "compare",
     "distances",
+    "drive",
     "errors",
     "evaluate",
     "feasibility",
     "live",
     "metrics_table",
+    "plan",
     "realtime",
     "report",
     "scenarios",
@@ -94,14 +106,21 @@ __all__ = [
 
 # What brings NumPy along, or is not needed by most, is loaded when it is asked for.
 _LATER = {
+    "Drive": "vffnull._drive",
+    "DriveReport": "vffnull._drive",
+    "DriveState": "vffnull._drive",
     "Evaluation": "vffnull.evaluation",
     "Histogram": "vffnull._timing",
+    "Plan": "vffnull.planning",
+    "PlanStatus": "vffnull.planning",
     "RealTimeReport": "vffnull._realtime",
     "StreamRecorder": "vffnull.logs.stream",
     "Study": "vffnull.studies",
+    "drive": "vffnull._drive",
     "evaluate": "vffnull.evaluation",
     "feasibility": "vffnull.evaluation.planner",
     "live": "vffnull.viewer",
+    "plan": "vffnull.planning",
     "realtime": "vffnull._realtime",
 }
 

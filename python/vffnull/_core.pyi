@@ -23,6 +23,7 @@ __all__ = [
     "Simulation",
     "State",
     "Terms",
+    "VirtualArm",
     "__version__",
     "arm_model",
     "arm_text",
@@ -32,7 +33,9 @@ __all__ = [
     "feasibility",
     "format_toml",
     "hull",
+    "joints_at",
     "parse_toml",
+    "plan",
     "plant",
     "read_urdf",
     "real_time",
@@ -50,6 +53,8 @@ class _HasDocument(Protocol):
 _Document = Mapping[str, Any] | _HasDocument
 _Scenario = _Document | str | os.PathLike[str]
 _Array = NDArray[np.float64]
+_Course = Literal["following", "rejoining", "waiting", "stopping", "finished"]
+_Phase = Literal["starting", "running", "holding", "damping", "released", "lost", "stopping", "finished"]
 
 __version__: str
 METRICS: dict[str, tuple[str, str]]
@@ -463,7 +468,8 @@ class Controller:
         Returns
         -------
         (n,) ndarray
-            Joint torque [N·m].
+            Joint torque [N·m], as the settings' `command` wants it: without gravity for a robot that adds it
+            itself, and so on. Its rate is limited by `cycle` alone, which knows the period.
 
         Raises
         ------
@@ -481,7 +487,7 @@ class Controller:
         obstacles: Sequence[_Document] = (),
         t: float = 0.0,
     ) -> Terms:
-        """The same torque with its parts; parameters as in `torque`."""
+        """The torque of the law with its parts, whatever `command` makes of it; parameters as in `torque`."""
 
     def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
         """Put other points in place of those of a cloud, one of the obstacles of the last call.
@@ -513,6 +519,85 @@ class Controller:
         >>> near = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
         """
 
+    def begin(self, period: float, tau: ArrayLike | None = None) -> None:
+        """Begin a loop that is watched over: from now on `cycle` says what is to be sent to the robot.
+
+        The torque is blended in over the time `start` of the settings' `command`, so that nothing jumps.
+
+        Parameters
+        ----------
+        period : float
+            Control period [s] of your loop.
+        tau : (n,) array_like, optional
+            The measured torque [N·m] to blend from; with the gravity torque only if the robot does not add
+            that itself. It is not believed where it is not finite, or farther than half the arm's torque
+            limits from what holds the arm still by the model, which is also what is taken if none is given.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the period is not positive, or too long for the settings' `stop_damping`.
+        """
+    def cycle(
+        self,
+        t: float | None = None,
+        q: ArrayLike | None = None,
+        dq: ArrayLike | None = None,
+        x_ref: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+        dx_ref: ArrayLike | None = None,
+        ddx_ref: ArrayLike | None = None,
+        obstacles: Sequence[_Document] = (),
+    ) -> tuple[_Array, _Phase]:
+        """One cycle of a loop that has begun: what is to be sent to the robot, and what state the loop is in.
+
+        A state that is missing (None), no newer than the last, not finite, or not to be reached from the last
+        at twice the joints' speed limits counts as missing, and is no error: after fewer than `patience` such
+        cycles what was sent last is held, then the arm is damped as if it came to rest from its last
+        velocity, then only gravity is held, if that is ours, and in the end the loop is lost;
+        docs/tutorials/own-loop.md has the times.
+
+        Parameters
+        ----------
+        t : float, optional
+            When the state was measured [s]; also the time at which the obstacles' motions are taken.
+        q, dq : (n,) array_like, optional
+            Joint angles [rad] and velocities [rad/s].
+        x_ref, dx_ref, ddx_ref : array_like, optional
+            Reference of the end effector, as in `torque`. Without `x_ref` its motion is damped wherever it
+            is.
+        obstacles : sequence of Obstacle or dict, optional
+            What to keep away from; nothing by default.
+
+        Returns
+        -------
+        tau : (n,) ndarray
+            What is to be sent in this cycle [N·m], whatever the phase is.
+        phase : str
+            ``"starting"``, ``"running"``; ``"holding"``, ``"damping"``, ``"released"`` and in the end
+            ``"lost"`` where the state is missing; ``"stopping"`` and in the end ``"finished"`` after `stop`.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If no loop has begun, an array has the wrong shape, or a reference is not finite.
+
+        Examples
+        --------
+        >>> settings = {"command": {"gravity": "robot", "torque_rate": 1000.0}}
+        >>> controller = Controller(Arm.named("panda"), settings)
+        >>> controller.begin(0.001)
+        >>> q, dq = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7
+        >>> tau, phase = controller.cycle(0.0, q, dq, x_ref=[0.5, 0.0, 0.5])
+        >>> phase
+        'starting'
+        """
+    def stop(self) -> None:
+        """End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is
+        finished.
+        """
+    @property
+    def phase(self) -> _Phase | None:
+        """What the last cycle came to, as `cycle` names it; None if no loop has begun."""
     def stable_period(
         self, q: ArrayLike, obstacles: Sequence[_Document] = (), t: float = 0.0
     ) -> tuple[float, float, float]:
@@ -678,7 +763,7 @@ class State:
 
     @property
     def tau_applied(self) -> _Array | None:
-        """Torque of the drives, (n,) [N·m]; None without drives."""
+        """Torque at the joints, (n,) [N·m], with what a robot adds itself; None where it is `tau`."""
 
 @type_check_only
 class LiveState(TypedDict):
@@ -709,6 +794,8 @@ class LiveState(TypedDict):
     """Through the ports that `PORTS` names [W]."""
     obstacles: _Array
     """Positions, (k, D) [m]."""
+    turns: _Array
+    """How the obstacles are turned since the start, (k, D, D)."""
     points: _Array
     """Where the repulsion acts on each link, (n, D) [m]."""
     forces: _Array
@@ -745,6 +832,14 @@ class Live:
     def aim(self, place: ArrayLike) -> None:
         """Take the reference to a place (D,) [m] or as near to it as the arm can reach, smoothly and not
         faster than a quarter of the reach per second.
+        """
+    def turn(self, obstacle: int, orientation: ArrayLike) -> None:
+        """Turn an obstacle in space to an orientation (4,) on the short way, at 4 rad/s."""
+    def turn_target(self, orientation: ArrayLike) -> None:
+        """Turn the reference to an orientation (4,) on the short way, smoothly, at 1 rad/s at most."""
+    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+        """Replace the points (k, 3) of a cloud [m]. They are made ready beside the loop, and taken in between
+        two of its steps.
         """
     def add(self, obstacle: _Document) -> None:
         """Add an obstacle, the last one from now on. Ends a recording."""
@@ -939,6 +1034,127 @@ class ExternalRun:
             As `run` returns it; ``"interrupted"`` if the run is not over.
         """
 
+@final
+class SimulatedRobot:
+    """The plant of a scenario as a robot: `vffnull.robots.simulated` is where users find it.
+
+    It has its friction, joint stops, sensors and drives, but not its controller. It goes on by one period
+    whenever it gets a torque, so that its time does not depend on the clock. `vffnull.drive` drives it
+    without Python in the loop; called as any other robot, it is one in Python.
+
+    Parameters
+    ----------
+    scenario : Scenario, dict, str or path
+        Arm, plant, start, obstacles, sensors.
+    rate : float, optional
+        Torques per second [Hz]: that of the drive.
+    arm : Arm, optional
+        If given, the robot adds the torque against gravity of this arm by itself, as many robots do.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run at this rate.
+    """
+
+    def __new__(cls, scenario: _Scenario, rate: float = 1000.0, arm: Arm | None = None) -> SimulatedRobot: ...
+    @property
+    def gravity(self) -> str:
+        """Who adds the torque against gravity: ``"robot"`` with an `arm`, else ``"controller"``."""
+    def read(self) -> tuple[float, _Array, _Array]:
+        """Time, and joint positions and velocities as they are measured.
+
+        Returns
+        -------
+        tuple
+            Time [s], positions (n,) [rad], velocities (n,) [rad/s].
+        """
+    def write(self, command: ArrayLike) -> None:
+        """Hold a torque for a period.
+
+        Parameters
+        ----------
+        command : (n,) array_like
+            Joint torque [N·m].
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it has the wrong shape or is not finite, or the next state would not be finite.
+        """
+
+@final
+class DriveLoop:
+    """A controller that drives a robot, on a thread of its own. `vffnull.drive` makes it.
+
+    Parameters
+    ----------
+    robot : SimulatedRobot or any object
+        The robot: see `vffnull.robots.Robot`.
+    controller : Controller
+        The controller, which is copied.
+    options : Mapping
+        ``rate`` [Hz], ``seconds`` [s] or None, ``patience`` [s], ``record_every``, ``command``, ``paces``,
+        ``priority``, ``core``, ``limits``.
+    """
+
+    def __new__(cls, robot: object, controller: Controller, options: dict[str, Any]) -> DriveLoop: ...
+    def start(self) -> None:
+        """Begin to drive."""
+    def set_target(
+        self,
+        x_ref: ArrayLike | Sequence[ArrayLike],
+        dx_ref: ArrayLike | None = None,
+        ddx_ref: ArrayLike | None = None,
+    ) -> None:
+        """The reference from now on; as `Controller.torque` takes it."""
+    def set_obstacles(self, obstacles: Sequence[_Document], t: float | None = None) -> None:
+        """Other obstacles from now on, whose motions begin at time `t` of the drive, or now."""
+    def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
+        """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
+    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+        """Other points in place of those of a cloud."""
+    def stop(self) -> None:
+        """Ask it to end, by a damped stop. In a fork there is nothing to end."""
+    def wait(self, seconds: float | None, attentive: bool) -> bool:
+        """Wait until it is over.
+
+        Parameters
+        ----------
+        seconds : float or None
+            How long at most [s].
+        attentive : bool
+            Whether what a signal handler raises ends the drive, by a damped stop, and is raised here.
+
+        Returns
+        -------
+        bool
+            Whether it is over.
+        """
+    @property
+    def dimension(self) -> Literal[2, 3]:
+        """Dimension of the space that the arm moves in."""
+    @property
+    def gravity(self) -> str:
+        """Who adds the torque against gravity: ``"controller"`` or ``"robot"``."""
+    @property
+    def torque_rate(self) -> float | None:
+        """How fast the torque of some joint may change [N·m/s]; None without a limit."""
+    @property
+    def phase(self) -> str:
+        """What it is doing: a phase of the output stage, or ``"over"``."""
+    @property
+    def periods(self) -> int:
+        """Periods so far."""
+    def latest(self) -> dict[str, Any]:
+        """The last period as arrays; NaN before the first."""
+    def rows(self) -> tuple[dict[str, Any], int]:
+        """The rows that are to be recorded since the last call, as arrays, and how many were lost."""
+    def report(self) -> dict[str, Any] | None:
+        """How it went: ``status``, ``reason``, ``periods``, ``missed``, ``skipped``, ``notes``, histograms.
+        None while it runs.
+        """
+
 def distances(
     arm: Arm, q: ArrayLike, dq: ArrayLike, obstacles: Sequence[_Document], t: ArrayLike = 0.0
 ) -> Distances:
@@ -1042,6 +1258,73 @@ def run_many(
         If a scenario cannot be run; nothing has been computed then.
     vffnull.errors.InputError
         If all records together are too large, or the threads cannot be started.
+    """
+
+def plan(
+    document: Mapping[str, Any],
+    start: Sequence[float] | None,
+    goal: Sequence[float] | None,
+    time: float,
+    margin: float,
+    horizon: float | None,
+    speed: float,
+    samples: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Plan a motion of a scenario's arm among its obstacles, with the GIL released.
+
+    Parameters
+    ----------
+    document : Mapping
+        The scenario. Without `goal`, the end effector goes to where its reference is at the end of its
+        duration.
+    start, goal : list of float or None
+        Configurations [rad]; the start is the scenario's ``q0`` by default.
+    time : float
+        When the motion starts [s].
+    margin : float
+        What every link keeps from obstacles [m].
+    horizon : float or None
+        For how long the places that obstacles will pass are kept free [s]; None leaves out what moves.
+    speed : float
+        Share of the limits of speed and acceleration, in (0, 1].
+    samples : int
+        How many random configurations are tried.
+    seed : int
+        Where the random numbers come from.
+
+    Returns
+    -------
+    dict
+        ``status``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``gap``, ``samples``, ``nodes``.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be read, or a setting is of no use.
+    """
+
+def joints_at(times: ArrayLike, points: ArrayLike, t: ArrayLike) -> tuple[_Array, _Array, _Array]:
+    """Positions, velocities and accelerations of joints along a plan, as a scenario that follows it has them.
+
+    Parameters
+    ----------
+    times : (k,) array_like
+        The instants of the plan [s].
+    points : (k, n) array_like
+        Its configurations [rad].
+    t : (m,) array_like
+        Instants [s].
+
+    Returns
+    -------
+    tuple of (m, n) ndarray
+        q, dq and ddq.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If the arrays do not fit each other, or the times do not increase.
     """
 
 def feasibility(document: Mapping[str, Any]) -> tuple[str, _Array | None]:
@@ -1330,3 +1613,105 @@ def arm_text(name: str) -> str:
     name : str
         One of `ARMS`.
     """
+
+@final
+class VirtualArm:
+    """The closed loop run on the model, whose state is the set point of a robot that takes positions.
+
+    Once per cycle, `step` moves the model by one period under the torque of the controller, within limits of
+    speed, acceleration and jerk, and within the arm's joint limits. The law sees what these limits make of
+    its torque. Where a joint of the robot and its set point part by more than `threshold`, the model comes to
+    the robot, within the same limits, until they are within a quarter of that.
+
+    Parameters
+    ----------
+    controller : Controller
+        The law, with its arm and settings. `gravity`, `torque_rate` and friction of `command` mean nothing
+        here.
+    q : (n,) array_like
+        Joint angles [rad] of the robot, which is at rest.
+    period : float
+        Control period [s].
+    acceleration, jerk : float or (n,) array_like
+        Largest acceleration [rad/s²] and jerk [rad/s³] of the joints.
+    speed : float or (n,) array_like, optional
+        Largest speed [rad/s]; the arm's velocity limits by default.
+    threshold : float, optional
+        How far a joint may be from its set point [rad]. A robot lags behind by its delay times its speed:
+        allow more than that.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If a number is not positive, an array has the wrong length, or no speed is known.
+
+    Examples
+    --------
+    >>> arm = Arm.named("panda")
+    >>> ready = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+    >>> virtual = VirtualArm(Controller(arm), ready, period=0.001, acceleration=7.5, jerk=3750.0)
+    >>> q, dq, ddq, course = virtual.step(0.0, x_ref=[0.5, 0.0, 0.5], q=ready, dq=[0.0] * 7)
+    >>> course
+    'following'
+    """
+
+    def __new__(
+        cls,
+        controller: Controller,
+        q: ArrayLike,
+        period: float,
+        acceleration: ArrayLike,
+        jerk: ArrayLike,
+        speed: ArrayLike | None = None,
+        threshold: float = 0.1,
+    ) -> VirtualArm: ...
+    def step(
+        self,
+        t: float,
+        x_ref: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+        dx_ref: ArrayLike | None = None,
+        ddx_ref: ArrayLike | None = None,
+        obstacles: Sequence[_Document] = (),
+        q: ArrayLike | None = None,
+        dq: ArrayLike | None = None,
+    ) -> tuple[_Array, _Array, _Array, _Course]:
+        """One cycle: the set point for the next instant, from that for the time `t`.
+
+        Parameters
+        ----------
+        t : float
+            Time [s] at which the obstacles' motions are taken.
+        x_ref, dx_ref, ddx_ref : array_like, optional
+            Reference of the end effector, as in `Controller.torque`. Without `x_ref` its motion is damped.
+        obstacles : sequence of Obstacle or dict, optional
+            What to keep away from; nothing by default.
+        q, dq : (n,) array_like, optional
+            Measured joint angles [rad] and velocities [rad/s]. Without them, or where one is not finite, the
+            robot has not been heard of; for 20 cycles in a row, once it has been, and the model stops.
+
+        Returns
+        -------
+        q, dq, ddq : (n,) ndarray
+            Joint angles [rad], velocities [rad/s] and accelerations [rad/s²] of the set point.
+        course : str
+            ``"following"`` the law, ``"rejoining"`` the robot, ``"waiting"`` for it, or, after `stop`,
+            ``"stopping"`` and in the end ``"finished"``.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If an array has the wrong shape, or time or reference are not finite.
+        """
+    def begin(self, q: ArrayLike) -> None:
+        """Begin anew at rest at `q` [rad], where the robot is.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it has the wrong shape or is not finite.
+        """
+    def stop(self) -> None:
+        """Stop the model from the next cycle on, within its limits."""
+    @property
+    def course(self) -> _Course:
+        """What the last set point comes from, as `step` names it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import sys
 import threading
@@ -12,9 +13,13 @@ from types import TracebackType
 __all__ = ["heard"]
 
 
+AGAIN = 0.1
+"""After so long [s] an interrupt that has not ended the work is raised again."""
+
+
 @contextmanager
 def heard() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the end if Python has dropped one on the way.
+    """Raise KeyboardInterrupt again, and at the end at the latest, if Python has dropped one on the way.
 
     Python drops what is raised in finalisers and in callbacks of weak references, of which libraries that
     draw have many. And an import that is interrupted leaves modules behind with which the next one fails:
@@ -24,14 +29,27 @@ def heard() -> Iterator[None]:
     if not callable(previous) or threading.current_thread() is not threading.main_thread():
         yield
         return
-    came = False
+    came, ended, reminded = False, threading.Event(), False
+
+    def remind() -> None:
+        nonlocal reminded
+        while not ended.wait(AGAIN):
+            reminded = True
+            _thread.interrupt_main()
 
     def handler(number: int, frame: object) -> None:
-        nonlocal came
+        nonlocal came, reminded
+        if reminded:
+            reminded = False
+            if ended.is_set() or _in_flight():
+                return
+            raise KeyboardInterrupt
         try:
             previous(number, frame)  # type: ignore[arg-type]
         except KeyboardInterrupt:
-            came = True
+            if not came:
+                came = True
+                threading.Thread(target=remind, daemon=True).start()
             raise
 
     before = set(sys.modules)
@@ -48,7 +66,18 @@ def heard() -> Iterator[None]:
             raise
         raise KeyboardInterrupt from error  # what an interrupt that was dropped has left undone
     finally:
-        signal.signal(signal.SIGINT, previous)
+        ended.set()
+        signal.signal(signal.SIGINT, previous)  # what waits to be handled goes to our handler first
+
+
+def _in_flight() -> bool:
+    """Whether an interrupt is on its way out already: what is tidied up meanwhile must not be disturbed."""
+    error = sys.exc_info()[1]
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__context__
+    return False
 
 
 def _importing(traceback: TracebackType | None) -> set[str]:

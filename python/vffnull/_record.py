@@ -60,7 +60,7 @@ QUANTITIES: dict[str, Quantity] = {
     "path_time": Quantity("s", "path time of the reference", (), optional=True),
     "q_measured": Quantity("rad", "measured joint angle", ("joint",), optional=True),
     "dq_measured": Quantity("rad/s", "measured joint velocity", ("joint",), optional=True),
-    "tau_applied": Quantity("N·m", "torque of the drive", ("joint",), optional=True),
+    "tau_applied": Quantity("N·m", "torque at the joint", ("joint",), optional=True),
     "sensed": Quantity("m", "point seen by the range sensor", ("ray", "plane"), optional=True),
 }
 

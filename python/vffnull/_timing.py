@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Histogram", "Timing"]
+__all__ = ["Clock", "Histogram", "Timing"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +57,12 @@ class Histogram:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Timing:
-    """The data of a measurement; `vffnull.RealTimeReport` says what each attribute is, with units."""
+class Clock:
+    """How well a clock was kept: histograms of times, and what follows from them."""
 
-    scenario: ScenarioData
-    status: Status
     rate: float
-    dt: float
     periods: int
     missed: int
-    restarts: int
-    min_clearance: float | None
     latency: Histogram
     step: Histogram
     response: Histogram
@@ -96,23 +91,6 @@ class Timing:
             f"{_rate(self.response.max)} or less would have allowed."
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """The report as plain values, for JSON: times in seconds, histograms by their quantiles."""
-        return {
-            "scenario": self.scenario.name,
-            "status": self.status.value,
-            "verdict": self.verdict,
-            "held": self.held,
-            "rate": self.rate,
-            "dt": self.dt,
-            "periods": self.periods,
-            "missed": self.missed,
-            "restarts": self.restarts,
-            "min_clearance": self.min_clearance,
-            "notes": list(self.notes),
-            **{name: _summary(histogram) for name, histogram in self._times().items()},
-        }
-
     def _times(self) -> dict[str, Histogram]:
         return {
             "latency": self.latency,
@@ -120,6 +98,9 @@ class Timing:
             "response": self.response,
             "jitter": self.jitter,
         }
+
+    def _summaries(self) -> dict[str, dict[str, float | None]]:
+        return {name: _summary(histogram) for name, histogram in self._times().items()}
 
     def __str__(self) -> str:
         head = ("", *_QUANTILES)
@@ -135,6 +116,34 @@ class Timing:
             for row in (head, *rows)
         ]
         return "\n".join([*(line.rstrip() for line in lines), "", self.verdict])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Timing(Clock):
+    """The data of a measurement; `vffnull.RealTimeReport` says what each attribute is, with units."""
+
+    scenario: ScenarioData
+    status: Status
+    dt: float
+    restarts: int
+    min_clearance: float | None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain values, for JSON: times in seconds, histograms by their quantiles."""
+        return {
+            "scenario": self.scenario.name,
+            "status": self.status.value,
+            "verdict": self.verdict,
+            "held": self.held,
+            "rate": self.rate,
+            "dt": self.dt,
+            "periods": self.periods,
+            "missed": self.missed,
+            "restarts": self.restarts,
+            "min_clearance": self.min_clearance,
+            "notes": list(self.notes),
+            **self._summaries(),
+        }
 
     def __repr__(self) -> str:
         return f"<RealTimeReport: {self.verdict}>"

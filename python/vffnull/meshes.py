@@ -143,14 +143,18 @@ def enclose(
         hulls = _covering(parts, covered)
     except extra("scipy.spatial", "meshes").QhullError as error:
         raise InputError(f"mesh {str(path)!r} is flat: it encloses no volume") from error
-    protrusion = max(0.0, float(_outside([_Hull(each) for each in hulls], judged).max()))
+    protrusion = max(0.0, float(_outside(hulls, judged).max()))
     if protrusion > PROTRUSION:
         raise InputError(
             f"mesh {str(path)!r} sticks out of {len(hulls)} hulls by {1e3 * protrusion:.1f} mm; "
             "try another number of pieces"
         )
-    volume = sum(_Hull(each).volume for each in hulls)
-    return Enclosure(hulls, volume, abs(float(surface.volume)) if surface.is_watertight else None, protrusion)
+    return Enclosure(
+        hulls=tuple(hull.corners for hull in hulls),
+        volume=sum(hull.volume for hull in hulls),
+        mesh_volume=abs(float(surface.volume)) if surface.is_watertight else None,
+        protrusion=protrusion,
+    )
 
 
 class _Hull:
@@ -220,23 +224,23 @@ def _outside(hulls: Sequence[_Hull], points: Array) -> Array:
     return found
 
 
-def _covering(parts: Sequence[Array], points: Array) -> tuple[Array, ...]:
+def _covering(parts: Sequence[Array], points: Array) -> list[_Hull]:
     """The hulls of parts, each widened by the points that none contains and it is nearest to."""
     hulls = [_Hull(part) for part in parts]
     beyond = np.array([hull.outside(points) for hull in hulls])
     nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
     wide = (np.vstack([hull.corners, points[nearest == k]]) for k, hull in enumerate(hulls))
-    return tuple(_simplified(_Hull(each)) for each in wide)
+    return [_simplified(_Hull(each)) for each in wide]
 
 
-def _simplified(hull: _Hull) -> Array:
-    """Corners of a hull, or of one that encloses it where it has too many.
+def _simplified(hull: _Hull) -> _Hull:
+    """The hull, or one that encloses it where it has too many corners.
 
     Beginning with a box, the plane that cuts off the farthest corner is added until there are as many as
     there may be.
     """
     if len(hull.corners) <= CORNERS:
-        return hull.corners
+        return hull
     scipy = extra("scipy.spatial", "meshes")
     middle = hull.corners.mean(axis=0)
     low, high = hull.corners.min(axis=0), hull.corners.max(axis=0)
@@ -246,7 +250,7 @@ def _simplified(hull: _Hull) -> Array:
     while True:
         corners: Array = scipy.HalfspaceIntersection(chosen, middle).intersections
         if len(chosen) == PLANES:
-            return _Hull(corners).corners
+            return _Hull(corners)
         farthest = corners[np.argmax(hull.outside(corners))]
         beyond = planes[:, :3] @ farthest + planes[:, 3]
         chosen = np.vstack([chosen, planes[np.argmax(beyond)]])

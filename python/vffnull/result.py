@@ -100,8 +100,9 @@ class Result(Outcome):
         What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
         has sensors, a table ``[measurement]``. Everything else is of the true state.
     tau_applied : (T, n) ndarray or None
-        Torque of the drives [N·m], where `tau` is the commanded one; None unless the scenario has drives, a
-        table ``[actuator]``.
+        Torque at the joints [N·m], where `tau` is that of the law: of the drives, and what a robot adds
+        against gravity. None unless the scenario has drives, a table ``[actuator]``, or asks for something
+        else to be sent, in ``[controller.command]``.
     sensed : (T, rays, D) ndarray or None
         Points [m] that the controller knew of the obstacles, NaN for a ray that met nothing; None unless the
         scenario has range sensors, a table ``[perception]``. `clearance` and `obstacles` are true.
@@ -391,7 +392,6 @@ class Result(Outcome):
         with _progress.bar(len(frames(self, fps, speed)), delay=1.0, counts=".0f frames") as report:
             return animate(self, path, fps=fps, speed=speed, progress=report)
 
-    @heard()
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write everything about the run into one HTML file that needs nothing else, not even a network.
 

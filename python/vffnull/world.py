@@ -374,8 +374,8 @@ class Obstacle:
         """A cloud of points in space, such as a depth camera sees: a ball around each.
 
         Every ball that comes near a link pushes it as a `sphere` there would, so that a dense cloud pushes
-        hard: thin it out to one point per cell of a grid. `Controller.update_points` and
-        `Simulation.update_points` replace the points while a loop runs.
+        hard: thin it out to one point per cell of a grid. `Controller.update_points`,
+        `Simulation.update_points` and `LivePage.update_points` replace the points while a loop runs.
 
         Parameters
         ----------

@@ -17,6 +17,8 @@ static_assert(!std::is_copy_constructible_v<Cloud> && std::is_nothrow_move_assig
 
 static_assert(noexcept(std::declval<Controller&>().observe(0.0, {}, {})));
 static_assert(noexcept(std::declval<Controller&>().torque({})));
+static_assert(noexcept(std::declval<Controller&>().cycle({}, std::declval<vff_phase&>())));
+static_assert(noexcept(std::declval<Controller&>().set_point(0.0, {}, {}, {}, std::declval<vff_course&>())));
 static_assert(noexcept(std::declval<Controller&>().set_reference({})));
 static_assert(noexcept(std::declval<Controller&>().move_obstacle(0, 0.0, {})));
 static_assert(noexcept(std::declval<const Controller&>().terms(std::declval<vff::Terms&>())));
@@ -54,5 +56,22 @@ int main() {
     if (!controller.observe(0.0, q, q) || !controller.set_reference(Robot::named("panda").pose(q))) return 9;
     if (!controller.torque(tau) || controller.null_projector().size() != 49) return 10;
     if (controller.obstacles() != std::vector<std::uint32_t>{id}) return 11;
+    vff_phase phase = VFF_PHASE_LOST;
+    vff_course course = VFF_COURSE_WAITING;
+    if (controller.cycle(tau, phase).code() != VFF_STATUS_NOT_BEGUN) return 13;
+    controller.begin(0.001);
+    if (controller.cycle(0.0, q, short_q, tau, phase).code() != VFF_STATUS_LENGTH) return 14;
+    if (!controller.cycle(0.0, q, q, tau, phase) || phase != VFF_PHASE_STARTING) return 15;
+    if (!controller.cycle(tau, phase) || phase != VFF_PHASE_HOLDING || !controller.stop()) return 16;
+    controller.begin_set_points(0.001, q, std::vector<double>(7, 5.0), std::vector<double>(7, 1000.0));
+    std::vector<double> x(7), dx(7), ddx(7);
+    if (!controller.set_point(0.0, x, dx, ddx, course) || course != VFF_COURSE_FOLLOWING) return 17;
+    if (controller.set_point(0.0, x, dx, ddx, course, q, short_q).code() != VFF_STATUS_LENGTH) return 18;
+    try {
+        controller.begin_set_points(0.001, q, std::vector<double>(7, 0.0), std::vector<double>(7, 1.0));
+        return 19;
+    } catch (const vff::Error& error) {
+        if (error.code() != VFF_STATUS_DOCUMENT) return 20;
+    }
     return first.get() == nullptr ? 0 : 12;
 }

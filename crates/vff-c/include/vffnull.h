@@ -51,12 +51,70 @@ enum vff_status
     VFF_STATUS_BUSY = 14,
     // A fault of vffnull itself, please report it. The object can be freed, and nothing else.
     VFF_STATUS_PANIC = 15,
+    // No loop has begun.
+    VFF_STATUS_NOT_BEGUN = 16,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
 typedef enum vff_status vff_status;
 #else
 typedef int32_t vff_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a cycle of a loop came to.
+enum vff_phase
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // The torque is being blended in: at a safe start, and after an interruption.
+    VFF_PHASE_STARTING = 0,
+    // The torque of the law is sent.
+    VFF_PHASE_RUNNING = 1,
+    // The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
+    VFF_PHASE_HOLDING = 2,
+    // The state is missing for longer, or the torque of the law is not finite: damping only.
+    VFF_PHASE_DAMPING = 3,
+    // It has been missing for longer still: nothing is sent but gravity, if it is ours.
+    VFF_PHASE_RELEASED = 4,
+    // The loop is over: the state did not come back. Only `vff_controller_begin` leads out of this.
+    VFF_PHASE_LOST = 5,
+    // The end was asked for: damping only, until the arm stands.
+    VFF_PHASE_STOPPING = 6,
+    // The loop is over: the arm stands.
+    VFF_PHASE_FINISHED = 7,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum vff_phase vff_phase;
+#else
+typedef int32_t vff_phase;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+// What a set point comes from.
+enum vff_course
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    // From the law.
+    VFF_COURSE_FOLLOWING = 0,
+    // A joint and its set point were farther apart than the threshold: the set point comes to the robot.
+    VFF_COURSE_REJOINING = 1,
+    // The robot has not been heard of for 20 cycles, or the torque of the law is not finite: the set point stops.
+    VFF_COURSE_WAITING = 2,
+    // The end was asked for: the set point stops.
+    VFF_COURSE_STOPPING = 3,
+    // It stands.
+    VFF_COURSE_FINISHED = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum vff_course vff_course;
+#else
+typedef int32_t vff_course;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -86,12 +144,24 @@ typedef struct vff_sizes {
     size_t rate;
 } vff_sizes;
 
+// What the joints of a robot that takes positions or velocities may do.
+typedef struct vff_set_point_limits {
+    // Largest speeds, n numbers [rad/s, m/s]; NULL for those of the arm.
+    const double *speed;
+    // Largest accelerations, n numbers [rad/s², m/s²].
+    const double *acceleration;
+    // Largest jerks, n numbers [rad/s³, m/s³].
+    const double *jerk;
+    // How far a joint of the robot may be from its set point [rad, m].
+    double threshold;
+} vff_set_point_limits;
+
 // The parts of the last torque. Arrays have n numbers and are valid until the next call with the controller but
 // `vff_controller_terms`.
 typedef struct vff_terms {
     // The number of joints n.
     size_t joints;
-    // Joint torque [N·m].
+    // Joint torque of the law, whatever `command` makes of it [N·m].
     const double *tau;
     // What serves the task, and what makes it give way [N·m].
     const double *tau_task;
@@ -231,8 +301,55 @@ vff_status vff_controller_set_reference(struct vff_controller *controller,
 // For the loop: the reference is that of the scenario again.
 vff_status vff_controller_follow_scenario(struct vff_controller *controller);
 
-// For the loop: the joint torque at the observed state, n numbers [N·m, N]. Each needs an observation of its own.
-vff_status vff_controller_torque(struct vff_controller *controller, double *tau, size_t joints);
+// For the loop: the joint torque at the observed state, n numbers [N·m, N], as the settings' `command` wants it, but for its rate,
+// which `vff_controller_cycle` limits. Each needs an observation of its own.
+vff_status vff_controller_torque(struct vff_controller *controller,
+                                 double *tau,
+                                 size_t joints);
+
+// Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
+// blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
+// length 0 or cannot be, from what holds the arm still. Allocates.
+vff_status vff_controller_begin(struct vff_controller *controller,
+                                double period,
+                                const double *measured,
+                                size_t joints);
+
+// For the loop: one cycle with the state that was measured at time `t` [s], n numbers each, or with none, if q and dq are NULL.
+// Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
+// no newer than the last, not finite, or not to be reached from the last counts as missing. Without a reference, the motion of
+// the end effector is damped.
+vff_status vff_controller_cycle(struct vff_controller *controller,
+                                double t,
+                                const double *q,
+                                const double *dq,
+                                double *tau,
+                                size_t joints,
+                                vff_phase *phase);
+
+// Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
+// runs on the model, whose state is the set point. Allocates.
+vff_status vff_controller_begin_set_points(struct vff_controller *controller,
+                                           double period,
+                                           const struct vff_set_point_limits *limits,
+                                           const double *q,
+                                           size_t joints);
+
+// For the loop: one cycle, from the set point for the time `t` [s] to the next. Writes its angles, velocities and accelerations, n
+// numbers each, and what it comes from. `measured_q` and `measured_dq` are the state of the robot; NULL, both, or numbers that are none
+// mean that it has not been heard of. Without a reference, the motion of the end effector is damped.
+vff_status vff_controller_set_point(struct vff_controller *controller,
+                                    double t,
+                                    const double *measured_q,
+                                    const double *measured_dq,
+                                    double *q,
+                                    double *dq,
+                                    double *ddq,
+                                    size_t joints,
+                                    vff_course *course);
+
+// For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
+vff_status vff_controller_stop(struct vff_controller *controller);
 
 // For the loop: the parts of the last torque.
 vff_status vff_controller_terms(const struct vff_controller *controller, struct vff_terms *terms);

@@ -228,6 +228,19 @@ public:
         return Cloud(
             detail::made<vff_cloud>([&](vff_cloud** out) { return vff_controller_cloud(get(), id, most, out); }));
     }
+    /// Begins a loop of `period` seconds that is watched over: see `cycle`. Its torque is blended in from the measured one [N·m].
+    void begin(double period, Input measured = {}) {
+        detail::check(vff_controller_begin(get(), period, measured.data(), measured.size()));
+    }
+    /// Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q: see `set_point`.
+    /// Without speeds, those of the arm hold.
+    void begin_set_points(double period, Input q, Input acceleration, Input jerk, Input speed = {}, double threshold = 0.1) {
+        if (acceleration.size() != joints() || jerk.size() != joints() || !(speed.empty() || speed.size() == joints())) {
+            throw std::invalid_argument("limits: expected a number per joint");
+        }
+        const vff_set_point_limits limits{speed.data(), acceleration.data(), jerk.data(), threshold};
+        detail::check(vff_controller_begin_set_points(get(), period, &limits, q.data(), q.size()));
+    }
     /// n × n numbers, row by row.
     std::vector<double> null_projector() const {
         std::vector<double> out(joints() * joints());
@@ -251,6 +264,26 @@ public:
     Status follow_scenario() noexcept { return vff_controller_follow_scenario(get()); }
     /// The joint torque at the observed state [N·m].
     Status torque(Output tau) noexcept { return vff_controller_torque(get(), tau.data(), tau.size()); }
+    /// One cycle of a loop that has begun, with the state of time t [s], whatever it is: what is to be sent [N·m].
+    Status cycle(double t, Input q, Input dq, Output tau, vff_phase& phase) noexcept {
+        const bool right = q.size() == tau.size() && dq.size() == tau.size();
+        return vff_controller_cycle(get(), t, q.data(), dq.data(), tau.data(), right ? tau.size() : 0, &phase);
+    }
+    /// One without a state.
+    Status cycle(Output tau, vff_phase& phase) noexcept {
+        return vff_controller_cycle(get(), 0.0, nullptr, nullptr, tau.data(), tau.size(), &phase);
+    }
+    /// The next set point of a robot that takes them, from that for the time t [s]; `measured` is its state, if it is known.
+    Status set_point(double t, Output q, Output dq, Output ddq, vff_course& course, Input measured_q = {},
+                     Input measured_dq = {}) noexcept {
+        const bool all = q.size() == joints() && dq.size() == joints() && ddq.size() == joints();
+        const bool known = measured_q.size() == joints() && measured_dq.size() == joints();
+        const std::size_t size = all && (known || (measured_q.empty() && measured_dq.empty())) ? joints() : 0;
+        return vff_controller_set_point(get(), t, measured_q.data(), measured_dq.data(), q.data(), dq.data(), ddq.data(), size,
+                                        &course);
+    }
+    /// Ends the loop safely: `phase` will be `VFF_PHASE_FINISHED`.
+    Status stop() noexcept { return vff_controller_stop(get()); }
     Status terms(Terms& out) const noexcept { return vff_controller_terms(get(), &out); }
     /// Obstacle `id` is at `position` at time t and goes on at `velocity`.
     Status move_obstacle(std::uint32_t id, double t, Input position, Input velocity = {}) noexcept {

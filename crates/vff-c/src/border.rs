@@ -106,8 +106,26 @@ pub(crate) unsafe fn free<T>(object: *mut T) {
 /// So many numbers, all of them finite.
 ///
 /// # Safety
-/// It is NULL or points to `given` numbers that live as long as the call and are not changed meanwhile.
+/// As [`any_numbers`].
 pub(crate) unsafe fn numbers<'a>(
+    name: &'static str,
+    data: *const f64,
+    given: usize,
+    expected: usize,
+) -> Result<&'a [f64], Fault> {
+    // SAFETY: as the caller promises.
+    let values = unsafe { any_numbers(name, data, given, expected) }?;
+    match values.iter().position(|value| !value.is_finite()) {
+        Some(index) => Err(Fault::NotFinite { name, index, value: values[index] }),
+        None => Ok(values),
+    }
+}
+
+/// So many numbers, finite or not.
+///
+/// # Safety
+/// It is NULL or points to `given` numbers that live as long as the call and are not changed meanwhile.
+pub(crate) unsafe fn any_numbers<'a>(
     name: &'static str,
     data: *const f64,
     given: usize,
@@ -120,11 +138,7 @@ pub(crate) unsafe fn numbers<'a>(
         return Err(Fault::Length { name, expected, given });
     }
     // SAFETY: as the caller promises; NULL was refused.
-    let values = unsafe { slice::from_raw_parts(data, given) };
-    match values.iter().position(|value| !value.is_finite()) {
-        Some(index) => Err(Fault::NotFinite { name, index, value: values[index] }),
-        None => Ok(values),
-    }
+    Ok(unsafe { slice::from_raw_parts(data, given) })
 }
 
 /// Room for so many numbers.

@@ -1,6 +1,6 @@
 //! The torque law.
 
-use crate::border::{border, free, numbers, object, place, room, text};
+use crate::border::{any_numbers, border, free, numbers, object, place, room, text};
 use crate::mailbox::Mailbox;
 use crate::robot::{Robot, file, hand_out, no_urdf, part};
 use crate::status::{Fault, Status};
@@ -12,7 +12,9 @@ use std::sync::atomic::{
     Ordering::{Acquire, Relaxed, Release},
 };
 use toml::{Table, Value};
-use vff_core::runtime::{AnyController, Target};
+use vff_core::control::output::Phase;
+use vff_core::math::ScalarOrVec;
+use vff_core::runtime::{AnyController, Course, Reading, SetPointLimits, Target, VirtualArm};
 use vff_core::scenario::{Scenario, parse_toml};
 use vff_core::world::space::Points;
 
@@ -47,6 +49,8 @@ pub(crate) struct Inner {
     follows: Follows,
     /// The reference that was given: as many of these numbers as it has.
     reference: [[f64; 7]; 3],
+    /// The model of a robot that takes set points.
+    virtual_arm: Option<VirtualArm>,
     /// Whether a state was observed that no torque was computed for.
     pub(crate) observed: bool,
     /// Whether there is a torque.
@@ -69,6 +73,7 @@ impl Inner {
             widths: controller.widths(),
             follows: if own { Follows::Scenario } else { Follows::Nothing },
             reference: [[0.0; 7]; 3],
+            virtual_arm: None,
             observed: false,
             commanded: false,
             next_id: ids.last().map_or(0, |last| last + 1),
@@ -84,7 +89,8 @@ impl Inner {
         self.ids.binary_search(&id).map_err(|_| Fault::NoObstacle(id))
     }
 
-    fn observe(&mut self, t: f64, q: &[f64], dq: &[f64]) {
+    /// Takes in the clouds that were sent meanwhile.
+    fn receive(&mut self) {
         let Self { clouds, ids, controller, .. } = self;
         for (id, mailbox) in clouds {
             mailbox.receive(|points| {
@@ -95,8 +101,34 @@ impl Inner {
                 }
             });
         }
-        controller.observe(q, dq, t);
+    }
+
+    fn observe(&mut self, t: f64, q: &[f64], dq: &[f64]) {
+        self.receive();
+        self.controller.observe(q, dq, t);
         self.observed = true;
+    }
+
+    fn cycle(&mut self, reading: Option<Reading<'_>>) -> Result<(&[f64], vff_phase), Fault> {
+        self.receive();
+        let given = given(self.follows, &self.reference, self.widths);
+        let phase = self.controller.cycle(reading, given.as_ref())?;
+        self.observed = false;
+        self.commanded |= matches!(phase, Phase::Starting | Phase::Running);
+        Ok((self.controller.sent().ok_or(Fault::NotBegun)?, phase.into()))
+    }
+
+    fn set_point(
+        &mut self,
+        t: f64,
+        measured: Option<[&[f64]; 2]>,
+    ) -> Result<([&[f64]; 3], vff_course), Fault> {
+        self.receive();
+        let given = given(self.follows, &self.reference, self.widths);
+        let arm = self.virtual_arm.as_mut().ok_or(Fault::NoSetPoints)?;
+        let course = arm.step(&mut self.controller, t, given.as_ref(), measured)?;
+        (self.observed, self.commanded) = (false, true);
+        Ok((arm.set_point(), course.into()))
     }
 
     fn torque(&mut self) -> Result<&[f64], Fault> {
@@ -119,6 +151,13 @@ impl Inner {
             false => Err(Fault::Torque),
         }
     }
+}
+
+/// The reference that was given, if that is what is followed.
+fn given(follows: Follows, reference: &[[f64; 7]; 3], widths: [usize; 3]) -> Option<Target<'_>> {
+    let ([x, dx, ddx], [nx, ndx, nddx]) = (reference, widths);
+    let target = Target { x: &x[..nx], dx: &dx[..ndx], ddx: &ddx[..nddx] };
+    (follows == Follows::Given).then_some(target)
 }
 
 /// A turn, until it is dropped.
@@ -377,7 +416,8 @@ pub unsafe extern "C" fn vff_controller_follow_scenario(controller: *mut Control
     }
 }
 
-/// For the loop: the joint torque at the observed state, n numbers [N·m, N]. Each needs an observation of its own.
+/// For the loop: the joint torque at the observed state, n numbers [N·m, N], as the settings' `command` wants it, but for its rate,
+/// which `vff_controller_cycle` limits. Each needs an observation of its own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_torque(
     controller: *mut Controller,
@@ -394,6 +434,230 @@ pub unsafe extern "C" fn vff_controller_torque(
     }
 }
 
+/// What a cycle of a loop came to.
+#[repr(i32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(non_camel_case_types, reason = "as in C")]
+pub enum vff_phase {
+    /// The torque is being blended in: at a safe start, and after an interruption.
+    Starting = 0,
+    /// The torque of the law is sent.
+    Running = 1,
+    /// The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
+    Holding = 2,
+    /// The state is missing for longer, or the torque of the law is not finite: damping only.
+    Damping = 3,
+    /// It has been missing for longer still: nothing is sent but gravity, if it is ours.
+    Released = 4,
+    /// The loop is over: the state did not come back. Only `vff_controller_begin` leads out of this.
+    Lost = 5,
+    /// The end was asked for: damping only, until the arm stands.
+    Stopping = 6,
+    /// The loop is over: the arm stands.
+    Finished = 7,
+}
+
+impl From<Phase> for vff_phase {
+    fn from(phase: Phase) -> Self {
+        match phase {
+            Phase::Starting => Self::Starting,
+            Phase::Running => Self::Running,
+            Phase::Holding => Self::Holding,
+            Phase::Damping => Self::Damping,
+            Phase::Released => Self::Released,
+            Phase::Lost => Self::Lost,
+            Phase::Stopping => Self::Stopping,
+            Phase::Finished => Self::Finished,
+        }
+    }
+}
+
+/// Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
+/// blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
+/// length 0 or cannot be, from what holds the arm still. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_begin(
+    controller: *mut Controller,
+    period: f64,
+    measured: *const f64,
+    joints: usize,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let measured = match measured.is_null() && joints == 0 {
+                true => None,
+                false => Some(any_numbers("measured", measured, joints, inner.n)?),
+            };
+            inner.controller.begin(period, measured)?;
+            (inner.observed, inner.commanded) = (false, false);
+            Ok(())
+        })
+    }
+}
+
+/// For the loop: one cycle with the state that was measured at time `t` [s], n numbers each, or with none, if q and dq are NULL.
+/// Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
+/// no newer than the last, not finite, or not to be reached from the last counts as missing. Without a reference, the motion of
+/// the end effector is damped.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_cycle(
+    controller: *mut Controller,
+    t: f64,
+    q: *const f64,
+    dq: *const f64,
+    tau: *mut f64,
+    joints: usize,
+    phase: *mut vff_phase,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let out = room("tau", tau, joints, inner.n)?;
+            let to = place("phase", phase)?;
+            let reading = match q.is_null() && dq.is_null() {
+                true => None,
+                false => Some(Reading {
+                    t,
+                    q: any_numbers("q", q, joints, inner.n)?,
+                    dq: any_numbers("dq", dq, joints, inner.n)?,
+                }),
+            };
+            let (tau, phase) = inner.cycle(reading)?;
+            out.fill(tau);
+            to.write(phase);
+            Ok(())
+        })
+    }
+}
+
+/// What the joints of a robot that takes positions or velocities may do.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+#[allow(non_camel_case_types, reason = "as in C")]
+pub struct vff_set_point_limits {
+    /// Largest speeds, n numbers [rad/s, m/s]; NULL for those of the arm.
+    pub speed: *const f64,
+    /// Largest accelerations, n numbers [rad/s², m/s²].
+    pub acceleration: *const f64,
+    /// Largest jerks, n numbers [rad/s³, m/s³].
+    pub jerk: *const f64,
+    /// How far a joint of the robot may be from its set point [rad, m].
+    pub threshold: f64,
+}
+
+/// What a set point comes from.
+#[repr(i32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(non_camel_case_types, reason = "as in C")]
+pub enum vff_course {
+    /// From the law.
+    Following = 0,
+    /// A joint and its set point were farther apart than the threshold: the set point comes to the robot.
+    Rejoining = 1,
+    /// The robot has not been heard of for 20 cycles, or the torque of the law is not finite: the set point stops.
+    Waiting = 2,
+    /// The end was asked for: the set point stops.
+    Stopping = 3,
+    /// It stands.
+    Finished = 4,
+}
+
+impl From<Course> for vff_course {
+    fn from(course: Course) -> Self {
+        match course {
+            Course::Following => Self::Following,
+            Course::Rejoining => Self::Rejoining,
+            Course::Waiting => Self::Waiting,
+            Course::Stopping => Self::Stopping,
+            Course::Finished => Self::Finished,
+        }
+    }
+}
+
+/// Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
+/// runs on the model, whose state is the set point. Allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_begin_set_points(
+    controller: *mut Controller,
+    period: f64,
+    limits: *const vff_set_point_limits,
+    q: *const f64,
+    joints: usize,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let (given, n) = (object("limits", limits)?, inner.n);
+            let q = numbers("q", q, joints, n)?;
+            let each = |name, values| numbers(name, values, n, n).map(<[f64]>::to_vec);
+            let speed = match given.speed.is_null() {
+                true => None,
+                false => Some(ScalarOrVec::Each(each("speed", given.speed)?)),
+            };
+            let limits = SetPointLimits {
+                speed,
+                acceleration: ScalarOrVec::Each(each("acceleration", given.acceleration)?),
+                jerk: ScalarOrVec::Each(each("jerk", given.jerk)?),
+                threshold: given.threshold,
+            };
+            inner.virtual_arm = Some(VirtualArm::new(&inner.controller, &limits, period, q)?);
+            Ok(())
+        })
+    }
+}
+
+/// For the loop: one cycle, from the set point for the time `t` [s] to the next. Writes its angles, velocities and accelerations, n
+/// numbers each, and what it comes from. `measured_q` and `measured_dq` are the state of the robot; NULL, both, or numbers that are none
+/// mean that it has not been heard of. Without a reference, the motion of the end effector is damped.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_set_point(
+    controller: *mut Controller,
+    t: f64,
+    measured_q: *const f64,
+    measured_dq: *const f64,
+    q: *mut f64,
+    dq: *mut f64,
+    ddq: *mut f64,
+    joints: usize,
+    course: *mut vff_course,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let n = inner.n;
+            let out = [("q", q), ("dq", dq), ("ddq", ddq)];
+            let [q, dq, ddq] = out.map(|(name, data)| room(name, data, joints, n));
+            let (out, to) = ([q?, dq?, ddq?], place("course", course)?);
+            numbers("t", &raw const t, 1, 1)?;
+            let measured = match measured_q.is_null() && measured_dq.is_null() {
+                true => None,
+                false => Some([
+                    any_numbers("measured_q", measured_q, joints, n)?,
+                    any_numbers("measured_dq", measured_dq, joints, n)?,
+                ]),
+            };
+            let (values, course) = inner.set_point(t, measured)?;
+            out.into_iter().zip(values).for_each(|(out, values)| out.fill(values));
+            to.write(course);
+            Ok(())
+        })
+    }
+}
+
+/// For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_stop(controller: *mut Controller) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            inner.controller.stop();
+            inner.virtual_arm.iter_mut().for_each(VirtualArm::stop);
+            Ok(())
+        })
+    }
+}
+
 /// The parts of the last torque. Arrays have n numbers and are valid until the next call with the controller but
 /// `vff_controller_terms`.
 #[repr(C)]
@@ -401,7 +665,7 @@ pub unsafe extern "C" fn vff_controller_torque(
 pub struct Terms {
     /// The number of joints n.
     pub joints: usize,
-    /// Joint torque [N·m].
+    /// Joint torque of the law, whatever `command` makes of it [N·m].
     pub tau: *const f64,
     /// What serves the task, and what makes it give way [N·m].
     pub tau_task: *const f64,

@@ -2,8 +2,9 @@
 
 use std::ffi::c_char;
 use std::io;
+use vff_core::control::output::BeginError;
 use vff_core::math::rotation::NotARotation;
-use vff_core::runtime::PointsError;
+use vff_core::runtime::{CycleError, PointsError, VirtualArmError};
 use vff_core::scenario::ScenarioError;
 
 /// What a call came to. Whatever is not `VFF_STATUS_OK` has changed nothing, has written nothing, and has left a sentence in
@@ -43,6 +44,8 @@ pub enum Status {
     Busy = 14,
     /// A fault of vffnull itself, please report it. The object can be freed, and nothing else.
     Panic = 15,
+    /// No loop has begun.
+    NotBegun = 16,
 }
 
 /// A fault, with its sentence.
@@ -86,6 +89,14 @@ pub(crate) enum Fault {
         "the torque at this state and reference is not finite: they are beyond what numbers can hold"
     )]
     Torque,
+    #[error(transparent)]
+    Damping(BeginError),
+    #[error("no loop has begun: call vff_controller_begin first")]
+    NotBegun,
+    #[error("there is no set point: call vff_controller_begin_set_points first")]
+    NoSetPoints,
+    #[error(transparent)]
+    Limits(VirtualArmError),
     #[error("another thread is in a call with the same {0}")]
     Busy(&'static str),
     #[error("a fault of vffnull itself, please report it: {0}")]
@@ -94,6 +105,39 @@ pub(crate) enum Fault {
         "an earlier call ended in a fault of vffnull itself; free the controller and make another"
     )]
     Broken,
+}
+
+impl From<BeginError> for Fault {
+    fn from(error: BeginError) -> Self {
+        match error {
+            BeginError::Period(given) => Self::NoPeriod(given),
+            BeginError::Damping { .. } => Self::Damping(error),
+        }
+    }
+}
+
+impl From<VirtualArmError> for Fault {
+    fn from(error: VirtualArmError) -> Self {
+        match error {
+            VirtualArmError::Length { name, expected, given } => {
+                Self::Length { name, expected, given }
+            }
+            VirtualArmError::NotFinite { index, given } => {
+                Self::NotFinite { name: "q", index, value: given }
+            }
+            VirtualArmError::NotPositive { name: "period", given } => Self::NoPeriod(given),
+            error => Self::Limits(error),
+        }
+    }
+}
+
+impl From<CycleError> for Fault {
+    fn from(error: CycleError) -> Self {
+        match error {
+            CycleError::NotBegun => Self::NotBegun,
+            CycleError::Target(fault) => Self::Reference(fault),
+        }
+    }
 }
 
 impl Fault {
@@ -112,7 +156,9 @@ impl Fault {
                 Status::TooMany
             }
             Self::Points(_) | Self::Gone => Status::NotACloud,
-            Self::Period(_) => Status::Period,
+            Self::Period(_) | Self::Damping(_) => Status::Period,
+            Self::NotBegun | Self::NoSetPoints => Status::NotBegun,
+            Self::Limits(_) => Status::Document,
             Self::Torque => Status::Torque,
             Self::Busy(_) => Status::Busy,
             Self::Panic(_) | Self::Broken => Status::Panic,
@@ -123,7 +169,7 @@ impl Fault {
 /// The name of a status, such as "VFF_STATUS_OK"; "?" for a number that is none.
 #[unsafe(no_mangle)]
 pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
-    const NAMES: [&str; 16] = [
+    const NAMES: [&str; 17] = [
         "VFF_STATUS_OK\0",
         "VFF_STATUS_NULL\0",
         "VFF_STATUS_LENGTH\0",
@@ -140,6 +186,7 @@ pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
         "VFF_STATUS_TORQUE\0",
         "VFF_STATUS_BUSY\0",
         "VFF_STATUS_PANIC\0",
+        "VFF_STATUS_NOT_BEGUN\0",
     ];
     let name = usize::try_from(status).ok().and_then(|status| NAMES.get(status));
     name.unwrap_or(&"?\0").as_ptr().cast()

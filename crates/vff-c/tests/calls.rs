@@ -6,7 +6,8 @@ use std::mem::MaybeUninit;
 use std::ptr::{null, null_mut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
-use vff_core::runtime::{AnyArm, AnyController, Target};
+use vff_core::math::ScalarOrVec;
+use vff_core::runtime::{AnyArm, AnyController, Reading, SetPointLimits, Target, VirtualArm};
 use vff_core::scenario::Scenario;
 use vffnull::*;
 
@@ -254,6 +255,115 @@ fn torques_are_those_of_the_core() {
             assert_eq!(told, Status::Ok);
             assert_eq!(projector, expected.null_projector().transpose().as_slice());
         }
+    }
+}
+
+/// Bit for bit: what is sent, and set points, with states that are missing; and what cannot begin.
+#[test]
+fn loops_are_those_of_the_core() {
+    let settings =
+        format!("{FIELD}\ncommand = {{ gravity = 'robot', torque_rate = 1000.0, start = 0.01 }}");
+    let owned = Owned::new("model = 'panda'", &settings);
+    owned.add(SPHERE);
+    let mut expected = core("model = 'panda'", &settings, &[SPHERE]);
+    let (mut tau, mut phase) = ([0.5; 7], vff_phase::Lost);
+    let x = [0.4, 0.1, 0.5];
+    let target = Target { x: &x, dx: &[0.0; 3], ddx: &[0.0; 3] };
+    let [acceleration, jerk] = [[7.5; 7], [4000.0; 7]];
+    let limits = vff_set_point_limits {
+        speed: null(),
+        acceleration: acceleration.as_ptr(),
+        jerk: jerk.as_ptr(),
+        threshold: 0.1,
+    };
+    // SAFETY: below, arrays have the lengths that are given.
+    unsafe {
+        let c = owned.0;
+        let one = |tau: &mut [f64; 7], phase: *mut vff_phase| {
+            vff_controller_cycle(c, 0.0, null(), null(), tau.as_mut_ptr(), 7, phase)
+        };
+        assert_eq!(one(&mut tau, &raw mut phase), Status::NotBegun);
+        assert!(message().contains("vff_controller_begin"));
+        for period in [0.0, f64::NAN] {
+            assert_eq!(vff_controller_begin(c, period, null(), 0), Status::NotFinite);
+        }
+        assert_eq!(vff_controller_begin(c, 0.3, null(), 0), Status::Period);
+        assert!(message().contains("stop_damping"), "{}", message());
+        assert_eq!(vff_controller_begin(c, 0.001, null(), 7), Status::Null);
+        assert_eq!(vff_controller_begin(c, 0.001, null(), 0), Status::Ok);
+        assert_eq!(one(&mut tau, null_mut()), Status::Null);
+        assert_eq!(owned.refer(&x, &[], &[]), Status::Ok);
+        expected.begin(0.001, None).unwrap();
+        let mut phases = vec![];
+        for k in 0..1200 {
+            let t = 0.001 * f64::from(k);
+            let q: Vec<f64> = (0..7).map(|i| READY[i] + 0.05 * (t + i as f64).sin()).collect();
+            let dq: Vec<f64> = (0..7).map(|i| 0.05 * (t + i as f64).cos()).collect();
+            let here = !(20..30).contains(&k) && k < 100;
+            if k == 60 {
+                assert_eq!(vff_controller_stop(c), Status::Ok);
+                expected.stop();
+            }
+            let reading = here.then_some(Reading { t, q: &q, dq: &dq });
+            let same = expected.cycle(reading, Some(&target)).unwrap();
+            let given = |x: &[f64]| if here { x.as_ptr() } else { null() };
+            let done = vff_controller_cycle(
+                c,
+                t,
+                given(&q),
+                given(&dq),
+                tau.as_mut_ptr(),
+                7,
+                &raw mut phase,
+            );
+            assert_eq!(done, Status::Ok, "{}", message());
+            assert_eq!(tau.to_vec(), expected.sent().unwrap().to_vec());
+            assert_eq!(format!("{phase:?}"), format!("{same:?}"));
+            if phases.last() != Some(&phase) {
+                phases.push(phase);
+            }
+        }
+        use vff_phase::{Damping, Holding, Lost, Released, Running, Starting, Stopping};
+        assert_eq!(
+            phases,
+            [
+                Starting, Running, Holding, Damping, Starting, Running, Stopping, Holding, Damping,
+                Released, Lost
+            ]
+        );
+
+        let (mut q, mut dq, mut ddq) = ([0.0; 7], [0.0; 7], [0.0; 7]);
+        let mut course = vff_course::Finished;
+        let mut step = |measured: *const f64, course: *mut vff_course| {
+            let [q, dq, ddq] = [&mut q, &mut dq, &mut ddq].map(|x| x.as_mut_ptr());
+            vff_controller_set_point(c, 0.5, measured, measured, q, dq, ddq, 7, course)
+        };
+        assert_eq!(step(null(), &raw mut course), Status::NotBegun);
+        let begin = |limits: *const vff_set_point_limits, q: &[f64], period| {
+            vff_controller_begin_set_points(c, period, limits, q.as_ptr(), q.len())
+        };
+        assert_eq!(begin(null(), &READY, 0.001), Status::Null);
+        assert_eq!(begin(&raw const limits, &READY[..6], 0.001), Status::Length);
+        assert_eq!(begin(&raw const limits, &READY, -1.0), Status::NotFinite);
+        assert_eq!(begin(&raw const limits, &READY, 0.001), Status::Ok, "{}", message());
+        let all = SetPointLimits {
+            speed: None,
+            acceleration: ScalarOrVec::Uniform(7.5),
+            jerk: ScalarOrVec::Uniform(4000.0),
+            threshold: 0.1,
+        };
+        let mut arm = VirtualArm::new(&expected, &all, 0.001, &READY).unwrap();
+        for k in 0..200 {
+            assert_eq!(step(null(), &raw mut course), Status::Ok);
+            arm.step(&mut expected, 0.5, Some(&target), None).unwrap();
+            if k == 100 {
+                assert_eq!(vff_controller_stop(c), Status::Ok);
+                arm.stop();
+            }
+        }
+        assert_eq!(format!("{course:?}"), format!("{:?}", arm.course()));
+        assert_eq!(course, vff_course::Stopping);
+        assert_eq!([q, dq, ddq].each_ref().map(|x| &x[..]), arm.set_point());
     }
 }
 
@@ -588,6 +698,9 @@ enum Call {
     DropCloud(usize),
     Follow,
     Reset,
+    Begin(Given),
+    Cycle(Given),
+    Stop,
 }
 
 /// What is given in place of the right thing.
@@ -626,6 +739,9 @@ fn call() -> impl Strategy<Value = Call> {
         1 => (0usize..4).prop_map(Call::DropCloud),
         1 => Just(Call::Follow),
         1 => Just(Call::Reset),
+        1 => given().prop_map(Call::Begin),
+        6 => given().prop_map(Call::Cycle),
+        1 => Just(Call::Stop),
     ]
 }
 
@@ -640,6 +756,8 @@ struct Model {
     observed: bool,
     refers: bool,
     commanded: bool,
+    begun: bool,
+    t: f64,
 }
 
 /// The status for what was given in place of the right thing.
@@ -858,6 +976,52 @@ impl Model {
                     assert_ne!(done, Length);
                     (done, Fine)
                 }
+                Call::Begin(given) => {
+                    let measured = array(&[0.1; 7], given);
+                    let done = vff_controller_begin(
+                        c(given),
+                        0.001,
+                        start(&measured, given),
+                        measured.len(),
+                    );
+                    // A measured torque may be anything.
+                    let expected = of(given).filter(|status| *status != Status::NotFinite);
+                    if done == Fine {
+                        self.begun = true;
+                        (self.observed, self.commanded) = (false, false);
+                    }
+                    (done, expected.unwrap_or(Fine))
+                }
+                Call::Cycle(given) => {
+                    let (q, dq) = (array(&READY, given), array(&[0.0; 7], given));
+                    let mut tau = vec![0.25; q.len()];
+                    let mut phase = vff_phase::Lost;
+                    self.t += 0.001;
+                    let done = vff_controller_cycle(
+                        c(given),
+                        self.t,
+                        start(&q, given),
+                        start(&dq, given),
+                        tau.as_mut_ptr(),
+                        q.len(),
+                        &raw mut phase,
+                    );
+                    let expected = match given {
+                        Given::NoController => Null,
+                        Given::Short | Given::Long => Length,
+                        _ if !self.begun => Status::NotBegun,
+                        _ => Fine,
+                    };
+                    if done == Fine {
+                        assert!(tau.iter().all(|tau| tau.is_finite()));
+                        self.observed = false;
+                        self.commanded |= matches!(phase, vff_phase::Starting | vff_phase::Running);
+                    } else {
+                        assert_eq!(tau, vec![0.25; q.len()]);
+                    }
+                    (done, expected)
+                }
+                Call::Stop => (vff_controller_stop(owned.0), Fine),
             }
         }
     }

@@ -85,8 +85,9 @@ fn panda(settings: &str) -> (*mut Controller, *mut Cloud) {
 #[test]
 fn no_cycle_touches_the_heap() {
     let field = "field = { kind = 'bounded', gain = 20.0, influence = 0.25 }";
+    let command = "command = { gravity = 'robot', torque_rate = 1000.0, coulomb_friction = 0.2, tip_speed = 0.3 }";
     for settings in [
-        format!("task = 'pose'\n{field}"),
+        format!("task = 'pose'\n{field}\n{command}"),
         format!("task = 'position'\ntank = {{ capacity = 1.0 }}\n{field}"),
         format!("task = 'pointing'\navoidance = 'relaxed'\n{field}"),
         format!("task = 'position'\navoidance = 'priority'\n{field}"),
@@ -98,6 +99,25 @@ fn no_cycle_touches_the_heap() {
         let (controller, cloud) = panda(&settings);
         let (over, sent) = (AtomicBool::new(false), AtomicUsize::new(0));
         let (shared, mut pushed) = (cloud as usize, 0.0);
+        let [acceleration, jerk] = [[7.5; 7], [4000.0; 7]];
+        let limits = vff_set_point_limits {
+            speed: null(),
+            acceleration: acceleration.as_ptr(),
+            jerk: jerk.as_ptr(),
+            threshold: 0.1,
+        };
+        // SAFETY: arrays have the lengths that are given.
+        unsafe {
+            assert_eq!(vff_controller_begin(controller, 0.001, null(), 0), Status::Ok);
+            let begun = vff_controller_begin_set_points(
+                controller,
+                0.001,
+                &raw const limits,
+                READY.as_ptr(),
+                7,
+            );
+            assert_eq!(begun, Status::Ok);
+        }
         thread::scope(|scope| {
             scope.spawn(|| {
                 let cloud = shared as *mut Cloud;
@@ -162,6 +182,37 @@ fn no_cycle_touches_the_heap() {
                         pushed += std::slice::from_raw_parts(terms.force, 7).iter().sum::<f64>();
                         if k == 300 {
                             assert_eq!(vff_controller_reset(c), Status::Ok);
+                        }
+                        // A loop that is watched over, whose state is missing at times, and set points.
+                        let given = |x: &[f64; 7]| if k % 16 < 8 { x.as_ptr() } else { null() };
+                        let mut phase = vff_phase::Lost;
+                        let (at, moving) = (given(&q), given(&[0.1; 7]));
+                        let sent = vff_controller_cycle(
+                            c,
+                            t,
+                            at,
+                            moving,
+                            tau.as_mut_ptr(),
+                            7,
+                            &raw mut phase,
+                        );
+                        assert_eq!(sent, Status::Ok);
+                        let (mut set, mut course) = ([[0.0; 7]; 3], vff_course::Finished);
+                        let [x, dx, ddx] = set.each_mut().map(|each| each.as_mut_ptr());
+                        let moved = vff_controller_set_point(
+                            c,
+                            t,
+                            at,
+                            moving,
+                            x,
+                            dx,
+                            ddx,
+                            7,
+                            &raw mut course,
+                        );
+                        assert_eq!(moved, Status::Ok);
+                        if k == 350 {
+                            assert_eq!(vff_controller_stop(c), Status::Ok);
                         }
                         // Faults in the loop are told without the heap, too.
                         let nan = [f64::NAN; 7];

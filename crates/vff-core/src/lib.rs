@@ -78,6 +78,7 @@ pub mod control;
 pub mod field;
 pub mod interrupt;
 pub mod inverse_kinematics;
+pub mod leader;
 pub mod math;
 #[cfg(feature = "scenario")]
 pub mod planning;

@@ -10,8 +10,10 @@ use vff_core::math::Vector;
 use vff_core::robot::Robot;
 use vff_core::robot::description::{ArmDescription, Joint, JointKind};
 use vff_core::robot::spatial::{Mobility, Spatial};
+use vff_core::runtime::drive::{Loop, Options, SimulatedRobot};
 use vff_core::runtime::live::{Live, State};
 use vff_core::runtime::real_time::RealTime;
+use vff_core::runtime::{AnyController, Target};
 use vff_core::scenario::Scenario;
 use vff_core::simulation::Status;
 use vff_core::trajectory::GovernorSettings;
@@ -88,8 +90,33 @@ fn text(task: &str, reference: &str, simulation: &str, projection: &str) -> Stri
     )
 }
 
+/// Joints that are led from one configuration to another.
+const PLAN: &str = r#"{ kind = "plan", times = [0, 1, 2], points = [
+    [0.6, -0.4, 0.5, 0.3, -0.7, 0.4], [0.5, -0.3, 0.4, 0.4, -0.6, 0.3], [0.6, -0.3, 0.3, 0.4, -0.5, 0.3]
+] }"#;
+
 fn scenario(task: &str, reference: &str, simulation: &str, projection: &str) -> Scenario {
     Scenario::from_toml(&text(task, reference, simulation, projection)).unwrap()
+}
+
+/// What a robot asks of what it is sent, in simulation: limited, compensated, slow.
+#[test]
+fn no_sent_torque_allocates() {
+    let line = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    for (simulation, more) in [
+        (r#"control = "hold""#, "torque_rate = 1000, "),
+        (r#"control = "predictor", control_every = 2"#, "torque_rate = 1000, "),
+        (r#"control = "continuous""#, ""),
+    ] {
+        let text = text("position", line, simulation, "dynamic").replace(
+            "posture = ",
+            &format!("command = {{ {more}gravity = \"robot\", coulomb_friction = 0.1, tip_speed = 0.4 }}\nposture = "),
+        );
+        let mut run = Scenario::from_toml(&text).unwrap().prepare().unwrap().run;
+        let count = allocations(|| while run.step() {});
+        assert_eq!(count, 0, "{simulation}");
+        assert_ne!(run.outcome().status, Status::Diverged);
+    }
 }
 
 #[test]
@@ -103,13 +130,15 @@ fn no_step_allocates() {
         "position",
         r#"{ kind = "table", times = [0, 1, 2], points = [[4.5, 1], [4, 1.5], [4, 1]] }"#,
     );
+    let plan = ("position", PLAN);
+    let planned_pose = ("pose", PLAN);
     let loops = [
         r#"control = "hold", control_every = 3, record_every = 2"#,
         r#"control = "predictor""#,
         r#"control = "continuous""#,
         r#"control = "hold", integrator = "semi_implicit_euler""#,
     ];
-    for (task, reference) in [position, pose, table] {
+    for (task, reference) in [position, pose, table, plan, planned_pose] {
         for simulation in loops {
             for projection in ["dynamic", "kinematic", "none"] {
                 let ready = scenario(task, reference, simulation, projection).prepare().unwrap();
@@ -140,6 +169,26 @@ fn no_period_allocates() {
         count
     };
     assert_eq!(count(30), count(300));
+}
+
+/// Nor does a period of a drive, among obstacles, with a reference that is carried on and rows for a file.
+#[test]
+fn no_period_of_a_drive_allocates() {
+    let reference = r#"{ kind = "setpoint", point = [4, 1] }"#;
+    let scenario = scenario("position", reference, r#"control = "hold""#, "dynamic");
+    let count = |seconds| {
+        let robot = SimulatedRobot::new(&scenario, 1000.0, None).unwrap();
+        let controller = AnyController::from_scenario(&scenario).unwrap();
+        let options = Options { seconds: Some(seconds), record_every: 1, ..Options::default() };
+        let (drive, exchange) = Loop::new(robot, controller, options).unwrap();
+        let target = Target { x: &[4.0, 1.0], dx: &[0.1, 0.0], ddx: &[0.0, 0.0] };
+        exchange.set_target(&target).unwrap();
+        let mut periods = 0;
+        let count = allocations(|| periods = drive.run().periods);
+        assert!(periods > (1000.0 * seconds) as u64, "{periods}");
+        count
+    };
+    assert_eq!(count(0.03), count(0.3));
 }
 
 /// A crowd that is sorted anew many times while it drifts, half of it standing still, some of it turning.
@@ -225,7 +274,11 @@ fn no_step_allocates_that_gives_way() {
 #[test]
 fn no_step_allocates_that_looks_ahead() {
     let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
-    for simulation in [r#"control = "hold""#, r#"control = "predictor""#] {
+    for (reference, simulation) in [
+        (reference, r#"control = "hold""#),
+        (reference, r#"control = "predictor""#),
+        (PLAN, r#"control = "hold""#),
+    ] {
         let mut scenario = scenario("position", reference, simulation, "dynamic");
         scenario.controller.avoidance = Avoidance::Cbf;
         let mut plain = scenario.prepare().unwrap().run;

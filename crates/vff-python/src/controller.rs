@@ -2,8 +2,8 @@
 
 use crate::arm::Arm;
 use crate::convert::{
-    array1, document, instead, load_numpy, matrix, named_document, new_points, number, read_vector,
-    vector, wrong_type,
+    any_vector, array1, document, instead, load_numpy, matrix, named_document, new_points, number,
+    read_vector, vector, wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::turns::Turns;
@@ -12,10 +12,11 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySequence};
 use std::mem::{replace, take};
+use vff_core::control::output::Phase;
 use vff_core::math::memory;
 use vff_core::math::rotation::NotARotation;
 use vff_core::runtime::points::make;
-use vff_core::runtime::{AnyController, AnyObstacles, Target, controller};
+use vff_core::runtime::{AnyController, AnyObstacles, CycleError, Reading, Target, controller};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -79,8 +80,38 @@ struct Call<'a, 'py> {
     t: Option<&'a Bound<'py, PyAny>>,
 }
 
+/// A reference in numbers, or none.
+pub struct Reference {
+    given: bool,
+    x: Vec<f64>,
+    dx: Vec<f64>,
+    ddx: Vec<f64>,
+}
+
+impl Reference {
+    /// That of a call, where pose, velocity and acceleration have so many numbers.
+    pub fn read(
+        widths: [usize; 3],
+        x_ref: Option<&Bound<'_, PyAny>>,
+        dx_ref: Option<&Bound<'_, PyAny>>,
+        ddx_ref: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let [mut x, mut dx, mut ddx] = widths.map(|width| vec![0.0; width]);
+        x_ref.map_or(Ok(()), |given| read_pose(given, &mut x))?;
+        for (name, given, out) in [("dx_ref", dx_ref, &mut dx), ("ddx_ref", ddx_ref, &mut ddx)] {
+            given.map_or(Ok(()), |given| read_vector(name, given, out))?;
+        }
+        Ok(Self { given: x_ref.is_some(), x, dx, ddx })
+    }
+
+    /// The reference itself.
+    pub fn target(&self) -> Option<Target<'_>> {
+        self.given.then_some(Target { x: &self.x, dx: &self.dx, ddx: &self.ddx })
+    }
+}
+
 /// The time of a call [s], 0 if none is given.
-fn time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
+pub fn finite_time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
     let t = t.map_or(Ok(0.0), |t| number("t", t))?;
     match t.is_finite() {
         true => Ok(t),
@@ -89,7 +120,7 @@ fn time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
 }
 
 /// A reference: one vector or, of a pose in space, position and quaternion.
-fn read_pose(given: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
+pub fn read_pose(given: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
     match given.cast::<PySequence>() {
         Ok(pair) if out.len() == 7 && pair.len()? == 2 => {
             read_vector("x_ref[0]", &pair.get_item(0)?, &mut out[..3])?;
@@ -107,6 +138,11 @@ pub fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, P
 }
 
 impl Controller {
+    /// No obstacle, where the arm is.
+    pub fn nothing(&self) -> AnyObstacles {
+        self.nothing.clone()
+    }
+
     /// Evaluates the law; `take` reads what it came to.
     fn evaluate<T>(
         &self,
@@ -114,13 +150,10 @@ impl Controller {
         call: &Call<'_, '_>,
         take: impl FnOnce(&[f64], &AnyController) -> T,
     ) -> PyResult<T> {
-        let t = time(call.t)?;
+        let t = finite_time(call.t)?;
         let (q, dq) = (vector("q", call.q, self.n)?, vector("dq", call.dq, self.n)?);
-        let [mut x, mut dx, mut ddx] = self.widths.map(|width| vec![0.0; width]);
-        read_pose(call.x, &mut x)?;
-        for (name, given, out) in [("dx_ref", call.dx, &mut dx), ("ddx_ref", call.ddx, &mut ddx)] {
-            given.map_or(Ok(()), |given| read_vector(name, given, out))?;
-        }
+        let Reference { x, dx, ddx, .. } =
+            Reference::read(self.widths, Some(call.x), call.dx, call.ddx)?;
         let target = Target { x: &x, dx: &dx, ddx: &ddx };
         let done = self.among(py, call.obstacles, |controller| {
             let tau = controller.torque(&q, &dq, &target, t)?.to_vec();
@@ -135,11 +168,26 @@ impl Controller {
         }
     }
 
+    /// The number of joints.
+    pub fn joints(&self) -> usize {
+        self.n
+    }
+
+    /// How many numbers a pose, its velocity and its acceleration have.
+    pub fn widths(&self) -> [usize; 3] {
+        self.widths
+    }
+
+    /// Does something with the law among the obstacles of the last call.
+    pub fn with<T>(&self, py: Python<'_>, act: impl FnOnce(&AnyController) -> T) -> PyResult<T> {
+        Ok(act(&self.inner.take(py)?.controller))
+    }
+
     /// Does something with the law among these obstacles.
     ///
     /// Whatever may run Python code (arrays, obstacles) is read while the lock is not held: that
     /// code may call this very controller.
-    fn among<T>(
+    pub fn among<T>(
         &self,
         py: Python<'_>,
         obstacles: Option<&Bound<'_, PyAny>>,
@@ -250,7 +298,8 @@ impl Controller {
     /// Returns
     /// -------
     /// (n,) ndarray
-    ///     Joint torque [N·m].
+    ///     Joint torque [N·m], as the settings' `command` wants it: without gravity for a robot that adds it
+    ///     itself, and so on. Its rate is limited by `cycle` alone, which knows the period.
     ///
     /// Raises
     /// ------
@@ -277,7 +326,7 @@ impl Controller {
         Ok(array1(py, &tau))
     }
 
-    /// The same torque with its parts; parameters as in `torque`.
+    /// The torque of the law with its parts, whatever `command` makes of it; parameters as in `torque`.
     #[pyo3(
         signature = (q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=None, t=None),
         text_signature = "($self, q, dq, x_ref, dx_ref=None, ddx_ref=None, obstacles=(), t=0.0)"
@@ -300,6 +349,126 @@ impl Controller {
             InputError::new_err(format!("the projector of {n} joints: {error}"))
         })?;
         self.evaluate(py, &call, |_, controller| Terms { inner: controller.terms() })
+    }
+
+    /// Begin a loop that is watched over: from now on `cycle` says what is to be sent to the robot.
+    ///
+    /// The torque is blended in over the time `start` of the settings' `command`, so that nothing jumps.
+    ///
+    /// Parameters
+    /// ----------
+    /// period : float
+    ///     Control period [s] of your loop.
+    /// tau : (n,) array_like, optional
+    ///     The measured torque [N·m] to blend from; with the gravity torque only if the robot does not add
+    ///     that itself. It is not believed where it is not finite, or farther than half the arm's torque
+    ///     limits from what holds the arm still by the model, which is also what is taken if none is given.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If the period is not positive, or too long for the settings' `stop_damping`.
+    #[pyo3(signature = (period, tau=None), text_signature = "($self, period, tau=None)")]
+    fn begin(
+        &self,
+        py: Python<'_>,
+        period: &Bound<'_, PyAny>,
+        tau: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let period = number("period", period)?;
+        let tau = tau.map(|tau| any_vector("tau", tau, self.n)).transpose()?;
+        let begun = self.inner.take(py)?.controller.begin(period, tau.as_deref());
+        begun.map_err(|error| InputError::new_err(error.to_string()))
+    }
+
+    /// One cycle of a loop that has begun: what is to be sent to the robot, and what state the loop is in.
+    ///
+    /// A state that is missing (None), no newer than the last, not finite, or not to be reached from the last
+    /// at twice the joints' speed limits counts as missing, and is no error: after fewer than `patience` such
+    /// cycles what was sent last is held, then the arm is damped as if it came to rest from its last
+    /// velocity, then only gravity is held, if that is ours, and in the end the loop is lost;
+    /// docs/tutorials/own-loop.md has the times.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float, optional
+    ///     When the state was measured [s]; also the time at which the obstacles' motions are taken.
+    /// q, dq : (n,) array_like, optional
+    ///     Joint angles [rad] and velocities [rad/s].
+    /// x_ref, dx_ref, ddx_ref : array_like, optional
+    ///     Reference of the end effector, as in `torque`. Without `x_ref` its motion is damped wherever it
+    ///     is.
+    /// obstacles : sequence of Obstacle or dict, optional
+    ///     What to keep away from; nothing by default.
+    ///
+    /// Returns
+    /// -------
+    /// tau : (n,) ndarray
+    ///     What is to be sent in this cycle [N·m], whatever the phase is.
+    /// phase : str
+    ///     ``"starting"``, ``"running"``; ``"holding"``, ``"damping"``, ``"released"`` and in the end
+    ///     ``"lost"`` where the state is missing; ``"stopping"`` and in the end ``"finished"`` after `stop`.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If no loop has begun, an array has the wrong shape, or a reference is not finite.
+    ///
+    /// Examples
+    /// --------
+    /// >>> settings = {"command": {"gravity": "robot", "torque_rate": 1000.0}}
+    /// >>> controller = Controller(Arm.named("panda"), settings)
+    /// >>> controller.begin(0.001)
+    /// >>> q, dq = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7
+    /// >>> tau, phase = controller.cycle(0.0, q, dq, x_ref=[0.5, 0.0, 0.5])
+    /// >>> phase
+    /// 'starting'
+    #[pyo3(
+        signature = (t=None, q=None, dq=None, x_ref=None, dx_ref=None, ddx_ref=None, obstacles=None),
+        text_signature = "($self, t=None, q=None, dq=None, x_ref=None, dx_ref=None, ddx_ref=None, obstacles=())"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "state and reference")]
+    fn cycle<'py>(
+        &self,
+        py: Python<'py>,
+        t: Option<&Bound<'py, PyAny>>,
+        q: Option<&Bound<'py, PyAny>>,
+        dq: Option<&Bound<'py, PyAny>>,
+        x_ref: Option<&Bound<'py, PyAny>>,
+        dx_ref: Option<&Bound<'py, PyAny>>,
+        ddx_ref: Option<&Bound<'py, PyAny>>,
+        obstacles: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Array1<'py>, &'static str)> {
+        let t = t.map(|t| number("t", t)).transpose()?;
+        let q = q.map(|q| any_vector("q", q, self.n)).transpose()?;
+        let dq = dq.map(|dq| any_vector("dq", dq, self.n)).transpose()?;
+        let reference = Reference::read(self.widths, x_ref, dx_ref, ddx_ref)?;
+        let reading = match (t, &q, &dq) {
+            (Some(t), Some(q), Some(dq)) => Some(Reading { t, q, dq }),
+            _ => None,
+        };
+        let done = self.among(py, obstacles, |controller| {
+            let phase = controller.cycle(reading, reference.target().as_ref())?;
+            Ok((controller.sent().unwrap_or_default().to_vec(), phase))
+        })?;
+        let (tau, phase) = done.map_err(|fault: CycleError| {
+            let call = if fault == CycleError::NotBegun { ": call `begin` first" } else { "" };
+            InputError::new_err(format!("{fault}{call}"))
+        })?;
+        Ok((array1(py, &tau), phase.name()))
+    }
+
+    /// End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is
+    /// finished.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        self.inner.take(py)?.controller.stop();
+        Ok(())
+    }
+
+    /// What the last cycle came to, as `cycle` names it; None if no loop has begun.
+    #[getter]
+    fn phase(&self, py: Python<'_>) -> PyResult<Option<&'static str>> {
+        Ok(self.inner.take(py)?.controller.phase().map(Phase::name))
     }
 
     /// The longest time that the torque may be held at a configuration before the null space oscillates.
@@ -337,7 +506,7 @@ impl Controller {
         obstacles: Option<&Bound<'_, PyAny>>,
         t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(f64, f64, f64)> {
-        let t = time(t)?;
+        let t = finite_time(t)?;
         let q = vector("q", q, self.n)?;
         let found = self.among(py, obstacles, |controller| controller.stable_period(&q, t))?;
         Ok((found.period, found.stiffness, found.clearance))

@@ -144,12 +144,13 @@ fn too_long(name: &str, value: &Bound<'_, PyAny>) -> PyErr {
     }
 }
 
-/// Text, which not every string of Python is.
-pub fn text(name: &str, value: &Bound<'_, PyString>) -> PyResult<String> {
+/// Text, which not every string of Python is. The name of what it is for is written only where it is none.
+pub fn text(name: &(impl ToString + ?Sized), value: &Bound<'_, PyString>) -> PyResult<String> {
     value.to_str().map(ToOwned::to_owned).map_err(|error| {
         if !error.is_instance_of::<PyUnicodeError>(value.py()) {
             return error;
         }
+        let name = name.to_string();
         let place = if name.is_empty() { String::new() } else { format!("{name}: ") };
         InputError::new_err(format!("{place}contains half a character (a lone surrogate)"))
     })
@@ -228,7 +229,7 @@ impl Reader {
             return Ok(Value::Float(value.extract()?));
         }
         if let Ok(string) = value.cast::<PyString>() {
-            return Ok(Value::String(text(&path.to_string(), string)?));
+            return Ok(Value::String(text(path, string)?));
         }
         if let Ok(list) = value.cast::<PyList>() {
             return self.items(list.iter().map(Ok), list.len(), path, depth);
@@ -276,7 +277,7 @@ impl Reader {
             let Ok(key) = key.cast::<PyString>() else {
                 return Err(wrong_type(&format!("{path}: keys must be strings"), &key));
             };
-            let key = text(&path.to_string(), key)?;
+            let key = text(path, key)?;
             if !inner.is_none() {
                 let value = self.value(&inner, &Path::Key(path, &key), depth + 1)?;
                 table.insert(key, value);
@@ -418,6 +419,13 @@ pub fn finite(name: &str, values: &[f64]) -> PyResult<()> {
 pub fn vector(name: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<f64>> {
     let mut out = vec![0.0; n];
     read_vector(name, value, &mut out)?;
+    Ok(out)
+}
+
+/// The same, finite or not.
+pub fn any_vector(name: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<f64>> {
+    let mut out = vec![0.0; n];
+    copy_vector(name, value, &mut out)?;
     Ok(out)
 }
 

@@ -5,16 +5,20 @@ mod arm;
 mod controller;
 mod convert;
 mod distances;
+mod drive;
 mod errors;
 mod external;
 mod live;
 mod models;
+mod planning;
+mod privileges;
 mod real_time;
 mod run;
 mod shapes;
 mod simulation;
 mod turns;
 mod vector;
+mod virtual_arm;
 mod watch;
 
 use pyo3::prelude::*;
@@ -29,11 +33,15 @@ mod _core {
     #[pymodule_export]
     use crate::distances::{Distances, distances};
     #[pymodule_export]
+    use crate::drive::{DriveLoop, SimulatedRobot};
+    #[pymodule_export]
     use crate::external::ExternalRun;
     #[pymodule_export]
     use crate::live::Live;
     #[pymodule_export]
     use crate::models::{arm_model, arm_text, check_arm, read_urdf, reduce_tree};
+    #[pymodule_export]
+    use crate::planning::{joints_at, plan};
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
@@ -46,6 +54,8 @@ mod _core {
     use crate::simulation::{Simulation, State};
     #[pymodule_export]
     use crate::vector::Episodes;
+    #[pymodule_export]
+    use crate::virtual_arm::VirtualArm;
 
     use crate::convert::before_fork;
     use pyo3::prelude::*;

@@ -3,14 +3,18 @@
 use crate::convert::{self, array2, named_document, read_vector};
 use crate::errors::{self, InputError};
 use crate::run::{arrays, prepared};
-use numpy::PyArray1;
+use crate::watch::interruptible;
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{mem, process};
+use vff_core::math::UnitQuaternion;
+use vff_core::runtime::PointsError;
 use vff_core::runtime::live::{self, LoopStats, State};
+use vff_core::runtime::points::make;
 use vff_core::scenario::Scenario;
 use vff_core::simulation::RecordTooLarge;
 
@@ -75,13 +79,14 @@ struct Shown {
     points: Vec<f64>,
     forces: Vec<f64>,
     obstacles: Vec<f64>,
+    turns: Vec<f64>,
     t: f64,
     arrays: [(&'static str, Vec<f64>); 9],
 }
 
 impl Shown {
     fn new(live: &mut live::Live) -> Self {
-        let [points, forces] = live.pushes();
+        let ([points, forces], turns) = (live.pushes(), live.turns());
         let s = live.snapshot();
         let mut obstacles = vec![];
         s.obstacles.append_to(&mut obstacles);
@@ -94,6 +99,7 @@ impl Shown {
             points,
             forces,
             obstacles,
+            turns,
             t: s.t,
             arrays: [
                 ("q", s.q.to_vec()),
@@ -132,6 +138,9 @@ impl Shown {
             let shape = [values.len() / self.dimension, self.dimension];
             dict.set_item(name, array2(py, values, shape)?)?;
         }
+        let d = self.dimension;
+        let shape = [self.turns.len() / (d * d), d, d];
+        dict.set_item("turns", PyArray1::from_vec(py, self.turns).reshape(shape)?)?;
         for (name, values) in self.arrays {
             dict.set_item(name, PyArray1::from_vec(py, values))?;
         }
@@ -211,6 +220,41 @@ impl Live {
         self.with(py, |live| live.aim(&place))
     }
 
+    /// Turn an obstacle in space to an orientation (4,) on the short way, at 4 rad/s.
+    fn turn(
+        &self,
+        py: Python<'_>,
+        obstacle: usize,
+        orientation: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let orientation = unit(orientation)?;
+        self.with(py, |live| live.turn(obstacle, orientation))?
+            .map_err(|error| errors::scenario(&error))
+    }
+
+    /// Turn the reference to an orientation (4,) on the short way, smoothly, at 1 rad/s at most.
+    fn turn_target(&self, py: Python<'_>, orientation: &Bound<'_, PyAny>) -> PyResult<()> {
+        let orientation = unit(orientation)?;
+        self.with(py, |live| live.turn_target(orientation))?
+            .map_err(|error| errors::scenario(&error))
+    }
+
+    /// Replace the points (k, 3) of a cloud [m]. They are made ready beside the loop, and taken in between
+    /// two of its steps.
+    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    fn update_points(
+        &self,
+        py: Python<'_>,
+        cloud: &Bound<'_, PyAny>,
+        obstacle: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (given, j) = convert::new_points(cloud, obstacle)?;
+        let fault = |error: PointsError| InputError::new_err(error.to_string());
+        let orientation = self.with(py, |live| live.orientation_of_points(j))?.map_err(fault)?;
+        let made = interruptible(py, || make(given, orientation))?.map_err(fault)?;
+        self.with(py, |live| live.update_points(j, &made))?.map_err(fault)
+    }
+
     /// Add an obstacle, the last one from now on. Ends a recording.
     fn add(&self, py: Python<'_>, obstacle: &Bound<'_, PyAny>) -> PyResult<()> {
         let table = named_document("obstacle", obstacle)?;
@@ -257,6 +301,13 @@ impl Drop for Live {
             server => mem::forget(server),
         }
     }
+}
+
+/// An orientation, as a quaternion \[w, x, y, z\].
+fn unit(orientation: &Bound<'_, PyAny>) -> PyResult<UnitQuaternion> {
+    let mut given = [0.0; 4];
+    read_vector("orientation", orientation, &mut given)?;
+    UnitQuaternion::new(given).map_err(|error| InputError::new_err(format!("orientation: {error}")))
 }
 
 /// A place of `dimension` coordinates.

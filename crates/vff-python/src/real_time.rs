@@ -3,6 +3,7 @@
 
 use crate::convert::{document, load_numpy};
 use crate::errors::{self, InputError};
+use crate::privileges::{core_id, take_privileges};
 use crate::watch::{SIGNALS, Watch, interruptible};
 use numpy::PyArray1;
 use pyo3::exceptions::PyKeyboardInterrupt;
@@ -14,6 +15,7 @@ use std::{panic, thread};
 use vff_core::interrupt;
 use vff_core::runtime::real_time::{RealTime, Report};
 use vff_core::scenario::{Scenario, ScenarioError};
+use vff_core::simulation::pace::Timing;
 
 /// Run a scenario document against the wall clock on a thread of its own, with the GIL released.
 ///
@@ -69,7 +71,7 @@ pub fn real_time<'py>(
         let (stop, done) = (&stop, &done);
         thread::scope(|scope| {
             let worker = scope.spawn(move || {
-                let refused = privileges(priority, core);
+                let refused = take_privileges(priority, core);
                 let flag = interrupt::Watch::Flag(Arc::clone(stop));
                 let report = interrupt::watched(flag, || ready.run(count, stop, done));
                 drop(over);
@@ -100,6 +102,12 @@ pub fn real_time<'py>(
     result.set_item("restarts", restarts)?;
     result.set_item("min_clearance", min_clearance.is_finite().then_some(min_clearance))?;
     result.set_item("notes", notes)?;
+    put_times(py, &result, timing)?;
+    Ok(result)
+}
+
+/// Puts the histograms of a measurement into a dict: times \[s\] and how often each.
+pub fn put_times(py: Python<'_>, result: &Bound<'_, PyDict>, timing: Timing) -> PyResult<()> {
     let histograms = [
         ("latency", timing.latency),
         ("step", timing.work),
@@ -114,52 +122,5 @@ pub fn real_time<'py>(
         let counts = PyArray1::from_iter(py, bins().map(|bin| bin.count_at_value()));
         result.set_item(name, (values, counts))?;
     }
-    Ok(result)
-}
-
-/// The core of that number, if this process may use it.
-fn core_id(number: usize) -> PyResult<core_affinity::CoreId> {
-    let cores = core_affinity::get_core_ids().unwrap_or_default();
-    cores.iter().find(|core| core.id == number).copied().ok_or_else(|| {
-        let numbers: Vec<_> = cores.iter().map(|core| core.id.to_string()).collect();
-        let there = numbers.join(", ");
-        InputError::new_err(format!("core: {number} is not one of this machine's, {there}"))
-    })
-}
-
-/// Pins the calling thread and raises its priority; says what the system refused.
-fn privileges(priority: Option<u8>, core: Option<core_affinity::CoreId>) -> Vec<String> {
-    let mut refused = vec![];
-    if let Some(core) = core
-        && !core_affinity::set_for_current(core)
-    {
-        refused.push(format!("core: the system did not pin the thread to core {}", core.id));
-    }
-    if let Some(priority) = priority
-        && let Err(reason) = first_in_first_out(priority)
-    {
-        refused.push(format!("priority: the system refused {priority} ({reason})"));
-    }
-    refused
-}
-
-/// Real-time scheduling of the calling thread.
-#[cfg(unix)]
-fn first_in_first_out(priority: u8) -> Result<(), String> {
-    use thread_priority::{
-        Error, RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue,
-        ThreadSchedulePolicy, set_thread_priority_and_policy, thread_native_id,
-    };
-    let value = ThreadPriority::Crossplatform(ThreadPriorityValue::try_from(priority)?);
-    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    set_thread_priority_and_policy(thread_native_id(), value, policy).map_err(|error| match error {
-        Error::OS(code) => std::io::Error::from_raw_os_error(code).to_string(),
-        other => other.to_string(),
-    })
-}
-
-/// Real-time scheduling of the calling thread.
-#[cfg(not(unix))]
-fn first_in_first_out(_: u8) -> Result<(), String> {
-    Err("this system has no SCHED_FIFO".into())
+    Ok(())
 }

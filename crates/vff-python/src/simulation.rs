@@ -335,7 +335,7 @@ impl State {
         given(py, &self.dq_measured)
     }
 
-    /// Torque of the drives, (n,) [N·m]; None without drives.
+    /// Torque at the joints, (n,) [N·m], with what a robot adds itself; None where it is `tau`.
     #[getter]
     fn tau_applied<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
         given(py, &self.tau_applied)

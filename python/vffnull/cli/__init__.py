@@ -34,6 +34,7 @@ from vffnull.cli.common import (
 )
 from vffnull.cli.evaluate import evaluate
 from vffnull.cli.live import live
+from vffnull.cli.plan import plan
 from vffnull.cli.realtime import realtime
 from vffnull.cli.study import study
 from vffnull.errors import ScenarioError, VffNullError
@@ -111,6 +112,7 @@ def _commands() -> None:
     vffnull run mine.toml --json           run it, print the metrics for a script
     vffnull live                           play with it in the browser
     vffnull realtime paper-1               run it against the clock
+    vffnull plan narrow-gap --out plan.npz plan a motion to where the reference ends
     vffnull evaluate --count 20            controllers side by side on random scenes
     vffnull study run NAME --out results   thousands of runs, resumable, on a cluster too
     vffnull animate paper-1 paper-1.gif    film it
@@ -124,7 +126,17 @@ def _commands() -> None:
     """
 
 
-for _command in (arms, live, realtime, evaluate, study, results.animate, results.report, results.compare):
+for _command in (
+    arms,
+    live,
+    plan,
+    realtime,
+    evaluate,
+    study,
+    results.animate,
+    results.report,
+    results.compare,
+):
     _commands.add_command(_command)
 
 

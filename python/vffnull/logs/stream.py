@@ -7,12 +7,12 @@ import os
 import threading
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from vffnull import _core, _record
-from vffnull._arguments import number
+from vffnull._arguments import number, whole
 from vffnull._extras import extra
 from vffnull._record import Layout
 from vffnull.errors import InputError, InputTypeError
@@ -43,6 +43,8 @@ class StreamRecorder:
         Goes into the file, if given; what `vffnull.simulate` accepts.
     interval : float, optional
         Longest time [s] that a row waits in memory, up to a day.
+    dimension : {2, 3}, optional
+        Of the space that the arm moves in, where no scenario says so; else the first row tells.
 
     Raises
     ------
@@ -65,7 +67,11 @@ class StreamRecorder:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], scenario: ScenarioLike | None = None, interval: float = 0.5
+        self,
+        path: str | os.PathLike[str],
+        scenario: ScenarioLike | None = None,
+        interval: float = 0.5,
+        dimension: Literal[2, 3] | None = None,
     ) -> None:
         self.path = Path(path)
         if self.path.suffix != ".arrows":
@@ -78,6 +84,8 @@ class StreamRecorder:
         document = prepare(scenario).to_dict() if scenario is not None else None
         about = {"version": _core.__version__, "scenario": document}
         self._layout = None if document is None else Layout.of(document)
+        if document is None and dimension is not None:
+            self._layout = Layout(3 if whole("dimension", dimension, 2, 3) == 3 else 2)
         # The first array makes Arrow import more, for half a second: now, not later.
         self._arrow.array(np.zeros(1))
         self._metadata = {"vffnull": json.dumps(about)}

@@ -18,12 +18,11 @@ from vffnull.errors import InputError, InputTypeError
 if TYPE_CHECKING:
     from vffnull.result import Result
 
-__all__ = ["check_path", "compare", "write"]
+__all__ = ["check_path", "compare", "save", "write"]
 
 _MOST = 8  # runs on one page; more colours cannot be told apart
 
 
-@heard()
 def compare(results: Mapping[str, Result] | Iterable[Result], path: str | os.PathLike[str]) -> Path:
     """Put several runs side by side on one HTML page that needs nothing else, not even a network.
 
@@ -66,6 +65,7 @@ def compare(results: Mapping[str, Result] | Iterable[Result], path: str | os.Pat
     return write(runs, path, names)
 
 
+@heard()
 def write(runs: list[Result], path: str | os.PathLike[str], names: list[str] | None = None) -> Path:
     """Write the page of one or several runs."""
     target = check_path(path)
@@ -77,7 +77,11 @@ def write(runs: list[Result], path: str | os.PathLike[str], names: list[str] | N
     extra("bokeh", "report")
     from vffnull.report.page import render
 
-    text = render(runs, names or _names(runs))
+    return save(render(runs, names or _names(runs)), target)
+
+
+def save(text: str, target: Path) -> Path:
+    """Write a page whole, or leave what was there; surrogates of hostile names become question marks."""
     with replacing(target) as draft:
         draft.write_bytes(text.encode("utf-8", "replace"))
     return target

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.embed import components
-from bokeh.resources import Resources
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vffnull._outcome import readable
 from vffnull.plotting import style
@@ -19,6 +17,7 @@ from vffnull.plotting.primitives import drawable
 from vffnull.plotting.style import prefixed
 from vffnull.report import figures, motion, space
 from vffnull.report.figures import Run
+from vffnull.report.frame import fill
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -43,12 +42,10 @@ def render(results: list[Result], names: list[str]) -> str:
     plots = figures.plots(runs, names)
     script, slots = components([*flat.values(), *plots])
     drawn = dict(zip(flat, slots, strict=False))
-    template = Environment(
-        loader=FileSystemLoader(_HERE), undefined=StrictUndefined, autoescape=True, trim_blocks=True
-    ).get_template("page.html")
     alone = results[0] if len(results) == 1 else None
     scripts = ("page.js",) if len(flat) == len(runs) else ("webgl.js", "flat.js", "space.js", "page.js")
-    return template.render(
+    return fill(
+        _HERE / "page.html",
         title=_title(results, names),
         alone=alone,
         runs=list(zip(results, names, colours, strict=True)),
@@ -71,9 +68,7 @@ def render(results: list[Result], names: list[str]) -> str:
         numpy=np.__version__,
         wall=[f"{run.wall_time * 1e3:.3g} ms" for run in results],
         instants=dict.fromkeys(f"{len(run.rows)} of {len(run.result.t)}" for run in runs),
-        bokeh=Resources(mode="inline", components=["bokeh"]).render(),
         script=script,
-        style=(_HERE / "page.css").read_text(encoding="utf-8"),
         code=[(_HERE / name).read_text(encoding="utf-8") for name in scripts],
         data=_for_script([motion.pack(run, shades) for run, shades in zip(runs, links, strict=True)]),
     )

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from vffnull._extras import extra
-from vffnull._files import replacing
+from vffnull._interrupts import heard
 from vffnull.errors import InputError
+from vffnull.report import check_path, save
 from vffnull.studies.findings import Findings, findings
 from vffnull.studies.reading import Runs
 from vffnull.studies.tuning import Tuned, trials_of
@@ -62,6 +63,7 @@ class Dataset(Runs):
             raise InputError(f"{self.place}: the runs of a design, not of a tuning")
         return trials_of(self)
 
+    @heard()
     def report(self, path: str | os.PathLike[str], metrics: Iterable[str] | None = None) -> Path:
         """Write everything as one HTML page that needs no network: pictures, indices, tables, the document.
 
@@ -79,13 +81,8 @@ class Dataset(Runs):
         ImportError
             Without the extra ``vffnull[study]``.
         """
-        path = Path(path)
-        if path.suffix != ".html":
-            raise InputError(f"{path}: a page is written as .html")
+        target = check_path(path)
         extra("bokeh", "study")
         from vffnull.studies.page import render
 
-        text = render(self, None if metrics is None else list(metrics))
-        with replacing(path) as draft:
-            draft.write_text(text, encoding="utf-8")
-        return path
+        return save(render(self, None if metrics is None else list(metrics)), target)

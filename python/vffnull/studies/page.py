@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 from bokeh.embed import components
-from bokeh.resources import Resources
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from vffnull.plotting.style import prefixed
+from vffnull.report.frame import fill
 from vffnull.studies import pictures
 from vffnull.studies.findings import Findings, chosen, findings, whole_runs
 from vffnull.studies.reading import Runs
@@ -21,7 +20,6 @@ from vffnull.studies.tuning import trials_of
 __all__ = ["render"]
 
 _HERE = Path(__file__).parent
-_STYLE = _HERE.parent / "report" / "page.css"
 _MOST_METRICS = 6
 
 
@@ -50,10 +48,8 @@ def render(dataset: Runs, metrics: Iterable[str] | None) -> str:
     script, slots = components(plots) if plots else ("", ())
     places = iter(slots)
     tuned = trials_of(dataset) if dataset.manifest["tuned"] else None
-    template = Environment(
-        loader=FileSystemLoader(_HERE), undefined=StrictUndefined, autoescape=True, trim_blocks=True
-    ).get_template("page.html")
-    return template.render(
+    return fill(
+        _HERE / "page.html",
         title=dataset.plan.name or "A study",
         description=dataset.plan.description,
         cards=_cards(dataset, found),
@@ -80,9 +76,7 @@ def render(dataset: Runs, metrics: Iterable[str] | None) -> str:
         document=json.dumps(dataset.manifest["study"], indent=1, ensure_ascii=False),
         version=dataset.manifest["versions"]["vffnull"],
         place=dataset.place,
-        bokeh=Resources(mode="inline", components=["bokeh"]).render(),
         script=script,
-        style=_STYLE.read_text(encoding="utf-8"),
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
 from vffnull.errors import VffNullError
@@ -170,6 +170,7 @@ class LivePage:
             self._scenario,
             self._carry,
             self._aim,
+            self._turn,
             self._view,
             not self._dragged,
             self._shadows,
@@ -294,6 +295,27 @@ class LivePage:
                     live.remove(count - 1)
                 self._scene.remove(count - 1)
 
+    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+        """Replace the points of a cloud while the loop runs, as often as a camera sees new ones.
+
+        Parameters
+        ----------
+        cloud : (k, 3) array_like
+            The points [m], relative to the cloud's position, in its frame.
+        obstacle : int, optional
+            Which obstacle the cloud is.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
+            points are those of before then.
+        """
+        with self._lock:
+            for live in self._loops():
+                live.update_points(cloud, obstacle)
+            self._scene.show_points(np.asarray(cloud, dtype=float), obstacle)
+
     def start_recording(self) -> Path:
         """Begin to record."""
         with self._lock:
@@ -394,6 +416,15 @@ class LivePage:
         self._memory.leave()
         for live in self._loops():
             live.aim(place)
+
+    def _turn(self, obstacle: int | None, orientation: NDArray[np.float64]) -> None:
+        self._dragged = True
+        self._memory.leave()
+        for live in self._loops():
+            if obstacle is None:
+                live.turn_target(orientation)
+            else:
+                live.turn(obstacle, orientation)
 
     def _move_cameras(self) -> None:
         """Show everybody the whole picture."""

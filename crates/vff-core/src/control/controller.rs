@@ -6,13 +6,14 @@
 use super::avoidance::Avoider;
 use super::avoidance::preview::Preview;
 use super::limits::{self, ObjectiveScale, Parts};
+use super::moving_posture::MovingPosture;
 use super::{
     Avoidance, Energy, Formulation, Gains, Law, OperationalSpace, Power, Projection, StablePeriod,
     Tank, Torque, VirtualForces, Yielding, extended_jacobian, operational_space, sampling, task,
 };
 use crate::math::{Pose, Vector, dot};
 use crate::robot::Manipulator;
-use crate::trajectory::Sample;
+use crate::trajectory::{JointSpline, Pace, Sample};
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
@@ -32,6 +33,8 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     repulsion: Vec<f64>,
     /// τ_sec: what the tank lets through of it, and the posture spring.
     tau_sec: Vec<f64>,
+    /// What the posture of a plan asks for beyond its spring; None where the posture does not move.
+    moving: Option<Box<MovingPosture>>,
     joint_limit_potential: f64,
     parts: Parts,
     objective_scale: ObjectiveScale,
@@ -60,6 +63,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             law: Law::new(n),
             repulsion: vec![0.0; n],
             tau_sec: vec![0.0; n],
+            moving: None,
             joint_limit_potential: 0.0,
             parts: Parts::new(n),
             objective_scale: limits::ALL,
@@ -111,6 +115,20 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         if let Some(avoider) = &mut self.avoider {
             avoider.observe(&self.robot, surroundings);
         }
+    }
+
+    /// Lets the posture of the null space be where `joints` has it at `pace`, which makes of a time \[s\] the positions,
+    /// velocities and accelerations of the joints, from the next command on. Allocates the first time.
+    pub fn move_posture(&mut self, joints: &JointSpline, pace: &Pace) {
+        let n = self.robot.dof();
+        let moving = self.moving.get_or_insert_with(|| Box::new(MovingPosture::new(n)));
+        moving.go_to(joints, pace);
+        self.gains.move_posture(&moving.state[0]);
+    }
+
+    /// Lets the posture be that of another controller, at rest.
+    pub(super) fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
+        self.gains.posture.clone_from(&gains.posture);
     }
 
     /// Makes room for so many contacts of each body, so that observing them does not allocate.
@@ -233,6 +251,10 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
         }
         gains.add_posture_torque(robot.configuration(), tau_sec);
+        if let Some(moving) = &mut self.moving {
+            moving.update_torque(robot, gains);
+            tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
+        }
     }
 
     /// Scales the objectives until every joint is within its torque limit (T35).
@@ -250,6 +272,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         damping.iter_mut().for_each(|tau| *tau = -*tau);
         posture.fill(0.0);
         gains.add_posture_torque(robot.configuration(), posture);
+        if let Some(moving) = &self.moving {
+            posture.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
+        }
         for (tau, repulsion) in avoidance.iter_mut().zip(&self.repulsion) {
             *tau = self.share * repulsion;
         }
@@ -417,6 +442,14 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.reserve(most);
         if let Some(preview) = &mut self.preview {
             preview.reserve(surroundings.obstacle_count(), most);
+        }
+    }
+
+    /// [`ReactiveController::move_posture`]; the look-ahead takes the posture for one at rest.
+    pub fn move_posture(&mut self, joints: &JointSpline, pace: &Pace) {
+        self.reactive.move_posture(joints, pace);
+        if let Some(preview) = &mut self.preview {
+            preview.rest_at_posture_of(&self.reactive.gains);
         }
     }
 

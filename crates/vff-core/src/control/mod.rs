@@ -4,6 +4,7 @@
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
 //! where that is not enough). [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
+//! [`output`] is what stands between its torque and a robot.
 
 pub mod avoidance;
 mod controller;
@@ -13,7 +14,9 @@ pub mod extended_jacobian;
 pub mod law;
 pub mod limits;
 pub mod metric;
+mod moving_posture;
 pub mod operational_space;
+pub mod output;
 pub mod quadratic_program;
 pub mod sampling;
 pub mod settings;
@@ -28,6 +31,7 @@ pub use law::{Law, Torque};
 pub use limits::ObjectiveScale;
 pub use metric::TaskMetric;
 pub use operational_space::OperationalSpace;
+pub use output::{CommandSettings, Gravity, Output};
 pub use sampling::StablePeriod;
 pub use settings::{Avoidance, Formulation, Gains, Projection, SelfCollision, Settings, TaskKind};
 pub use tank::Tank;

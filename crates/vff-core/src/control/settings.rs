@@ -2,6 +2,7 @@
 
 use super::avoidance::Yielding;
 use super::metric::TaskMetric;
+use super::output::CommandSettings;
 use super::tank::TankSettings;
 use crate::field::Field;
 use crate::math::ScalarOrVec;
@@ -124,6 +125,8 @@ pub struct Settings {
     pub yielding: Yielding,
     /// How the reference waits for the end effector; it does not by default.
     pub governor: Option<GovernorSettings>,
+    /// What stands between the torque and the robot; nothing by default.
+    pub command: CommandSettings,
     /// L \[m\], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
     /// Default: [`Model::characteristic_length`].
     pub characteristic_length: Option<f64>,
@@ -151,6 +154,7 @@ impl Default for Settings {
             avoidance: Avoidance::NullSpace,
             yielding: Yielding::default(),
             governor: None,
+            command: CommandSettings::default(),
             characteristic_length: None,
             singularity: 3e-2,
         }
@@ -216,6 +220,8 @@ pub struct Gains<const M: usize> {
     pub null_damping: NullDamping,
     /// Posture spring: (q_d \[rad\], K_v \[N·m/rad\]) per joint, empty without posture.
     pub posture: Vec<(f64, f64)>,
+    /// K_v, for the posture of a plan.
+    pub posture_stiffness: ScalarOrVec,
     /// The virtual force field.
     pub field: Field,
     /// What is done about links that come near each other.
@@ -236,6 +242,8 @@ pub struct Gains<const M: usize> {
     pub yielding: Yielding,
     /// How the reference waits.
     pub governor: Option<GovernorSettings>,
+    /// What stands between the torque and the robot.
+    pub command: CommandSettings,
     /// See [`Settings::characteristic_length`].
     pub characteristic_length: f64,
     /// See [`Settings::singularity`].
@@ -257,6 +265,7 @@ impl<const M: usize> Gains<M> {
                 .enumerate()
                 .map(|(i, q)| (*q, settings.posture_stiffness.get(i)))
                 .collect(),
+            posture_stiffness: settings.posture_stiffness.clone(),
             field: settings.field,
             self_collision: settings.self_collision,
             joint_limit_field: settings.joint_limit_field,
@@ -267,6 +276,7 @@ impl<const M: usize> Gains<M> {
             avoidance: settings.avoidance,
             yielding: settings.yielding.clone(),
             governor: settings.governor,
+            command: settings.command.clone(),
             characteristic_length: settings.characteristic_length.unwrap_or(1.0),
             singularity: settings.singularity,
             seed: 0,
@@ -290,6 +300,15 @@ impl<const M: usize> Gains<M> {
     /// How lengths and angles of the task are put together in a space of dimension `D`.
     pub fn metric<const D: usize>(&self) -> TaskMetric<M> {
         TaskMetric::new::<D>(self.characteristic_length)
+    }
+
+    /// Moves the posture to `q` \[rad\]. Allocates where there was none.
+    pub fn move_posture(&mut self, q: &[f64]) {
+        let Self { posture, posture_stiffness, .. } = self;
+        if posture.is_empty() {
+            posture.extend(q.iter().enumerate().map(|(i, q)| (*q, posture_stiffness.get(i))));
+        }
+        posture.iter_mut().zip(q).for_each(|((rest, _), q)| *rest = *q);
     }
 
     /// `out += K_v (q_d − q)` (T10), nothing without a posture.

@@ -1,6 +1,7 @@
 //! The few types that every layer shares.
 
 mod body;
+mod jerk_limit;
 pub mod memory;
 mod nearest;
 mod noise;
@@ -14,6 +15,7 @@ pub mod symmetric;
 mod third_order_filter;
 
 pub use body::{Body, keep_least};
+pub use jerk_limit::{JointBounds, JointMotion};
 pub use nearest::{Nearest, beside, crossing, nearest};
 pub use noise::Noise;
 pub use point::Point;

@@ -90,6 +90,14 @@ impl Pointing {
         Vector::<5>::new(linear.x, linear.y, linear.z, a.x - w.z * w.y, a.y + w.z * w.x)
     }
 
+    /// Both, from derivatives as others have them: linear, then angular, in world axes.
+    pub(crate) fn seen_in_world_axes(&self, dx: &Vector<6>, ddx: &Vector<6>) -> [Vector<5>; 2] {
+        let [[v, omega], [a, alpha]] = [dx, ddx].map(|rate| {
+            [rate.fixed_rows::<3>(0).into_owned(), rate.fixed_rows::<3>(3).into_owned()]
+        });
+        [self.velocity(&v, &omega), self.acceleration(&a, &omega, &alpha)]
+    }
+
     /// ẋ_r and ẍ_r of a reference at this pose, which has them in its own axes, as what a law commands to `tool`,
     /// in the tool's, while that turns with `omega` in world axes (T105).
     #[inline]

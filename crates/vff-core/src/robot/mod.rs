@@ -37,6 +37,10 @@ pub trait Model<const D: usize>: Debug + Clone {
     fn dof(&self) -> usize;
     /// What the joints can do.
     fn limits(&self) -> &Limits;
+    /// Whether a joint slides; it turns otherwise.
+    fn slides(&self, _joint: usize) -> bool {
+        false
+    }
     /// Advances a configuration along the joint velocity `v` for the time `dt`.
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
     /// A distance from the base that the end effector cannot exceed \[m\].
@@ -66,6 +70,11 @@ pub trait Manipulator<const D: usize, const M: usize>: Robot<D> {
         ddx: &SVector<f64, M>,
     ) -> [SVector<f64, M>; 2] {
         [*dx, *ddx]
+    }
+
+    /// ẋ_r and ẍ_r of the reference that this robot is to others, while its joints accelerate by `ddq`.
+    fn motion(&self, ddq: &[f64]) -> [SVector<f64, M>; 2] {
+        [self.task_velocity(), self.jacobian_mul(ddq) + self.task_bias_acceleration()]
     }
 }
 

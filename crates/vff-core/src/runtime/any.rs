@@ -2,13 +2,14 @@
 
 use super::points::{self, PointsError};
 use crate::control::{Gains, Settings, TaskKind};
-use crate::math::Vector;
+use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Limits, Model};
 use crate::scenario::{
     self, AnyScene, Described, Part, Prepared, Problem, Scenario, ScenarioError, Scene,
 };
 use crate::simulation::{Outcome, Plane, Run, Snapshot, Space, System};
 use crate::world::space::{self, Points};
+use crate::world::{Rotation, Turning};
 use std::time::Duration;
 use toml::Table;
 
@@ -142,6 +143,42 @@ impl AnyRun {
         });
     }
 
+    /// Turns obstacle `j` to `orientation` the short way from now on, at `rate` \[rad/s\]. Allocates.
+    ///
+    /// # Errors
+    /// In the plane.
+    pub fn turn(
+        &mut self,
+        j: usize,
+        orientation: UnitQuaternion,
+        rate: f64,
+    ) -> Result<(), ScenarioError> {
+        let change = |world: &mut space::World| {
+            let given = UnitQuaternion::new(world.obstacle(j).orientation).unwrap_or_default();
+            let now =
+                world.turn_at(j, world.time()).map_or(Rotation::identity(), |turn| turn.rotation);
+            let goal = orientation * given.inverse();
+            world.set_turning(j, Turning::toward(world.time(), &now, &goal, rate));
+        };
+        if self.change_space(change) {
+            return Ok(());
+        }
+        let problem = Problem::Other("in the plane nobody turns it".into());
+        Err(ScenarioError::new(format!("obstacles[{j}]"), problem))
+    }
+
+    /// How every obstacle is turned, compared with its description: a matrix (D, D) each, row by row.
+    pub fn turns(&self) -> Vec<f64> {
+        either!(self, run => {
+            let world = run.closed_loop().world();
+            let turns = (0..world.len()).map(|j| {
+                let turn = world.turn_at(j, world.time());
+                turn.map_or(Rotation::identity(), |turn| turn.rotation)
+            });
+            turns.flat_map(|turn| turn.transpose().as_slice().to_vec()).collect()
+        })
+    }
+
     /// Adds the obstacle of a document, the last one from now on. Allocates.
     ///
     /// # Errors
@@ -179,14 +216,19 @@ impl AnyRun {
         settings: &Settings,
     ) -> Result<(), PointsError> {
         points::check(self.space()?, j, points, settings, self.sizes()[0])?;
-        let change = |world: &mut space::World| _ = world.swap_points(j, &mut points.clone());
+        self.change_space(|world| _ = world.swap_points(j, &mut points.clone()));
+        Ok(())
+    }
+
+    /// Changes what is around an arm in space; whether it is one.
+    fn change_space(&mut self, change: impl Fn(&mut space::World)) -> bool {
         match self {
-            Self::PlanarPosition(_) | Self::PlanarPose(_) => {}
+            Self::PlanarPosition(_) | Self::PlanarPose(_) => return false,
             Self::SpatialPosition(run) => run.closed_loop_mut().change_world(change),
             Self::SpatialPointing(run) => run.closed_loop_mut().change_world(change),
             Self::SpatialPose(run) => run.closed_loop_mut().change_world(change),
         }
-        Ok(())
+        true
     }
 
     /// Takes obstacle `j` away.
@@ -196,7 +238,13 @@ impl AnyRun {
 
     /// [`ClosedLoop::aim`](crate::simulation::ClosedLoop::aim). Does not allocate.
     pub fn aim(&mut self, goal: &[f64], rate: f64) {
-        either!(self, run => run.closed_loop_mut().aim(Vector::from_column_slice(goal), rate));
+        either!(self, run => run.closed_loop_mut().aim(goal, rate));
+    }
+
+    /// The same for a position \[m\] in space with an orientation. Does not allocate.
+    pub fn aim_pose(&mut self, goal: &[f64], orientation: UnitQuaternion, rate: f64) {
+        let [w, x, y, z] = orientation.to_array();
+        self.aim(&[goal[0], goal[1], goal[2], w, x, y, z], rate);
     }
 
     /// Moves `goal` \[m\] to the position nearest to it that the end effector can take with the orientation of the
@@ -217,6 +265,11 @@ impl AnyRun {
     pub fn sizes(&self) -> [usize; 2] {
         let s = self.snapshot();
         [s.q.len(), s.dimension]
+    }
+
+    /// [`Model::slides`].
+    pub fn slides(&self, joint: usize) -> bool {
+        either!(self, run => run.closed_loop().arm().slides(joint))
     }
 
     /// [`Model::typical_torque`].

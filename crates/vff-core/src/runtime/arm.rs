@@ -300,6 +300,11 @@ impl AnyArm {
 }
 
 impl AnyState {
+    /// Moves to (q, q̇).
+    pub fn update(&mut self, q: &[f64], dq: &[f64]) {
+        either_state!(self, state => state.update(q, dq));
+    }
+
     /// Moves to q as far as positions need it; see [`Robot::update_positions`].
     pub fn update_positions(&mut self, q: &[f64]) {
         either_state!(self, state => state.update_positions(q));

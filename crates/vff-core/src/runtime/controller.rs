@@ -4,18 +4,20 @@ use super::arm::AnyArm;
 use super::obstacles::AnyObstacles;
 use super::points::{self, PointsError};
 use crate::control::energy::{ENERGIES, PORTS};
+use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{
-    Avoidance, Controller, Gains, ObjectiveScale, Settings, StablePeriod, Tank, TaskKind,
+    Avoidance, Controller, Gains, ObjectiveScale, Output, Settings, StablePeriod, Tank, TaskKind,
 };
 use crate::math::rotation::{NotARotation, UnitQuaternion};
 use crate::math::{Pointing, Pose, SpatialPose, Vector};
-use crate::robot::{Manipulator, Model, PlanarState, Robot, SpatialState};
+use crate::robot::{Limits, Manipulator, Model, PlanarState, Robot, SpatialState};
 use crate::scenario::{self, AnyScene, Prepared, Scenario, ScenarioError, Scene};
 use crate::simulation::{Plane, Space, System};
 use crate::trajectory::{Sample, Trajectory};
 use crate::world::space::{self, Points};
-use crate::world::{CollisionQuery, Solid, World};
+use crate::world::{CollisionQuery, Solid, World, plane};
 use nalgebra::DMatrix;
+use std::mem::swap;
 use std::sync::Arc;
 use toml::Table;
 
@@ -108,6 +110,37 @@ impl Commanded<3, 6> for SpatialState {
 /// The orientation of a pose that is given as seven numbers.
 fn orientation(target: &Target<'_>) -> Result<UnitQuaternion, NotARotation> {
     UnitQuaternion::new([target.x[3], target.x[4], target.x[5], target.x[6]])
+}
+
+/// A state of the arm as the robot reports it. Its numbers may be anything.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading<'a> {
+    /// When it was measured \[s\]: one that is not later than the last one is no news.
+    pub t: f64,
+    /// \[rad, m\], (n).
+    pub q: &'a [f64],
+    /// \[rad/s, m/s\], (n).
+    pub dq: &'a [f64],
+}
+
+/// Why a cycle is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum CycleError {
+    /// See [`AnyController::begin`].
+    #[error("the loop has not begun")]
+    NotBegun,
+    /// The target is no reference.
+    #[error(transparent)]
+    Target(#[from] NotARotation),
+}
+
+/// What is around an arm, ready to be asked.
+#[derive(Debug, Clone)]
+pub enum Surroundings {
+    /// In the plane.
+    Plane(plane::World),
+    /// In space.
+    Space(space::World),
 }
 
 /// The parts of the last torque, as they are shown to people.
@@ -209,6 +242,20 @@ macro_rules! either {
         match $controller {
             AnyController::PlanarPosition($inner) => $body,
             AnyController::PlanarPose($inner) => $body,
+            AnyController::SpatialPosition($inner) => $body,
+            AnyController::SpatialPointing($inner) => $body,
+            AnyController::SpatialPose($inner) => $body,
+        }
+    };
+}
+
+/// The same with whatever controller of an arm in space it is; in the plane there are no clouds.
+macro_rules! in_space {
+    ($controller:expr, $inner:ident => $body:expr) => {
+        match $controller {
+            AnyController::PlanarPosition(_) | AnyController::PlanarPose(_) => {
+                Err(PointsError::InThePlane)
+            }
             AnyController::SpatialPosition($inner) => $body,
             AnyController::SpatialPointing($inner) => $body,
             AnyController::SpatialPose($inner) => $body,
@@ -328,14 +375,42 @@ impl AnyController {
         }
     }
 
+    /// What it is among, as a copy.
+    pub fn surroundings(&self) -> Surroundings {
+        match self {
+            Self::PlanarPosition(inner) => Surroundings::Plane(inner.world.clone()),
+            Self::PlanarPose(inner) => Surroundings::Plane(inner.world.clone()),
+            Self::SpatialPosition(inner) => Surroundings::Space(inner.world.clone()),
+            Self::SpatialPointing(inner) => Surroundings::Space(inner.world.clone()),
+            Self::SpatialPose(inner) => Surroundings::Space(inner.world.clone()),
+        }
+    }
+
+    /// Exchanges what it is among for the [`surroundings`](Self::surroundings) of another controller with the same arm and
+    /// settings, whose motions begin at time `epoch` \[s\]. Allocates where there is more in them than ever before.
+    ///
+    /// # Panics
+    /// If they are not those of the arm's space.
+    pub fn exchange(&mut self, other: &mut Surroundings, epoch: f64) {
+        match (self, other) {
+            (Self::PlanarPosition(inner), Surroundings::Plane(world)) => {
+                inner.exchange(world, epoch);
+            }
+            (Self::PlanarPose(inner), Surroundings::Plane(world)) => inner.exchange(world, epoch),
+            (Self::SpatialPosition(inner), Surroundings::Space(world)) => {
+                inner.exchange(world, epoch);
+            }
+            (Self::SpatialPointing(inner), Surroundings::Space(world)) => {
+                inner.exchange(world, epoch);
+            }
+            (Self::SpatialPose(inner), Surroundings::Space(world)) => inner.exchange(world, epoch),
+            _ => panic!("obstacles of another space"),
+        }
+    }
+
     /// What is around an arm in space.
     fn space(&mut self) -> Result<&mut space::World, PointsError> {
-        match self {
-            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
-            Self::SpatialPosition(inner) => Ok(&mut inner.world),
-            Self::SpatialPointing(inner) => Ok(&mut inner.world),
-            Self::SpatialPose(inner) => Ok(&mut inner.world),
-        }
+        in_space!(self, inner => Ok(&mut inner.world))
     }
 
     /// The orientation in which the points of obstacle `j` stand.
@@ -352,12 +427,7 @@ impl AnyController {
     /// # Errors
     /// If it is no cloud, or not the one that the others were made for; then nothing has changed.
     pub fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
-        match self {
-            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
-            Self::SpatialPosition(inner) => inner.swap_points(j, points),
-            Self::SpatialPointing(inner) => inner.swap_points(j, points),
-            Self::SpatialPose(inner) => inner.swap_points(j, points),
-        }
+        in_space!(self, inner => inner.swap_points(j, points))
     }
 
     /// Makes room for clouds of up to `most` points in obstacle `j`, so that no later torque allocates for them.
@@ -365,12 +435,7 @@ impl AnyController {
     /// # Errors
     /// If it is no cloud, or for so many there is no room; then nothing has changed.
     pub fn make_room(&mut self, j: usize, most: usize) -> Result<(), PointsError> {
-        match self {
-            Self::PlanarPosition(_) | Self::PlanarPose(_) => Err(PointsError::InThePlane),
-            Self::SpatialPosition(inner) => inner.make_room(j, most),
-            Self::SpatialPointing(inner) => inner.make_room(j, most),
-            Self::SpatialPose(inner) => inner.make_room(j, most),
-        }
+        in_space!(self, inner => inner.make_room(j, most))
     }
 
     /// How many obstacles there are.
@@ -396,7 +461,7 @@ impl AnyController {
     pub fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) {
         either!(self, inner => {
             let [position, velocity] = [position, velocity].map(Vector::from_column_slice);
-            inner.world.place(j, t, position, velocity);
+            inner.world.place(j, t - inner.epoch, position, velocity);
         });
     }
 
@@ -408,7 +473,58 @@ impl AnyController {
         });
     }
 
-    /// The joint torque at (q, q̇) and time `t` \[s\] \[N·m, N\]. An energy tank fills or empties by the time
+    /// Begins a loop of `period` \[s\], in which [`cycle`](Self::cycle) says what is to be sent to the robot. Its torque is
+    /// blended in over `command.start`, from the `measured` one \[N·m, N\], (n), which contains gravity only if what is sent does,
+    /// or from what holds the arm still; one that is not finite, or farther from that than half the torque limits, is not
+    /// believed. Allocates, so that no cycle does.
+    ///
+    /// # Errors
+    /// If the period is none, or too long for `command.stop_damping`; then nothing has changed.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
+        either!(self, inner => inner.begin(period, measured))
+    }
+
+    /// One cycle of the loop: what the state and the reference come to. Without a target, the reference is that of the scenario, or
+    /// the observed pose at rest. [`sent`](Self::sent) is to be sent in any case.
+    ///
+    /// Does not allocate, and whatever the robot reports is allowed: a state that is missing, old, not finite, or cannot
+    /// follow the one before, is a [`Phase`].
+    ///
+    /// # Errors
+    /// If there is no loop, or the target is no reference; then nothing has changed.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn cycle(
+        &mut self,
+        reading: Option<Reading<'_>>,
+        target: Option<&Target<'_>>,
+    ) -> Result<Phase, CycleError> {
+        either!(self, inner => inner.cycle(reading, target))
+    }
+
+    /// What is to be sent to the robot in this cycle \[N·m, N\]; None without a loop.
+    pub fn sent(&self) -> Option<&[f64]> {
+        either!(self, inner => inner.supervisor.as_ref().map(|supervisor| supervisor.sent()))
+    }
+
+    /// What the last cycle came to; None without a loop.
+    pub fn phase(&self) -> Option<Phase> {
+        either!(self, inner => inner.supervisor.as_ref().map(|supervisor| supervisor.phase()))
+    }
+
+    /// Ends the loop safely: from the next cycle on the arm is damped until it stands. Nothing without a loop.
+    pub fn stop(&mut self) {
+        either!(self, inner => if let Some(supervisor) = &mut inner.supervisor {
+            supervisor.stop();
+        });
+    }
+
+    /// The joint torque at (q, q̇) and time `t` \[s\] \[N·m, N\], as `command` asks for it, but for its rate: that is limited
+    /// by [`cycle`](Self::cycle), which knows the period. An energy tank fills or empties by the time
     /// since the last call. After a torque that is not finite the controller is as new.
     ///
     /// # Errors
@@ -443,6 +559,27 @@ impl AnyController {
     /// If a slice has the wrong length.
     pub fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
         either!(self, inner => inner.command(target))
+    }
+
+    /// What the torque of the law would do to the joints of the model at the observed state \[rad/s², m/s²\], (n): for this target, or
+    /// for the reference of the scenario, or to stay where it is. `command.tip_speed` holds.
+    ///
+    /// # Errors
+    /// If the target is no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn accelerate(
+        &mut self,
+        target: Option<&Target<'_>>,
+        out: &mut [f64],
+    ) -> Result<(), NotARotation> {
+        either!(self, inner => inner.accelerate(target, out))
+    }
+
+    /// What the joints of the arm can do.
+    pub fn limits(&self) -> &Limits {
+        either!(self, inner => inner.controller.robot().limits())
     }
 
     /// Whether the numbers, which are finite, are a reference.
@@ -528,6 +665,13 @@ pub struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     controller: Controller<S::State, D, M>,
     settings: Settings,
     world: World<S::Solid, D>,
+    /// When the motions of the obstacles begin \[s\].
+    epoch: f64,
+    /// What stands between the law and the robot, where that is not nothing.
+    output: Option<Box<Output>>,
+    /// The watch over the loop that it is in.
+    supervisor: Option<Box<Supervisor>>,
+    scratch: Vec<f64>,
     /// The reference of its scenario.
     trajectory: Option<Trajectory<S::Pose, M>>,
     /// The instant of the last call \[s\].
@@ -540,8 +684,20 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     fn new(arm: &Arc<S::Arm>, settings: Settings) -> Self {
         let (robot, gains) = (arm.state(), Gains::new(&settings).of_arm(&settings, &**arm));
         let controller = Controller::new(robot, gains);
-        let (world, trajectory) = (World::new(vec![]), None);
-        let mut this = Self { controller, settings, world, trajectory, last: None, spoilt: false };
+        let command = &settings.command;
+        let output = command.changes_torque().then(|| Box::new(Output::new(command, arm.dof())));
+        let mut this = Self {
+            controller,
+            world: World::new(vec![]),
+            epoch: 0.0,
+            output,
+            supervisor: None,
+            scratch: vec![0.0; arm.dof()],
+            trajectory: None,
+            last: None,
+            spoilt: false,
+            settings,
+        };
         this.reserve();
         this
     }
@@ -586,6 +742,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         Ok(())
     }
 
+    fn exchange(&mut self, world: &mut World<S::Solid, D>, epoch: f64) {
+        swap(&mut self.world, world);
+        self.epoch = epoch;
+        self.reserve();
+    }
+
     /// Allocates all that the next torques need among these obstacles.
     fn reserve(&mut self) {
         self.controller.reserve(&self.world);
@@ -618,8 +780,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             self.reset();
         }
         self.spoilt = true;
-        let Self { controller, world, .. } = self;
-        world.update(t);
+        let Self { controller, world, epoch, .. } = self;
+        world.update(t - *epoch);
         controller.elapse(self.last.replace(t).map_or(0.0, |last| (t - last).max(0.0)));
         controller.observe(q, dq, world);
         self.spoilt = false;
@@ -630,37 +792,111 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         S::State: Commanded<D, M, Pose = S::Pose>,
     {
         S::State::check(target)?;
-        let reference = self.controller.robot().sample(target);
-        Ok(self.act(&reference, |ahead| reference.carried_on(ahead)))
+        self.act_for(Some(target));
+        Ok(self.converted())
     }
 
-    fn follow(&mut self) -> &[f64] {
-        match self.trajectory.take() {
-            None => {
-                let here = Sample::at_rest(self.controller.pose());
-                self.act(&here, |_| here)
-            }
-            Some(trajectory) => {
-                let now = self.world.time();
-                self.act(&trajectory.at(now), |ahead| trajectory.at(now + ahead));
-                self.trajectory = Some(trajectory);
-                self.controller.torque().total.as_slice()
-            }
+    fn follow(&mut self) -> &[f64]
+    where
+        S::State: Commanded<D, M, Pose = S::Pose>,
+    {
+        self.act_for(None);
+        self.converted()
+    }
+
+    /// The law at the observed state, for a target, or for the reference of the scenario, or to stay where it is.
+    fn act_for(&mut self, target: Option<&Target<'_>>)
+    where
+        S::State: Commanded<D, M, Pose = S::Pose>,
+    {
+        if let Some(target) = target {
+            let reference = self.controller.robot().sample(target);
+            self.act(&reference, |ahead| reference.carried_on(ahead));
+        } else if let Some(trajectory) = self.trajectory.take() {
+            let now = self.world.time() + self.epoch;
+            self.act(&trajectory.at(now), |ahead| trajectory.at(now + ahead));
+            self.trajectory = Some(trajectory);
+        } else {
+            let here = Sample::at_rest(self.controller.pose());
+            self.act(&here, |_| here);
         }
     }
 
-    /// The torque at the observed state; `later` is the reference in so many seconds.
-    fn act(
+    fn accelerate(
         &mut self,
-        reference: &Sample<S::Pose, M>,
-        later: impl Fn(f64) -> Sample<S::Pose, M>,
-    ) -> &[f64] {
+        target: Option<&Target<'_>>,
+        out: &mut [f64],
+    ) -> Result<(), NotARotation>
+    where
+        S::State: Commanded<D, M, Pose = S::Pose>,
+    {
+        target.map_or(Ok(()), S::State::check)?;
+        self.act_for(target);
+        let Self { controller, output, scratch, .. } = self;
+        let (robot, bias) = (controller.robot(), controller.bias());
+        let law = controller.torque().total.as_slice();
+        match output {
+            Some(output) => output.accelerate(robot, bias, law, out),
+            None => robot.accelerate(law, bias, scratch, out),
+        }
+        Ok(())
+    }
+
+    /// The law at the observed state; `later` is the reference in so many seconds.
+    fn act(&mut self, reference: &Sample<S::Pose, M>, later: impl Fn(f64) -> Sample<S::Pose, M>) {
         self.spoilt = true;
         let Self { controller, world, .. } = self;
         controller.look_ahead(world, later);
         let total = controller.command(reference).total.as_slice();
         self.spoilt = !total.iter().all(|tau| tau.is_finite());
-        total
+    }
+
+    /// Its torque as the robot wants it.
+    fn converted(&mut self) -> &[f64] {
+        let Self { controller, output, .. } = self;
+        let tau = controller.torque().total.as_slice();
+        match output {
+            Some(output) => output.convert(controller.robot(), controller.bias(), tau),
+            None => tau,
+        }
+    }
+
+    fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
+        let robot = self.controller.robot();
+        let (n, speed) = (robot.dof(), &robot.limits().velocity);
+        let supervisor = Supervisor::new(&self.settings.command, n, speed, period, measured)?;
+        self.supervisor = Some(Box::new(supervisor));
+        self.controller.reset();
+        self.last = None;
+        Ok(())
+    }
+
+    fn cycle(
+        &mut self,
+        reading: Option<Reading<'_>>,
+        target: Option<&Target<'_>>,
+    ) -> Result<Phase, CycleError>
+    where
+        S::State: Commanded<D, M, Pose = S::Pose>,
+    {
+        target.map_or(Ok(()), S::State::check)?;
+        let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
+        let news = reading.filter(|state| supervisor.admit(state.t, state.q, state.dq));
+        if let Some(Reading { t, q, dq }) = news {
+            self.observe(q, dq, t);
+        }
+        let wanted = news.is_some() && supervisor.wants_torque();
+        if wanted {
+            self.act_for(target);
+        }
+        let law = &self.controller;
+        let phase = match news {
+            Some(_) if wanted => supervisor.follow(law.robot(), law.bias(), &law.torque().total),
+            Some(_) => supervisor.rest(law.robot()),
+            None => supervisor.miss(law.robot()),
+        };
+        self.supervisor = Some(supervisor);
+        Ok(phase)
     }
 
     fn terms(&self) -> TermsView<'_> {
@@ -690,7 +926,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         if self.spoilt {
             self.reset();
         }
-        self.world.update(t);
+        self.world.update(t - self.epoch);
         self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
         self.controller.stable_period(&mut self.world)
     }

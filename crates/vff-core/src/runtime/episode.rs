@@ -4,9 +4,8 @@
 //! rewarded for the truth.
 
 use super::any::{AnyRun, either};
-use crate::math::Pose;
-use crate::math::ScalarOrVec;
-use crate::robot::Robot;
+use crate::math::{Pose, ScalarOrVec, UnitQuaternion};
+use crate::robot::{Model, Robot};
 use crate::scenario::{self, Scenario, ScenarioError};
 use crate::scenario::{each, not_negative, number, positive};
 use crate::simulation::{ClosedLoop, PerceptionKind, System};
@@ -261,15 +260,26 @@ fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
     let far = 2.0 * reach;
     let top_speed = scenario.scene.top_speed().max(1.0);
     let part = |name, shape, bound| Part { name, shape, bound };
-    let mut parts = vec![
-        part("cos_q", [n, 1], 1.0),
-        part("sin_q", [n, 1], 1.0),
+    let turning = (0..n).filter(|&i| !run.slides(i)).count();
+    let mut parts = vec![part("cos_q", [turning, 1], 1.0), part("sin_q", [turning, 1], 1.0)];
+    if turning < n {
+        parts.push(part("slide", [n - turning, 1], far));
+    }
+    parts.extend([
         part("dq", [n, 1], MAX_SPEED),
         part("tip", [d, 1], far),
         part("reference", [d, 1], far),
         part("reference_velocity", [d, 1], 10.0 * reach),
         part("error", [m, 1], far.max(std::f64::consts::PI)),
-    ];
+    ]);
+    if s.x_ref.len() == POSE_IN_SPACE {
+        let axes = shown_axes(m).len();
+        parts.extend([
+            part("tip_axes", [axes, 3], 1.0),
+            part("reference_axes", [axes, 3], 1.0),
+            part("reference_angular_velocity", [m - d, 1], MAX_SPEED),
+        ]);
+    }
     let sensed =
         scenario.perception.as_ref().is_some_and(|given| given.kind != PerceptionKind::Ideal);
     if sensed || k > 0 {
@@ -285,6 +295,25 @@ fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
     parts
 }
 
+/// How many numbers a pose in space has when it is written.
+const POSE_IN_SPACE: usize = 7;
+
+/// The axes of a hand that say how it is turned for a task of dimension `m`: two determine the third and, other than
+/// quaternions, do not jump where the hand does not (Zhou et al., 2019); to pointing its own z axis alone matters.
+fn shown_axes(m: usize) -> &'static [usize] {
+    if m == 6 { &[0, 1] } else { &[2] }
+}
+
+/// Appends these axes of a pose in space, as it is written; of other poses nothing.
+fn append_axes(pose: &[f64], m: usize, out: &mut Vec<f64>) {
+    if let Ok([_, _, _, w, x, y, z]) = <[f64; POSE_IN_SPACE]>::try_from(pose) {
+        let matrix = UnitQuaternion::new([w, x, y, z]).unwrap_or_default().matrix();
+        for &axis in shown_axes(m) {
+            out.extend_from_slice(matrix.column(axis).as_slice());
+        }
+    }
+}
+
 /// A number between −1 and 1, evenly spread.
 #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
 fn uniform(random: &mut ChaCha8Rng) -> f64 {
@@ -297,7 +326,6 @@ pub struct Episode {
     task: Arc<Task>,
     random: ChaCha8Rng,
     run: AnyRun,
-    /// The obstacles as the controller knows them.
     /// Plant steps so far.
     elapsed: usize,
     tau: Vec<f64>,
@@ -431,14 +459,21 @@ fn observe<S: System<D, M>, const D: usize, const M: usize>(
 ) {
     let controller = inner.controller();
     let (robot, reference) = (controller.robot(), controller.reference());
-    let q = robot.configuration();
-    out.extend(q.iter().map(|q| q.cos()));
-    out.extend(q.iter().map(|q| q.sin()));
+    let (q, arm) = (robot.configuration(), inner.arm());
+    let turning = || (0..q.len()).filter(|&i| !arm.slides(i)).map(|i| q[i]);
+    out.extend(turning().map(f64::cos));
+    out.extend(turning().map(f64::sin));
+    out.extend((0..q.len()).filter(|&i| arm.slides(i)).map(|i| q[i]));
     out.extend_from_slice(robot.velocity());
     out.extend_from_slice(&controller.pose().as_slice()[..D]);
     out.extend_from_slice(&reference.x.as_slice()[..D]);
     out.extend_from_slice(&reference.dx.as_slice()[..D]);
     out.extend_from_slice(controller.error().as_slice());
+    if S::Pose::WIDTH == POSE_IN_SPACE {
+        append_axes(controller.pose().as_slice(), M, out);
+        append_axes(reference.x.as_slice(), M, out);
+        out.extend_from_slice(&reference.dx.as_slice()[D..]);
+    }
     if !inner.knows_obstacles() {
         out.extend_from_slice(controller.forces().clearance());
         return;

@@ -2,11 +2,15 @@
 
 use super::any::AnyRun;
 use super::batch::guarded;
+use super::drag::{DragTarget, DragTurn};
+use super::points::PointsError;
 use super::real_time::at_rate;
 use crate::control::Settings;
+use crate::math::UnitQuaternion;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
 use crate::simulation::{Record, RecordTooLarge, Snapshot};
+use crate::world::space::Points;
 use std::mem;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -25,6 +29,9 @@ const WINDOW: Duration = Duration::from_millis(500);
 /// 20 times a second; between two of them neither velocity nor acceleration may jump.
 const CARRY: f64 = 25.0;
 const AIM: f64 = 12.0;
+/// How fast what is turned by hand turns: an obstacle, and the target \[rad/s\].
+const TURN: f64 = 4.0;
+const TURN_TARGET: f64 = 1.0;
 /// Control periods per recorded row.
 const RECORD_EVERY: u64 = 10;
 /// Rows that wait to be taken \[10 s\].
@@ -56,35 +63,6 @@ pub struct LoopStats {
     pub worst: f64,
 }
 
-/// A goal on its way to where somebody wants it, at no more than a given speed.
-#[derive(Debug, Clone)]
-struct DragTarget {
-    goal: Vec<f64>,
-    wanted: Vec<f64>,
-}
-
-impl DragTarget {
-    /// At `place` \[m\], and not going anywhere.
-    fn at(place: Vec<f64>) -> Self {
-        Self { wanted: place.clone(), goal: place }
-    }
-
-    /// Goes at most `distance` \[m\] on; whether it has moved.
-    fn advance(&mut self, distance: f64) -> bool {
-        let away = |(goal, wanted): (&f64, &f64)| wanted - goal;
-        let length =
-            self.goal.iter().zip(&self.wanted).map(away).map(|d| d * d).sum::<f64>().sqrt();
-        if length <= distance {
-            self.goal.copy_from_slice(&self.wanted);
-        } else {
-            for (goal, wanted) in self.goal.iter_mut().zip(&self.wanted) {
-                *goal += (wanted - *goal) * (distance / length);
-            }
-        }
-        length > 0.0
-    }
-}
-
 /// A closed loop that people interact with. One [`tick`](Self::tick) is one control period; it does not
 /// allocate. Everything else may.
 #[derive(Debug)]
@@ -97,6 +75,8 @@ pub struct Live {
     /// Where the target is being moved, if it is.
     target: DragTarget,
     aims: bool,
+    /// How the target is being turned, if it is.
+    turned: Option<DragTurn>,
     /// Smallest clearance since the start or the last reset \[m\].
     min_clearance: f64,
     record: Option<Record>,
@@ -121,6 +101,7 @@ impl Live {
             drags: vec![None; scenario.scene.obstacle_count()],
             target: DragTarget::at(vec![0.0; ready.run.snapshot().dimension]),
             aims: false,
+            turned: None,
             run: ready.run,
             state: State::Running,
             min_clearance: f64::INFINITY,
@@ -143,7 +124,8 @@ impl Live {
     pub fn reset(&mut self) -> Result<(), ScenarioError> {
         let Live { run, drags, notes, .. } = Self::new(&self.scenario)?;
         (self.run, self.drags, self.notes) = (run, drags, notes);
-        (self.state, self.aims, self.min_clearance) = (State::Running, false, f64::INFINITY);
+        (self.state, self.aims, self.turned) = (State::Running, false, None);
+        self.min_clearance = f64::INFINITY;
         let count = self.snapshot().obstacles.count();
         self.record = self.record.take().filter(|record| record.sizes.obstacles == count);
         self.observe();
@@ -189,7 +171,8 @@ impl Live {
     /// # Errors
     /// If they are wrong, do not fit, or ask for another task.
     pub fn configure_as(&mut self, table: &Table) -> Result<(), ScenarioError> {
-        let settings = scenario::read_settings(table, self.run.limits(), self.run.sizes())
+        let (limits, sizes) = (self.run.limits(), self.run.sizes());
+        let settings = scenario::read_settings_of_scenario(table, limits, sizes)
             .map_err(|error| error.inside("controller"))?;
         self.configure(settings)
     }
@@ -235,6 +218,56 @@ impl Live {
         let wanted = &mut target.wanted;
         wanted.copy_from_slice(place);
         run.make_attainable(wanted);
+    }
+
+    /// Wants the end effector to be turned like this, where the reference goes at 1 rad/s at most.
+    ///
+    /// # Errors
+    /// If the task has no orientation in space.
+    pub fn turn_target(&mut self, orientation: UnitQuaternion) -> Result<(), ScenarioError> {
+        let x_ref = self.run.snapshot().x_ref;
+        let Some(Ok(now)) = x_ref.get(3..7).map(|q| UnitQuaternion::new([q[0], q[1], q[2], q[3]]))
+        else {
+            let problem = Problem::Other("the task has no orientation in space".into());
+            return Err(ScenarioError::new("orientation", problem));
+        };
+        if !self.aims {
+            let place = x_ref[..3].to_vec();
+            self.aim(&place);
+        }
+        self.turned.get_or_insert(DragTurn { goal: now, wanted: now }).wanted = orientation;
+        Ok(())
+    }
+
+    /// Wants obstacle `j` to be turned like this, at 4 rad/s. It goes on moving as before. Not without a jump of its rate,
+    /// as one does that follows waypoints.
+    ///
+    /// # Errors
+    /// If there is none of that number, or in the plane.
+    pub fn turn(&mut self, j: usize, orientation: UnitQuaternion) -> Result<(), ScenarioError> {
+        self.exists(j)?;
+        self.run.turn(j, orientation, TURN)
+    }
+
+    /// [`AnyRun::orientation_of_points`].
+    ///
+    /// # Errors
+    /// If it is no cloud.
+    pub fn orientation_of_points(&self, j: usize) -> Result<[f64; 4], PointsError> {
+        self.run.orientation_of_points(j)
+    }
+
+    /// Puts other points in place of those of obstacle `j`.
+    ///
+    /// # Errors
+    /// If it is no cloud, or not the one that they were made for; then nothing has changed.
+    pub fn update_points(&mut self, j: usize, points: &Points) -> Result<(), PointsError> {
+        self.run.update_points(j, points, &self.scenario.controller)
+    }
+
+    /// [`AnyRun::turns`].
+    pub fn turns(&self) -> Vec<f64> {
+        self.run.turns()
     }
 
     /// The number of coordinates of a place, 2 or 3.
@@ -305,7 +338,7 @@ impl Live {
 
     /// Moves what people drag and takes the steps of one control period; false if it cannot go on.
     fn advance(&mut self) -> bool {
-        let Self { run, drags, target, aims, scenario, .. } = self;
+        let Self { run, drags, target, aims, turned, scenario, .. } = self;
         let step = 0.5 * run.reach() / RATE;
         for (j, drag) in drags.iter_mut().enumerate() {
             if let Some(drag) = drag
@@ -314,8 +347,14 @@ impl Live {
                 run.carry(j, &drag.goal, CARRY);
             }
         }
-        if *aims && target.advance(0.5 * step) {
-            run.aim(&target.goal, AIM);
+        if *aims {
+            let moved = target.advance(0.5 * step);
+            let turns = turned.as_mut().is_some_and(|turn| turn.advance(TURN_TARGET / RATE));
+            match turned {
+                Some(turn) if turns || moved => run.aim_pose(&target.goal, turn.goal, AIM),
+                None if moved => run.aim(&target.goal, AIM),
+                _ => {}
+            }
         }
         (0..scenario.simulation.control_every).all(|_| run.advance(None))
     }

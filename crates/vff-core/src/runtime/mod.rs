@@ -6,6 +6,10 @@ pub mod arm;
 #[cfg(feature = "parallel")]
 pub mod batch;
 pub mod controller;
+#[cfg(all(feature = "parallel", feature = "realtime"))]
+mod drag;
+#[cfg(all(feature = "parallel", feature = "realtime"))]
+pub mod drive;
 pub mod episode;
 #[cfg(all(feature = "parallel", feature = "realtime"))]
 pub mod live;
@@ -15,9 +19,11 @@ pub mod points;
 pub mod real_time;
 #[cfg(feature = "parallel")]
 pub mod vector;
+pub mod virtual_arm;
 
 pub use any::{AnyRun, Ready};
 pub use arm::{AnyArm, AnyState, DistanceTable};
-pub use controller::{AnyController, Target};
+pub use controller::{AnyController, CycleError, Reading, Target};
 pub use obstacles::AnyObstacles;
 pub use points::PointsError;
+pub use virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};

@@ -2,7 +2,7 @@
 
 use super::any::AnyRun;
 use crate::scenario::{Problem, Scenario, ScenarioError};
-use crate::simulation::pace::{self, Timing};
+use crate::simulation::pace::{self, Late, Timing};
 use crate::simulation::{Control, Options, Status};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
@@ -95,7 +95,7 @@ impl RealTime {
             |run: &AnyRun| run.snapshot().clearance.iter().copied().fold(f64::INFINITY, f64::min);
         let mut min_clearance = nearest(&self.run);
         let period = Duration::from_secs_f64(1.0 / self.rate);
-        pace::keep(&mut timing, period, count, stop, done, || {
+        pace::keep(&mut timing, period, Late::CatchUp, count, stop, done, || {
             if left == 0 {
                 self.run.restart();
                 left = self.periods;

@@ -20,8 +20,16 @@ const TAG: &str = "kind";
 ///
 /// # Errors
 /// With the dotted path of the first value that does not fit.
-pub fn read<'de, T: de::Deserialize<'de>>(value: &'de Value) -> Result<T, ScenarioError> {
-    T::deserialize(Node(value))
+pub fn read<'de, T: de::Deserialize<'de>>(document: &'de Table) -> Result<T, ScenarioError> {
+    T::deserialize(Node::Table(document))
+}
+
+/// Reads a `T` from a value of a document.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_value<'de, T: de::Deserialize<'de>>(value: &'de Value) -> Result<T, ScenarioError> {
+    T::deserialize(Node::from(value))
 }
 
 impl Error for ScenarioError {
@@ -77,14 +85,31 @@ fn in_words(expected: &str) -> String {
     }
 }
 
-/// A value of the document.
-struct Node<'de>(&'de Value);
+/// A value of the document, or all of it.
+#[derive(Clone, Copy)]
+enum Node<'de> {
+    Table(&'de Table),
+    Other(&'de Value),
+}
+
+impl<'de> From<&'de Value> for Node<'de> {
+    fn from(value: &'de Value) -> Self {
+        match value {
+            Value::Table(table) => Self::Table(table),
+            other => Self::Other(other),
+        }
+    }
+}
 
 impl<'de> Deserializer<'de> for Node<'de> {
     type Error = ScenarioError;
 
     fn deserialize_any<V: de::Visitor<'de>>(self, visitor: V) -> Result<V::Value, ScenarioError> {
-        match self.0 {
+        let value = match self {
+            Self::Table(table) => return visitor.visit_map(Entries::new(table, None)),
+            Self::Other(value) => value,
+        };
+        match value {
             Value::String(text) => visitor.visit_borrowed_str(text),
             Value::Integer(number) => visitor.visit_i64(*number),
             Value::Float(number) => visitor.visit_f64(*number),
@@ -110,12 +135,12 @@ impl<'de> Deserializer<'de> for Node<'de> {
         length: usize,
         visitor: V,
     ) -> Result<V::Value, ScenarioError> {
-        match self.0 {
-            Value::Array(values) if values.len() != length => {
+        match self {
+            Self::Other(Value::Array(values)) if values.len() != length => {
                 let problem = Problem::WrongLength { expected: length, given: values.len() };
                 Err(ScenarioError::new("", problem))
             }
-            Value::Array(_) => self.deserialize_any(visitor),
+            Self::Other(Value::Array(_)) => self.deserialize_any(visitor),
             _ => self.deserialize_any(ExpectedValues(length, visitor)),
         }
     }
@@ -133,9 +158,11 @@ impl<'de> Deserializer<'de> for Node<'de> {
         variants: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, ScenarioError> {
-        match self.0 {
-            Value::String(name) => visitor.visit_enum(name.as_str().into_deserializer()),
-            Value::Table(table) => match table.get(TAG) {
+        match self {
+            Self::Other(Value::String(name)) => {
+                visitor.visit_enum(name.as_str().into_deserializer())
+            }
+            Self::Table(table) => match table.get(TAG) {
                 Some(Value::String(kind)) => visitor.visit_enum(Variant { kind, table }),
                 Some(_) => {
                     let given = Unexpected::Other("another type");
@@ -200,8 +227,10 @@ impl<'de> de::SeqAccess<'de> for &mut Items<'de> {
         seed: T,
     ) -> Result<Option<T::Value>, ScenarioError> {
         let Some((index, value)) = self.values.next() else { return Ok(None) };
-        interrupt::spend(64);
-        seed.deserialize(Node(value)).map(Some).map_err(|error| error.inside(&format!("[{index}]")))
+        interrupt::spend(512);
+        seed.deserialize(Node::from(value))
+            .map(Some)
+            .map_err(|error| error.inside(&format!("[{index}]")))
     }
 
     fn size_hint(&self) -> Option<usize> {
@@ -242,7 +271,7 @@ impl<'de> de::MapAccess<'de> for Entries<'de> {
         let Some((key, value)) = self.pending.take() else {
             return Err(Error::custom("a value was asked for before its key"));
         };
-        seed.deserialize(Node(value)).map_err(|error| error.inside(key))
+        seed.deserialize(Node::from(value)).map_err(|error| error.inside(key))
     }
 }
 

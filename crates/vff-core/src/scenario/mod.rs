@@ -18,8 +18,10 @@ mod warnings;
 
 pub use error::{Problem, ScenarioError};
 pub use json_schema::json_schema;
+pub(crate) use numbers::length as numbers_of;
 pub(crate) use numbers::{each, not_negative, number, positive};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
+pub(crate) use prepare::unusable;
 pub use scene::{AnyScene, Described, ObstacleOf, Prepared, Scene};
 pub use space::{SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use warnings::sampling_bounds;
@@ -84,9 +86,8 @@ pub fn parse_toml(text: &str) -> Result<Table, ScenarioError> {
 
 /// Reads a part of a document whose numbers are all finite.
 pub(crate) fn read<T: DeserializeOwned>(document: &Table) -> Result<T, ScenarioError> {
-    let value = Value::Table(document.clone());
-    validate::finite(&value)?;
-    document::read(&value)
+    validate::finite(document)?;
+    document::read(document)
 }
 
 /// Reads and validates one part of a scenario on its own; of the whole, each of its parts.
@@ -148,7 +149,7 @@ impl Part {
     /// # Errors
     /// If there is none.
     pub fn named(name: &str) -> Result<Self, ScenarioError> {
-        document::read(&Value::String(name.into()))
+        document::read_value(&Value::String(name.into()))
     }
 }
 
@@ -178,6 +179,20 @@ pub fn read_arm(document: &Table) -> Result<PlanarArm, ScenarioError> {
 /// # Errors
 /// With the name of the first setting that is wrong.
 pub fn read_settings(
+    document: &Table,
+    limits: &Limits,
+    sizes: [usize; 2],
+) -> Result<Settings, ScenarioError> {
+    let settings = read_settings_of_scenario(document, limits, sizes)?;
+    validate::posture(&settings)?;
+    Ok(settings)
+}
+
+/// The same for a scenario, whose reference may bring the posture that its spring pulls to.
+///
+/// # Errors
+/// As [`read_settings`].
+pub fn read_settings_of_scenario(
     document: &Table,
     limits: &Limits,
     [n, dimension]: [usize; 2],
@@ -245,11 +260,17 @@ impl Scenario {
         }
         validate::controller(&self.controller, Some((n, D)))
             .and_then(|()| validate::controller_of(&self.controller, model.limits()))
+            .and_then(|()| match S::is_plan(&scene.reference) {
+                true => Ok(()),
+                false => validate::posture(&self.controller),
+            })
             .map_err(|error| error.inside("controller"))?;
-        let Settings { tank, governor, .. } = &self.controller;
+        let Settings { tank, governor, command, .. } = &self.controller;
+        let rate = command.torque_rate.is_some();
         for (key, given, what) in [
             ("controller.tank", tank.is_some(), "fills and empties from sample to sample"),
             ("controller.governor", governor.is_some(), "hears of the error from sample to sample"),
+            ("controller.command.torque_rate", rate, "limits the change from sample to sample"),
         ] {
             if given && self.simulation.control == Control::Continuous {
                 let problem = Problem::Other(format!(

@@ -1,16 +1,41 @@
 //! A scenario made ready to run: everything that needs more than one value is checked here.
 
 use super::scene::{Described, Prepared, Scene};
-use super::{Problem, Scenario, ScenarioError, validate};
-use crate::control::Gains;
-use crate::robot::{Manipulator, Model, Robot};
+use super::{Problem, Scenario, ScenarioError, numbers, validate};
+use crate::control::{Gains, Gravity};
+use crate::leader::led_by;
+use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::simulation::{
     Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Setting, Sizes,
     System, orientation_width,
 };
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Guided, JointSpline, Knots, Trajectory, TrajectoryError};
 use crate::world::World;
 use std::sync::Arc;
+
+/// What is wrong with `[reference]`.
+pub(crate) fn unusable(error: &TrajectoryError) -> ScenarioError {
+    ScenarioError::new(format!("reference.{}", error.field()), Problem::Other(error.to_string()))
+}
+
+/// The joints of a plan for an arm of `n` joints with these limits.
+fn joints(
+    (times, points): Knots<'_>,
+    limits: &Limits,
+    n: usize,
+) -> Result<JointSpline, ScenarioError> {
+    for (i, point) in points.iter().enumerate() {
+        numbers::length(&format!("reference.points[{i}]"), point.len(), n)?;
+        for (k, (q, [lower, upper])) in point.iter().zip(&limits.joint).enumerate() {
+            if q < lower || upper < q {
+                let requirement = format!("within the limits of the joint, {lower} to {upper}");
+                let path = format!("reference.points[{i}][{k}]");
+                return Err(ScenarioError::out_of_range(&path, &requirement, q));
+            }
+        }
+    }
+    JointSpline::new(times, points).map_err(|error| unusable(&error))
+}
 
 /// Which arm, and where its end effector has to be.
 type ArmAndReference<S, const D: usize, const M: usize> =
@@ -24,8 +49,9 @@ impl Scenario {
         model: &Arc<S::Arm>,
     ) -> Result<Reality<S::Arm, S::Perception>, ScenarioError> {
         let (n, dt) = (model.dof(), self.simulation.dt);
-        let plant =
+        let mut plant =
             S::plant(&scene.plant, &scene.arm, model).map_err(|error| error.inside("plant"))?;
+        plant.compensates_gravity = self.controller.command.gravity == Gravity::Robot;
         let sampled = self.simulation.control != Control::Continuous;
         if let Some(settings) = &self.measurement {
             validate::measurement(settings, n, dt, sampled)
@@ -74,13 +100,17 @@ impl Scenario {
         let mut state = arm.state();
         let rest = vec![0.0; arm.dof()];
         state.update(&self.q0, self.dq0.as_deref().unwrap_or(&rest));
-        let trajectory = Trajectory::new(&scene.reference, &state.pose()).map_err(|error| {
-            ScenarioError::new(
-                format!("reference.{}", error.field()),
-                Problem::Other(error.to_string()),
-            )
-        })?;
-        S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration)?;
+        let trajectory = match S::Pose::plan(&scene.reference) {
+            Some(knots) => {
+                led_by::<S::State, D, M>(arm.state(), joints(knots, arm.limits(), arm.dof())?)
+            }
+            None => Trajectory::new(&scene.reference, &state.pose())
+                .map_err(|error| unusable(&error))?,
+        };
+        // Joints within their limits reach where they put the end effector.
+        if trajectory.joints().is_none() {
+            S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration)?;
+        }
         Ok((arm, trajectory))
     }
 

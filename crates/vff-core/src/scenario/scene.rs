@@ -42,6 +42,9 @@ pub trait Described<const D: usize>:
         model: &Arc<Self::Arm>,
     ) -> Result<Physics<Self::Arm>, ScenarioError>;
 
+    /// Whether a reference brings a posture with it.
+    fn is_plan(reference: &Self::Reference) -> bool;
+
     /// Validates an obstacle.
     ///
     /// # Errors

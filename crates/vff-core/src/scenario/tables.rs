@@ -44,12 +44,11 @@ pub(super) struct Tables<S: Described<D>, const D: usize> {
 
 /// Reads a scenario, whose arm says of how many dimensions it is.
 pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
-    let value = Value::Table(document.clone());
-    validate::finite(&value)?;
+    validate::finite(document)?;
     match dimension_of(Part::Scenario, document) {
-        2 => document::read::<Tables<Plane, 2>>(&value)
+        2 => document::read::<Tables<Plane, 2>>(document)
             .map(|tables| tables.into_scenario(|scene| AnyScene::Plane(Box::new(scene)))),
-        _ => document::read::<Tables<Space, 3>>(&value)
+        _ => document::read::<Tables<Space, 3>>(document)
             .map(|tables| tables.into_scenario(|scene| AnyScene::Space(Box::new(scene)))),
     }
 }

@@ -10,10 +10,12 @@ use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
 use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
 use crate::control::{
-    Avoidance, Formulation, SelfCollision, Settings, TaskKind, Yielding, extended_jacobian,
+    Avoidance, CommandSettings, Formulation, SelfCollision, Settings, TaskKind, Yielding,
+    extended_jacobian,
 };
 use crate::field::{Field, FieldKind};
-use crate::math::{UnitQuaternion, memory};
+use crate::interrupt;
+use crate::math::{ScalarOrVec, UnitQuaternion, memory};
 use crate::robot::Limits;
 use crate::simulation::{
     ActuatorSettings, Camera, Control, MAX_READINGS, MAX_STEPS, Measurement, MeasurementSettings,
@@ -23,12 +25,20 @@ use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
 use std::f64::consts::PI;
 use std::fmt::Debug;
-use toml::Value;
+use toml::{Table, Value};
 
 type Validated = Result<(), ScenarioError>;
 
 /// Every number of the document is finite.
-pub fn finite(value: &Value) -> Validated {
+pub fn finite(document: &Table) -> Validated {
+    document.iter().try_for_each(|(key, value)| {
+        // A joint without an end has infinite limits.
+        let judged = if key == "joint_limits" { comparable(value) } else { finite_value(value) };
+        judged.map_err(|error| error.inside(key))
+    })
+}
+
+fn finite_value(value: &Value) -> Validated {
     match value {
         Value::Float(x) if !x.is_finite() => {
             Err(ScenarioError::out_of_range("", "a finite number", x))
@@ -37,13 +47,10 @@ pub fn finite(value: &Value) -> Validated {
             Err(ScenarioError::out_of_range("", "at most 1e100", x))
         }
         Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
-            finite(value).map_err(|error| error.inside(&format!("[{i}]")))
+            interrupt::spend(64);
+            finite_value(value).map_err(|error| error.inside(&format!("[{i}]")))
         }),
-        Value::Table(table) => table.iter().try_for_each(|(key, value)| {
-            // A joint without an end has infinite limits.
-            let judged = if key == "joint_limits" { comparable(value) } else { finite(value) };
-            judged.map_err(|error| error.inside(key))
-        }),
+        Value::Table(table) => finite(table),
         _ => Ok(()),
     }
 }
@@ -210,18 +217,12 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
     let n = arm.map(|(n, _)| n);
     let dimensions = arm.map_or(vec![2, 3], |(_, dimension)| vec![dimension]);
     task(settings, &dimensions)?;
-    let joints = |given: &crate::math::ScalarOrVec| n.unwrap_or(given.values().len());
+    let joints = |given: &ScalarOrVec| n.unwrap_or(given.values().len());
     each("null_damping", &settings.null_damping, joints(&settings.null_damping), not_negative)?;
     let stiffness = &settings.posture_stiffness;
     each("posture_stiffness", stiffness, joints(stiffness), not_negative)?;
-    match &settings.posture {
-        Some(posture) => length("posture", posture.len(), n.unwrap_or(posture.len()))?,
-        None if stiffness.values().iter().any(|k| *k > 0.0) => {
-            let problem =
-                Problem::Other("needs `posture`, the angles that the spring pulls to".into());
-            return Err(ScenarioError::new("posture_stiffness", problem));
-        }
-        None => {}
+    if let Some(posture) = &settings.posture {
+        length("posture", posture.len(), n.unwrap_or(posture.len()))?;
     }
     if let Some(length) = settings.characteristic_length {
         number("characteristic_length", length, positive)?;
@@ -244,7 +245,41 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
     if let Some(governor) = &settings.governor {
         self::governor(governor).map_err(|error| error.inside("governor"))?;
     }
+    command(&settings.command, n).map_err(|error| error.inside("command"))?;
     field(&settings.field).map_err(|error| error.inside("field"))
+}
+
+/// Whether there is a posture for its spring, where the reference does not bring one.
+pub fn posture(settings: &Settings) -> Validated {
+    let pulls = settings.posture_stiffness.values().iter().any(|k| *k > 0.0);
+    if pulls && settings.posture.is_none() {
+        let problem =
+            "needs `posture`, the angles that the spring pulls to, or a plan as the reference";
+        return Err(ScenarioError::new("posture_stiffness", Problem::Other(problem.into())));
+    }
+    Ok(())
+}
+
+/// `[controller.command]`, for an arm of n joints where that is known.
+fn command(settings: &CommandSettings, n: Option<usize>) -> Validated {
+    let CommandSettings { torque_rate, friction_speed, tip_speed, start, .. } = settings;
+    let joints = |given: &ScalarOrVec| n.unwrap_or(given.values().len());
+    if let Some(rate) = torque_rate {
+        each("torque_rate", rate, joints(rate), positive)?;
+    }
+    for (path, given) in [
+        ("viscous_friction", &settings.viscous_friction),
+        ("coulomb_friction", &settings.coulomb_friction),
+    ] {
+        each(path, given, joints(given), not_negative)?;
+    }
+    each("friction_speed", friction_speed, joints(friction_speed), positive)?;
+    tip_speed.map_or(Ok(()), |speed| number("tip_speed", speed, positive))?;
+    number("start", *start, not_negative)?;
+    if settings.patience == 0 {
+        return Err(ScenarioError::out_of_range("patience", "1 or more", settings.patience));
+    }
+    number("stop_damping", settings.stop_damping, positive)
 }
 
 /// The task and what has a value per axis of it, in one of these `dimensions`.

@@ -5,12 +5,15 @@ use super::integrator::Stepper;
 use super::measurement::Measurement;
 use super::perception::Perceive;
 use super::plant::{Physics, Plant};
+use super::sending::Sending;
 use super::{Control, Integrator, Options, Snapshot, System};
-use crate::control::{Controller, Gains, ObjectiveScale, SelfCollision, Tank, Torque, limits};
+use crate::control::{
+    Controller, Gains, Gravity, ObjectiveScale, SelfCollision, Tank, Torque, limits,
+};
 use crate::interrupt;
 use crate::math::{Pose, Vector, keep_least};
 use crate::robot::{Limits, Manipulator, Model, Robot};
-use crate::trajectory::{Governor, Trajectory};
+use crate::trajectory::{Governor, Pace, Trajectory};
 use crate::world::{CollisionQuery, Contact, Positions, World};
 use std::iter;
 use std::sync::Arc;
@@ -41,6 +44,8 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     measurement: Option<Measurement>,
     perception: Option<S::Perception>,
     actuator: Option<Actuator>,
+    /// What stands between the law and the robot, where that is not nothing.
+    output: Option<Box<Sending>>,
     /// What makes the reference wait.
     governor: Option<Governor>,
     /// What is so, where the controller does not see it.
@@ -118,6 +123,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
     ) -> &Torque {
         let Self { controller, world, trajectory } = self;
         world.update(t);
+        if let Some(joints) = trajectory.joints() {
+            let pace = governor.map_or_else(|| Pace::of_time(t), |governor| governor.pace(t));
+            controller.move_posture(joints, &pace);
+        }
         let reference = |ahead| match governor {
             Some(governor) => governor.sample(trajectory, t + ahead),
             None => trajectory.at(t + ahead),
@@ -159,6 +168,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         });
         let imperfect = imperfect || perception.is_some();
         let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
+        let output = Sending::new(&gains, n);
         let stack =
             ControlStack { controller: Controller::new(arm.state(), gains), world, trajectory };
         let x = stack.controller.pose();
@@ -170,6 +180,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             measurement,
             perception,
             actuator,
+            output,
             governor,
             truth: imperfect.then(|| Truth::new(n)),
             stepper: Stepper::new(options.integrator, n),
@@ -187,6 +198,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             options,
         };
         this.start_perception();
+        this.start_output();
         this.control();
         this
     }
@@ -209,7 +221,17 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             actuator.start();
         }
         self.start_perception();
+        self.start_output();
         self.control();
+    }
+
+    /// The robot has held its arm still until now.
+    fn start_output(&mut self) {
+        let Self { output, plant, q, dq, .. } = self;
+        if let Some(sending) = output {
+            plant.update(q, dq);
+            sending.start(plant);
+        }
     }
 
     fn start_perception(&mut self) {
@@ -223,8 +245,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
 
     /// Takes over other gains, from now on. Allocates; what the controller remembers begins anew.
     pub fn set_gains(&mut self, gains: &Gains<M>) {
+        let another_output = gains.command != self.controller().gains().command;
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
             stack.controller = Controller::new(self.arm.state(), gains.clone());
+        }
+        if another_output {
+            self.output = Sending::new(gains, self.q.len());
+            self.plant.compensate_gravity(gains.command.gravity == Gravity::Robot);
+            self.start_output();
         }
         let t = self.time();
         match (&mut self.governor, gains.governor) {
@@ -244,12 +272,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.control();
     }
 
-    /// Lets go of the reference and sends the end effector to `goal` \[m\] from now on, smoothly, with the
-    /// pole `rate` \[1/s\]; its orientation stays where it is.
-    pub fn aim(&mut self, goal: Vector<D>, rate: f64) {
+    /// Lets go of the reference and sends the end effector to `goal` from now on, smoothly, with the pole `rate` \[1/s\]:
+    /// see [`Guided::aim`](crate::trajectory::Guided::aim).
+    pub fn aim(&mut self, goal: &[f64], rate: f64) {
         let t = self.path_time().unwrap_or(self.time());
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-            stack.trajectory.aim(t, goal.as_slice(), rate);
+            stack.trajectory.aim(t, goal, rate);
         }
         self.control();
     }
@@ -335,7 +363,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// (T4) on top \[N·m\].
     pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
         self.stack.controller.project(tau);
-        tau.iter_mut().zip(&self.held.total).for_each(|(tau, held)| *tau += held);
+        let sent = self.output.as_ref().map_or(&self.held.total, |sending| &sending.sent);
+        tau.iter_mut().zip(sent).for_each(|(tau, sent)| *tau += sent);
     }
 
     /// What the joints can do.
@@ -380,7 +409,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             Some(truth) => (&truth.dx, &truth.error, truth.clearance.as_slice()),
             None => (&space.dx, controller.error(), forces.clearance()),
         };
-        let tau_applied = self.actuator.as_ref().map_or(&[][..], Actuator::torque);
+        let driven = || self.actuator.as_ref().map_or(&[][..], Actuator::torque);
+        let tau_applied = self.output.as_ref().map_or_else(driven, |sending| &sending.acting);
         let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
         Snapshot {
             dimension: D,
@@ -424,9 +454,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let t = self.time();
         self.remember();
         let ideal = self.is_ideal();
-        let Self { stack, plant, actuator, stepper, held, options, arm, q, dq, .. } = self;
+        let Self { stack, plant, actuator, stepper, held, output, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
-        let held = external.unwrap_or(&held.total);
+        let (held, mut output) = match output.as_deref_mut() {
+            Some(Sending { sent, output, .. }) => (&*sent, Some(output)),
+            None => (&held.total, None),
+        };
+        let held = external.unwrap_or(held);
         let held = match actuator {
             Some(actuator) => actuator.advance(held),
             None => held,
@@ -437,7 +471,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
                 stack.torque_at(t + stage.offset, [q, dq], None, None);
             }
             let controller = &stack.controller;
-            let tau = if continuous { &controller.torque().total } else { held };
+            let tau = match &mut output {
+                _ if !continuous => held,
+                None => &controller.torque().total,
+                Some(output) => {
+                    let law = &controller.torque().total;
+                    output.convert(controller.robot(), controller.bias(), law)
+                }
+            };
             if ideal && (continuous || stage.first) {
                 plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
             } else {
@@ -448,7 +489,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             Integrator::Rk4 => 0.5,
             Integrator::SemiImplicitEuler => 1.0,
         };
-        let tau = if continuous { &stack.controller.torque().total } else { held };
+        let tau = match &output {
+            _ if !continuous => held,
+            None => &stack.controller.torque().total,
+            Some(output) => output.wanted(),
+        };
         plant.settle(tau, &self.before, q, dq, [options.dt, weight]);
         self.arrive()
     }
@@ -456,15 +501,31 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// The torque that the drives hold over the next plant step \[N·m\], for a plant elsewhere; to be asked for once per
     /// step.
     pub fn drive(&mut self) -> &[f64] {
-        match &mut self.actuator {
-            Some(actuator) => actuator.advance(&self.held.total),
-            None => &self.held.total,
+        let Self { actuator, output, plant, held, q, dq, .. } = self;
+        match (actuator, output) {
+            (None, None) => &held.total,
+            (Some(actuator), None) => actuator.advance(&held.total),
+            (actuator, Some(sending)) => {
+                let Sending { sent, acting, .. } = &mut **sending;
+                let driven = actuator.as_mut().map_or(&sent[..], |actuator| actuator.advance(sent));
+                acting.copy_from_slice(driven);
+                plant.add_own_torque(q, dq, acting);
+                acting
+            }
         }
     }
 
     /// The law at an instant of the next plant step, for a plant elsewhere that asks for it continuously \[N·m\].
     pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
-        &self.stack.torque_at(t, [q, dq], None, None).total
+        let Self { stack, output, plant, .. } = self;
+        stack.torque_at(t, [q, dq], None, None);
+        let controller = &stack.controller;
+        let law = &controller.torque().total;
+        let Some(sending) = output else { return law };
+        let Sending { output, acting, .. } = &mut **sending;
+        acting.copy_from_slice(output.convert(controller.robot(), controller.bias(), law));
+        plant.add_own_torque(q, dq, acting);
+        acting
     }
 
     /// Takes over the state to which a plant elsewhere has come within one plant step. Returns false, and stays
@@ -500,6 +561,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             if self.is_defined() {
                 return true;
             }
+            if let Some(sending) = &mut self.output {
+                sending.undo(self.step);
+            }
             self.step -= 1;
             let t = self.time();
             if let Some(governor) = &mut self.governor {
@@ -533,7 +597,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     pub fn is_defined(&self) -> bool {
         let forces = self.stack.controller.forces();
         let total = self.stack.controller.torque().total.as_slice();
-        is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude())
+        let sent = self.output.as_ref().is_none_or(|sending| is_finite(&sending.acting));
+        is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude()) && sent
     }
 
     /// Evaluates the law at the present state, as far as it is known, and, at the beginning of a
@@ -567,9 +632,20 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         if period_begins {
             self.null_acceleration = self.stack.controller.null_acceleration();
             self.predict(t);
-            if let Some(actuator) = &mut self.actuator {
-                actuator.command(&self.held.total);
+            if let Some(sending) = &mut self.output {
+                let stack = self.foresight.as_ref().unwrap_or(&self.stack);
+                let period = self.options.control_period();
+                sending.send(&stack.controller, &self.held.total, self.step, period);
             }
+            if let Some(actuator) = &mut self.actuator {
+                actuator.command(match &self.output {
+                    Some(sending) => &sending.sent,
+                    None => &self.held.total,
+                });
+            }
+        }
+        if let Some(sending) = &mut self.output {
+            sending.look(self.actuator.as_ref(), &mut self.plant, [&self.q, &self.dq]);
         }
     }
 

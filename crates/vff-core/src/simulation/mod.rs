@@ -14,6 +14,7 @@ mod plane;
 mod plant;
 mod recorder;
 mod run;
+mod sending;
 mod snapshot;
 mod space;
 mod system;

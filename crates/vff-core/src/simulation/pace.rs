@@ -26,6 +26,8 @@ pub struct Timing {
     pub jitter: Histogram<u64>,
     /// Periods whose work did not end before the next one should begin.
     pub missed: u64,
+    /// Periods that were left out, because they were over before they could begin.
+    pub skipped: u64,
 }
 
 impl Default for Timing {
@@ -34,18 +36,27 @@ impl Default for Timing {
         let histogram =
             || Histogram::new_with_bounds(1, longest, 3).expect("bounds that a histogram can have");
         let (latency, work) = (histogram(), histogram());
-        Self { latency, work, response: histogram(), jitter: histogram(), missed: 0 }
+        Self { latency, work, response: histogram(), jitter: histogram(), missed: 0, skipped: 0 }
     }
+}
+
+/// What becomes of periods that are over before they could begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Late {
+    /// They are done at once, until the clock is caught up with: nothing is left out of what is computed.
+    CatchUp,
+    /// They are left out: a robot has only its present state to tell.
+    Skip,
 }
 
 /// Does `work` once per `period`, `count` times, until it returns false or `stop` is set, and
 /// counts in `done`.
 ///
-/// The deadlines are absolute, so that delays do not add up. Work that is late is not left out:
-/// it is done at once until the clock is caught up with. Nothing allocates.
+/// The deadlines are absolute, so that delays do not add up. Nothing allocates.
 pub fn keep(
     timing: &mut Timing,
     period: Duration,
+    late: Late,
     count: u64,
     stop: &AtomicBool,
     done: &AtomicU64,
@@ -65,6 +76,40 @@ pub fn keep(
         }
         deadline += period;
         timing.missed += u64::from(end > deadline);
+        if late == Late::Skip && end > deadline {
+            let behind = (end - deadline).as_nanos() / period.as_nanos().max(1);
+            let left_out = u32::try_from(behind).unwrap_or(u32::MAX).saturating_add(1);
+            deadline += period * left_out;
+            timing.skipped += u64::from(left_out);
+        }
+        done.store(k + 1, Ordering::Relaxed);
+        if !goes_on {
+            return;
+        }
+    }
+}
+
+/// Does `work` `count` times, until it returns false, where the clock is somebody else's: `work` waits for it, and tells when
+/// that has come. Nothing allocates.
+///
+/// There is no instant at which a period should begin, and hence no latency; a response takes as long as the work.
+pub fn accompany(
+    timing: &mut Timing,
+    period: Duration,
+    count: u64,
+    done: &AtomicU64,
+    mut work: impl FnMut() -> (Instant, bool),
+) {
+    let mut last_begin = None;
+    for k in 0..count {
+        let (begin, goes_on) = work();
+        let took = begin.elapsed();
+        timing.work.saturating_record(nanoseconds(took));
+        timing.response.saturating_record(nanoseconds(took));
+        if let Some(last) = last_begin.replace(begin) {
+            timing.jitter.saturating_record(nanoseconds((begin - last).abs_diff(period)));
+        }
+        timing.missed += u64::from(took > period);
         done.store(k + 1, Ordering::Relaxed);
         if !goes_on {
             return;
@@ -103,7 +148,8 @@ mod tests {
 
     fn keep_for(count: u64, work: impl FnMut() -> bool) -> (Timing, u64) {
         let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
-        keep(&mut timing, Duration::from_millis(2), count, &AtomicBool::new(false), &done, work);
+        let (period, never) = (Duration::from_millis(2), AtomicBool::new(false));
+        keep(&mut timing, period, Late::CatchUp, count, &never, &done, work);
         (timing, done.into_inner())
     }
 
@@ -131,6 +177,47 @@ mod tests {
         assert!(last >= 10 * work - 9 * Duration::from_millis(2), "{last:?}");
     }
 
+    /// Where the clock is another's, work counts from the instant at which that has come.
+    #[test]
+    fn the_clock_of_another() {
+        let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
+        let period = Duration::from_millis(2);
+        let mut left = 5;
+        accompany(&mut timing, period, 50, &done, || {
+            thread::sleep(Duration::from_millis(1));
+            let begin = Instant::now();
+            left -= 1;
+            if left == 2 {
+                thread::sleep(2 * period);
+            }
+            (begin, left > 0)
+        });
+        assert_eq!((done.into_inner(), timing.work.len(), timing.jitter.len()), (5, 5, 4));
+        assert_eq!((timing.latency.len(), timing.response.len()), (0, 5));
+        assert!(timing.missed >= 1 && timing.work.max() >= nanoseconds(2 * period));
+    }
+
+    /// Work of 5 ms in periods of 2 ms, whose next deadlines are those of the clock: two of three are left out, and
+    /// counted.
+    #[test]
+    fn what_is_late_is_left_out() {
+        let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
+        let (period, never) = (Duration::from_millis(2), AtomicBool::new(false));
+        let mut begins = vec![];
+        keep(&mut timing, period, Late::Skip, 10, &never, &done, || {
+            begins.push(Instant::now());
+            thread::sleep(Duration::from_millis(5));
+            true
+        });
+        assert_eq!(done.into_inner(), 10);
+        assert!(timing.missed == 10 && timing.skipped >= 20, "{}", timing.skipped);
+        assert!(begins.windows(2).all(|pair| pair[1] - pair[0] >= Duration::from_millis(5)));
+        // From one deadline to the next are whole periods, whatever the work takes.
+        let first = Duration::from_nanos(timing.latency.max()); // no less than that of the first
+        let took = begins[9] - begins[0] + first;
+        assert!(took >= 9 * 3 * period - period / 2, "{took:?}");
+    }
+
     /// It ends when the work says so, and before it begins when stopped.
     #[test]
     fn it_can_be_ended() {
@@ -142,7 +229,7 @@ mod tests {
         assert_eq!(done, 7);
         let (mut timing, done) = (Timing::default(), AtomicU64::new(0));
         let stop = AtomicBool::new(true);
-        keep(&mut timing, Duration::from_secs(1000), 5, &stop, &done, || true);
+        keep(&mut timing, Duration::from_secs(1000), Late::Skip, 5, &stop, &done, || true);
         assert_eq!((done.into_inner(), timing.work.len()), (0, 0));
     }
 
@@ -155,7 +242,8 @@ mod tests {
                 thread::sleep(Duration::from_millis(20));
                 stop.store(true, Ordering::Relaxed);
             });
-            keep(&mut Timing::default(), Duration::from_secs(1000), 5, &stop, &done, || true);
+            let (timing, period) = (&mut Timing::default(), Duration::from_secs(1000));
+            keep(timing, period, Late::Skip, 5, &stop, &done, || true);
         });
         assert_eq!(done.into_inner(), 0);
     }

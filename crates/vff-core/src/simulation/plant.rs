@@ -16,12 +16,20 @@ pub struct Physics<A> {
     pub coulomb: Vec<f64>,
     /// Where the joints stop: \[lower, upper\] \[rad\].
     pub stops: Vec<[f64; 2]>,
+    /// Whether the robot adds the torque that holds these links against gravity.
+    pub compensates_gravity: bool,
 }
 
 impl<A> Physics<A> {
     /// The arm alone.
     pub fn of(arm: &Arc<A>) -> Self {
-        Self { arm: Arc::clone(arm), viscous: vec![], coulomb: vec![], stops: vec![] }
+        Self {
+            arm: Arc::clone(arm),
+            viscous: vec![],
+            coulomb: vec![],
+            stops: vec![],
+            compensates_gravity: false,
+        }
     }
 }
 
@@ -33,6 +41,8 @@ pub struct Plant<A: Model<D>, const D: usize> {
     impulses: Impulses,
     /// The torque that viscous friction leaves.
     torque: Vec<f64>,
+    /// The torque against gravity that the robot adds.
+    gravity: Vec<f64>,
     scratch: Vec<f64>,
     /// What the impulses change of the velocity.
     change: Vec<f64>,
@@ -55,6 +65,7 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
             // Its matrix is large for a long arm, and of no use to one without stops and dry friction.
             impulses: Impulses::new(if physics.has_impulses() { n } else { 0 }),
             torque: zeros(),
+            gravity: zeros(),
             scratch: zeros(),
             change: zeros(),
             physics,
@@ -78,16 +89,25 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
 
     /// Moves to the state (q, q̇): q̈ under a torque there.
     pub fn accelerate(&mut self, q: &[f64], dq: &[f64], tau: &[f64], ddq: &mut [f64]) {
-        let Self { physics, state, torque, scratch, .. } = self;
+        let Self { physics, state, torque, gravity, scratch, .. } = self;
         let tau = resisted(&physics.viscous, tau, dq, torque);
-        state.update_with_dynamics(q, dq, tau, scratch, ddq);
+        if physics.compensates_gravity {
+            state.update(q, dq);
+            state.forward_dynamics(carried(state, tau, gravity), scratch, ddq);
+        } else {
+            state.update_with_dynamics(q, dq, tau, scratch, ddq);
+        }
     }
 
     /// The same where a controller whose model is the plant stands at this very state: what it has
     /// factorised serves the plant too.
     pub fn accelerate_as(&mut self, model: &A::State, tau: &[f64], bias: &[f64], ddq: &mut [f64]) {
-        let Self { physics, torque, scratch, .. } = self;
+        let Self { physics, torque, gravity, scratch, .. } = self;
         let tau = resisted(&physics.viscous, tau, model.velocity(), torque);
+        let tau = match physics.compensates_gravity {
+            true => carried(model, tau, gravity),
+            false => tau,
+        };
         model.accelerate(tau, bias, scratch, ddq);
     }
 
@@ -154,11 +174,28 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         }
     }
 
-    /// Kinetic and potential energy \[J\] at the state of the last [`update`](Self::update).
+    /// `out +=` the torque that the robot adds by itself at (q, q̇) \[N·m\]; moves there. Nothing if it adds none.
+    pub fn add_own_torque(&mut self, q: &[f64], dq: &[f64], out: &mut [f64]) {
+        if self.physics.compensates_gravity {
+            self.update(q, dq);
+            self.state.gravity_torque(&mut self.gravity);
+            out.iter_mut().zip(&self.gravity).for_each(|(out, g)| *out += g);
+        }
+    }
+
+    /// Whether the robot adds gravity's torque, from now on.
+    pub fn compensate_gravity(&mut self, does: bool) {
+        self.physics.compensates_gravity = does;
+    }
+
+    /// Kinetic and potential energy \[J\] at the state of the last [`update`](Self::update); where the robot holds itself
+    /// against gravity, height costs nothing.
     fn energies(&mut self) -> [f64; 2] {
         let Self { state, scratch, .. } = self;
         state.mass_mul(state.velocity(), scratch);
-        [0.5 * dot(scratch, state.velocity()), state.potential_energy()]
+        let held = self.physics.compensates_gravity;
+        let potential = if held { 0.0 } else { state.potential_energy() };
+        [0.5 * dot(scratch, state.velocity()), potential]
     }
 }
 
@@ -170,5 +207,16 @@ fn resisted<'a>(viscous: &[f64], tau: &'a [f64], dq: &[f64], out: &'a mut [f64])
     for (i, out) in out.iter_mut().enumerate() {
         *out = tau[i] - viscous[i] * dq[i];
     }
+    out
+}
+
+/// τ + g, in `out`.
+fn carried<'a, R: Robot<D>, const D: usize>(
+    robot: &R,
+    tau: &[f64],
+    out: &'a mut [f64],
+) -> &'a [f64] {
+    robot.gravity_torque(out);
+    out.iter_mut().zip(tau).for_each(|(out, tau)| *out += tau);
     out
 }

@@ -94,7 +94,7 @@ pub struct Record {
     pub q_measured: Vec<f64>,
     /// (T, n), or empty without `[measurement]`.
     pub dq_measured: Vec<f64>,
-    /// (T, n), or empty without `[actuator]`.
+    /// (T, n), or empty where it is the commanded one.
     pub tau_applied: Vec<f64>,
     /// (T, r, D), or empty without range sensors.
     pub sensed: Vec<f64>,

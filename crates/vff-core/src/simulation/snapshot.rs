@@ -23,7 +23,8 @@ pub struct Snapshot<'a> {
     pub sensed: Option<&'a dyn Positions>,
     /// Torque that is commanded from now on \[N·m\], (n) each.
     pub torque: &'a Torque,
-    /// Torque of the drives at this instant \[N·m\]; empty without `[actuator]`.
+    /// Torque at the joints at this instant, of the drives and of a robot that adds gravity's by itself \[N·m\]; empty where it
+    /// is the commanded one.
     pub tau_applied: &'a [f64],
     /// Σ JᵀF of the virtual forces, unprojected \[N·m\], (n).
     pub tau_vff: &'a [f64],

@@ -10,7 +10,7 @@ use std::fmt::Debug;
 /// Which arms and which obstacles meet in `D` dimensions.
 pub trait Setting<const D: usize>: Debug + Clone {
     /// The arm at one instant.
-    type State: Robot<D> + Clone + Debug;
+    type State: Robot<D> + Clone + Debug + Send + 'static;
     /// What is immutable of the arm.
     type Arm: Model<D, State = Self::State>;
     /// What obstacles are made of.

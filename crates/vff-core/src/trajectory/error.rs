@@ -19,6 +19,19 @@ pub enum TrajectoryError {
         /// Length of the list.
         given: usize,
     },
+    /// A configuration that has not a number for each joint.
+    #[error("expected {expected} entries, one per joint, given {given}")]
+    Joints {
+        /// Name of the configuration, such as `points[3]`.
+        field: String,
+        /// The number of joints.
+        expected: usize,
+        /// Length of the configuration.
+        given: usize,
+    },
+    /// A plan, which leads the joints, where no arm is known.
+    #[error("a plan needs the arm that follows it")]
+    WithoutArm,
     /// Not as many points as times.
     #[error("expected {times} points, one per entry of `times`, given {points}")]
     PointCount {
@@ -101,12 +114,14 @@ impl TrajectoryError {
     /// The field of the reference that is wrong, such as `duration`, `times[2]`, `points[3]`.
     pub fn field(&self) -> String {
         match self {
-            Self::Dimension { field, .. } | Self::Orientation { field, .. } => field.clone(),
+            Self::Dimension { field, .. }
+            | Self::Joints { field, .. }
+            | Self::Orientation { field, .. } => field.clone(),
             Self::UselessOrientation { field } => (*field).into(),
             Self::OrientationCount { .. } => "orientations".into(),
             Self::OrientationsApart { index } => format!("orientations[{index}]"),
             Self::Normal { .. } => "normal".into(),
-            Self::PointCount { .. } => "points".into(),
+            Self::PointCount { .. } | Self::WithoutArm => "points".into(),
             Self::TooFewTimes { .. } => "times".into(),
             Self::TimesNotIncreasing { index, .. } => format!("times[{index}]"),
             Self::MissingOrientation | Self::UnexpectedOrientation { .. } => "orientation".into(),

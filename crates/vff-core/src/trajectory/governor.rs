@@ -38,6 +38,24 @@ struct Delay {
     lead: f64,
 }
 
+/// The clock of the reference at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pace {
+    /// σ \[s\].
+    pub time: f64,
+    /// σ̇, in \[0, 1\].
+    pub speed: f64,
+    /// σ̈ \[1/s\].
+    pub change: f64,
+}
+
+impl Pace {
+    /// On time.
+    pub fn of_time(t: f64) -> Self {
+        Self { time: t, speed: 1.0, change: 0.0 }
+    }
+}
+
 /// The clock of the reference. It is known in closed form over a control period, at the beginning of which
 /// it hears of the error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,6 +110,12 @@ impl Governor {
     /// The path time σ \[s\] at `t` \[s\].
     pub fn path_time(&self, t: f64) -> f64 {
         t - self.at(t).0.lag
+    }
+
+    /// The clock at `t` \[s\], were the error to stay.
+    pub fn pace(&self, t: f64) -> Pace {
+        let (delay, change) = self.at(t);
+        Pace { time: t - delay.lag, speed: 1.0 - delay.rate, change: -change }
     }
 
     /// The reference at `t` \[s\], were the error to stay (T74).

@@ -7,6 +7,7 @@
 mod coordinates;
 mod error;
 mod governor;
+mod joints;
 mod line;
 mod lissajous;
 mod piecewise;
@@ -17,7 +18,8 @@ mod table;
 mod waypoints;
 
 pub use error::TrajectoryError;
-pub use governor::{Governor, GovernorSettings};
+pub use governor::{Governor, GovernorSettings, Pace};
+pub use joints::JointSpline;
 pub use plane::Reference;
 pub use space::SpatialReference;
 
@@ -46,6 +48,28 @@ impl<P: Pose<M>, const M: usize> Sample<P, M> {
     pub fn carried_on(&self, ahead: f64) -> Self {
         Self { x: self.x.moved(&(self.dx * ahead)), dx: self.dx, ddx: Vector::zeros() }
     }
+
+    /// The reference `since` \[s\] later, of which nothing was heard meanwhile: its acceleration stays for `patience` \[s\], and
+    /// then it comes to rest on its path within as long again.
+    #[must_use]
+    pub fn coasting(&self, since: f64, patience: f64) -> Self {
+        // Path time σ with its derivatives.
+        let late = (since - patience).clamp(0.0, patience);
+        let (sigma, slope, bend) = match (since <= patience, late < patience) {
+            (true, _) => (since.max(0.0), 1.0, 0.0),
+            (false, true) => {
+                let slope = 1.0 - late / patience;
+                (patience + late - 0.5 * late * late / patience, slope, -1.0 / patience)
+            }
+            (false, false) => (1.5 * patience, 0.0, 0.0),
+        };
+        let rate = self.dx + self.ddx * sigma;
+        Self {
+            x: self.x.moved(&(self.dx * sigma + self.ddx * (0.5 * sigma * sigma))),
+            dx: rate * slope,
+            ddx: self.ddx * (slope * slope) + rate * bend,
+        }
+    }
 }
 
 /// A kind of pose that references lead.
@@ -62,15 +86,59 @@ pub trait Guided<const M: usize>: Pose<M> {
     fn curve(reference: &Self::Reference, start: &Self) -> Result<Self::Curve, TrajectoryError>;
     /// The reference at time `t` \[s\]. Does not allocate.
     fn at(curve: &Self::Curve, t: f64) -> Sample<Self, M>;
-    /// The curve that leaves `curve` at time `t` \[s\] for the position `goal` \[m\], smoothly, with the pole `rate`
-    /// \[1/s\]; the orientation comes to rest where it is.
+    /// The curve that leaves `curve` at time `t` \[s\] for `goal`, smoothly, with the pole `rate` \[1/s\]: a position
+    /// \[m\], with which an orientation comes to rest where it is, or a whole pose as it is written.
     fn aim(curve: &Self::Curve, t: f64, goal: &[f64], rate: f64) -> Self::Curve;
+    /// The same from a state that no curve has led to.
+    fn leave(state: &Sample<Self, M>, t: f64, goal: &[f64], rate: f64) -> Self::Curve;
+    /// The plan that `reference` describes, if it is one.
+    fn plan(reference: &Self::Reference) -> Option<Knots<'_>>;
+}
+
+/// The knots of a plan: instants \[s\], and at each of them one number per joint \[rad, of a sliding joint m\].
+pub type Knots<'a> = (&'a [f64], &'a [Vec<f64>]);
+
+/// Something that is led by joints: an arm that follows a plan, wherever the real one is.
+pub trait Led<P, const M: usize>: Debug + Send {
+    /// Where its end effector is at time `t` \[s\]. Does not allocate.
+    fn at(&self, t: f64) -> Sample<P, M>;
+    /// Its joints.
+    fn joints(&self) -> &JointSpline;
+    /// Another one.
+    fn copy(&self) -> Box<dyn Led<P, M>>;
 }
 
 /// A reference for poses `P` of a task of dimension `M`, ready to be evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory<P: Guided<M>, const M: usize> {
-    curve: P::Curve,
+    path: Path<P, M>,
+}
+
+/// What says where the end effector has to be.
+#[derive(Debug)]
+enum Path<P: Guided<M>, const M: usize> {
+    Curve(P::Curve),
+    Plan(Box<dyn Led<P, M>>),
+}
+
+impl<P: Guided<M>, const M: usize> Clone for Path<P, M> {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Curve(curve) => Self::Curve(curve.clone()),
+            Self::Plan(plan) => Self::Plan(plan.copy()),
+        }
+    }
+}
+
+/// Plans are the same if their joints are.
+impl<P: Guided<M>, const M: usize> PartialEq for Path<P, M> {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Curve(a), Self::Curve(b)) => a == b,
+            (Self::Plan(a), Self::Plan(b)) => a.joints() == b.joints(),
+            _ => false,
+        }
+    }
 }
 
 impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
@@ -83,18 +151,38 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
     /// When a list does not fit the task or another list, when an orientation is missing or of no use, when
     /// times or a duration are unusable. That numbers are finite is not checked here.
     pub fn new(reference: &P::Reference, start: &P) -> Result<Self, TrajectoryError> {
-        Ok(Self { curve: P::curve(reference, start)? })
+        Ok(Self { path: Path::Curve(P::curve(reference, start)?) })
     }
 
-    /// Leaves the reference at time `t` \[s\] for the position `goal` \[m\], see [`Guided::aim`].
+    /// The reference that `leader` is.
+    pub fn of_plan(leader: Box<dyn Led<P, M>>) -> Self {
+        Self { path: Path::Plan(leader) }
+    }
+
+    /// The joints of the plan that it is, if it is one.
+    #[inline]
+    pub fn joints(&self) -> Option<&JointSpline> {
+        match &self.path {
+            Path::Curve(_) => None,
+            Path::Plan(plan) => Some(plan.joints()),
+        }
+    }
+
+    /// Leaves the reference at time `t` \[s\] for `goal`, see [`Guided::aim`].
     pub fn aim(&mut self, t: f64, goal: &[f64], rate: f64) {
-        self.curve = P::aim(&self.curve, t, goal, rate);
+        self.path = Path::Curve(match &self.path {
+            Path::Curve(curve) => P::aim(curve, t, goal, rate),
+            Path::Plan(plan) => P::leave(&plan.at(t), t, goal, rate),
+        });
     }
 
     /// The reference at time `t` \[s\]. Does not allocate.
     #[inline]
     pub fn at(&self, t: f64) -> Sample<P, M> {
-        P::at(&self.curve, t)
+        match &self.path {
+            Path::Curve(curve) => P::at(curve, t),
+            Path::Plan(plan) => plan.at(t),
+        }
     }
 }
 

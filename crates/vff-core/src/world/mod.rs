@@ -352,6 +352,16 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.rearrange();
     }
 
+    /// Lets obstacle `j` turn otherwise from now on. In a crowd every obstacle is asked from then on, as after
+    /// [`carry`](Self::carry). Allocates.
+    pub fn set_turning(&mut self, j: usize, turning: Turning<D>) {
+        let obstacle = &mut self.obstacles[j];
+        (obstacle.state, obstacle.time) = (obstacle.state_at(self.time), self.time);
+        obstacle.turned = Some(Box::new(Turned { now: turning.at(self.time), turning }));
+        obstacle.is_static = false;
+        self.rearrange();
+    }
+
     /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\]. It turns as
     /// before. In a crowd every obstacle is asked from then on, as after [`carry`](Self::carry). Does not allocate;
     /// the first time, what the motion and the crowd took is freed.

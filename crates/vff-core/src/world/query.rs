@@ -159,7 +159,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         mut distance: impl FnMut(usize, f64),
         mut meet: impl FnMut(Pair, &S::Probe, &Placed<S, D>, Option<&Turn<D>>),
     ) {
-        let Self { obstacles, named, time, remembered, .. } = self;
+        let Self { obstacles, named, time, remembered, contacts, .. } = self;
         if obstacles.is_empty() {
             return;
         }
@@ -182,6 +182,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             }
             return;
         }
+        // What was nearest before is worth a second look where one obstacle alone has many points to search.
+        let searched = *contacts > obstacles.len();
         for (body, Body { link, shape }) in bodies {
             interrupt::spend(256);
             let probe = S::probe(&shape);
@@ -194,7 +196,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 let near = near.iter().map(|&j| &obstacles[j]);
                 least_distance(near, |obstacle| obstacle.distance_below(&probe, limit))
             };
-            let before = remembered.get_mut(body);
+            let before = remembered.get_mut(body).filter(|_| searched);
             let expected = before.as_ref().map_or(f64::INFINITY, |before| **before + STRIDE);
             let mut least = below(expected.min(limit));
             if expected < limit && least >= expected - ROUNDING * (1.0 + expected.abs()) {

@@ -1,6 +1,7 @@
 //! How an obstacle turns about its position: at a constant angular velocity, or at one after the other.
 
 use super::{Contact, Feature, MotionState};
+use crate::math::rotation::UnitQuaternion;
 use crate::math::{Capsule, Vector, sin_cos};
 use nalgebra::SMatrix;
 
@@ -174,10 +175,25 @@ impl<const D: usize> Turning<D> {
     }
 }
 
+impl Turning<3> {
+    /// Turned as `now` until time `t` \[s\], then on to `goal` the short way at `rate` \[rad/s\], where it rests.
+    pub fn toward(t: f64, now: &Rotation<3>, goal: &UnitQuaternion, rate: f64) -> Self {
+        let way = (*goal * UnitQuaternion::from_matrix(now).inverse()).log();
+        let duration = way.norm() / rate;
+        let leg = |from, at, rotation, spin| Leg { from, at, rotation, spin };
+        let mut legs = vec![leg(f64::NEG_INFINITY, 0.0, *now, Spin::NONE)];
+        if duration > 0.0 {
+            legs.push(leg(t, t, *now, Spin::spatial(&(way / duration))));
+        }
+        legs.push(leg(t + duration, 0.0, goal.matrix(), Spin::NONE));
+        Self { legs }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Body, UnitQuaternion};
+    use crate::math::Body;
     use crate::world::{CollisionQuery, Description, Motion, Solid, World, plane, space};
     use proptest::prelude::*;
 
@@ -197,6 +213,21 @@ mod tests {
             let (sin, cos) = f64::sin_cos(rate * t);
             prop_assert!((plane.rotation - Rotation::<2>::new(cos, -sin, sin, cos)).norm() < 1e-13);
             prop_assert!((plane.spin.magnitude() - rate.abs()).abs() < 1e-14);
+        }
+
+        /// From where it is the short way to where it is wanted, at the given rate, and there it stays.
+        #[test]
+        fn it_turns_to_a_goal(now in three(3.0), goal in three(3.0), rate in 0.1..9.0, share in 0.01..0.99) {
+            let [now, goal] = [now, goal].map(|phi| UnitQuaternion::exp(&phi));
+            let turning = Turning::toward(2.0, &now.matrix(), &goal, rate);
+            let angle = (goal * now.inverse()).log().norm();
+            let between = turning.at(2.0 + share * angle / rate);
+            prop_assert!((turning.at(1.0).rotation - now.matrix()).norm() < 1e-13 && turning.at(1.0).spin.is_none());
+            prop_assert!((turning.at(2.0 + angle / rate).rotation - goal.matrix()).norm() < 1e-12);
+            prop_assert!((between.spin.magnitude() - rate).abs() < 1e-9 * rate);
+            let left = (goal * UnitQuaternion::from_matrix(&between.rotation).inverse()).log().norm();
+            prop_assert!(f64::abs(left - (1.0 - share) * angle) < 1e-9);
+            prop_assert!(turning.top_rate() <= rate * (1.0 + 1e-9));
         }
 
         /// The rate is that of the rotation, between the points and within a leg predicted by it.
@@ -225,6 +256,42 @@ mod tests {
             prop_assert!(turning.at(-9.0).spin.is_none() && turning.at(4.0).spin.is_none());
             prop_assert_eq!(turning.at(9.0), turning.at(4.0));
             prop_assert_eq!(turning.at(-9.0).rotation, Rotation::<3>::identity());
+        }
+    }
+
+    /// What is told to turn otherwise is from then on where it has turned to, moving or not.
+    #[test]
+    fn an_obstacle_is_turned_while_it_moves() {
+        let turn = UnitQuaternion::exp(&Vector::<3>::new(0.4, -0.2, 0.9));
+        let direction = Vector::<3>::new(0.0, 0.6, 0.8);
+        let link = Capsule {
+            start: Vector::<3>::new(0.1, 0.3, 0.2),
+            direction,
+            length: 0.5,
+            radius: 0.05,
+        };
+        for velocity in [[0.0; 3], [0.1, 0.0, 0.0]] {
+            let plate = |position, orientation: UnitQuaternion, motion| space::Obstacle {
+                shape: space::Shape::Box { size: [0.4, 0.2, 0.1] },
+                position,
+                orientation: orientation.to_array(),
+                angular_velocity: [0.0; 3],
+                motion,
+            };
+            let motion = Motion::Linear { velocity };
+            let mut world =
+                space::World::new(vec![plate([0.0; 3], UnitQuaternion::IDENTITY, motion)]);
+            world.update(1.0);
+            let now = Rotation::identity();
+            world.set_turning(0, Turning::toward(1.0, &now, &turn, 2.0));
+            for (t, share) in [(1.0, 0.0), (1.2, 0.4 / turn.log().norm()), (3.0, 1.0)] {
+                world.update(t);
+                let there = velocity.map(|v| v * t);
+                let stands =
+                    plate(there, UnitQuaternion::exp(&(turn.log() * share)), Motion::default());
+                let expected = rows(&mut space::World::new(vec![stands]), link);
+                assert!((rows(&mut world, link)[0] - expected[0]).abs() < 1e-12, "at {t} s");
+            }
         }
     }
 

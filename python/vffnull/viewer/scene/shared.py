@@ -15,7 +15,6 @@ import viser
 from numpy.typing import NDArray
 
 from vffnull._arm import quaternion
-from vffnull._core import rotations
 from vffnull.plotting import primitives, style
 from vffnull.plotting.geometry import points_in_space
 from vffnull.scenario import Scenario
@@ -45,6 +44,8 @@ TRAIL = 150
 """Points of the tip's trail."""
 SPECK = 0.002
 """Radius of a point that has none [reaches]."""
+STEP = 1e-4
+"""What moves or turns by less [m, rad] is left where it is."""
 ARRIVED = 0.01
 """How near is there [reaches]."""
 
@@ -95,6 +96,9 @@ class Scene(ABC):
         Called with the index of an obstacle and the place (D,) [m] where it is dragged to.
     on_aim : Callable
         Called with the place where the target is dragged to.
+    on_turn : Callable
+        Called with the index of an obstacle in space, or None for the target, and the orientation (4,) to
+        which it is turned.
     view : str, optional
         One of `views`; the first by default.
     hint : bool
@@ -119,13 +123,15 @@ class Scene(ABC):
         scenario: Scenario,
         on_carry: Callable[[int, Array], None],
         on_aim: Callable[[Array], None],
+        on_turn: Callable[[int | None, Array], None],
         view: str | None = None,
         hint: bool = True,
         shadows: bool = True,
         dress: Dress | None = None,
     ) -> None:
         self._shadowed, self._dress = shadows, dress
-        self._server, self._on_carry, self._on_aim = server, on_carry, on_aim
+        self._server = server
+        self._on_carry, self._on_aim, self._on_turn = on_carry, on_aim, on_turn
         self._arm = scenario.arm
         self.reach = self._reach_of(scenario)
         still = primitives.Scene.of_scenario(scenario)
@@ -139,7 +145,6 @@ class Scene(ABC):
         self._obstacles: list[viser.MeshHandle | viser.PointCloudHandle] = []
         self._halos: list[viser.MeshHandle] = []
         self._documents: list[Mapping[str, Any]] = []
-        self._turns: list[bool] = []
         self._shapes: list[Core] = []
         self._made = 0
         self.influence = 0.0
@@ -252,7 +257,6 @@ class Scene(ABC):
         core = self._core_of(obstacle)
         name = f"/obstacle-{self._made}"
         self._documents.append(copy.deepcopy(dict(obstacle)))
-        self._turns.append(rotations(obstacle, self._still.dimension, [0.0]) is not None)
         self._shapes.append(core)
         index = len(self._shapes) - 1
         if self._is_cloud(index):
@@ -280,7 +284,6 @@ class Scene(ABC):
             handles.pop(index).remove()
         self._shapes.pop(index)
         self._documents.pop(index)
-        self._turns.pop(index)
         self._held.clear()
         self._forget(index)
         self._changed()
@@ -311,6 +314,16 @@ class Scene(ABC):
             point_shape="circle",
             precision="float32",
         )
+
+    def show_points(self, points: Array, obstacle: int) -> None:
+        """Draw other points of a cloud, (k, 3) [m] as they are in its own frame."""
+        document = self._documents[obstacle]
+        document = {**document, "shape": {**document["shape"], "points": points.reshape(-1, 3)}}
+        seen = points_in_space(document["shape"], document.get("orientation"))
+        cloud = self._obstacles[obstacle]
+        assert isinstance(cloud, viser.PointCloudHandle) and seen is not None
+        cloud.points = seen.astype(np.float32)
+        self._documents[obstacle] = document
 
     def _make_draggable(self, handle: viser.MeshHandle) -> None:
         @handle.on_drag
@@ -366,16 +379,6 @@ class Scene(ABC):
         self._wanted[obstacle] = place
         self._on_carry(obstacle, place)
 
-    def _turn(self, obstacle: int, t: float) -> Array | None:
-        """How an obstacle is turned since the start, (3, 3); None if it does not turn."""
-        size = self._still.dimension
-        matrices = rotations(self._documents[obstacle], size, [t]) if self._turns[obstacle] else None
-        if matrices is None:
-            return None
-        turn = np.eye(3)
-        turn[:size, :size] = matrices[0]
-        return turn
-
     # ---------------------------------------------------------------------------------------------- frames
 
     def draw(self, state: Mapping[str, Any], ghost: Mapping[str, Any] | None = None) -> None:
@@ -387,12 +390,14 @@ class Scene(ABC):
         for handle, tail, vector in zip(self._forces, state["points"], state["forces"], strict=True):
             self._stretch(handle, tail, vector)
         self._shade(state["clearance"])
-        for index, (drawn, halo, place) in enumerate(zip(self._obstacles, self._halos, places, strict=False)):
+        turns = np.tile(np.eye(3), (len(places), 1, 1))
+        turns[:, :size, :size] = state["turns"]
+        each = zip(self._obstacles, self._halos, places, quaternion(turns), strict=False)
+        for drawn, halo, place, wxyz in each:
             drawn.position = self._spot(place, "obstacle")
             halo.position = self._spot(place, "halo")
-            turn = self._turn(index, state["t"])
-            if turn is not None:
-                drawn.wxyz = halo.wxyz = quaternion(turn)
+            if np.abs(drawn.wxyz - wxyz).max() > STEP:
+                drawn.wxyz = halo.wxyz = wxyz
         self._target.position = self._spot(reference, "target")
         self._tip.position = self._spot(tip, "tip")
         self._draw_trail(tip)
@@ -462,6 +467,8 @@ class Scene(ABC):
                 self._forget(key)
             elif key in self._shadows:
                 self._shadows[key].position = self._spot(place, "wanted")
+                if key is not None:
+                    self._shadows[key].wxyz = self._obstacles[key].wxyz
             else:
                 core = (np.zeros((1, len(place))), self._target_radius) if key is None else self._shapes[key]
                 name = "target" if key is None else str(key)

@@ -18,6 +18,7 @@ from vffnull.viewer.scene.meshes import Mesh, solid, turned
 from vffnull.viewer.scene.shared import (
     FORCE,
     GHOST,
+    STEP,
     TARGET,
     TIP,
     Array,
@@ -39,8 +40,9 @@ VIEWS = {
 """Where from the arm is seen."""
 FOLLOW = "Follow"
 HINT = (
-    "Drag the dark obstacles and the green ring of the target; a click shows arrows that "
-    "move them along one axis. Dragging elsewhere turns the view, the right button moves it, the wheel zooms."
+    "Drag the dark obstacles and the green ring of the target; a click shows arrows that move them along "
+    "one axis, and arcs that turn them. Dragging elsewhere turns the view, the right button moves it, the "
+    "wheel zooms."
 )
 LATE = 1.6
 """From where on an obstacle is out of sight [reaches]; it is brought back to where it is within it."""
@@ -50,8 +52,6 @@ EDGE = 0.35
 """Sine of the angle between a plane and the line of sight below which it is seen from its edge."""
 FAR = 1.5
 """How far from the base something may be dragged in such a plane [reaches]."""
-STEP = 1e-4
-"""What moves or turns by less [m, rad] is left where it is."""
 LEVEL = 1e-2
 """Angle between a tool's axis and the vertical [rad] up to which a cup in it may turn with the tool."""
 
@@ -203,16 +203,43 @@ class SpaceScene(Scene):
             "/gizmo",
             scale=0.3 * self.reach,
             line_width=3.5,
-            disable_rotations=True,
+            disable_rotations=not self._turnable(obstacle),
             depth_test=False,
             opacity=0.85,
             position=self._place_of(obstacle) + offset,
+            wxyz=self._turned(obstacle),
         )
+        place, turn = np.array(gizmo.position), np.array(gizmo.wxyz)  # viser writes into its own
 
         @gizmo.on_update
         async def _(event: viser.TransformControlsEvent) -> None:
-            if self._gizmo is gizmo:
-                self._move(self._gripped, np.asarray(gizmo.position) - self._offset)
+            nonlocal place, turn
+            if self._gizmo is not gizmo:
+                return
+            before, place = place, np.array(gizmo.position)
+            if np.abs(place - before).max() > STEP:
+                self._move(self._gripped, place - self._offset)
+            before, turn = turn, np.array(gizmo.wxyz)
+            if np.abs(turn - before).max() > STEP:
+                self._on_turn(self._gripped, self._orientation(self._gripped, turn))
+
+    def _turnable(self, obstacle: int | None) -> bool:
+        """Whether it makes a difference how it is turned."""
+        if obstacle is None:
+            return bool(self._task != "position")
+        return not self._endless(obstacle) and self._documents[obstacle]["shape"]["kind"] != "sphere"
+
+    def _turned(self, obstacle: int | None) -> Array:
+        """How an obstacle, or the target, is turned in the picture (4,)."""
+        handle = self._wanted_frame if obstacle is None else self._obstacles[obstacle]
+        return np.asarray(handle.wxyz)
+
+    def _orientation(self, obstacle: int | None, turn: Array) -> Array:
+        """The orientation (4,) of what is turned so in the picture, where obstacles begin as described."""
+        if obstacle is None:
+            return turn
+        given = self._documents[obstacle].get("orientation", (1.0, 0.0, 0.0, 0.0))
+        return np.asarray(quaternion(rotation(turn) @ rotation(given)))
 
     def _move(self, obstacle: int | None, place: Array) -> None:
         super()._move(obstacle, place)
@@ -269,7 +296,7 @@ class SpaceScene(Scene):
         Not to clouds of points, which are too many to be measured for every picture.
         """
         places = [
-            self._standing(index, place, state["t"])
+            self._standing(index, place, state["turns"][index])
             for index, place in enumerate(state["obstacles"][: len(self._documents)])
             if not self._is_cloud(index)
         ]
@@ -294,14 +321,12 @@ class SpaceScene(Scene):
         if np.abs(ends - self._lines.points).max() > STEP:
             self._lines.points = ends.astype(np.float32)
 
-    def _standing(self, index: int, place: Array, t: float) -> dict[str, Any]:
+    def _standing(self, index: int, place: Array, turn: Array) -> dict[str, Any]:
         """An obstacle as it stands at an instant."""
         document = {**self._documents[index], "position": place.tolist(), "motion": {"kind": "static"}}
         document.pop("angular_velocity", None)
-        turn = self._turn(index, t)
-        if turn is not None:
-            at_rest = rotation(document.get("orientation", (1.0, 0.0, 0.0, 0.0)))
-            document["orientation"] = quaternion(turn @ at_rest).tolist()
+        at_rest = rotation(document.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+        document["orientation"] = quaternion(turn @ at_rest).tolist()
         return document
 
     def _tell(self, nearest: float, place: Array) -> None:

@@ -26,9 +26,9 @@ mod search;
 
 use crate::control::TaskKind;
 use crate::robot::Model;
-use crate::scenario::{AnyScene, Described, PlanarScene, Problem, Scenario, ScenarioError, Scene};
+use crate::scenario::{AnyScene, Described, PlanarScene, Scenario, ScenarioError, Scene, unusable};
 use crate::simulation::{Plane, Space, System};
-use crate::trajectory::{Guided, Trajectory, TrajectoryError};
+use crate::trajectory::{Guided, Trajectory};
 use crate::world::World;
 use chain::{Chain, PlanarChain};
 use search::Search;
@@ -132,10 +132,6 @@ where
         chain,
     };
     Ok(search.verdict())
-}
-
-fn unusable(error: &TrajectoryError) -> ScenarioError {
-    ScenarioError::new(format!("reference.{}", error.field()), Problem::Other(error.to_string()))
 }
 
 #[cfg(test)]

@@ -62,6 +62,10 @@ impl Model<3> for SpatialArm {
         self.limits()
     }
 
+    fn slides(&self, joint: usize) -> bool {
+        self.fixed[joint].slides
+    }
+
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64) {
         self.integrate(q, v, dt);
     }
@@ -117,6 +121,11 @@ impl Manipulator<3, 5> for SpatialState {
     ) -> [SVector<f64, 5>; 2] {
         let tool = Manipulator::<3, 5>::pose(self);
         reference.resolve(&tool, &self.tool_rate(), dx, ddx)
+    }
+
+    fn motion(&self, ddq: &[f64]) -> [SVector<f64, 5>; 2] {
+        let [dx, ddx] = Manipulator::<3, 6>::motion(self, ddq);
+        Manipulator::<3, 5>::pose(self).seen_in_world_axes(&dx, &ddx)
     }
 }
 

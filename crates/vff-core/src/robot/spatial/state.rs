@@ -103,6 +103,11 @@ impl SpatialState {
         self.arm.base() + self.joints.get(i).map_or(self.tool.position, |joint| joint.position)
     }
 
+    /// Whether joint `i` slides.
+    pub fn slides(&self, i: usize) -> bool {
+        self.arm.fixed[i].slides
+    }
+
     /// The axes of the frame of link `i` in the world, one per column.
     pub fn link_axes(&self, i: usize) -> Matrix3<f64> {
         self.joints[i].rotation * self.arm.fixed[i].alignment.transpose()

@@ -41,6 +41,10 @@ impl Described<2> for Plane {
         table.build(arm, model)
     }
 
+    fn is_plan(reference: &Reference) -> bool {
+        matches!(reference, Reference::Plan { .. })
+    }
+
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
         let Obstacle { angle, angular_velocity, motion, position, .. } = obstacle;

@@ -73,6 +73,7 @@ impl PlantSpec {
             viscous: friction(&self.viscous_friction, n),
             coulomb: friction(&self.coulomb_friction, n),
             stops,
+            compensates_gravity: false,
         })
     }
 

@@ -41,6 +41,10 @@ impl Described<3> for Space {
         table.build(model)
     }
 
+    fn is_plan(reference: &SpatialReference) -> bool {
+        matches!(reference, SpatialReference::Plan { .. })
+    }
+
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
         shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
         let Obstacle { orientation, angular_velocity, motion, position, .. } = obstacle;

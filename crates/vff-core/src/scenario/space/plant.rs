@@ -80,7 +80,7 @@ impl SpatialPlantSpec {
         let coulomb = friction(&self.coulomb_friction, |joint| joint.friction);
         let stops = if self.joint_stops { arm.joint_limits.clone() } else { vec![] };
         let arm = if arm == *believed { Arc::clone(model) } else { Arc::new(arm.build()?) };
-        Ok(Physics { arm, viscous, coulomb, stops })
+        Ok(Physics { arm, viscous, coulomb, stops, compensates_gravity: false })
     }
 
     /// Other masses, with the same distribution.

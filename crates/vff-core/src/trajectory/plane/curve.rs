@@ -66,6 +66,7 @@ impl<const M: usize> Curve<M> {
             Reference::Table { times, points } => {
                 Kind::Table(table::through(times, &piecewise::knots(times, points)?))
             }
+            Reference::Plan { .. } => return Err(TrajectoryError::WithoutArm),
         }))
     }
 
@@ -89,7 +90,12 @@ impl<const M: usize> Curve<M> {
 
     /// From where it is at time `t` \[s\] on to the point whose first coordinates are `goal`.
     pub(super) fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
-        let Coordinates { x, dx, ddx } = self.at(t);
+        Self::leave(self.at(t), t, goal, rate)
+    }
+
+    /// The same from a state that no curve has led to.
+    pub(super) fn leave(state: Coordinates<M>, t: f64, goal: &[f64], rate: f64) -> Self {
+        let Coordinates { x, dx, ddx } = state;
         let end = Vector::from_fn(|axis, _| goal.get(axis).copied().unwrap_or(x[axis]));
         Self(Kind::Filtered(ThirdOrderFilter::new(t, [x, dx, ddx], end, rate)))
     }

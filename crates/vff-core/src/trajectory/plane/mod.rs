@@ -5,7 +5,7 @@ mod reference;
 
 use super::coordinates::Coordinates;
 use super::lissajous::oscillation;
-use super::{Guided, Sample, TrajectoryError};
+use super::{Guided, Knots, Sample, TrajectoryError};
 use crate::math::{PlanarPose, Vector, sin_cos};
 use curve::Curve;
 
@@ -32,6 +32,15 @@ impl Guided<2> for Vector<2> {
     fn aim(curve: &Curve<2>, t: f64, goal: &[f64], rate: f64) -> Curve<2> {
         curve.aim(t, goal, rate)
     }
+
+    fn leave(state: &Sample<Self, 2>, t: f64, goal: &[f64], rate: f64) -> Curve<2> {
+        let Sample { x, dx, ddx } = *state;
+        Curve::leave(Coordinates { x, dx, ddx }, t, goal, rate)
+    }
+
+    fn plan(reference: &Reference) -> Option<Knots<'_>> {
+        reference.plan()
+    }
 }
 
 /// A position and an orientation in the plane.
@@ -54,6 +63,15 @@ impl Guided<3> for PlanarPose {
 
     fn aim(curve: &Curve<3>, t: f64, goal: &[f64], rate: f64) -> Curve<3> {
         curve.aim(t, goal, rate)
+    }
+
+    fn leave(state: &Sample<Self, 3>, t: f64, goal: &[f64], rate: f64) -> Curve<3> {
+        let Sample { x, dx, ddx } = *state;
+        Curve::leave(Coordinates { x: x.0, dx, ddx }, t, goal, rate)
+    }
+
+    fn plan(reference: &Reference) -> Option<Knots<'_>> {
+        reference.plan()
     }
 }
 

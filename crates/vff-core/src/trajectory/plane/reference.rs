@@ -1,5 +1,6 @@
 //! A reference, as it is described in a scenario.
 
+use crate::trajectory::Knots;
 use serde::Deserialize;
 
 /// The path and timing of the end effector.
@@ -77,6 +78,24 @@ pub enum Reference {
         /// The point at each instant.
         points: Vec<Vec<f64>>,
     },
+    /// Joints that go from rest at the first configuration to rest at the last: the clamped cubic spline (C²), held
+    /// before and after. The end effector has to be where they put it, and the null space is drawn to the rest.
+    Plan {
+        /// Instants \[s\], strictly increasing, at least two.
+        times: Vec<f64>,
+        /// The configuration at each instant, one number per joint \[rad, of a sliding joint m\].
+        points: Vec<Vec<f64>>,
+    },
+}
+
+impl Reference {
+    /// The knots of the plan that it is, if it is one.
+    pub(super) fn plan(&self) -> Option<Knots<'_>> {
+        match self {
+            Self::Plan { times, points } => Some((times, points)),
+            _ => None,
+        }
+    }
 }
 
 #[cfg(test)]

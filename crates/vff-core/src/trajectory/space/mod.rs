@@ -7,7 +7,8 @@ mod reference;
 mod tests;
 
 use super::coordinates::Coordinates;
-use super::{Guided, Sample, TrajectoryError};
+use super::{Guided, Knots, Sample, TrajectoryError};
+use crate::math::rotation::UnitQuaternion;
 use crate::math::{Pointing, SpatialPose, Vector};
 use orientation::{Orientation, Turning};
 use position::Position;
@@ -36,9 +37,25 @@ impl PoseCurve {
     fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
         Self {
             position: self.position.aim(t, goal, rate),
-            orientation: self.orientation.rest(t, rate),
+            orientation: self.orientation.rest(t, turned(goal), rate),
         }
     }
+
+    /// The same from `x`, with its rates in world axes.
+    fn leave(x: &SpatialPose, rates: [Vector<6>; 2], t: f64, goal: &[f64], rate: f64) -> Self {
+        let [dx, ddx] = rates.map(|rate| rate.fixed_rows::<3>(0).into_owned());
+        let [omega, alpha] = rates.map(|rate| rate.fixed_rows::<3>(3).into_owned());
+        let turning = Turning { orientation: x.orientation(), omega, alpha };
+        Self {
+            position: Position::leave(Coordinates { x: x.position(), dx, ddx }, t, goal, rate),
+            orientation: turning.rest(t, turned(goal), rate),
+        }
+    }
+}
+
+/// The orientation of a goal that has one.
+fn turned(goal: &[f64]) -> Option<UnitQuaternion> {
+    UnitQuaternion::new(goal.get(3..7)?.try_into().ok()?).ok()
 }
 
 /// A position in space. An orientation is of no use.
@@ -62,6 +79,15 @@ impl Guided<3> for Vector<3> {
     fn aim(curve: &PositionCurve, t: f64, goal: &[f64], rate: f64) -> PositionCurve {
         PositionCurve(curve.0.aim(t, goal, rate))
     }
+
+    fn leave(state: &Sample<Self, 3>, t: f64, goal: &[f64], rate: f64) -> PositionCurve {
+        let Sample { x, dx, ddx } = *state;
+        PositionCurve(Position::leave(Coordinates { x, dx, ddx }, t, goal, rate))
+    }
+
+    fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
+        reference.plan()
+    }
 }
 
 /// A position and the direction of the tool; see [`Sample::in_world_axes`] for the derivatives.
@@ -83,6 +109,19 @@ impl Guided<5> for Pointing {
 
     fn aim(curve: &PoseCurve, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
         curve.aim(t, goal, rate)
+    }
+
+    /// What turns about the tool's z axis is not known of the state, and stops.
+    fn leave(state: &Sample<Self, 5>, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
+        let own = |rates: &Vector<5>| {
+            let turning = Vector::<3>::new(rates[3], rates[4], 0.0);
+            stacked(&rates.fixed_rows::<3>(0).into(), &state.x.0.orientation().rotate(&turning))
+        };
+        PoseCurve::leave(&state.x.0, [own(&state.dx), own(&state.ddx)], t, goal, rate)
+    }
+
+    fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
+        reference.plan()
     }
 }
 
@@ -109,17 +148,23 @@ impl Guided<6> for SpatialPose {
     fn aim(curve: &PoseCurve, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
         curve.aim(t, goal, rate)
     }
+
+    fn leave(state: &Sample<Self, 6>, t: f64, goal: &[f64], rate: f64) -> PoseCurve {
+        PoseCurve::leave(&state.x, [state.dx, state.ddx], t, goal, rate)
+    }
+
+    fn plan(reference: &SpatialReference) -> Option<Knots<'_>> {
+        reference.plan()
+    }
 }
 
 impl Sample<Pointing, 5> {
     /// From derivatives as others have them: linear, then angular, in world axes. What turns about the tool's z axis
     /// is left out of them.
     pub fn in_world_axes(x: SpatialPose, dx: &Vector<6>, ddx: &Vector<6>) -> Self {
-        let [[v, omega], [a, alpha]] = [dx, ddx].map(|rate| {
-            [rate.fixed_rows::<3>(0).into_owned(), rate.fixed_rows::<3>(3).into_owned()]
-        });
         let x = Pointing(x);
-        Self { x, dx: x.velocity(&v, &omega), ddx: x.acceleration(&a, &omega, &alpha) }
+        let [dx, ddx] = x.seen_in_world_axes(dx, ddx);
+        Self { x, dx, ddx }
     }
 }
 

@@ -35,7 +35,7 @@ enum Kind {
     Uniform(UnitQuaternion, Vector<3>),
     Waypoints(Piecewise<4, 6>),
     Table(Piecewise<4, 4>),
-    /// exp(φ(t)) R₀ with φ coming to rest at 0.
+    /// exp(φ(t)) R₀ with φ coming to rest.
     Resting(Box<(UnitQuaternion, ThirdOrderFilter<3>)>),
 }
 
@@ -66,6 +66,7 @@ impl Orientation {
             given.iter().enumerate().map(read).collect::<Result<Vec<_>, _>>()
         };
         Ok(Self(match reference {
+            Given::Plan { .. } => return Err(TrajectoryError::WithoutArm),
             Given::Setpoint { orientation, relative, .. }
             | Given::Polynomial { orientation, relative, .. }
             | Given::Lissajous { orientation, relative, .. } => {
@@ -156,16 +157,25 @@ impl Orientation {
         }
     }
 
-    /// Comes to rest in the orientation that it has at time `t` \[s\], with the pole `rate` \[1/s\].
-    pub(super) fn rest(&self, t: f64, rate: f64) -> Self {
-        let Turning { orientation, omega, alpha } = self.at(t);
-        if omega == Vector::<3>::zeros() && alpha == Vector::<3>::zeros() {
-            return Self(Kind::Constant(orientation));
+    /// Comes to rest in the orientation `goal`, or in the one that it has at time `t` \[s\], with the pole `rate` \[1/s\].
+    pub(super) fn rest(&self, t: f64, goal: Option<UnitQuaternion>, rate: f64) -> Self {
+        self.at(t).rest(t, goal, rate)
+    }
+}
+
+impl Turning {
+    /// What turns like this at time `t` \[s\] and comes to rest in the orientation `goal`, or in this one, with the pole
+    /// `rate` \[1/s\].
+    pub(super) fn rest(&self, t: f64, goal: Option<UnitQuaternion>, rate: f64) -> Orientation {
+        let Self { orientation, omega, alpha } = *self;
+        let zero = Vector::zeros();
+        let turn = goal.map_or(zero, |goal| (goal * orientation.inverse()).log());
+        if [omega, alpha, turn] == [zero; 3] {
+            return Orientation(Kind::Constant(orientation));
         }
         // Where φ is 0, its derivatives are ω and α.
-        let zero = Vector::zeros();
-        let filter = ThirdOrderFilter::new(t, [zero, omega, alpha], zero, rate);
-        Self(Kind::Resting(Box::new((orientation, filter))))
+        let filter = ThirdOrderFilter::new(t, [zero, omega, alpha], turn, rate);
+        Orientation(Kind::Resting(Box::new((orientation, filter))))
     }
 }
 

@@ -38,6 +38,7 @@ impl Position {
             points.iter().map(|point| Vector::from(*point) + origin(relative)).collect()
         };
         Ok(Self(match reference {
+            Given::Plan { .. } => return Err(TrajectoryError::WithoutArm),
             Given::Setpoint { point, relative, .. } => {
                 Kind::Point(point.map_or(start, |point| Vector::from(point) + origin(*relative)))
             }
@@ -101,7 +102,12 @@ impl Position {
 
     /// From where it is at time `t` \[s\] on to the point whose first coordinates are `goal`.
     pub(super) fn aim(&self, t: f64, goal: &[f64], rate: f64) -> Self {
-        let Coordinates { x, dx, ddx } = self.at(t);
+        Self::leave(self.at(t), t, goal, rate)
+    }
+
+    /// The same from a state that no curve has led to.
+    pub(super) fn leave(state: Coordinates<3>, t: f64, goal: &[f64], rate: f64) -> Self {
+        let Coordinates { x, dx, ddx } = state;
         let end = Vector::from_fn(|axis, _| goal.get(axis).copied().unwrap_or(x[axis]));
         Self(Kind::Filtered(ThirdOrderFilter::new(t, [x, dx, ddx], end, rate)))
     }

@@ -169,6 +169,26 @@ proptest! {
         prop_assert!(end.x.orientation().error(&before.x.orientation(), Default::default()).norm() < 1e-9);
         prop_assert!(end.dx.norm() < 1e-9);
     }
+
+    /// The same on the way to a whole pose: it turns to the wanted orientation, too.
+    #[test]
+    fn aiming_at_a_pose_does_not_jump(
+        x in start(), (times, turns, points) in orientations(), goal in vector(1.0), turn in vector(1.5), share in 0.1..0.9,
+    ) {
+        let left = times[0] + share * (times[times.len() - 1] - times[0]);
+        let waypoints = SpatialReference::Waypoints { times, points, orientations: Some(turns), relative: false };
+        let mut trajectory = Trajectory::<SpatialPose, 6>::new(&waypoints, &x).unwrap();
+        let before = trajectory.at(left);
+        let wanted = UnitQuaternion::exp(&Vector::from(turn)) * before.x.orientation();
+        trajectory.aim(left, SpatialPose::new(goal.into(), wanted).as_slice(), 6.0);
+        let after = trajectory.at(left);
+        prop_assert!(after.x.error(&before.x).norm() + (after.dx - before.dx).norm() < 1e-12);
+        prop_assert!((after.ddx - before.ddx).norm() < 1e-10);
+        check_derivatives(&trajectory, left + 0.3);
+        let end = trajectory.at(left + 20.0);
+        prop_assert!(end.x.error(&SpatialPose::new(goal.into(), wanted)).norm() < 1e-9);
+        prop_assert!(end.dx.norm() < 1e-9);
+    }
 }
 
 /// What the simplest document says: the pose at t = 0 is held.

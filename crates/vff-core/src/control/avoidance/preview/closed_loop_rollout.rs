@@ -93,6 +93,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         self.controller.reserve(contacts);
     }
 
+    /// Takes over the posture of the law with these gains, at rest.
+    pub fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
+        self.controller.rest_at_posture_of(gains);
+    }
+
     /// Begins a new one at the state of `robot`.
     pub fn begin(&mut self, robot: &R) {
         self.q.copy_from_slice(robot.configuration());

@@ -96,6 +96,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         self.closed_loop.reserve(contacts);
     }
 
+    /// Takes over the posture of the law with these gains, at rest.
+    pub fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
+        self.closed_loop.rest_at_posture_of(gains);
+    }
+
     /// Forgets the past.
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.seed, STREAM);

@@ -1,0 +1,173 @@
+//! What stands between the torque of the law and a robot, after the command and never inside the law.
+//!
+//! [`Output`] turns a torque of the law into what is sent: the tip is kept below a speed ([`tip_speed`]), friction is
+//! compensated ([`friction`]), gravity is left out where the robot adds it, and nothing changes faster than the drives
+//! allow. [`supervision`] decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
+
+pub mod friction;
+mod settings;
+pub mod supervision;
+pub mod tip_speed;
+
+use super::limits::largest_share;
+use crate::robot::Robot;
+use friction::Friction;
+pub use settings::{CommandSettings, Gravity};
+pub use supervision::{BeginError, Phase, Supervisor};
+use tip_speed::TipSpeed;
+
+/// From a torque of the law to what is sent to the robot. Nothing allocates after construction.
+#[derive(Debug, Clone)]
+pub struct Output {
+    gravity: Gravity,
+    friction: Option<Friction>,
+    tip_speed: Option<TipSpeed>,
+    /// \[N·m/s\] per joint, empty without limit.
+    rate: Vec<f64>,
+    /// What is to be sent if the rate allows.
+    wanted: Vec<f64>,
+    sent: Vec<f64>,
+    /// What was sent the last two times before that.
+    before: [Vec<f64>; 2],
+    /// g, and what is scaled to fit.
+    scratch: [Vec<f64>; 2],
+}
+
+impl Output {
+    /// What `settings` say, for `n` joints. Nothing has been sent yet.
+    pub fn new(settings: &CommandSettings, n: usize) -> Self {
+        let zeros = || vec![0.0; n];
+        let rates = |given: &crate::math::ScalarOrVec| (0..n).map(|i| given.get(i)).collect();
+        Self {
+            gravity: settings.gravity,
+            friction: Friction::new(settings, n),
+            tip_speed: settings.tip_speed.map(|most| TipSpeed::new(most, n)),
+            rate: settings.torque_rate.as_ref().map_or(vec![], rates),
+            wanted: zeros(),
+            sent: zeros(),
+            before: [zeros(), zeros()],
+            scratch: [zeros(), zeros()],
+        }
+    }
+
+    /// What is to be sent, however fast it changes \[N·m, N\].
+    pub fn wanted(&self) -> &[f64] {
+        &self.wanted
+    }
+
+    /// What was sent last \[N·m, N\].
+    pub fn sent(&self) -> &[f64] {
+        &self.sent
+    }
+
+    /// What is to be sent for the torque `tau` of the law at the state of `robot`, where `bias` is C q̇ + g, however fast it
+    /// changes \[N·m, N\].
+    pub fn convert<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        bias: &[f64],
+        tau: &[f64],
+    ) -> &[f64] {
+        let Self { friction, tip_speed, wanted, .. } = self;
+        wanted.copy_from_slice(tau);
+        if let Some(limit) = tip_speed {
+            limit.brake(robot, bias, wanted);
+        }
+        if let Some(friction) = friction {
+            friction.compensate(robot.velocity(), &robot.limits().torque, wanted);
+        }
+        if self.gravity == Gravity::Robot {
+            let [g, _] = &mut self.scratch;
+            robot.gravity_torque(g);
+            self.wanted.iter_mut().zip(g).for_each(|(wanted, g)| *wanted -= *g);
+        }
+        &self.wanted
+    }
+
+    /// What the torque `tau` of the law does to the joints of the model, with the tip kept below its speed
+    /// \[rad/s², m/s²\].
+    pub fn accelerate<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        bias: &[f64],
+        tau: &[f64],
+        out: &mut [f64],
+    ) {
+        let Self { tip_speed, wanted, scratch: [scratch, _], .. } = self;
+        wanted.copy_from_slice(tau);
+        if let Some(limit) = tip_speed {
+            limit.brake(robot, bias, wanted);
+        }
+        robot.accelerate(wanted, bias, scratch, out);
+    }
+
+    /// What is to be sent to damp the arm: −`d` M q̇ within the torque limits, and gravity if it is ours (T115).
+    pub fn damp<R: Robot<D>, const D: usize>(&mut self, robot: &R, d: f64) {
+        let Self { wanted, scratch: [g, damping], .. } = self;
+        robot.gravity_torque(g);
+        damping_torque(robot, d, g, damping);
+        let ours = f64::from(u8::from(self.gravity == Gravity::Controller));
+        for ((wanted, g), damping) in wanted.iter_mut().zip(g).zip(damping) {
+            *wanted = ours * *g + *damping;
+        }
+    }
+
+    /// Takes but a `share` of what is wanted; the rest is `origin` \[N·m, N\], which was sent before, and damping as above.
+    pub fn blend<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        origin: &[f64],
+        d: f64,
+        share: f64,
+    ) {
+        let Self { wanted, scratch: [at_joints, damping], .. } = self;
+        match self.gravity {
+            Gravity::Controller => at_joints.fill(0.0),
+            Gravity::Robot => robot.gravity_torque(at_joints),
+        }
+        at_joints.iter_mut().zip(origin).for_each(|(tau, origin)| *tau += origin);
+        damping_torque(robot, d, at_joints, damping);
+        for ((wanted, origin), damping) in wanted.iter_mut().zip(origin).zip(damping) {
+            *wanted = share * *wanted + (1.0 - share) * (origin + *damping);
+        }
+    }
+
+    /// Begins as if the robot had been held still where it is: what is sent changes from that torque on.
+    pub fn begin_at_rest<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        self.damp(robot, 0.0);
+        self.sent.copy_from_slice(&self.wanted);
+    }
+
+    /// Begins as if `sent` had been sent before.
+    pub fn begin_at(&mut self, sent: &[f64]) {
+        self.sent.copy_from_slice(sent);
+    }
+
+    /// Sends what is wanted, as far as it may change within `period` \[s\].
+    pub fn send(&mut self, period: f64) -> &[f64] {
+        let Self { rate, wanted, sent, before: [before, earlier], .. } = self;
+        earlier.copy_from_slice(before);
+        before.copy_from_slice(sent);
+        sent.copy_from_slice(wanted);
+        for ((sent, before), rate) in sent.iter_mut().zip(before).zip(rate) {
+            let most = *rate * period;
+            *sent = sent.max(*before - most).min(*before + most); // does not panic, whatever they are
+        }
+        &self.sent
+    }
+
+    /// Takes back what was sent last; twice in a row at most.
+    pub fn undo(&mut self) {
+        let Self { sent, before: [before, earlier], .. } = self;
+        sent.copy_from_slice(before);
+        before.copy_from_slice(earlier);
+    }
+}
+
+/// `out = −d M q̇`, as much of it as the torque limits leave beside `rest`.
+fn damping_torque<R: Robot<D>, const D: usize>(robot: &R, d: f64, rest: &[f64], out: &mut [f64]) {
+    robot.mass_mul(robot.velocity(), out);
+    out.iter_mut().for_each(|momentum| *momentum *= -d);
+    let share = largest_share(rest, out, &robot.limits().torque).unwrap_or(1.0);
+    out.iter_mut().for_each(|tau| *tau *= share);
+}

@@ -1,0 +1,71 @@
+//! What a user can say of the robot that gets the torque: the `[controller.command]` table of a scenario.
+
+use crate::math::ScalarOrVec;
+use serde::Deserialize;
+
+/// Who adds the torque that holds the arm against gravity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gravity {
+    /// It is part of what is sent.
+    #[default]
+    Controller,
+    /// The robot, by itself: it is left out of what is sent.
+    Robot,
+}
+
+/// What is sent to the robot for a torque of the law, and when it is sent no more.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CommandSettings {
+    /// Who adds gravity.
+    pub gravity: Gravity,
+    /// How fast what is sent may change \[N·m/s, N/s\], each, > 0; no limit by default.
+    pub torque_rate: Option<ScalarOrVec>,
+    /// Viscous friction that is compensated \[N·m·s/rad, N·s/m\], each, ≥ 0.
+    pub viscous_friction: ScalarOrVec,
+    /// Dry friction that is compensated \[N·m, N\], each, ≥ 0.
+    pub coulomb_friction: ScalarOrVec,
+    /// The joint speed at which tanh 1 = 76 % of the dry friction are compensated \[rad/s, m/s\], each, > 0.
+    pub friction_speed: ScalarOrVec,
+    /// The speed that the tip is kept below \[m/s\], > 0; no limit by default.
+    pub tip_speed: Option<f64>,
+    /// How long the torque is blended in at a safe start \[s\], ≥ 0.
+    pub start: f64,
+    /// The cycle in a row without a new state that is the first to be damped, ≥ 1.
+    pub patience: usize,
+    /// d \[1/s\] > 0 of the damping −d M q̇ that stops the arm.
+    pub stop_damping: f64,
+}
+
+impl Default for CommandSettings {
+    fn default() -> Self {
+        Self {
+            gravity: Gravity::Controller,
+            torque_rate: None,
+            viscous_friction: ScalarOrVec::Uniform(0.0),
+            coulomb_friction: ScalarOrVec::Uniform(0.0),
+            friction_speed: ScalarOrVec::Uniform(0.1),
+            tip_speed: None,
+            start: 0.5,
+            patience: 5,
+            stop_damping: 10.0,
+        }
+    }
+}
+
+impl CommandSettings {
+    /// Whether what is sent differs from the torque of the law.
+    pub fn changes_torque(&self) -> bool {
+        self.gravity == Gravity::Robot
+            || self.torque_rate.is_some()
+            || self.tip_speed.is_some()
+            || self.compensates_friction()
+    }
+
+    /// Whether any friction is compensated.
+    pub fn compensates_friction(&self) -> bool {
+        let some = |given: &ScalarOrVec| given.values().iter().any(|x| *x > 0.0);
+        some(&self.viscous_friction) || some(&self.coulomb_friction)
+    }
+}

@@ -1,0 +1,270 @@
+//! Where an arm touches nothing, and whether a straight motion stays there.
+//!
+//! A motion between two configurations is *certified*, not sampled: at its middle every link is as far from everything
+//! as it is measured to be, and no point of it can go farther in half of the motion than its joints carry it. Where that
+//! is less, the whole half is free; otherwise it is halved again (T119).
+
+use crate::control::distance::OwnPair;
+use crate::interrupt;
+use crate::math::{Body, Vector};
+use crate::robot::{PlanarState, Robot, SpatialState};
+use crate::world::{CollisionQuery, Description, Solid, World, top_speed};
+use std::collections::VecDeque;
+
+/// A part of a motion in which nothing goes farther than this is free if its middle is: a share of the margin, from so
+/// much to so much \[m\].
+const RESOLUTION: f64 = 0.2;
+const FINEST: f64 = 2e-4;
+const COARSEST: f64 = 5e-3;
+/// What bodies of the arm keep from each other \[m\].
+const APART: f64 = 2e-3;
+/// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
+const STRIDE: f64 = 0.04;
+/// The most of these places.
+const MOST_PLACES: f64 = 64.0;
+
+/// What a planner asks of an arm beyond the operators of the law.
+pub trait Jointed<const D: usize>: Robot<D> {
+    /// The origin of joint `i` \[m\].
+    fn joint_position(&self, i: usize) -> Vector<D>;
+    /// Whether joint `i` slides.
+    fn slides(&self, i: usize) -> bool;
+}
+
+impl Jointed<2> for PlanarState {
+    fn joint_position(&self, i: usize) -> Vector<2> {
+        Self::joint_position(self, i)
+    }
+
+    fn slides(&self, _: usize) -> bool {
+        false
+    }
+}
+
+impl Jointed<3> for SpatialState {
+    fn joint_position(&self, i: usize) -> Vector<3> {
+        Self::joint_position(self, i)
+    }
+
+    fn slides(&self, i: usize) -> bool {
+        Self::slides(self, i)
+    }
+}
+
+/// How far a motion carries what belongs to the arm \[m\].
+#[derive(Debug, Clone)]
+struct Reach {
+    /// How far a point of link l is from joint i at most, number i·n + l; 1 where joint i slides.
+    lever: Vec<f64>,
+    n: usize,
+}
+
+impl Reach {
+    /// Of `robot`, which is moved to q = 0.
+    fn new<R: Jointed<D>, const D: usize>(robot: &mut R) -> Self {
+        let n = robot.dof();
+        robot.update_positions(&vec![0.0; n]);
+        let travel = |k: usize| match robot.limits().joint.get(k) {
+            Some([lower, upper]) if robot.slides(k) => lower.abs().max(upper.abs()),
+            _ => 0.0,
+        };
+        let extent = |link: usize| {
+            let origin = robot.joint_position(link);
+            let bodies = robot.bodies().filter(|body| body.link == link);
+            let ends = bodies.flat_map(|body| [body.shape.start, body.shape.end()]);
+            ends.map(|end| (end - origin).norm()).fold(0.0, f64::max)
+        };
+        let mut lever = vec![0.0; n * n];
+        for i in 0..n {
+            let mut along = travel(i);
+            for link in i..n {
+                lever[i * n + link] = if robot.slides(i) { 1.0 } else { along + extent(link) };
+                if link + 1 < n {
+                    let next = robot.joint_position(link + 1) - robot.joint_position(link);
+                    along += next.norm() + travel(link + 1);
+                }
+            }
+        }
+        Self { lever, n }
+    }
+
+    /// How far `link` goes at most as seen by `from`, the base or a link before it, while the joints go from `a` to `b`.
+    fn way(&self, [a, b]: [&[f64]; 2], from: Option<usize>, link: usize) -> f64 {
+        let first = from.map_or(0, |from| from + 1);
+        (first..=link).map(|i| (b[i] - a[i]).abs() * self.lever[i * self.n + link]).sum()
+    }
+}
+
+/// What stands in the way of an arm, and the arm.
+#[derive(Debug, Clone)]
+pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
+    robot: R,
+    /// What stands still; then what moves, at the instants at which it is looked for.
+    worlds: Vec<World<S, D>>,
+    /// How far the latter go between two of these instants, at most half of it \[m\].
+    slack: f64,
+    reach: Reach,
+    /// Whether bodies of the arm must not touch each other.
+    keeps_apart: bool,
+    /// What every link keeps from everything \[m\].
+    pub margin: f64,
+    /// Signed distance of each link from what is nearest \[m\].
+    clearance: Vec<f64>,
+    bodies: Vec<Body<D>>,
+    middle: Vec<f64>,
+}
+
+/// From when to when things that move are looked for \[s\].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// The beginning.
+    pub start: f64,
+    /// How long, ≥ 0; 0 takes them for standing still.
+    pub duration: f64,
+}
+
+impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
+    /// Of `robot` among `obstacles`; what moves blocks every place that it passes within `window`.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at least 1, and few"
+    )]
+    pub fn new(
+        mut robot: R,
+        obstacles: &[S::Obstacle],
+        window: Window,
+        keeps_apart: bool,
+        margin: f64,
+    ) -> Self {
+        let moves = |it: &&S::Obstacle| !it.motion().is_static() || it.turning().is_some();
+        let moving: Vec<_> = obstacles.iter().filter(moves).cloned().collect();
+        let still: Vec<_> = obstacles.iter().filter(|it| !moves(it)).cloned().collect();
+        let speed = moving.iter().map(top_speed::<S, D>).fold(0.0, f64::max);
+        let places = (window.duration * speed / STRIDE).ceil().clamp(1.0, MOST_PLACES);
+        let stride = window.duration / places;
+        let mut worlds = vec![World::new(still)];
+        if !moving.is_empty() {
+            let whole = World::new(moving);
+            for k in 0..places as u32 {
+                let mut there = whole.clone();
+                there.update(window.start + stride * (f64::from(k) + 0.5));
+                worlds.push(there);
+            }
+        }
+        let n = robot.dof();
+        Self {
+            reach: Reach::new(&mut robot),
+            robot,
+            worlds,
+            slack: 0.5 * stride * speed,
+            keeps_apart,
+            margin,
+            clearance: vec![f64::INFINITY; n],
+            bodies: vec![],
+            middle: vec![0.0; n],
+        }
+    }
+
+    /// The arm, wherever it was moved last.
+    pub fn robot(&mut self) -> &mut R {
+        &mut self.robot
+    }
+
+    /// Measures links at `q`: those that `asked` says.
+    fn measure(&mut self, q: &[f64], asked: impl Fn(usize) -> bool) {
+        let Self { robot, worlds, clearance, slack, .. } = self;
+        robot.update_positions(q);
+        clearance.fill(f64::INFINITY);
+        for (k, world) in worlds.iter_mut().enumerate() {
+            if world.is_empty() {
+                continue;
+            }
+            let slack = if k > 0 { *slack } else { 0.0 };
+            interrupt::spend(32 * robot.body_count());
+            let nearest = |link: usize, d: f64| {
+                let least = &mut clearance[link];
+                *least = least.min(d - slack);
+            };
+            let bodies = robot.bodies().filter(|body| asked(body.link));
+            world.for_each_contact(bodies, f64::NEG_INFINITY, nearest, |_| {});
+        }
+    }
+
+    /// The smallest distance between bodies of the arm that must not touch, beyond what each pair may change by; from
+    /// where the arm was measured, `way` is that of a link as seen by another.
+    fn least_apart(&mut self, way: impl Fn(&Reach, Option<usize>, usize) -> f64) -> f64 {
+        if !self.keeps_apart {
+            return f64::INFINITY;
+        }
+        let Self { robot, bodies, reach, .. } = self;
+        let mut least = f64::INFINITY;
+        OwnPair::for_each_within(robot, bodies, f64::INFINITY, |pair| {
+            let [a, b] = pair.links; // the base, None, is before all links
+            let (from, to) = if a < b { (a, b) } else { (b, a) };
+            let change = to.map_or(0.0, |to| way(reach, from, to));
+            least = least.min(pair.nearest.distance - change);
+            f64::INFINITY
+        });
+        least
+    }
+
+    /// The same, and how far it is from itself where it must not touch that \[m\].
+    #[cfg(test)]
+    pub fn distances(&mut self, q: &[f64]) -> [f64; 2] {
+        [self.clearance(q), self.least_apart(|_, _, _| 0.0)]
+    }
+
+    /// How far the arm at `q` is from everything outside \[m\].
+    pub fn clearance(&mut self, q: &[f64]) -> f64 {
+        self.measure(q, |_| true);
+        self.clearance.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether the arm at `q` keeps the margin, and is apart from itself.
+    pub fn is_free(&mut self, q: &[f64]) -> bool {
+        self.measure(q, |_| true);
+        // False where something is undefined.
+        self.clearance.iter().all(|d| *d >= self.margin) && self.least_apart(|_, _, _| 0.0) >= APART
+    }
+
+    /// Whether it is and does on the straight motion from `a` to `b`.
+    pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
+        let n = a.len();
+        let ways: Vec<f64> = (0..n).map(|link| self.reach.way([a, b], None, link)).collect();
+        let farthest = ways.iter().copied().fold(0.0, f64::max);
+        let finest = (RESOLUTION * self.margin).clamp(FINEST, COARSEST);
+        // Halves of halves, the large ones first: what is hit is hit soon. Each with the links that may be near to
+        // something in it, and whether bodies of the arm may be near to each other.
+        let mut parts = VecDeque::from([(0.5, 0.5, vec![true; n], self.keeps_apart)]);
+        while let Some((at, half, mut open, mut pairs)) = parts.pop_front() {
+            let mut middle = std::mem::take(&mut self.middle);
+            for (m, (a, b)) in middle.iter_mut().zip(a.iter().zip(b)) {
+                *m = a + at * (b - a);
+            }
+            self.measure(&middle, |link| open[link]);
+            self.middle = middle;
+            for ((d, way), open) in self.clearance.iter().zip(&ways).zip(&mut open) {
+                let room = d - self.margin;
+                let is_clear = room >= 0.0; // false for NaN
+                if !is_clear {
+                    return false;
+                }
+                *open &= room < way * half;
+            }
+            if pairs {
+                let apart = self.least_apart(|reach, from, to| half * reach.way([a, b], from, to));
+                pairs = apart < APART;
+                if pairs && self.least_apart(|_, _, _| 0.0) < APART {
+                    return false;
+                }
+            }
+            if (pairs || open.contains(&true)) && farthest * half > finest {
+                let quarter = 0.5 * half;
+                parts.push_back((at - quarter, quarter, open.clone(), pairs));
+                parts.push_back((at + quarter, quarter, open, pairs));
+            }
+        }
+        true
+    }
+}

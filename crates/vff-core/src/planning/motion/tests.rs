@@ -1,0 +1,294 @@
+//! What is promised of plans, measured by means of their own.
+
+use super::*;
+use crate::scenario::Described;
+use crate::world::World;
+use crate::world::space::Volume;
+
+const PLANAR: &str = r#"
+    duration = 4.0
+    q0 = [1.5, 0.6, 0.9, 1.0]
+    arm = { lengths = [1, 1, 1, 1], masses = 1.0, radius = 0.05 }
+"#;
+
+fn planar(goal: &str, more: &str) -> Scenario {
+    let text = format!("{PLANAR}\nreference = {{ kind = \"setpoint\", point = {goal} }}\n{more}");
+    Scenario::from_toml(&text).unwrap()
+}
+
+/// A wall with a gap of 0.7 m between the arm and its goal.
+const WALL: &str = r#"
+    [[obstacles]]
+    shape = { kind = "box", size = [0.3, 3.0] }
+    position = [1.9, 2.1]
+    [[obstacles]]
+    shape = { kind = "box", size = [0.3, 3.0] }
+    position = [1.9, -1.6]
+"#;
+
+fn found(scenario: &Scenario, settings: &PlanSettings) -> Plan {
+    let plan = plan(scenario, settings).unwrap();
+    assert_eq!(plan.status, PlanStatus::Found, "{plan:?}");
+    plan
+}
+
+fn spline(plan: &Plan) -> JointSpline {
+    let n = plan.q.len() / plan.times.len();
+    let points: Vec<_> = plan.q.chunks(n).map(<[f64]>::to_vec).collect();
+    JointSpline::new(&plan.times, &points).unwrap()
+}
+
+/// Calls `visit` with q, q̇ and q̈ every millisecond.
+fn along(plan: &Plan, mut visit: impl FnMut(f64, [&[f64]; 3])) {
+    let spline = spline(plan);
+    let mut state = [0; 3].map(|_| vec![0.0; spline.dof()]);
+    let [start, end] = spline.span();
+    let mut t = start;
+    while t <= end {
+        spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+        visit(t, state.each_ref().map(Vec::as_slice));
+        t += 1e-3;
+    }
+}
+
+/// Every pair of link and obstacle by itself, without anything of the planner: the smallest distance at q and `t`.
+fn least<S: Described<D>, const D: usize>(
+    arm: &Arc<S::Arm>,
+    scene: &Scene<S, D>,
+    q: &[f64],
+    t: f64,
+) -> f64 {
+    let mut state = arm.state();
+    state.update_positions(q);
+    let mut world = World::<S::Solid, D>::new(scene.obstacles.clone());
+    world.update(t);
+    let mut least = f64::INFINITY;
+    world.for_each_pair(state.bodies(), |contact| least = least.min(contact.distance));
+    least
+}
+
+/// A motion through a gap keeps its distance all along, its limits of speed and acceleration, starts and ends at rest
+/// where it should, and comes back the same for the same seed.
+#[test]
+fn through_a_gap_in_the_plane() {
+    let scenario = planar("[2.9, 0.5]", WALL);
+    let AnyScene::Plane(scene) = &scenario.scene else { unreachable!() };
+    let arm = Arc::new(Plane::arm(&scene.arm).unwrap());
+    for seed in 0..6 {
+        let settings = PlanSettings { seed, ..PlanSettings::default() };
+        let motion = found(&scenario, &settings);
+        assert_eq!(motion, found(&scenario, &settings));
+        assert!((motion.margin - 0.02).abs() < 1e-15);
+        let mut clearance = f64::INFINITY;
+        along(&motion, |_, [q, dq, ddq]| {
+            clearance = clearance.min(least::<Plane, 2>(&arm, scene, q, 0.0));
+            assert!(dq.iter().all(|v| v.abs() <= 0.5 * MAX_SPEED * 1.001), "{dq:?}");
+            assert!(ddq.iter().all(|a| a.abs() <= 0.5 * MAX_ACCELERATION[0] * 1.001), "{ddq:?}");
+        });
+        assert!(clearance >= 0.5 * motion.margin - 1e-3, "{clearance}");
+        assert!((motion.clearance - clearance).abs() < 5e-3);
+        assert_eq!(motion.q[..4], scenario.q0);
+        let mut state = arm.state();
+        state.update_positions(&motion.q[motion.q.len() - 4..]);
+        let tip = Manipulator::<2, 2>::pose(&state);
+        assert!((tip.x - 2.9).hypot(tip.y - 0.5) < 1e-6);
+        for end in [&motion.dq[..4], &motion.dq[motion.dq.len() - 4..]] {
+            assert!(end.iter().all(|v| v.abs() < 1e-12));
+        }
+    }
+}
+
+/// Why there is no motion is said, and how far the search came.
+#[test]
+fn what_cannot_be_done_is_said() {
+    let status = |goal: &str, more: &str, settings: &PlanSettings| {
+        plan(&planar(goal, more), settings).unwrap()
+    };
+    let usual = PlanSettings { samples: 300, ..PlanSettings::default() };
+    let out = status("[3.9, 3.0]", "", &usual);
+    assert_eq!(out.status, PlanStatus::GoalOutOfReach);
+    assert!((out.gap - (3.9_f64.hypot(3.0) - 4.0)).abs() < 1e-3, "{}", out.gap);
+    let disc = |x: f64, y: f64, radius: f64| {
+        format!(
+            "[[obstacles]]\nshape = {{ kind = \"circle\", radius = {radius} }}\nposition = [{x}, {y}]"
+        )
+    };
+    assert_eq!(
+        status("[2.0, -1.0]", &disc(2.0, -1.0, 0.4), &usual).status,
+        PlanStatus::GoalBlocked
+    );
+    assert_eq!(
+        status("[2.0, -1.0]", &disc(0.1, 1.0, 0.2), &usual).status,
+        PlanStatus::StartBlocked
+    );
+    let beyond = PlanSettings { goal: Some(vec![9.0, 0.0, 0.0, 0.0]), ..usual.clone() };
+    let scenario = planar("[2.0, 1.0]", "");
+    let text = format!(
+        "{}\nreference = {{ kind = \"setpoint\", point = [2.0, 1.0] }}",
+        PLANAR.replace(
+            "masses = 1.0",
+            "masses = 1.0, joint_limits = [[-3, 3], [-2, 2], [-2, 2], [-2, 2]]"
+        )
+    );
+    let limited = Scenario::from_toml(&text).unwrap();
+    assert_eq!(plan(&limited, &beyond).unwrap().status, PlanStatus::GoalOutOfReach);
+    assert_eq!(plan(&scenario, &beyond).unwrap().status, PlanStatus::Found);
+    // A goal behind a wall without a gap: both sides are free, and no motion leads from one to the other.
+    let wall =
+        "[[obstacles]]\nshape = { kind = \"box\", size = [0.2, 20.0] }\nposition = [1.9, 0.0]";
+    let closed = status("[2.9, 0.5]", wall, &usual);
+    assert_eq!(closed.status, PlanStatus::GoalBlocked);
+    let post =
+        "[[obstacles]]\nshape = { kind = \"box\", size = [0.5, 0.5] }\nposition = [1.2, 1.7]";
+    let aside = PlanSettings { goal: Some(vec![0.3, 0.0, 0.0, 0.0]), samples: 0, ..usual };
+    let stuck = status("[2.0, 1.0]", post, &aside);
+    assert_eq!((stuck.status, stuck.samples), (PlanStatus::NotFound, 0));
+    assert!(stuck.gap > 1.0 && stuck.q.len() >= 4 && stuck.times.is_empty(), "{stuck:?}");
+    for (settings, path) in [
+        (PlanSettings { margin: -0.1, ..PlanSettings::default() }, "margin"),
+        (PlanSettings { speed: 1.5, ..PlanSettings::default() }, "speed"),
+        (PlanSettings { speed: f64::NAN, ..PlanSettings::default() }, "speed"),
+        (PlanSettings { horizon: Some(f64::INFINITY), ..PlanSettings::default() }, "horizon"),
+        (PlanSettings { start: Some(vec![0.0]), ..PlanSettings::default() }, "start"),
+        (PlanSettings { goal: Some(vec![0.0]), ..PlanSettings::default() }, "goal"),
+    ] {
+        let error = plan(&planar("[2.0, 1.0]", ""), &settings).unwrap_err();
+        assert_eq!(error.path, path);
+    }
+}
+
+/// Places that a disc will pass within the horizon are kept free; those that it passes later are not, and with None it
+/// is not there at all.
+#[test]
+fn swept_places_are_kept_free() {
+    let disc = "[[obstacles]]\nshape = { kind = \"circle\", radius = 0.3 }\nposition = [2.6, -3.0]\n\
+                motion = { kind = \"linear\", velocity = [0.0, 1.0] }";
+    let scenario = planar("[2.6, -0.6]", disc);
+    let AnyScene::Plane(scene) = &scenario.scene else { unreachable!() };
+    let arm = Arc::new(Plane::arm(&scene.arm).unwrap());
+    let with =
+        |horizon| plan(&scenario, &PlanSettings { horizon, ..PlanSettings::default() }).unwrap();
+    // At t = 2.4 s it is at the goal.
+    assert_eq!(with(Some(3.0)).status, PlanStatus::GoalBlocked);
+    let free = with(None);
+    assert!(free.clearance == f64::INFINITY);
+    let soon = with(Some(1.5));
+    assert_eq!(soon.status, PlanStatus::Found);
+    along(&soon, |_, [q, ..]| {
+        for k in 0..=15 {
+            let apart = least::<Plane, 2>(&arm, scene, q, 0.1 * f64::from(k));
+            assert!(apart > 0.0, "{apart}");
+        }
+    });
+}
+
+#[cfg(feature = "models")]
+fn panda(more: &str) -> Scenario {
+    let text = format!(
+        r#"
+        duration = 4.0
+        q0 = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+        arm = {{ model = "panda" }}
+        {more}
+        "#
+    );
+    Scenario::from_toml(&text).unwrap()
+}
+
+/// A Panda reaches a pose beside a post, within its limits of angle, speed and torque, and without touching the post or
+/// itself.
+#[cfg(feature = "models")]
+#[test]
+fn around_a_post_in_space() {
+    let scenario = panda(
+        r#"
+        controller = { task = "pose", self_collision = "avoid" }
+        reference = { kind = "setpoint", point = [0.25, 0.5, 0.4], orientation = [0.0, 1.0, 0.0, 0.0] }
+        [[obstacles]]
+        shape = { kind = "box", size = [0.1, 0.1, 1.2] }
+        position = [0.4, 0.28, 0.5]
+        "#,
+    );
+    let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
+    let arm = Arc::new(Space::arm(&scene.arm).unwrap());
+    let limits = arm.limits();
+    let settings = PlanSettings { speed: 1.0, ..PlanSettings::default() };
+    let motion = found(&scenario, &settings);
+    let mut state = arm.state();
+    let (mut scratch, mut torque) = (vec![0.0; 7], vec![0.0; 7]);
+    let mut bodies = vec![];
+    let mut fastest: f64 = 0.0;
+    along(&motion, |_, [q, dq, ddq]| {
+        assert!(least::<Space, 3>(&arm, scene, q, 0.0) > 0.5 * motion.margin - 1e-3);
+        state.update(q, dq);
+        state.inverse_dynamics(ddq, &mut scratch, &mut torque);
+        for i in 0..7 {
+            let [lower, upper] = limits.joint[i];
+            assert!(lower <= q[i] && q[i] <= upper);
+            assert!(dq[i].abs() <= 1.001 * limits.velocity[i]);
+            assert!(ddq[i].abs() <= 1.001 * MAX_ACCELERATION[1]);
+            assert!(torque[i].abs() <= 1.001 * TORQUE * limits.torque[i], "{torque:?}");
+            fastest = fastest
+                .max(dq[i].abs() / limits.velocity[i])
+                .max(ddq[i].abs() / MAX_ACCELERATION[1]);
+        }
+        crate::control::distance::OwnPair::for_each_within(&state, &mut bodies, 1.0, |pair| {
+            assert!(pair.nearest.distance > 0.0);
+            1.0
+        });
+    });
+    // It is not slower than it has to be.
+    assert!(fastest > 0.9, "{fastest}");
+    state.update_positions(&motion.q[motion.q.len() - 7..]);
+    let tip = Manipulator::<3, 6>::pose(&state);
+    assert!((tip.position() - crate::math::Vector::<3>::new(0.25, 0.5, 0.4)).norm() < 1e-6);
+}
+
+/// What is certified to be free is: every motion between random configurations among random bodies, looked at in a
+/// thousand places; and what is refused is not.
+#[cfg(feature = "models")]
+#[test]
+fn certified_motions_are_free() {
+    let boxes: String = (0..8)
+        .map(|k| {
+            let angle = 0.8 * f64::from(k);
+            let (x, y, z) = (0.55 * angle.cos(), 0.55 * angle.sin(), 0.15 + 0.1 * f64::from(k));
+            format!(
+                "[[obstacles]]\nshape = {{ kind = \"box\", size = [0.15, 0.1, 0.2] }}\nposition = [{x}, {y}, {z}]\n"
+            )
+        })
+        .collect();
+    let scenario = panda(&format!("reference = {{ kind = \"setpoint\" }}\n{boxes}"));
+    let AnyScene::Space(scene) = &scenario.scene else { unreachable!() };
+    let arm = Arc::new(Space::arm(&scene.arm).unwrap());
+    let window = Window { start: 0.0, duration: 0.0 };
+    let margin = 0.01;
+    let mut space =
+        FreeSpace::<_, Volume, 3>::new(arm.state(), &scene.obstacles, window, true, margin);
+    let mut noise = Noise::new(3, 1);
+    let mut draw = || -> Vec<f64> {
+        let within = |[lower, upper]: &[f64; 2]| lower + (upper - lower) * noise.share();
+        arm.limits().joint.iter().map(within).collect()
+    };
+    let (mut free, mut blocked) = (0, 0);
+    for _ in 0..400 {
+        let (a, b) = (draw(), draw());
+        let b: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + 0.15 * (b - a)).collect();
+        let least = (0..=1000)
+            .map(|k| {
+                let share = f64::from(k) / 1000.0;
+                let q: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + share * (b - a)).collect();
+                let [outside, own] = space.distances(&q);
+                (outside - margin).min(own - 2e-3)
+            })
+            .fold(f64::INFINITY, f64::min);
+        if space.is_free_between(&a, &b) {
+            free += 1;
+            assert!(least > -2e-3, "{least}");
+        } else {
+            blocked += 1;
+            assert!(least < 1e-4, "{least}");
+        }
+    }
+    assert!(free > 40 && blocked > 40, "{free} {blocked}");
+}

@@ -1,0 +1,218 @@
+//! How fast a curve can be followed: the largest speed along it with which every joint keeps its limits of speed,
+//! acceleration and torque, by reachability from the end and then greedily from the start (TOPP-RA, Pham and Pham,
+//! 2018); made smooth in time (T120).
+//!
+//! Along a curve q(u), q̇ = q′u̇ and q̈ = q′ü + q″u̇², so that every limit is linear in ü and x = u̇².
+
+use super::curve::Curve;
+use crate::interrupt;
+use crate::robot::Robot;
+
+/// Points of the grid per span of the curve, and the fewest.
+const GRID: f64 = 6.0;
+const FEWEST: f64 = 120.0;
+/// Halvings in the search for the largest speed.
+const HALVINGS: usize = 48;
+/// Width of the two means that make the time law smooth \[s\].
+const SMOOTH: f64 = 0.06;
+/// How fine the time law is \[s\].
+const TICK: f64 = 2e-3;
+
+/// What the joints may do.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounds {
+    /// Speeds \[rad/s, m/s\].
+    pub speed: Vec<f64>,
+    /// Accelerations \[rad/s², m/s²\].
+    pub acceleration: Vec<f64>,
+    /// Torques and forces, gravity included \[N·m, N\]; empty for any.
+    pub torque: Vec<f64>,
+}
+
+/// A limit |along ü + bend x + rest| ≤ most.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    along: f64,
+    bend: f64,
+    rest: f64,
+    most: f64,
+}
+
+/// Which ü are possible with `x`, by all rows.
+fn range(rows: &[Row], x: f64) -> [f64; 2] {
+    let mut range = [f64::NEG_INFINITY, f64::INFINITY];
+    for Row { along, bend, rest, most } in rows {
+        let offset = bend * x + rest;
+        if along.abs() < 1e-12 {
+            if offset.abs() > *most {
+                return [f64::INFINITY, f64::NEG_INFINITY];
+            }
+            continue;
+        }
+        let ends = [(-most - offset) / along, (most - offset) / along];
+        range = [range[0].max(ends[0].min(ends[1])), range[1].min(ends[0].max(ends[1]))];
+    }
+    range
+}
+
+/// The limits at one point of the curve, and the largest x by the speeds.
+fn rows<R: Robot<D>, const D: usize>(
+    robot: &mut R,
+    bounds: &Bounds,
+    [q, first, second]: &[Vec<f64>; 3],
+) -> (Vec<Row>, f64) {
+    let n = q.len();
+    interrupt::spend(64 * n);
+    let mut rows = Vec::with_capacity(2 * n);
+    let mut most = f64::INFINITY;
+    for i in 0..n {
+        let (along, bend) = (first[i], second[i]);
+        rows.push(Row { along, bend, rest: 0.0, most: bounds.acceleration[i] });
+        if along != 0.0 {
+            most = most.min((bounds.speed[i] / along).powi(2));
+        }
+    }
+    if !bounds.torque.is_empty() {
+        let mut parts = [0; 4].map(|_| vec![0.0; n]);
+        let [along, bend, turning, rest] = &mut parts;
+        robot.update(q, first);
+        robot.mass_mul(first, along);
+        robot.mass_mul(second, bend);
+        robot.coriolis_mul(first, turning);
+        robot.gravity_torque(rest);
+        for (i, most) in bounds.torque.iter().enumerate() {
+            let [along, bend, rest] = [along[i], bend[i] + turning[i], rest[i]];
+            rows.push(Row { along, bend, rest, most: *most });
+        }
+    }
+    (rows, most)
+}
+
+/// When the curve is where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TimeLaw {
+    /// The parameter of the curve, [`TICK`] apart, from rest to rest.
+    along: Vec<f64>,
+}
+
+impl TimeLaw {
+    /// The fastest along `curve`; none if the arm cannot hold itself somewhere on it.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "few points"
+    )]
+    pub fn fastest<R: Robot<D>, const D: usize>(
+        robot: &mut R,
+        curve: &Curve,
+        bounds: &Bounds,
+    ) -> Option<Self> {
+        let n = robot.dof();
+        let count = (GRID * curve.end()).max(FEWEST) as usize;
+        let step = curve.end() / count as f64;
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        let limits: Vec<_> = (0..=count)
+            .map(|k| {
+                curve.at(step * k as f64, &mut state);
+                rows(robot, bounds, &state)
+            })
+            .collect();
+        // From the end: the largest x from which the rest can be done.
+        let mut most = vec![0.0; count + 1];
+        for k in (0..count).rev() {
+            let (rows, fast) = &limits[k];
+            let next = most[k + 1];
+            let is_possible = |x: f64| {
+                let [lower, upper] = range(rows, x);
+                lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
+            };
+            if !is_possible(0.0) {
+                return None;
+            }
+            // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
+            let (mut low, mut high) = (0.0, fast.min(1e6));
+            if is_possible(high) {
+                low = high;
+            } else {
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (low + high);
+                    if is_possible(middle) { low = middle } else { high = middle }
+                }
+            }
+            most[k] = low;
+        }
+        most[0] = 0.0;
+        // From the start: as fast as that allows.
+        let mut x = vec![0.0; count + 1];
+        for k in 0..count {
+            let [_, upper] = range(&limits[k].0, x[k]);
+            x[k + 1] = (x[k] + 2.0 * step * upper).clamp(0.0, most[k + 1]);
+        }
+        let mut times = vec![0.0; count + 1];
+        for k in 0..count {
+            let speeds = x[k].sqrt() + x[k + 1].sqrt();
+            let moves = speeds > 1e-9; // false for NaN
+            if !moves {
+                return None;
+            }
+            times[k + 1] = times[k] + 2.0 * step / speeds;
+        }
+        Some(Self::smooth(&times, &x, step))
+    }
+
+    /// The time law with these instants and squared speeds at grid points `step` apart, made smooth by two running means.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "few instants"
+    )]
+    fn smooth(times: &[f64], x: &[f64], step: f64) -> Self {
+        let duration = times[times.len() - 1];
+        let width = (SMOOTH / TICK) as usize;
+        let count = (duration / TICK).ceil() as usize + 2 * width + 1;
+        let end = step * (times.len() - 1) as f64;
+        // Where it is `width` ticks before, at rest outside.
+        let raw = (0..=count + 2 * width).map(|k| {
+            let t = TICK * (k as f64 - 2.0 * width as f64);
+            if t <= 0.0 {
+                return 0.0;
+            }
+            if t >= duration {
+                return end;
+            }
+            let i = times[1..times.len() - 1].partition_point(|time| *time <= t);
+            let since = t - times[i];
+            let pull = (x[i + 1] - x[i]) / (2.0 * step);
+            step * i as f64 + x[i].sqrt() * since + 0.5 * pull * since * since
+        });
+        let mean = |values: Vec<f64>| -> Vec<f64> {
+            let windows = values.windows(width + 1);
+            windows.map(|window| window.iter().sum::<f64>() / (width + 1) as f64).collect()
+        };
+        let mut along = mean(mean(raw.collect()));
+        along.iter_mut().for_each(|u| *u = u.clamp(0.0, end));
+        Self { along }
+    }
+
+    /// How long it takes \[s\].
+    #[expect(clippy::cast_precision_loss, reason = "few instants")]
+    pub fn duration(&self) -> f64 {
+        TICK * (self.along.len() - 1) as f64
+    }
+
+    /// The parameter of the curve at time `t` \[s\].
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "clamped to few instants"
+    )]
+    pub fn at(&self, t: f64) -> f64 {
+        let ticks = (t / TICK).clamp(0.0, (self.along.len() - 1) as f64);
+        let i = (ticks as usize).min(self.along.len() - 2);
+        let share = ticks - i as f64;
+        self.along[i] + share * (self.along[i + 1] - self.along[i])
+    }
+}

@@ -1,0 +1,219 @@
+//! RRT-Connect: two trees, one from the start and one from all goals, that grow towards random configurations and
+//! towards each other (Kuffner and LaValle, 2000).
+
+use super::free_space::{FreeSpace, Jointed};
+use crate::interrupt;
+use crate::math::Noise;
+use crate::world::Solid;
+
+/// The longest edge \[rad, m\].
+const STEP: f64 = 0.8;
+/// How often an edge that is blocked is tried at half its length.
+const HALVINGS: usize = 3;
+/// Two configurations nearer than this are one \[rad, m\].
+const SAME: f64 = 1e-9;
+
+/// Configurations, each with the one that it was reached from.
+#[derive(Debug, Clone)]
+struct Tree {
+    nodes: Vec<Vec<f64>>,
+    parents: Vec<usize>,
+}
+
+/// What extending a tree came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Step {
+    Blocked,
+    Nearer(usize),
+    Reached(usize),
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+/// How long a path is.
+pub fn length(path: &[Vec<f64>]) -> f64 {
+    path.windows(2).map(|pair| distance(&pair[0], &pair[1])).sum()
+}
+
+impl Tree {
+    /// With these roots.
+    fn new(roots: &[Vec<f64>]) -> Self {
+        Self { nodes: roots.to_vec(), parents: (0..roots.len()).collect() }
+    }
+
+    /// The node nearest to `q`.
+    fn nearest(&self, q: &[f64]) -> usize {
+        interrupt::spend(2 * self.nodes.len() * q.len());
+        let mut best = (0, f64::INFINITY);
+        for (i, node) in self.nodes.iter().enumerate() {
+            let square = node.iter().zip(q).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+            if square < best.1 {
+                best = (i, square);
+            }
+        }
+        best.0
+    }
+
+    /// Grows from `node` towards `q` by one edge.
+    fn grow<R: Jointed<D>, S: Solid<D>, const D: usize>(
+        &mut self,
+        space: &mut FreeSpace<R, S, D>,
+        node: usize,
+        q: &[f64],
+    ) -> Step {
+        let from = self.nodes[node].clone();
+        let whole = distance(&from, q);
+        if whole < SAME {
+            return Step::Reached(node);
+        }
+        let mut share = (STEP / whole).min(1.0);
+        for _ in 0..=HALVINGS {
+            let to: Vec<f64> = if share < 1.0 {
+                from.iter().zip(q).map(|(a, b)| a + share * (b - a)).collect()
+            } else {
+                q.to_vec()
+            };
+            if space.is_free_between(&from, &to) {
+                self.nodes.push(to);
+                self.parents.push(node);
+                let new = self.nodes.len() - 1;
+                return if share < 1.0 { Step::Nearer(new) } else { Step::Reached(new) };
+            }
+            share *= 0.5;
+        }
+        Step::Blocked
+    }
+
+    /// Grows towards `q` as far as it goes; the node that is nearest then, and whether that is `q`.
+    fn connect<R: Jointed<D>, S: Solid<D>, const D: usize>(
+        &mut self,
+        space: &mut FreeSpace<R, S, D>,
+        q: &[f64],
+    ) -> (usize, bool) {
+        let mut node = self.nearest(q);
+        loop {
+            match self.grow(space, node, q) {
+                Step::Reached(there) => return (there, true),
+                Step::Nearer(next) => node = next,
+                Step::Blocked => return (node, false),
+            }
+        }
+    }
+
+    /// From a root to `node`.
+    fn branch(&self, mut node: usize) -> Vec<Vec<f64>> {
+        let mut branch = vec![self.nodes[node].clone()];
+        while self.parents[node] != node {
+            node = self.parents[node];
+            branch.push(self.nodes[node].clone());
+        }
+        branch.reverse();
+        branch
+    }
+}
+
+/// What a search has come to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// From the start to a goal; or, if that was not found, to where a goal's tree was nearest.
+    pub path: Vec<Vec<f64>>,
+    /// What is left between the two trees \[rad, m\]: 0 if the path reaches a goal.
+    pub gap: f64,
+    /// How many random configurations were drawn.
+    pub samples: usize,
+    /// How many configurations both trees have.
+    pub nodes: usize,
+}
+
+/// Searches a path from `start` to one of `goals`, all of which are free, with up to `samples` random configurations
+/// within `ranges`.
+pub fn search<R: Jointed<D>, S: Solid<D>, const D: usize>(
+    space: &mut FreeSpace<R, S, D>,
+    start: &[f64],
+    goals: &[Vec<f64>],
+    ranges: &[[f64; 2]],
+    samples: usize,
+    noise: &mut Noise,
+) -> Found {
+    let mut trees = [Tree::new(&[start.to_vec()]), Tree::new(goals)];
+    for goal in goals {
+        if space.is_free_between(start, goal) {
+            let path = vec![start.to_vec(), goal.clone()];
+            return Found { path, gap: 0.0, samples: 0, nodes: 1 + goals.len() };
+        }
+    }
+    // The nearest that the trees have come to each other, and the node of the first where they did.
+    let apart = |trees: &[Tree; 2], node: usize| {
+        let q = &trees[0].nodes[node];
+        distance(q, &trees[1].nodes[trees[1].nearest(q)])
+    };
+    let mut nearest = (0, apart(&trees, 0));
+    let mut drawn = vec![0.0; start.len()];
+    for k in 0..samples {
+        for (q, [lower, upper]) in drawn.iter_mut().zip(ranges) {
+            *q = lower + (upper - lower) * noise.share();
+        }
+        // The trees take turns.
+        let [one, other] = &mut trees;
+        let first = k.is_multiple_of(2);
+        let (one, other) = if first { (one, other) } else { (other, one) };
+        let node = one.nearest(&drawn);
+        let (Step::Nearer(new) | Step::Reached(new)) = one.grow(space, node, &drawn) else {
+            continue;
+        };
+        let target = one.nodes[new].clone();
+        let (met, reached) = other.connect(space, &target);
+        let [a, b] = if first { [new, met] } else { [met, new] };
+        if reached {
+            let mut path = trees[0].branch(a);
+            path.extend(trees[1].branch(b).into_iter().rev().skip(1));
+            let nodes = trees[0].nodes.len() + trees[1].nodes.len();
+            return Found { path, gap: 0.0, samples: k + 1, nodes };
+        }
+        let gap = distance(&trees[0].nodes[a], &trees[1].nodes[b]);
+        if gap < nearest.1 {
+            nearest = (a, gap);
+        }
+    }
+    let nodes = trees[0].nodes.len() + trees[1].nodes.len();
+    Found { path: trees[0].branch(nearest.0), gap: nearest.1, samples, nodes }
+}
+
+/// Shortens `path` by `tries` random straight ways from one point of it to another.
+pub fn shorten<R: Jointed<D>, S: Solid<D>, const D: usize>(
+    space: &mut FreeSpace<R, S, D>,
+    path: &mut Vec<Vec<f64>>,
+    tries: usize,
+    noise: &mut Noise,
+) {
+    for _ in 0..tries {
+        if path.len() < 3 {
+            return;
+        }
+        let ends: Vec<f64> = std::iter::once(0.0)
+            .chain(path.windows(2).scan(0.0, |sum, pair| {
+                *sum += distance(&pair[0], &pair[1]);
+                Some(*sum)
+            }))
+            .collect();
+        let whole = ends[ends.len() - 1];
+        let mut at = [0; 2].map(|_| whole * noise.share());
+        at.sort_by(f64::total_cmp);
+        let place = |along: f64| {
+            let piece = ends[1..ends.len() - 1].partition_point(|end| *end <= along);
+            let share = (along - ends[piece]) / (ends[piece + 1] - ends[piece]);
+            let pair = [&path[piece], &path[piece + 1]];
+            let q = pair[0].iter().zip(pair[1]).map(|(a, b)| a + share * (b - a));
+            (piece, q.collect::<Vec<f64>>())
+        };
+        let [(first, a), (last, b)] = at.map(place);
+        if first == last || distance(&a, &b) > 0.999 * (at[1] - at[0]) {
+            continue;
+        }
+        if space.is_free_between(&a, &b) {
+            path.splice(first + 1..=last, [a, b]);
+        }
+    }
+}

@@ -1,0 +1,316 @@
+//! What crosses between the loop and other threads. The loop never waits for them, and they wait no longer than the loop takes to
+//! copy a row.
+
+use super::reference::Reference;
+use crate::control::output::Phase;
+use crate::runtime::controller::{AnyController, Surroundings, Target};
+use crate::runtime::obstacles::AnyObstacles;
+use crate::runtime::points::{PointsError, make};
+use crate::scenario::{Problem, ScenarioError};
+use crate::world::space::Points;
+use std::fmt;
+use std::mem::{replace, swap, take};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Rows that the loop keeps while nobody takes them.
+pub(super) const ROWS: usize = 4096;
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A row of numbers: the names of its columns, and how many numbers each has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout(pub Vec<(&'static str, usize)>);
+
+impl Layout {
+    /// Numbers of a row.
+    pub fn width(&self) -> usize {
+        self.0.iter().map(|(_, width)| width).sum()
+    }
+
+    /// The numbers of each column of one row.
+    pub fn columns<'a>(
+        &'a self,
+        row: &'a [f64],
+    ) -> impl Iterator<Item = (&'static str, &'a [f64])> {
+        self.0.iter().scan(row, |rest, (name, width)| {
+            let (column, others) = rest.split_at(*width);
+            *rest = others;
+            Some((*name, column))
+        })
+    }
+}
+
+/// Where an obstacle has been seen, and how it moves.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sighting {
+    pub obstacle: usize,
+    pub position: [f64; 3],
+    pub velocity: [f64; 3],
+}
+
+/// What the loop is to take over. It exchanges what it has for what is here, so that others free it.
+#[derive(Default)]
+pub(super) struct Inbox {
+    pub target: Option<Reference>,
+    /// With the time of the drive at which their motions begin \[s\], now if it is not said.
+    pub surroundings: Option<(Surroundings, Option<f64>)>,
+    /// Points for clouds.
+    pub points: Vec<(usize, Points)>,
+    pub sightings: Vec<Sighting>,
+    /// What they took the place of, for others to free.
+    pub old: Old,
+}
+
+/// What the loop had before.
+#[derive(Default)]
+pub(super) struct Old {
+    pub target: Option<Reference>,
+    pub surroundings: Option<Surroundings>,
+    pub points: Vec<(usize, Points)>,
+}
+
+/// The last row, for whoever wants it.
+struct View {
+    places: [Mutex<Vec<f64>>; 2],
+    latest: AtomicUsize,
+}
+
+/// Rows on their way to a file.
+#[derive(Debug, Default)]
+pub struct Rows {
+    /// One after the other.
+    pub values: Vec<f64>,
+    /// Rows that were lost because nobody took them in time.
+    pub lost: u64,
+}
+
+/// What crosses between the loop and other threads.
+pub struct Exchange {
+    pub(super) layout: Layout,
+    /// The same controller as the loop's, to try on what is sent to that.
+    mirror: Mutex<AnyController>,
+    inbox: Mutex<Inbox>,
+    news: AtomicBool,
+    view: View,
+    rows: Mutex<Rows>,
+    /// Whether somebody wants the drive to end.
+    pub(super) end: AtomicBool,
+    phase: Mutex<Phase>,
+    pub(super) periods: AtomicU64,
+}
+
+impl fmt::Debug for Exchange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Exchange").finish_non_exhaustive()
+    }
+}
+
+impl Exchange {
+    /// With room for so many numbers in rows for a file.
+    pub(super) fn new(controller: AnyController, layout: Layout, room: usize) -> Self {
+        let place = || Mutex::new(vec![f64::NAN; layout.width()]);
+        Self {
+            mirror: Mutex::new(controller),
+            inbox: Mutex::default(),
+            news: AtomicBool::new(false),
+            view: View { places: [place(), place()], latest: AtomicUsize::new(0) },
+            rows: Mutex::new(Rows { values: Vec::with_capacity(room), lost: 0 }),
+            end: AtomicBool::new(false),
+            phase: Mutex::new(Phase::Starting),
+            periods: AtomicU64::new(0),
+            layout,
+        }
+    }
+
+    /// Sends something to the loop, and frees what it had before.
+    fn send(&self, put: impl FnOnce(&mut Inbox)) {
+        let mut inbox = lock(&self.inbox);
+        put(&mut inbox);
+        let old = take(&mut inbox.old);
+        self.news.store(true, Ordering::Release);
+        drop(inbox);
+        drop(old);
+    }
+
+    /// The reference from now on: pose, velocity and acceleration, of as many numbers as [`AnyController::widths`] says.
+    ///
+    /// # Errors
+    /// If they are no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn set_target(&self, target: &Target<'_>) -> Result<(), ScenarioError> {
+        let fault = |text: String| ScenarioError::new("x_ref", Problem::Other(text));
+        lock(&self.mirror).check(target).map_err(|error| fault(error.to_string()))?;
+        let mut new = Some(Reference::new(target));
+        self.send(|inbox| swap(&mut inbox.target, &mut new));
+        Ok(())
+    }
+
+    /// Puts other obstacles in place of those that there are. Their motions begin at time `t` of the drive \[s\], or when the loop
+    /// takes them over.
+    ///
+    /// # Errors
+    /// If the controller has no room for so many; then nothing has changed.
+    ///
+    /// # Panics
+    /// If the obstacles are not those of the arm's space.
+    pub fn surround(&self, obstacles: AnyObstacles, t: Option<f64>) -> Result<(), ScenarioError> {
+        let mut mirror = lock(&self.mirror);
+        mirror.surround(obstacles)?;
+        let mut new = Some((mirror.surroundings(), t));
+        let (mut points, mut sightings) = (vec![], vec![]);
+        // The mirror stays locked, so that what is meant for the old ones does not come after them.
+        self.send(|inbox| {
+            swap(&mut inbox.surroundings, &mut new);
+            swap(&mut inbox.points, &mut points);
+            swap(&mut inbox.sightings, &mut sightings);
+        });
+        Ok(())
+    }
+
+    /// Obstacle `j` is at `position` \[m\] now, and goes on at `velocity` \[m/s\].
+    ///
+    /// # Errors
+    /// If there is none of that number.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn place(&self, j: usize, position: &[f64], velocity: &[f64]) -> Result<(), ScenarioError> {
+        let mirror = lock(&self.mirror); // also while it is sent, so that the obstacles stay those
+        let (count, dimension) = (mirror.obstacle_count(), mirror.dimension());
+        if j >= count {
+            let problem = Problem::Other(format!("there is none, only {count} obstacles"));
+            return Err(ScenarioError::new(format!("obstacles[{j}]"), problem));
+        }
+        let wide = |given: &[f64]| {
+            let mut wide = [0.0; 3];
+            wide[..dimension].copy_from_slice(given);
+            wide
+        };
+        let new = Sighting { obstacle: j, position: wide(position), velocity: wide(velocity) };
+        self.send(|inbox| {
+            match inbox.sightings.iter_mut().find(|sighting| sighting.obstacle == j) {
+                Some(old) => *old = new,
+                None => inbox.sightings.push(new),
+            }
+        });
+        Ok(())
+    }
+
+    /// Puts other points in place of those of obstacle `j`.
+    ///
+    /// # Errors
+    /// If it is no cloud, or the controller has no room for them; then nothing has changed.
+    pub fn update_points(&self, j: usize, points: Vec<[f64; 3]>) -> Result<(), PointsError> {
+        let orientation = lock(&self.mirror).orientation_of_points(j)?;
+        let made = make(points, orientation)?;
+        let mut mirror = lock(&self.mirror);
+        mirror.swap_points(j, &mut made.clone())?;
+        let mut made = Some(made);
+        self.send(|inbox| {
+            let new = made.take().into_iter().map(|made| (j, made));
+            match inbox.points.iter_mut().find(|(cloud, _)| *cloud == j) {
+                Some(old) => new.for_each(|new| made = Some(replace(old, new).1)),
+                None => inbox.points.extend(new),
+            }
+        });
+        Ok(())
+    }
+
+    /// Asks the drive to end: by a damped stop.
+    pub fn stop(&self) {
+        self.end.store(true, Ordering::Release);
+    }
+
+    /// What the loop is doing.
+    pub fn phase(&self) -> Phase {
+        *lock(&self.phase)
+    }
+
+    /// Periods so far.
+    pub fn periods(&self) -> u64 {
+        self.periods.load(Ordering::Relaxed)
+    }
+
+    /// Columns of a row.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Copies the last row, NaN before the first.
+    ///
+    /// # Panics
+    /// If the slice has the wrong length.
+    pub fn copy_latest(&self, row: &mut [f64]) {
+        let View { places, latest } = &self.view;
+        loop {
+            let first = latest.load(Ordering::Acquire);
+            // The loop writes to the other one, but may have come to this one meanwhile.
+            for place in [first, 1 - first] {
+                if let Ok(place) = places[place].try_lock() {
+                    return row.copy_from_slice(&place);
+                }
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    /// Takes the rows that have come together since the last call.
+    pub fn take_rows(&self) -> Rows {
+        let mut rows = lock(&self.rows);
+        let taken = Rows { values: rows.values.clone(), lost: take(&mut rows.lost) };
+        rows.values.clear(); // and keeps its room, for the loop does not allocate
+        taken
+    }
+
+    // For the loop.
+
+    /// If something was sent, and nobody is just sending, takes it over. Does not wait.
+    pub(super) fn receive(&self, take_over: impl FnOnce(&mut Inbox)) {
+        if self.news.load(Ordering::Acquire)
+            && let Ok(mut inbox) = self.inbox.try_lock()
+        {
+            self.news.store(false, Ordering::Relaxed);
+            take_over(&mut inbox);
+        }
+    }
+
+    /// Shows what it is doing. Does not wait: whoever looks just now sees it later.
+    pub(super) fn enter(&self, phase: Phase) {
+        if let Ok(mut shown) = self.phase.try_lock() {
+            *shown = phase;
+        }
+    }
+
+    /// Shows a row. Does not wait; a row that somebody looks at is not replaced.
+    pub(super) fn show(&self, row: &[f64]) {
+        let View { places, latest } = &self.view;
+        let free = 1 - latest.load(Ordering::Relaxed);
+        if let Ok(mut place) = places[free].try_lock() {
+            place.copy_from_slice(row);
+            latest.store(free, Ordering::Release);
+        }
+    }
+
+    /// Hands on the last rows, whether or not those before were taken.
+    pub(super) fn append(&self, kept: &mut Rows) {
+        let mut rows = lock(&self.rows);
+        rows.values.append(&mut kept.values);
+        rows.lost += kept.lost;
+    }
+
+    /// Hands on the rows that have come together, if the last were taken. Does not wait.
+    pub(super) fn hand_on(&self, kept: &mut Rows) {
+        if let Ok(mut rows) = self.rows.try_lock()
+            && rows.values.is_empty()
+        {
+            rows.lost += kept.lost;
+            kept.lost = 0;
+            swap(&mut rows.values, &mut kept.values);
+        }
+    }
+}

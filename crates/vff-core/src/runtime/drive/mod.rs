@@ -1,0 +1,457 @@
+//! A controller in the loop of a robot that is not ours: a state comes in, a command goes out, once per period.
+//!
+//! A [`Loop`] runs on a thread of its own until its time is over, somebody asks it to end, or something goes wrong. Other threads
+//! talk to it by an [`Exchange`], for which it never waits. A safe start, the watchdog and the safe end are those of
+//! [`control::output`](crate::control::output); what goes wrong in the robot's driver leads to the same end, and is a value, a
+//! [`Fault`]. Drivers are [`Driver`]s; [`SimulatedRobot`] is one.
+
+mod driver;
+mod ending;
+mod exchange;
+mod reference;
+mod simulated;
+#[cfg(test)]
+mod tests;
+
+pub use driver::{CommandKind, Driver};
+pub use ending::{Ending, Fault};
+pub use exchange::{Exchange, Layout, Rows};
+pub use simulated::SimulatedRobot;
+
+use super::batch::guarded;
+use super::controller::{AnyController, Reading};
+use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
+use crate::control::output::{BeginError, Phase};
+use crate::simulation::pace::{self, Late, Timing};
+use exchange::{Inbox, ROWS, Sighting};
+use reference::Reference;
+use std::mem::swap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The rates that are accepted \[Hz\]: at the lowest, a wish to end is heard within a tenth of a second.
+pub const RATES: std::ops::RangeInclusive<f64> = 10.0..=20_000.0;
+/// An arm that has not come to rest by then \[s\] is left to its own brakes.
+const LONGEST_STOP: f64 = 5.0;
+/// So many commands in a row are refused before the drive ends at once.
+const REFUSALS: u32 = 3;
+
+/// How a robot is driven.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Periods per second \[Hz\], in [`RATES`].
+    pub rate: f64,
+    /// How long, by the robot's clock \[s\]; until somebody ends it, if it is not said.
+    pub seconds: Option<f64>,
+    /// How long a reference is carried on without a new one \[s\], ≥ 0.
+    pub patience: f64,
+    /// Periods per row that is kept for a file; 0 keeps none.
+    pub record_every: u64,
+    /// What the set points of a robot that takes positions or velocities keep to; such a robot needs them.
+    pub limits: Option<SetPointLimits>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { rate: 1000.0, seconds: None, patience: 0.1, record_every: 0, limits: None }
+    }
+}
+
+/// Why there is no such drive.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DriveError {
+    /// The damping of the controller's `command` is unstable at this rate.
+    #[error(transparent)]
+    Damping(#[from] BeginError),
+    /// A limit of the set points is none.
+    #[error("limits: {0}")]
+    Limits(#[from] VirtualArmError),
+    /// There are no limits.
+    #[error("limits: a robot that takes positions or velocities needs some")]
+    NoLimits,
+}
+
+/// How a drive went.
+#[derive(Debug, Clone)]
+pub struct Report {
+    /// How it ended.
+    pub ending: Ending,
+    /// Times of every period. A robot that paces the loop has no latency.
+    pub timing: Timing,
+    /// Periods.
+    pub periods: u64,
+    /// What else is to be told, in sentences.
+    pub notes: Vec<String>,
+}
+
+/// The loop that drives a robot.
+#[derive(Debug)]
+pub struct Loop<D> {
+    driver: D,
+    inner: Inner,
+}
+
+/// The loop without its robot.
+#[derive(Debug)]
+struct Inner {
+    controller: AnyController,
+    /// The arm whose state is the set point, and whether that is its position; of a robot that takes no torques.
+    model: Option<(VirtualArm, bool)>,
+    exchange: Arc<Exchange>,
+    options: Options,
+    paces: bool,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+    /// The robot's time at the first state, and at the last \[s\].
+    start: f64,
+    last: f64,
+    /// Periods in a row without news.
+    stale: u32,
+    /// What was given last, and when by the time of the drive \[s\]; what it has come to.
+    given: Option<(Reference, f64)>,
+    now: Reference,
+    row: Vec<f64>,
+    kept: Rows,
+    /// Periods until the next row is kept.
+    until_row: u64,
+    ending: Option<Ending>,
+    /// Periods since it was asked to end.
+    ends: u64,
+    refused: u32,
+    notes: Vec<String>,
+}
+
+impl<D: Driver> Loop<D> {
+    /// The loop of a robot, and what others talk to it by. Nothing is asked of the robot yet.
+    ///
+    /// # Errors
+    /// If the damping of the controller's `command` is unstable at this rate, or the limits of set points are none.
+    pub fn new(
+        driver: D,
+        mut controller: AnyController,
+        options: Options,
+    ) -> Result<(Self, Arc<Exchange>), DriveError> {
+        let period = 1.0 / options.rate;
+        controller.begin(period, None)?;
+        let (n, widths) = (controller.dof(), controller.widths());
+        let model = match driver.kind() {
+            CommandKind::Torque => None,
+            kind => {
+                let limits = options.limits.as_ref().ok_or(DriveError::NoLimits)?;
+                let model = VirtualArm::new(&controller, limits, period, &vec![0.0; n])?;
+                Some((model, kind == CommandKind::Position))
+            }
+        };
+        let names = ["q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "command"];
+        let mut columns = vec![("t", 1)];
+        columns.extend(names.map(|name| (name, n)));
+        columns.extend([("x", widths[0]), ("x_ref", widths[0]), ("force", n), ("clearance", n)]);
+        let layout = Layout(columns);
+        let row = vec![f64::NAN; layout.width()];
+        let room = if options.record_every > 0 { ROWS * row.len() } else { 0 };
+        let exchange = Arc::new(Exchange::new(controller.clone(), layout, room));
+        let inner = Inner {
+            model,
+            paces: driver.paces(),
+            q: vec![0.0; n],
+            dq: vec![0.0; n],
+            start: 0.0,
+            last: 0.0,
+            stale: 0,
+            given: None,
+            now: Reference::room(widths),
+            row,
+            kept: Rows { values: Vec::with_capacity(room), lost: 0 },
+            until_row: 0,
+            ending: None,
+            ends: 0,
+            refused: 0,
+            notes: vec![],
+            controller,
+            exchange: Arc::clone(&exchange),
+            options,
+        };
+        Ok((Self { driver, inner }, exchange))
+    }
+
+    /// Drives, on the calling thread, until the end. Whatever the robot's driver does, it comes back.
+    pub fn run(mut self) -> Report {
+        let mut timing = Timing::default();
+        let began = guarded(|| {
+            let Self { driver, inner } = &mut self;
+            driver.cycle(|driver| inner.begin(driver))
+        });
+        if let Err(fault) = began.unwrap_or_else(|text| Err(Fault::Program(text))) {
+            self.inner.ending = Some(Ending::Faulted(fault));
+        } else {
+            self.drive(&mut timing);
+        }
+        let Self { mut driver, mut inner } = self;
+        let left = guarded(|| driver.cycle(Driver::end));
+        if let Err(text) = left.unwrap_or_else(Err) {
+            inner.notes.push(format!("the robot did not take leave: {text}"));
+        }
+        inner.close(timing)
+    }
+
+    fn drive(&mut self, timing: &mut Timing) {
+        let period = Duration::from_secs_f64(1.0 / self.inner.options.rate);
+        let (exchange, paces) = (Arc::clone(&self.inner.exchange), self.inner.paces);
+        let mut work = || {
+            let Self { driver, inner } = self;
+            let done = guarded(|| driver.cycle(|driver| inner.period(driver)));
+            done.unwrap_or_else(|text| {
+                // The controller is in no known state: nothing more can be computed.
+                inner.fail(Fault::Program(text));
+                (Instant::now(), false)
+            })
+        };
+        let (never, done) = (AtomicBool::new(false), &exchange.periods);
+        if paces {
+            pace::accompany(timing, period, u64::MAX, done, work);
+        } else {
+            pace::keep(timing, period, Late::Skip, u64::MAX, &never, done, || work().1);
+        }
+    }
+}
+
+impl Inner {
+    /// Begins with the first state.
+    fn begin<D: Driver>(&mut self, driver: &mut D) -> Result<(), Fault> {
+        driver.begin().map_err(Fault::Begin)?;
+        self.start = driver.read(&mut self.q, &mut self.dq).map_err(Fault::Read)?;
+        self.is_finite(self.start)?;
+        self.last = f64::NEG_INFINITY;
+        let mut measured = vec![0.0; self.q.len()];
+        let known = driver.torque(&mut measured);
+        let period = 1.0 / self.options.rate;
+        let begun = self.controller.begin(period, known.then_some(&measured[..]));
+        begun.map_err(|error| Fault::Begin(error.to_string()))?;
+        if let Some((model, _)) = &mut self.model {
+            model.begin(&self.q).map_err(|error| Fault::Begin(error.to_string()))?;
+        }
+        // It goes on from here if no reference comes, unless the controller has one of its own.
+        self.controller.observe(&self.q, &self.dq, 0.0);
+        self.controller.forget();
+        let Self { now, controller, .. } = self;
+        now.rest_at(|pose| controller.write_pose(pose));
+        if !controller.has_reference() {
+            self.given = Some((now.clone(), 0.0));
+        }
+        Ok(())
+    }
+
+    fn is_finite(&self, t: f64) -> Result<(), Fault> {
+        let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+        let parts = [("time", t.is_finite()), ("q", finite(&self.q)), ("dq", finite(&self.dq))];
+        let bad = parts.iter().find(|(_, finite)| !finite);
+        bad.map_or(Ok(()), |(name, _)| Err(Fault::NotFinite(name)))
+    }
+
+    /// One period. Returns the instant at which its state had come, and whether it goes on.
+    fn period<D: Driver>(&mut self, driver: &mut D) -> (Instant, bool) {
+        let read = driver.read(&mut self.q, &mut self.dq).map_err(Fault::Read);
+        let state = read.and_then(|t| self.is_finite(t).map(|()| t));
+        let begin = Instant::now();
+        if let Err(fault) = &state {
+            self.fail(fault.clone());
+            if self.paces {
+                thread::sleep(Duration::from_secs_f64(1.0 / self.options.rate)); // nobody else paces now
+            }
+        }
+        let t = state.ok().map(|t| t - self.start);
+        let time = t.unwrap_or(self.last).max(0.0);
+        self.receive(time);
+        if self.exchange.end.load(Ordering::Acquire) {
+            self.end(Ending::Stopped);
+        }
+        if self.options.seconds.is_some_and(|seconds| t.is_some_and(|t| t >= seconds)) {
+            self.end(Ending::Completed);
+        }
+        // A robot that was elsewhere all at once is not believed any more: in time it could have gone there.
+        let lost = matches!(self.ending, Some(Ending::Faulted(Fault::Impossible { .. })));
+        let phase = self.command(t.filter(|_| !lost));
+        let goes_on = self.send(driver, phase);
+        self.keep_row(time);
+        self.exchange.enter(phase);
+        (begin, goes_on)
+    }
+
+    /// Takes over what others have sent.
+    fn receive(&mut self, time: f64) {
+        let Self { exchange, controller, given, .. } = self;
+        exchange.receive(|inbox: &mut Inbox| {
+            let Inbox { target, surroundings, points, sightings, old } = inbox;
+            if let Some(new) = target.take() {
+                old.target = given.replace((new, time)).map(|(before, _)| before);
+            }
+            if let Some((mut new, epoch)) = surroundings.take() {
+                controller.exchange(&mut new, epoch.unwrap_or(time));
+                old.surroundings = Some(new);
+            }
+            for (j, points) in &mut *points {
+                // They were tried on the mirror, which is among the same obstacles.
+                let swapped = controller.swap_points(*j, points);
+                debug_assert!(swapped.is_ok(), "{swapped:?}");
+            }
+            swap(points, &mut old.points);
+            let dimension = controller.dimension();
+            for Sighting { obstacle, position, velocity } in sightings.drain(..) {
+                let [position, velocity] = [&position, &velocity].map(|x| &x[..dimension]);
+                controller.place(obstacle, time, position, velocity);
+            }
+        });
+    }
+
+    /// What the state comes to, if there is one.
+    fn command(&mut self, t: Option<f64>) -> Phase {
+        let Self { controller, model, given, now, options, q, dq, last, stale, .. } = self;
+        let time = t.unwrap_or_else(|| last.max(0.0));
+        let target = given.as_ref().map(|(given, since)| {
+            now.coast_from(given, time - since, options.patience);
+            now.target()
+        });
+        let news = t.is_some_and(|t| t > *last);
+        *stale = if news { 0 } else { stale.saturating_add(1) };
+        let phase = match model {
+            None => {
+                let reading = t.map(|t| Reading { t, q, dq });
+                controller.cycle(reading, target.as_ref()).map_err(|error| error.to_string())
+            }
+            Some((model, _)) => {
+                let measured = news.then_some([&q[..], &dq[..]]);
+                let course = model.step(controller, time, target.as_ref(), measured);
+                course.map(phase_of).map_err(|error| error.to_string())
+            }
+        };
+        match &phase {
+            Ok(Phase::Damping | Phase::Released | Phase::Lost) if self.ending.is_none() => {
+                let fault = self.why_damped(t, news);
+                self.fail(fault);
+            }
+            Ok(_) => {}
+            Err(text) => self.fail(Fault::Program(text.clone())),
+        }
+        self.last = t.map_or(self.last, |t| t.max(self.last));
+        phase.unwrap_or(Phase::Lost)
+    }
+
+    /// Why the watchdog damps the arm although nobody has asked for it.
+    fn why_damped(&self, t: Option<f64>, news: bool) -> Fault {
+        let finite = self.controller.terms_view().tau.iter().all(|tau| tau.is_finite());
+        match t {
+            _ if !finite => Fault::Torque,
+            Some(t) if news => Fault::Impossible { t: t + self.start },
+            _ => Fault::Stale { t: self.last + self.start, periods: self.stale },
+        }
+    }
+
+    /// Sends what the controller says. Whether the loop goes on.
+    fn send<D: Driver>(&mut self, driver: &mut D, phase: Phase) -> bool {
+        let command = match &self.model {
+            None => self.controller.sent(),
+            Some((model, positions)) => Some(model.set_point()[usize::from(!positions)]),
+        };
+        if let Some(command) = command {
+            match driver.write(command) {
+                Ok(()) => self.refused = 0,
+                Err(text) => {
+                    self.refused += 1;
+                    self.fail(Fault::Write(text));
+                }
+            }
+        }
+        self.ends += u64::from(self.ending.is_some());
+        #[expect(clippy::cast_precision_loss, reason = "some thousands")]
+        let too_long = self.ends as f64 > LONGEST_STOP * self.options.rate;
+        if too_long {
+            self.notes.push(format!("the arm still moved {LONGEST_STOP} s after it was to stop"));
+        }
+        !(phase.is_over() || too_long || self.refused >= REFUSALS)
+    }
+
+    /// Begins the end, if it has not begun.
+    fn end(&mut self, ending: Ending) {
+        if self.ending.is_none() {
+            self.controller.stop();
+            if let Some((model, _)) = &mut self.model {
+                model.stop();
+            }
+            self.ending = Some(ending);
+        }
+    }
+
+    /// Begins the end with a fault. What goes wrong later follows from the first.
+    fn fail(&mut self, fault: Fault) {
+        self.end(Ending::Faulted(fault));
+    }
+
+    /// Shows the period, and keeps it for a file.
+    fn keep_row(&mut self, time: f64) {
+        let Self { row, controller, model, exchange, now, kept, options, until_row, q, dq, .. } =
+            self;
+        let terms = controller.terms_view();
+        let command = match model {
+            None => controller.sent().unwrap_or_default(),
+            Some((model, positions)) => model.set_point()[usize::from(!*positions)],
+        };
+        let mut rest = &mut row[..];
+        let mut put = |values: &[f64]| {
+            let (place, others) = std::mem::take(&mut rest).split_at_mut(values.len());
+            place.copy_from_slice(values);
+            rest = others;
+        };
+        put(&[time]);
+        for values in [q, dq, terms.tau, terms.tau_task, terms.tau_null, terms.tau_vff, command] {
+            put(values);
+        }
+        let mut pose = [0.0; 7];
+        let pose = &mut pose[..now.pose().len()];
+        controller.write_pose(pose);
+        for values in [&*pose, now.pose(), terms.force, terms.clearance] {
+            put(values);
+        }
+        exchange.show(row);
+        if options.record_every == 0 {
+            return;
+        }
+        if *until_row == 0 {
+            *until_row = options.record_every;
+            if kept.values.len() + row.len() <= kept.values.capacity() {
+                kept.values.extend_from_slice(row);
+            } else {
+                kept.lost += 1;
+            }
+        }
+        *until_row -= 1;
+        exchange.hand_on(kept);
+    }
+
+    /// What is to be told when it is over.
+    fn close(mut self, timing: Timing) -> Report {
+        let mut end = std::mem::take(&mut self.kept);
+        self.exchange.append(&mut end);
+        if !self.exchange.phase().is_over() {
+            self.exchange.enter(Phase::Lost);
+        }
+        Report {
+            ending: self.ending.unwrap_or(Ending::Stopped),
+            periods: self.exchange.periods(),
+            timing,
+            notes: self.notes,
+        }
+    }
+}
+
+/// What the course of the set points is in the words of the output stage.
+fn phase_of(course: Course) -> Phase {
+    match course {
+        Course::Following => Phase::Running,
+        Course::Rejoining => Phase::Holding,
+        Course::Waiting => Phase::Damping,
+        Course::Stopping => Phase::Stopping,
+        Course::Finished => Phase::Finished,
+    }
+}

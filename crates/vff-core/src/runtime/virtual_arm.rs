@@ -1,0 +1,287 @@
+//! For robots that take positions or velocities: the closed loop runs on the model, and its state is the set point.
+//!
+//! The joints of the model have limits of speed, acceleration and jerk ([`JointBounds`]), and the law sees what they make of it. If the
+//! robot parts from the model, because it is held or its drives are weak, the model comes to the robot within the same limits.
+
+use super::controller::{AnyController, Target};
+use crate::math::rotation::NotARotation;
+use crate::math::{JointBounds, JointMotion, ScalarOrVec};
+
+/// What a set point comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Course {
+    /// From the law.
+    Following,
+    /// Robot and model have parted: the model comes to the robot.
+    Rejoining,
+    /// The robot has not been heard of, or the torque of the law is not finite: the model stops, or stands.
+    Waiting,
+    /// The end was asked for: it stops.
+    Stopping,
+    /// It stands.
+    Finished,
+}
+
+impl Course {
+    /// The name in every layer.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Following => "following",
+            Self::Rejoining => "rejoining",
+            Self::Waiting => "waiting",
+            Self::Stopping => "stopping",
+            Self::Finished => "finished",
+        }
+    }
+}
+
+/// What the joints of a robot that takes set points may do, each or all alike.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SetPointLimits {
+    /// \[rad/s, m/s\], > 0; that of the arm if it is not given.
+    pub speed: Option<ScalarOrVec>,
+    /// \[rad/s², m/s²\], > 0.
+    pub acceleration: ScalarOrVec,
+    /// \[rad/s³, m/s³\], > 0.
+    pub jerk: ScalarOrVec,
+    /// How far a joint of the robot may be from its set point \[rad, m\], > 0.
+    pub threshold: f64,
+}
+
+/// Why there is no such arm.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum VirtualArmError {
+    /// A number that is none.
+    #[error("{name} must be finite and greater than 0, got {given}")]
+    NotPositive {
+        /// Which.
+        name: &'static str,
+        /// What it is.
+        given: f64,
+    },
+    /// So many numbers as there are no joints.
+    #[error("{name}: expected {expected} numbers, got {given}")]
+    Length {
+        /// Which.
+        name: &'static str,
+        /// n.
+        expected: usize,
+        /// How many there are.
+        given: usize,
+    },
+    /// Neither the arm nor the limits say it.
+    #[error("speed: the arm has no velocity_limits, so it must be given")]
+    NoSpeed,
+    /// A posture that is none.
+    #[error("q[{index}] must be finite, got {given}")]
+    NotFinite {
+        /// Which joint.
+        index: usize,
+        /// What it is.
+        given: f64,
+    },
+}
+
+/// The arm that the set points are those of. Nothing allocates after construction.
+#[derive(Debug, Clone)]
+pub struct VirtualArm {
+    bounds: Vec<JointBounds>,
+    period: f64,
+    threshold: f64,
+    joints: Vec<JointMotion>,
+    /// q, q̇, q̈ as they are handed out.
+    out: [Vec<f64>; 3],
+    /// What the law wants of the joints.
+    wanted: Vec<f64>,
+    course: Course,
+    /// Whether the robot has ever been heard of, and in how many cycles in a row it has not been since.
+    heard: bool,
+    missed: usize,
+    stops: bool,
+}
+
+impl VirtualArm {
+    /// ω \[1/s\], the rate at which the model comes to the robot, and stops.
+    const RATE: f64 = 10.0;
+    /// Share of the threshold within which they have met.
+    const MET: f64 = 0.25;
+    /// Cycles in a row without a word of the robot after which the model stops.
+    const PATIENCE: usize = 20;
+    /// A joint that is no faster stands \[rad/s, m/s\].
+    const STANDS: f64 = 1e-3;
+
+    /// The model of the arm of `controller`, at rest at `q`, in cycles of `period` \[s\].
+    ///
+    /// # Errors
+    /// If a number is not what it has to be.
+    pub fn new(
+        controller: &AnyController,
+        limits: &SetPointLimits,
+        period: f64,
+        q: &[f64],
+    ) -> Result<Self, VirtualArmError> {
+        let n = controller.dof();
+        let arm = controller.limits();
+        let of_arm = (!arm.velocity.is_empty()).then(|| ScalarOrVec::Each(arm.velocity.clone()));
+        let speed = limits.speed.clone().or(of_arm).ok_or(VirtualArmError::NoSpeed)?;
+        let SetPointLimits { acceleration, jerk, threshold, .. } = limits;
+        for (name, given) in [("speed", &speed), ("acceleration", acceleration), ("jerk", jerk)] {
+            let values = given.values();
+            if matches!(given, ScalarOrVec::Each(_)) && values.len() != n {
+                return Err(VirtualArmError::Length { name, expected: n, given: values.len() });
+            }
+            values.iter().try_for_each(|value| positive(name, *value))?;
+        }
+        positive("threshold", *threshold)?;
+        positive("period", period)?;
+        if q.len() != n {
+            return Err(VirtualArmError::Length { name: "q", expected: n, given: q.len() });
+        }
+        let bounds = |i: usize| JointBounds {
+            position: arm.joint.get(i).copied().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]),
+            speed: speed.get(i),
+            acceleration: acceleration.get(i),
+            jerk: jerk.get(i),
+        };
+        let zeros = || vec![0.0; n];
+        let mut this = Self {
+            bounds: (0..n).map(bounds).collect(),
+            period,
+            threshold: *threshold,
+            joints: vec![JointMotion::default(); n],
+            out: [zeros(), zeros(), zeros()],
+            wanted: zeros(),
+            course: Course::Following,
+            heard: false,
+            missed: 0,
+            stops: false,
+        };
+        this.begin(q)?;
+        Ok(this)
+    }
+
+    /// Begins anew, at rest at `q`. Does not allocate.
+    ///
+    /// # Errors
+    /// If a number is not finite; then nothing has changed.
+    ///
+    /// # Panics
+    /// If it has the wrong length.
+    pub fn begin(&mut self, q: &[f64]) -> Result<(), VirtualArmError> {
+        assert_eq!(q.len(), self.joints.len());
+        if let Some(index) = q.iter().position(|q| !q.is_finite()) {
+            return Err(VirtualArmError::NotFinite { index, given: q[index] });
+        }
+        for (joint, q) in self.joints.iter_mut().zip(q) {
+            *joint = JointMotion { q: *q, ..JointMotion::default() };
+        }
+        (self.course, self.heard, self.missed, self.stops) = (Course::Following, false, 0, false);
+        self.hand_out();
+        Ok(())
+    }
+
+    /// Positions, velocities and accelerations of the joints at the set point, (n) each.
+    pub fn set_point(&self) -> [&[f64]; 3] {
+        self.out.each_ref().map(Vec::as_slice)
+    }
+
+    /// What it comes from.
+    pub fn course(&self) -> Course {
+        self.course
+    }
+
+    /// Stops the model from the next cycle on.
+    pub fn stop(&mut self) {
+        self.stops = true;
+    }
+
+    /// One cycle, from the set point at `t` \[s\] to the next: by the law of `controller` for this target, or for the reference of
+    /// its scenario, or to stay where it is. `measured` is (q, q̇) of the robot, if it has been heard of; numbers that are
+    /// none are no word of it.
+    ///
+    /// # Errors
+    /// If the target is no reference; then nothing has changed.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    pub fn step(
+        &mut self,
+        controller: &mut AnyController,
+        t: f64,
+        target: Option<&Target<'_>>,
+        measured: Option<[&[f64]; 2]>,
+    ) -> Result<Course, NotARotation> {
+        let measured =
+            measured.filter(|state| state.iter().all(|x| x.iter().all(|x| x.is_finite())));
+        controller.observe(&self.out[0], &self.out[1], t);
+        controller.accelerate(target, &mut self.wanted)?;
+        self.course = self.choose(measured);
+        let rate = Self::RATE;
+        for (i, joint) in self.joints.iter_mut().enumerate() {
+            let wanted = match (self.course, measured) {
+                (Course::Following, _) => self.wanted[i],
+                (Course::Rejoining, Some([q, dq])) => {
+                    -rate * rate * (joint.q - q[i]) - 2.0 * rate * (joint.dq - dq[i])
+                }
+                _ => -rate * joint.dq - joint.ddq,
+            };
+            *joint = self.bounds[i].advance(*joint, wanted, self.period);
+        }
+        self.hand_out();
+        Ok(self.course)
+    }
+
+    /// What the next set point comes from.
+    fn choose(&mut self, measured: Option<[&[f64]; 2]>) -> Course {
+        if self.stops {
+            let stands = |joint: &JointMotion| joint.dq.abs() <= Self::STANDS;
+            return match self.joints.iter().all(stands) {
+                true => Course::Finished,
+                false => Course::Stopping,
+            };
+        }
+        let Some([q, _]) = measured else {
+            self.missed = self.missed.saturating_add(1);
+            let waits = self.heard && self.missed >= Self::PATIENCE;
+            return match self.course {
+                _ if waits || !self.is_defined() => Course::Waiting,
+                Course::Rejoining => Course::Waiting,
+                _ => Course::Following,
+            };
+        };
+        (self.heard, self.missed) = (true, 0);
+        let apart = self
+            .joints
+            .iter()
+            .zip(q)
+            .fold(0.0, |most: f64, (joint, q)| most.max((joint.q - q).abs()));
+        let allowed = match self.course {
+            Course::Rejoining => Self::MET * self.threshold,
+            _ => self.threshold,
+        };
+        match apart > allowed {
+            true => Course::Rejoining,
+            false if self.is_defined() => Course::Following,
+            false => Course::Waiting,
+        }
+    }
+
+    /// Whether the law says something.
+    fn is_defined(&self) -> bool {
+        self.wanted.iter().all(|ddq| ddq.is_finite())
+    }
+
+    fn hand_out(&mut self) {
+        let [q, dq, ddq] = &mut self.out;
+        for (i, joint) in self.joints.iter().enumerate() {
+            (q[i], dq[i], ddq[i]) = (joint.q, joint.dq, joint.ddq);
+        }
+    }
+}
+
+fn positive(name: &'static str, given: f64) -> Result<(), VirtualArmError> {
+    match given.is_finite() && given > 0.0 {
+        true => Ok(()),
+        false => Err(VirtualArmError::NotPositive { name, given }),
+    }
+}

@@ -1,0 +1,223 @@
+//! Joints along a plan: the clamped cubic spline, at rest at both ends (T117).
+
+use super::TrajectoryError;
+use super::piecewise;
+use super::polynomial::horner;
+use crate::math::Vector;
+
+/// Positions of `n` joints over time: cubics through knots (C²), at rest at the first and at the last of them, where it
+/// stays before and after.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointSpline {
+    times: Vec<f64>,
+    /// How many joints there are.
+    n: usize,
+    /// The cubics of all joints between the first two knots, then of all between the next.
+    pieces: Vec<[Vector<1>; 4]>,
+    first: Vec<f64>,
+    last: Vec<f64>,
+}
+
+impl JointSpline {
+    /// Through `points`, one number per joint \[rad or m\], at `times` \[s\].
+    ///
+    /// # Errors
+    /// With fewer than two times, times that do not increase, not as many points as times, or points of several lengths.
+    pub fn new(times: &[f64], points: &[Vec<f64>]) -> Result<Self, TrajectoryError> {
+        piecewise::check(times, points.len())?;
+        let n = points[0].len();
+        for (i, point) in points.iter().enumerate() {
+            if point.len() != n {
+                let field = format!("points[{i}]");
+                return Err(TrajectoryError::Joints { field, expected: n, given: point.len() });
+            }
+        }
+        let knots = times.len();
+        let mut pieces = vec![[Vector::zeros(); 4]; n * (knots - 1)];
+        let mut workspace = Clamped { times, ddx: vec![0.0; knots], upper: vec![0.0; knots] };
+        for joint in 0..n {
+            workspace.fit(|i| points[i][joint]);
+            for i in 0..knots - 1 {
+                pieces[i * n + joint] =
+                    workspace.piece(i, |i| points[i][joint]).map(Vector::<1>::new);
+            }
+        }
+        let (first, last) = (points[0].clone(), points[knots - 1].clone());
+        Ok(Self { times: times.to_vec(), n, pieces, first, last })
+    }
+
+    /// The number of joints.
+    pub fn dof(&self) -> usize {
+        self.n
+    }
+
+    /// Where it starts \[rad or m\].
+    pub fn first(&self) -> &[f64] {
+        &self.first
+    }
+
+    /// Where it ends \[rad or m\].
+    pub fn last(&self) -> &[f64] {
+        &self.last
+    }
+
+    /// The instants of its knots \[s\].
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// When it starts and when it ends \[s\].
+    pub fn span(&self) -> [f64; 2] {
+        [self.times[0], self.times[self.times.len() - 1]]
+    }
+
+    /// Positions, velocities and accelerations of all joints at time `t` \[s\]. Does not allocate.
+    ///
+    /// # Panics
+    /// If one of the slices has not a number for each joint.
+    pub fn at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
+        let [start, end] = self.span();
+        let outside = [(t < start, &self.first), (t > end, &self.last)];
+        if let Some((_, there)) = outside.into_iter().find(|(is_there, _)| *is_there) {
+            q.copy_from_slice(there);
+            dq.fill(0.0);
+            ddq.fill(0.0);
+            return;
+        }
+        let i = self.times[1..self.times.len() - 1].partition_point(|time| *time <= t);
+        let since = t - self.times[i];
+        for (joint, piece) in self.pieces[i * self.n..(i + 1) * self.n].iter().enumerate() {
+            let at = horner(piece, since);
+            (q[joint], dq[joint], ddq[joint]) = (at.x[0], at.dx[0], at.ddx[0]);
+        }
+    }
+}
+
+/// The clamped spline of one joint after the other.
+struct Clamped<'a> {
+    times: &'a [f64],
+    /// The second derivative at each knot.
+    ddx: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+impl Clamped<'_> {
+    fn duration(&self, i: usize) -> f64 {
+        self.times[i + 1] - self.times[i]
+    }
+
+    /// Equal velocities on both sides of every knot, none at the ends: with h the durations and s the slopes,
+    /// hᵢ₋₁ ẍᵢ₋₁ + 2(hᵢ₋₁ + hᵢ) ẍᵢ + hᵢ ẍᵢ₊₁ = 6(sᵢ − sᵢ₋₁), where beyond the ends h and s are 0.
+    fn fit(&mut self, value: impl Fn(usize) -> f64) {
+        let n = self.times.len();
+        for i in 0..n {
+            let side = |i: usize| {
+                let h = self.duration(i);
+                (h, (value(i + 1) - value(i)) / h)
+            };
+            let (before, slope_before) = if i > 0 { side(i - 1) } else { (0.0, 0.0) };
+            let (after, slope) = if i + 1 < n { side(i) } else { (0.0, 0.0) };
+            let [upper, last] =
+                if i > 0 { [self.upper[i - 1], self.ddx[i - 1]] } else { [0.0, 0.0] };
+            let pivot = 2.0 * (before + after) - before * upper;
+            self.upper[i] = after / pivot;
+            self.ddx[i] = (6.0 * (slope - slope_before) - before * last) / pivot;
+        }
+        for i in (0..n - 1).rev() {
+            self.ddx[i] -= self.upper[i] * self.ddx[i + 1];
+        }
+    }
+
+    fn piece(&self, i: usize, value: impl Fn(usize) -> f64) -> [f64; 4] {
+        let h = self.duration(i);
+        let [now, next] = [self.ddx[i], self.ddx[i + 1]];
+        let slope = (value(i + 1) - value(i)) / h;
+        [value(i), slope - (2.0 * now + next) * (h / 6.0), 0.5 * now, (next - now) / (6.0 * h)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn at(spline: &JointSpline, t: f64) -> [Vec<f64>; 3] {
+        let mut state = [0; 3].map(|_| vec![0.0; spline.dof()]);
+        spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+        state
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Through every knot, C² across it, the derivatives exact, and at rest at both ends.
+        #[test]
+        fn smooth_through_every_knot(
+            steps in prop::collection::vec(0.2..1.0, 1..9),
+            coordinates in prop::collection::vec(-1.0..1.0, 30), fraction in 0.01..0.99_f64,
+        ) {
+            let mut times = vec![-1.0];
+            for step in steps {
+                times.push(times[times.len() - 1] + step);
+            }
+            let points: Vec<_> = coordinates.chunks(3).take(times.len()).map(<[f64]>::to_vec).collect();
+            let spline = JointSpline::new(&times, &points).unwrap();
+            let h = 1e-4;
+            for (k, (t, point)) in times.iter().zip(&points).enumerate() {
+                let [q, dq, _] = at(&spline, *t);
+                for (a, b) in q.iter().zip(point) {
+                    prop_assert!((a - b).abs() < 1e-12);
+                }
+                if k == 0 || k + 1 == times.len() {
+                    prop_assert!(dq.iter().all(|v| v.abs() < 1e-12), "{dq:?}");
+                } else {
+                    let [before, after] = [at(&spline, t - 1e-9), at(&spline, t + 1e-9)];
+                    for k in 0..3 {
+                        for (a, b) in before[k].iter().zip(&after[k]) {
+                            prop_assert!((a - b).abs() < 1e-5, "derivative {k} jumps at {t}");
+                        }
+                    }
+                }
+            }
+            for pair in times.windows(2) {
+                let t = (pair[0] + fraction * (pair[1] - pair[0])).clamp(pair[0] + h, pair[1] - h);
+                let [before, now, after] = [t - h, t, t + h].map(|t| at(&spline, t));
+                for joint in 0..3 {
+                    for k in 0..2 {
+                        let rate = (after[k][joint] - before[k][joint]) / (2.0 * h);
+                        prop_assert!((now[k + 1][joint] - rate).abs() < 1e-4);
+                    }
+                }
+            }
+            for (t, point) in [(-1.0 - fraction, &points[0]), (99.0, &points[times.len() - 1])] {
+                let rest = [point.clone(), vec![0.0; 3], vec![0.0; 3]];
+                prop_assert_eq!(at(&spline, t), rest);
+            }
+        }
+    }
+
+    /// The cubic from rest to rest is itself.
+    #[test]
+    fn two_knots_are_one_cubic() {
+        let spline = JointSpline::new(&[0.0, 2.0], &[vec![1.0], vec![3.0]]).unwrap();
+        for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
+            let s: f64 = 0.5 * t;
+            let [q, dq, ddq] = at(&spline, t);
+            assert!((q[0] - (1.0 + 2.0 * s * s * (3.0 - 2.0 * s))).abs() < 1e-14);
+            assert!((dq[0] - 6.0 * s * (1.0 - s)).abs() < 1e-14);
+            assert!((ddq[0] - (3.0 - 6.0 * s)).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn unusable_knots_are_named() {
+        let field = |times: &[f64], points: &[Vec<f64>]| {
+            JointSpline::new(times, points).unwrap_err().field()
+        };
+        let point = vec![1.0, 2.0];
+        assert_eq!(field(&[0.0], std::slice::from_ref(&point)), "times");
+        assert_eq!(field(&[0.0, 1.0], std::slice::from_ref(&point)), "points");
+        assert_eq!(field(&[0.0, 0.0], &[point.clone(), point.clone()]), "times[1]");
+        assert_eq!(field(&[0.0, 1.0], &[point, vec![1.0]]), "points[1]");
+    }
+}

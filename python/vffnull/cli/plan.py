@@ -1,0 +1,123 @@
+"""The command ``plan``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vffnull import _core
+from vffnull.cli.common import (
+    FAILED,
+    FINE,
+    complete_scenario,
+    echo_json,
+    prepared,
+    set_option,
+)
+
+if TYPE_CHECKING:
+    from vffnull.planning import Plan
+
+__all__ = ["plan"]
+
+
+def _list(_context: click.Context, param: click.Parameter, text: str | None) -> list[float] | None:
+    """Numbers between commas."""
+    if text is None:
+        return None
+    try:
+        return [float(each) for each in text.strip("[] ").split(",")]
+    except ValueError:
+        raise click.BadParameter(f"expected numbers between commas, not {text!r}", param=param) from None
+
+
+@click.command()
+@click.argument("scenario", shell_complete=complete_scenario)
+@click.option(
+    "--goal",
+    callback=_list,
+    metavar="A,B,…",
+    help="A configuration, or a position [m]; by default where the reference ends.",
+)
+@click.option(
+    "--orientation",
+    callback=_list,
+    metavar="W,X,Y,Z",
+    help="With a position: the quaternion there; in the plane an angle [rad].",
+)
+@click.option("--margin", type=float, default=0.02, show_default=True, help="Kept from obstacles [m].")
+@click.option("--speed", type=float, default=0.5, show_default=True, help="Share of the joints' limits.")
+@click.option(
+    "--horizon",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="Keep places free that are passed so soon [s].",
+)
+@click.option("--samples", type=int, default=20_000, show_default=True, help="When to give up.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@set_option
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the plan, as .npz.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
+def plan(
+    scenario: str,
+    goal: list[float] | None,
+    orientation: list[float] | None,
+    margin: float,
+    speed: float,
+    horizon: float,
+    samples: int,
+    seed: int,
+    assignments: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Plan a motion of all joints to a goal, around what is in the way.
+
+    \b
+    vffnull plan panda-shelf --set reference.kind=setpoint --goal 0.5,0.2,0.4 --out plan.npz
+    vffnull plan narrow-gap
+
+    Exit codes: 0 found, 2 wrong input, 3 nothing found, 130 interrupted.
+    """
+    from vffnull.planning import plan as find
+    from vffnull.planning.motion import checked_path
+
+    if orientation is not None and goal is None:
+        raise click.UsageError("--orientation belongs to a position: --goal X,Y,Z")
+    if out is not None:
+        checked_path(out)
+    ready = prepared(scenario, assignments)
+    given = {"position": goal, "orientation": orientation} if orientation is not None and goal else goal
+    found = find(ready, given, margin=margin, speed=speed, horizon=horizon, samples=samples, seed=seed)
+    if out is not None:
+        found.save(out)
+    if as_json:
+        echo_json(_summary(found) | {"version": _core.__version__})
+    else:
+        click.echo(click.style(ready.name or "scenario", bold=True), nl=False)
+        click.echo(f": {found.status}\n")
+        for name, value in _summary(found).items():
+            click.echo(f"{name:12} {value}")
+        if out is not None:
+            click.echo(f"\nwrote {out}")
+    return FINE if found.status == "found" else FAILED
+
+
+def _summary(found: Plan) -> dict[str, object]:
+    def finite(value: float, digits: int) -> float | None:
+        return round(value, digits) if math.isfinite(value) else None
+
+    return {
+        "status": str(found.status),
+        "duration": finite(found.duration, 3),
+        "clearance": finite(found.clearance, 4),
+        "margin": finite(found.margin, 4),
+        "gap": finite(found.gap, 4),
+        "samples": found.samples,
+        "nodes": found.nodes,
+        "wall_time": finite(found.wall_time, 4),
+    }

@@ -1,0 +1,187 @@
+"""Plans a motion of a scenario's arm to a goal."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vffnull import _core
+from vffnull._arguments import number, whole
+from vffnull._document import Document
+from vffnull.errors import InputError, InputTypeError
+from vffnull.planning.motion import Plan, PlanStatus
+from vffnull.scenario import Scenario, ScenarioLike, prepare
+
+__all__ = ["Goal", "plan"]
+
+Goal = ArrayLike | Mapping[str, ArrayLike] | tuple[ArrayLike, ArrayLike]
+"""A configuration, a position, or a position with an orientation."""
+
+_MOST_SAMPLES = 10_000_000
+
+
+def plan(
+    scenario: ScenarioLike,
+    goal: Goal | None = None,
+    *,
+    start: ArrayLike | None = None,
+    time: float = 0.0,
+    margin: float = 0.02,
+    horizon: float | None = 1.0,
+    speed: float = 0.5,
+    samples: int = 20_000,
+    seed: int = 0,
+) -> Plan:
+    """Plan a motion of all joints to a goal, around what is in the way.
+
+    Two trees of configurations, one from the start and one from all goals, grow towards each other
+    (RRT-Connect);
+    the path is shortened and rounded, and followed as fast as the joints allow. Every piece of it is
+    certified to be
+    free, not sampled. The same arguments give the same plan.
+
+    Parameters
+    ----------
+    scenario : str, path, Mapping or Scenario
+        The arm, its obstacles and where it starts; what `vffnull.simulate` accepts.
+    goal : (n,) array_like, Mapping or tuple, optional
+        Where to go: a configuration [rad]; ``{"position": …}`` [m], with ``"orientation"`` a pose (an angle
+        [rad] in
+        the plane, a quaternion [w, x, y, z] in space); or (position, orientation). By default where the
+        scenario's
+        reference is at the end of its duration, as far as its task cares.
+    start : (n,) array_like, optional
+        Where the joints are [rad]; ``q0`` by default.
+    time : float, optional
+        When the motion starts [s]: obstacles are where their motion has them then.
+    margin : float, optional
+        What every link keeps from obstacles [m]; less where start or goal have less.
+    horizon : float or None, optional
+        For how long the places that obstacles will pass are kept free [s], as their motion is known. With 0
+        they are
+        taken as they are at `time`, with None those that move are left out.
+    speed : float, optional
+        The share of the limits of speed and acceleration that is used, in (0, 1]. Joints without a limit of
+        speed take
+        3 rad/s for it; the limit of acceleration is 30 rad/s² in the plane and 10 rad/s² in space. Of a
+        torque limit
+        80 % are used, gravity included.
+    samples : int, optional
+        How many random configurations are tried before the search gives up.
+    seed : int, optional
+        Where the random numbers come from.
+
+    Returns
+    -------
+    Plan
+        The motion. If none was found, its status says why, and it holds how far the search came.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run, or an argument is out of its range.
+    vffnull.errors.InputError, vffnull.errors.InputTypeError
+        If an argument has the wrong shape, is not finite, or is of a type that cannot be used.
+    KeyboardInterrupt
+        After Ctrl-C, within a fraction of a second.
+
+    Examples
+    --------
+    >>> found = plan("narrow-gap")
+    >>> print(found.status)
+    found
+    """
+    ready = prepare(scenario)
+    document = ready.to_dict()
+    joints = len(document["q0"])
+    begun = clock.perf_counter()
+    aimed, configuration = _aimed(document, goal, ready.arm.dimension)
+    found = _core.plan(
+        aimed,
+        goal=configuration,
+        start=None if start is None else _vector("start", start, joints),
+        time=_finite("time", time),
+        margin=_finite("margin", margin),
+        horizon=None if horizon is None else _finite("horizon", horizon),
+        speed=_finite("speed", speed),
+        samples=whole("samples", samples, 0, _MOST_SAMPLES),
+        seed=whole("seed", seed, 0, 2**64 - 1),
+    )
+    return _finished(ready, found, clock.perf_counter() - begun)
+
+
+def _finished(ready: Scenario, found: dict[str, Any], wall_time: float) -> Plan:
+    tip = np.array(ready.arm.forward_kinematics(found["q"])[:, -1])
+    status = PlanStatus(found.pop("status"))
+    return Plan(status=status, tip=tip, wall_time=wall_time, **found)
+
+
+def _aimed(document: Document, goal: Goal | None, dimension: int) -> tuple[Document, list[float] | None]:
+    """The document whose reference ends at the goal; or the document, and the goal as a configuration."""
+    joints = len(document["q0"])
+    if goal is None:
+        return document, None
+    position: Any
+    orientation: Any = None
+    if isinstance(goal, Mapping):
+        if "position" not in goal or not set(goal) <= {"position", "orientation"}:
+            names = ", ".join(str(name)[:40] for name in goal)
+            raise InputError(
+                f"goal: expected position and, if it matters, orientation, got {names or 'neither'}"
+            )
+        position, orientation = goal["position"], goal.get("orientation")
+    elif isinstance(goal, tuple) and len(goal) == 2 and isinstance(goal[0], Sequence | np.ndarray):
+        position, orientation = goal
+    else:
+        numbers = _numbers("goal", goal)
+        if len(numbers) == joints:
+            return document, numbers
+        if len(numbers) != dimension:
+            raise InputError(
+                f"goal: expected a configuration of {joints} numbers, a position of {dimension}, or "
+                f"(position, orientation), got {len(numbers)} numbers"
+            )
+        position = numbers
+    point = _vector("goal position", position, dimension)
+    reference: Document = {"kind": "setpoint", "point": point}
+    if orientation is not None:
+        turned = _numbers("goal orientation", orientation)
+        if dimension == 2:
+            reference["point"] = [*point, *_vector("goal orientation", turned, 1)]
+        else:
+            reference["orientation"] = _vector("goal orientation", turned, 4)
+    controller: Document = {"task": "position" if orientation is None else "pose"}
+    keep = document.get("controller", {}).get("self_collision")
+    if keep is not None:
+        controller["self_collision"] = keep
+    return {**document, "reference": reference, "controller": controller}, None
+
+
+def _numbers(name: str, value: Any) -> list[float]:
+    try:
+        found = np.atleast_1d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        raise InputTypeError(f"{name}: expected numbers, not {str(value)[:40]!r}") from None
+    if found.ndim != 1:
+        raise InputError(f"{name}: expected one row of numbers, got an array of shape {found.shape}")
+    if not np.isfinite(found).all():
+        raise InputError(f"{name}: must be finite")
+    return [float(each) for each in found]
+
+
+def _vector(name: str, value: Any, n: int) -> list[float]:
+    found = _numbers(name, value)
+    if len(found) != n:
+        raise InputError(f"{name}: expected {n} numbers, got {len(found)}")
+    return found
+
+
+def _finite(name: str, value: object) -> float:
+    found = number(name, value)
+    if not np.isfinite(found):
+        raise InputError(f"{name}: must be finite")
+    return found

@@ -1,0 +1,246 @@
+"""A planned motion: configurations over time, from rest to rest."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import zipfile
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vffnull import _core
+from vffnull._files import replacing
+from vffnull.errors import InputError
+
+__all__ = ["Plan", "PlanStatus"]
+
+Array = NDArray[np.float64]
+
+_FORMAT = 1
+_ARRAYS = ("t", "q", "dq", "ddq", "tip")
+_NUMBERS = ("clearance", "margin", "gap", "samples", "nodes", "wall_time")
+
+
+class PlanStatus(str, Enum):
+    """What planning has come to. A status equals its plain string: ``plan.status == "found"``."""
+
+    FOUND = "found"
+    """A motion to the goal."""
+    START_BLOCKED = "start blocked"
+    """The start touches something, is beyond a joint limit, or will be passed by something within the
+    horizon."""
+    GOAL_OUT_OF_REACH = "goal out of reach"
+    """No configuration within the joint limits puts the end effector there."""
+    GOAL_BLOCKED = "goal blocked"
+    """Every configuration that was found for the goal touches something."""
+    NOT_FOUND = "not found"
+    """No path with so many samples. It is no proof that there is none."""
+    TOO_HEAVY = "too heavy"
+    """There is a path, but the joints cannot hold the arm somewhere on it."""
+
+    def __str__(self) -> str:
+        return self.value
+
+    def __format__(self, spec: str) -> str:
+        return format(self.value, spec)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan:
+    """A planned motion, or how far the search for one came; made by `vffnull.plan`.
+
+    Between the instants the joints follow the cubic spline through `q` that is at rest at both ends: `at`.
+
+    Parameters
+    ----------
+    status : PlanStatus
+        Whether it leads to the goal, and if not, why.
+    t : (k,) ndarray
+        Instants [s] from 0 on; empty if nothing was found.
+    q : (k, n) ndarray
+        The configuration at each instant [rad or m]. If nothing was found: the corners of the path to where
+        the
+        goal was nearest, from the start.
+    dq, ddq : (k, n) ndarray
+        Velocities [rad/s] and accelerations [rad/s²]; empty if nothing was found.
+    tip : (k, 2) or (k, 3) ndarray
+        Positions of the tip at `q` [m].
+    clearance : float
+        The smallest distance from obstacles, at the instants and seven times in between [m]; at the start if
+        nothing was found. Infinite if there is nothing.
+    margin : float
+        The distance that the path keeps [m], half of it where corners were rounded: that which was asked
+        for, or 90 %
+        of what start or goal have.
+    gap : float
+        What was left to a goal: joint angles, taken together as a vector [rad], if no path was found; a
+        distance [m],
+        if the goal is out of reach; infinite if start or goal are blocked; 0 if a path was found.
+    samples, nodes : int
+        How many random configurations were tried, and how many the search kept.
+    wall_time : float
+        How long planning took [s].
+    """
+
+    status: PlanStatus
+    t: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    tip: Array
+    clearance: float
+    margin: float
+    gap: float
+    samples: int
+    nodes: int
+    wall_time: float
+
+    @property
+    def duration(self) -> float:
+        """How long the motion takes [s]; 0 if nothing was found."""
+        return float(self.t[-1]) if len(self.t) else 0.0
+
+    @property
+    def reference(self) -> dict[str, Any]:
+        """The ``[reference]`` of a scenario that follows the plan:
+        ``scenario.replace(reference=plan.reference)``.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If nothing was found.
+        """
+        self._needed()
+        return {"kind": "plan", "times": self.t.tolist(), "points": self.q.tolist()}
+
+    def at(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations of the joints at any instants.
+
+        Parameters
+        ----------
+        t : float or (m,) array_like
+            Instants [s]; the first or last configuration is held before and after.
+
+        Returns
+        -------
+        tuple of (n,) or (m, n) ndarray
+            q [rad], dq [rad/s] and ddq [rad/s²], as the reference of a scenario has them.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If nothing was found, or an instant is not finite.
+        """
+        self._needed()
+        times = np.asarray(t, dtype=float)
+        found = _core.joints_at(self.t, self.q, times.reshape(-1))
+        q, dq, ddq = (each.reshape(*times.shape, self.q.shape[1]) for each in found)
+        return q, dq, ddq
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the plan to a file.
+
+        Parameters
+        ----------
+        path : str or path
+            A path that ends in ``.npz``.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the path ends otherwise.
+        """
+        path = checked_path(path)
+        header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
+        header |= {name: getattr(self, name) for name in _NUMBERS}
+        arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        with replacing(path) as draft, draft.open("wb") as file:
+            np.savez(file, vffnull_plan=np.array(json.dumps(header)), **arrays)
+        return path
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Plan:
+        """Read a plan that `save` has written, every bit as it was.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the file holds no plan.
+        OSError
+            If it cannot be read.
+        """
+        path = Path(path)
+        try:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+                header = json.loads(str(file["vffnull_plan"]))
+                arrays: dict[str, Any] = {name: np.asarray(file[name]) for name in _ARRAYS}
+            if header["format"] != _FORMAT:
+                raise InputError(
+                    f"{path}: a plan in format {str(header['format'])[:20]}; "
+                    f"this version reads format {_FORMAT}"
+                )
+            values: dict[str, Any] = {name: type_(header[name]) for name, type_ in _types().items()}
+            plan = cls(status=PlanStatus(header["status"]), **values, **arrays)
+        except InputError:
+            raise
+        except (KeyError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile, MemoryError):
+            raise InputError(f"{path}: holds no plan that vffnull has written") from None
+        plan._check(path)
+        return plan
+
+    def _check(self, path: Path) -> None:
+        """Refuse arrays that do not belong together."""
+        times, points = len(self.t), self.q.shape
+        found = self.status is PlanStatus.FOUND
+        whole = (
+            all(getattr(self, name).dtype == np.float64 for name in _ARRAYS)
+            and self.t.ndim == 1
+            and self.q.ndim == self.tip.ndim == 2
+            and self.tip.shape[0] == points[0]
+            and self.tip.shape[1] in (2, 3)
+            and self.dq.shape == self.ddq.shape == ((times, points[1]) if found else (0, points[1]))
+            and times == (points[0] if found else 0)
+            and all(np.isfinite(getattr(self, name)).all() for name in _ARRAYS)
+            and not any(math.isnan(getattr(self, name)) for name in _NUMBERS)
+        )
+        if not whole or (found and (times < 2 or (np.diff(self.t) <= 0).any())):
+            raise InputError(f"{path}: holds no plan that vffnull has written")
+
+    def _needed(self) -> None:
+        if self.status is not PlanStatus.FOUND:
+            raise InputError(f"plan: there is no motion to follow, its status is {str(self.status)!r}")
+
+    def __repr__(self) -> str:
+        head = f"<Plan {self.status}: {self.q.shape[1]} joints"
+        if self.status is PlanStatus.FOUND:
+            room = f", {1e3 * self.clearance:.0f} mm clear" if math.isfinite(self.clearance) else ""
+            return f"{head}, {self.duration:.2f} s{room}, {self.samples} samples>"
+        if self.status is PlanStatus.NOT_FOUND:
+            return f"{head}, {self.gap:.2f} rad left after {self.samples} samples>"
+        if self.status is PlanStatus.GOAL_OUT_OF_REACH and math.isfinite(self.gap):
+            return f"{head}, {self.gap:.3f} m away>"
+        return f"{head}>"
+
+
+def _types() -> dict[str, type]:
+    """What each number of a header is."""
+    return {name: int if name in ("samples", "nodes") else float for name in _NUMBERS}
+
+
+def checked_path(path: str | os.PathLike[str]) -> Path:
+    """Refuse a path that a plan cannot be written to."""
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise InputError(f"{path}: a plan is written as .npz")
+    return path

@@ -1,0 +1,5 @@
+// A stand-in, see README.md.
+#pragma once
+#include <type_traits>
+
+#define PLUGINLIB_EXPORT_CLASS(derived, base) static_assert(std::is_base_of_v<base, derived> && !std::is_abstract_v<derived>);

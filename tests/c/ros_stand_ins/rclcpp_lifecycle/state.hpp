@@ -1,0 +1,6 @@
+// A stand-in, see README.md.
+#pragma once
+
+namespace rclcpp_lifecycle {
+class State {};
+}  // namespace rclcpp_lifecycle

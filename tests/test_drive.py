@@ -1,0 +1,605 @@
+"""`vff.drive`: a controller in the loop of a robot, what others tell it meanwhile, and how it ends, whatever
+the robot does.
+
+The robots are simulated, and their time goes on by one period per command: what they do does not depend on
+the clock.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull import _drive
+from vffnull.errors import InputError, InputTypeError, ScenarioError
+from vffnull.robots import Robot
+from vffnull.robots.simulated import SimulatedRobot
+from waiting import HANG, wait_for
+
+SCENE = vff.Scenario.load("panda-sweep")
+ARM = SCENE.arm
+LIMITS = {"acceleration": 10.0, "jerk": 500.0, "speed": 1.0}
+BALL = vff.Obstacle.sphere([-0.05, -0.3, 0.62], 0.08, vff.Motion.linear([0.0, 0.4, 0.0]))
+
+
+def controller(**command: Any) -> vff.Controller:
+    settings = dict(SCENE["controller"])
+    return vff.Controller(ARM, settings | ({"command": command} if command else {}))
+
+
+class InPython:
+    """The simulated robot behind a class of Python, with mishaps: `mishap` gets the number of the period and
+    the state.
+    """
+
+    def __init__(self, mishap: Callable[[int, Any], Any] | None = None, write: Any = None) -> None:
+        self.plant = SimulatedRobot(SCENE)
+        self.mishap, self.refuse = mishap, write
+        self.periods = 0
+        self.told: list[Any] = []
+        self.calls: list[str] = []
+        self.threads: set[int] = set()
+
+    def begin(self) -> None:
+        self.calls.append("begin")
+
+    def read(self) -> Any:
+        self.threads.add(threading.get_ident())
+        self.periods += 1
+        state = self.plant.read()
+        return state if self.mishap is None else self.mishap(self.periods, state)
+
+    def write(self, command: Any, /) -> None:
+        assert isinstance(command, np.ndarray) and command.shape == (7,)
+        self.told.append(command.copy())
+        if self.refuse is not None:
+            self.refuse(self.periods)
+        self.plant.write(command)
+
+    def end(self) -> None:
+        self.calls.append("end")
+
+
+def finished(drive: vff.Drive) -> vff.DriveReport:
+    assert drive.wait(HANG)
+    return drive.report
+
+
+def recorded(robot: Any, path: Path, **more: Any) -> Any:
+    """The table of a drive among a ball that comes, a row per period."""
+    given = {"obstacles": [BALL], "seconds": 1.5, "record_to": path, "record_every": 1} | more
+    with vff.drive(robot, controller(), **given) as drive:
+        assert finished(drive).status == "completed"
+    return vff.StreamRecorder.read(path).to_pandas()
+
+
+def test_it_drives(tmp_path: Path) -> None:
+    """A ball sweeps through the elbow: the hand stays, the links give way. The robot in Python does, bit for
+    bit, what the one without Python does, and so does a loop by hand.
+    """
+    rows = recorded(SimulatedRobot(SCENE), tmp_path / "core.arrows")
+    clearance = rows.filter(like="clearance").to_numpy()
+    assert 0.0 < clearance[:1500].min() < 0.2
+    off = rows[[f"{name}_{axis}" for axis in "xyz" for name in ("x", "x_ref")]].to_numpy()
+    off = np.abs(off[:1500, ::2] - off[:1500, 1::2]).max(axis=1)
+    assert off.max() < 1e-3 and off[600:].max() < 5e-5  # before, it is being blended in
+    assert abs(rows.filter(regex="^q_").to_numpy()[1499] - SCENE["q0"]).max() > 0.02, "nothing gave way"
+
+    robot = InPython()
+    again = recorded(robot, tmp_path / "python.arrows")
+    assert rows.equals(again)
+    assert robot.calls == ["begin", "end"] and len(robot.threads) == 1
+    assert robot.threads.isdisjoint({threading.get_ident()})
+    assert len(robot.told) == len(rows) >= 1500
+
+    law, plant = controller(), SimulatedRobot(SCENE)
+    law.begin(1e-3)
+    reference = ARM.pose(plant.read()[1])
+    applied = rows.filter(like="tau_applied").to_numpy()
+    for k in range(1000):
+        t, q, dq = plant.read()
+        tau, phase = law.cycle(t, q, dq, reference, obstacles=[BALL])
+        np.testing.assert_allclose(tau, applied[k], rtol=0, atol=1e-9)
+        plant.write(tau)
+    assert phase == "running"
+
+
+def test_what_is_shown() -> None:
+    """State and report have what they say; while it runs there is no report."""
+    release = threading.Event()
+
+    def mishap(period: int, state: Any) -> Any:
+        if period == 700:
+            assert release.wait(HANG)
+        return state
+
+    with vff.drive(InPython(mishap), controller(), obstacles=[BALL]) as drive:
+        wait_for(lambda: drive.state.periods >= 690)
+        state = drive.state
+        with pytest.raises(InputError, match="not over"):
+            drive.report  # noqa: B018
+        release.set()
+        wait_for(lambda: drive.state.t > 0.8)
+        assert drive.running and drive.state.phase == "running" and repr(drive).startswith("<Drive: running")
+    assert 0.6 < state.t <= 0.7 and state.q.shape == state.tau.shape == state.force.shape == (7,)
+    assert state.x.shape == state.x_ref.shape == (7,)
+    np.testing.assert_allclose(state.tau_task + state.tau_null, state.tau, atol=1e-9)
+    assert "clearance" in repr(state)
+    report = drive.report
+    assert (report.status, report.reason, report.cause, report.lost) == ("stopped", "", None, 0)
+    assert len(report.step) == len(report.latency) == report.periods
+    assert drive.state.phase == "over" and not drive.running
+    shown = json.loads(json.dumps(report.to_dict()))
+    assert (
+        shown["periods"] == report.periods and shown["verdict"] in str(report) and "stopped" in repr(report)
+    )
+
+
+def test_targets_and_obstacles_from_other_threads() -> None:
+    """A target that moves is followed, one that is not renewed comes to rest, obstacles are where they are
+    said to be.
+    """
+    robot = SimulatedRobot(SCENE)
+    start, orientation = ARM.pose(SCENE["q0"])
+    cloud = vff.Obstacle.points([[0.0, 0.0, 0.0]], 0.05, position=[0.3, 0.6, 0.5])
+    with vff.drive(robot, controller()) as drive:
+        wait_for(lambda: drive.state.t > 0.6)
+        nothing = drive.state.clearance.min()
+        drive.set_target((start + np.array([0.0, 0.03, 0.0]), orientation))
+        wait_for(lambda: drive.state.x[1] - start[1] > 0.0299)
+        np.testing.assert_array_equal(drive.state.x_ref[:3], start + np.array([0.0, 0.03, 0.0]))
+        drive.set_target((start, orientation), [0.0, 0.05, 0.0, 0.0, 0.0, 0.0])  # and nothing more
+        wait_for(lambda: abs(drive.state.x_ref[1] - start[1] - 0.05 * 0.15) < 1e-12)
+
+        drive.set_obstacles([vff.Obstacle.sphere([0.0, 3.0, 0.5], 0.1), cloud])
+        wait_for(lambda: drive.state.clearance.min() < 1.0)
+        far = drive.state.clearance.min()
+        drive.update_points([[0.0, -0.1, 0.0], [0.0, 0.1, 0.0]], obstacle=1)
+        wait_for(lambda: drive.state.clearance.min() < far - 0.05)
+        drive.move_obstacle(1, [5.0, 5.0, 5.0])
+        wait_for(lambda: drive.state.clearance.min() > 2.0)
+        drive.move_obstacle(0, [0.0, 0.9, 0.5])
+        wait_for(lambda: drive.state.clearance.min() < 0.8)
+        drive.set_obstacles([])
+        wait_for(lambda: drive.state.clearance.min() == np.inf)
+        for call in (
+            lambda: drive.set_target([0.1, 0.2]),
+            lambda: drive.set_target((start, [2.0, 0.0, 0.0, 0.0])),
+            lambda: drive.set_target((start, [np.nan, 0.0, 0.0, 0.0])),
+            lambda: drive.move_obstacle(0, [0.0, 0.9, 0.5]),
+            lambda: drive.update_points([[0.0, 0.0, 0.0]]),
+            lambda: drive.set_obstacles([cloud], t=np.inf),
+        ):
+            with pytest.raises(InputError):
+                call()
+        with pytest.raises(ScenarioError):
+            drive.set_obstacles([{"shape": {"kind": "circle", "radius": 0.1}, "position": [0.0, 0.0]}])
+    assert np.isinf(nothing) and drive.report.status == "stopped"
+
+
+def raises(error: BaseException) -> Callable[[int, Any], Any]:
+    def mishap(period: int, state: Any) -> Any:
+        if period >= 800:
+            raise error
+        return state
+
+    return mishap
+
+
+def late(change: Callable[[Any], Any]) -> Callable[[int, Any], Any]:
+    return lambda period, state: change(state) if period >= 800 else state
+
+
+FAULTS: dict[str, tuple[Callable[[int, Any], Any], str]] = {
+    "an exception": (raises(RuntimeError("unplugged")), "was not read: RuntimeError: unplugged"),
+    "one without a text": (raises(KeyError()), "was not read: KeyError"),
+    "an exit": (raises(SystemExit(3)), "was not read: SystemExit: 3"),
+    "nothing": (late(lambda _: None), "expected a tuple of time, q and dq"),
+    "two": (late(lambda state: state[:2]), "expected a tuple of time, q and dq"),
+    "a short array": (late(lambda state: (state[0], state[1][:6], state[2])), r"q: expected shape \(7,\)"),
+    "text": (late(lambda state: ("now", state[1], state[2])), "t: expected a number"),
+    "no number": (late(lambda state: (state[0], state[1], state[2] * np.nan)), "robot's dq is not finite"),
+    "no time": (late(lambda state: (np.inf, state[1], state[2])), "robot's time is not finite"),
+    "a time that stands": (
+        late(lambda state: (0.7, state[1], state[2])),
+        r"time stood at \d\.\d+ s for \d+ periods",  # on a busy machine the last one before is later
+    ),
+    "a jump": (late(lambda state: (state[0], state[1] + 1.0, state[2])), "cannot follow the one before"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_of_a_robot_end_the_drive(name: str) -> None:
+    """As a value that says why, with commands that damp until the last; the program goes on."""
+    mishap, reason = FAULTS[name]
+    robot = InPython(mishap)
+    with pytest.warns(RuntimeWarning, match=f"drive: .*{reason}"), vff.drive(robot, controller()) as drive:
+        report = finished(drive)
+    assert report.status == "fault"
+    assert re.search(reason, report.reason), report.reason
+    assert (report.cause is not None) == ("read" in report.reason)
+    assert robot.calls == ["begin", "end"]
+    assert np.isfinite(robot.told).all() and len(robot.told) > 800
+    assert abs(robot.told[-1] - ARM.gravity_torque(SCENE["q0"])).max() < 0.5, "no damped stop"
+
+
+def test_a_robot_that_refuses() -> None:
+    """A command that is not taken begins the end; three of them are the end."""
+
+    def once(period: int) -> None:
+        if period == 800:
+            raise ValueError("busy")
+
+    def always(period: int) -> None:
+        if period >= 800:
+            raise ValueError("busy")
+
+    for refuse, periods in ((once, range(808, 1100)), (always, range(801, 802))):
+        robot = InPython(write=refuse)
+        drive = vff.drive(robot, controller())
+        report = finished(drive)
+        assert (report.status, report.reason) == (
+            "fault",
+            "the robot did not take a command: ValueError: busy",
+        )
+        assert (
+            isinstance(report.cause, ValueError) and len(robot.told) in periods and robot.calls[-1] == "end"
+        )
+
+
+def test_one_that_does_not_begin_or_take_leave() -> None:
+    class Unwilling(InPython):
+        def begin(self) -> None:
+            raise ConnectionError("no route")
+
+    robot = Unwilling()
+    report = finished(vff.drive(robot, controller()))
+    assert report.reason == "the robot did not begin: ConnectionError: no route" and robot.told == []
+    assert report.periods == 0 and robot.calls == ["end"]
+
+    class Clinging(InPython):
+        def end(self) -> None:
+            raise ConnectionError("no goodbye")
+
+    report = finished(vff.drive(Clinging(), controller(), seconds=0.1))
+    assert report.status == "completed" and report.notes == (
+        "the robot did not take leave: ConnectionError: no goodbye",
+    )
+
+
+def test_one_that_hangs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing can be sent to it, but the program goes on, and says so."""
+    monkeypatch.setattr(_drive, "_PATIENCE", 0.3)
+    release = threading.Event()
+
+    def mishap(period: int, state: Any) -> Any:
+        if period == 50:
+            release.wait(HANG)
+        return state
+
+    with pytest.warns(RuntimeWarning, match="has not answered for 0.3 s"):
+        with vff.drive(InPython(mishap), controller()) as drive:
+            wait_for(lambda: drive.state.periods >= 48)
+    assert drive.running
+    release.set()
+    assert finished(drive).status == "stopped"
+
+
+def test_a_short_silence_is_bridged() -> None:
+    """States that come twice, fewer than `patience` times, change nothing: the drive goes on."""
+    held: list[Any] = []
+
+    def mishap(period: int, state: Any) -> Any:
+        held[:] = [state] if period % 10 not in (3, 4, 5) or not held else held
+        return held[0]
+
+    report = finished(vff.drive(InPython(mishap), controller(), seconds=1.0))
+    assert report.status == "completed"
+
+
+def test_it_blends_in_from_what_is_measured() -> None:
+    """The first torque is the one that the robot says it has; one that cannot be is not believed."""
+    weight = ARM.gravity_torque(SCENE["q0"])
+
+    class Measured(InPython):
+        offset: Any = 0.0
+
+        def torque(self) -> Any:
+            return weight + self.offset
+
+    for offset, first in ((2.0, weight + 2.0), (np.nan, weight), (1e4, weight)):
+        robot = Measured()
+        robot.offset = offset
+        finished(vff.drive(robot, controller(), seconds=0.1))
+        np.testing.assert_allclose(robot.told[0], first, atol=1e-6)
+
+
+def test_robots_of_positions_and_velocities() -> None:
+    """They get the state of the model within its limits: the elbow gives way, the hand stays."""
+
+    class Servo:
+        def __init__(self, command: str) -> None:
+            self.command, self.t = command, 5.0
+            self.q, self.dq = np.array(SCENE["q0"]), np.zeros(7)
+            self.most = 0.0
+
+        def read(self) -> Any:
+            return self.t, self.q, self.dq
+
+        def write(self, command: Any, /) -> None:
+            before = self.q
+            self.q = command.copy() if self.command == "position" else before + 1e-3 * command
+            self.dq, self.t = (self.q - before) / 1e-3, self.t + 1e-3
+            self.most = max(self.most, abs(self.dq).max())
+
+    start = ARM.pose(SCENE["q0"])[0]
+    for command in ("position", "velocity"):
+        robot = Servo(command)
+        with vff.drive(robot, controller(), obstacles=[BALL], seconds=2.0, limits=LIMITS) as drive:
+            report = finished(drive)
+        assert (report.status, report.notes) == ("completed", ())
+        assert 0.02 < robot.most <= 1.0 + 1e-3  # between two set points a joint may be a little faster
+        assert abs(robot.q - SCENE["q0"]).max() > 0.02
+        assert abs(ARM.pose(robot.q)[0] - start).max() < 2e-3
+        for wrong in (None, {}, {"acceleration": 1.0}, LIMITS | {"speed": -1.0}, LIMITS | {"force": 1.0}):
+            with pytest.raises(InputError, match="limits: "):
+                vff.drive(robot, controller(), limits=wrong)
+
+
+def test_what_does_not_fit_is_refused() -> None:
+    """Before anything moves."""
+    robot, law = SimulatedRobot(SCENE), controller()
+    light = SimulatedRobot(SCENE, arm=ARM)
+    assert isinstance(robot, Robot) and isinstance(InPython(), Robot) and not isinstance(3, Robot)
+    for wrong in (
+        lambda: vff.drive(object(), law),  # type: ignore[arg-type]
+        lambda: vff.drive(robot, {"stiffness": 1.0}),  # type: ignore[arg-type]
+        lambda: vff.drive(robot, law, rate="fast"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(InputTypeError):
+            wrong()
+    for what, wrong in {
+        "rate: ": lambda: vff.drive(robot, law, rate=1.0),
+        "seconds: ": lambda: vff.drive(robot, law, seconds=-1.0),
+        "patience: ": lambda: vff.drive(robot, law, patience=np.inf),
+        "priority: ": lambda: vff.drive(robot, law, priority=100),
+        "core: ": lambda: vff.drive(robot, law, core=1000),
+        "x_ref": lambda: vff.drive(robot, law, x_ref=[0.1]),
+        "robot: has 7 joints": lambda: vff.drive(robot, vff.Controller(vff.Arm.named("ur5e"))),
+        "stop_damping": lambda: vff.drive(robot, controller(stop_damping=300.0), rate=100.0),
+        "gravity is 'controller', the robot's is 'robot'": lambda: vff.drive(light, law),
+        "gravity is 'robot', the robot's is 'controller'": lambda: vff.drive(
+            robot, controller(gravity="robot")
+        ),
+    }.items():
+        with pytest.raises(InputError, match=what):
+            wrong()
+    slow = InPython()
+    slow.torque_rate = 1000.0  # type: ignore[attr-defined]
+    for rate in ({}, {"torque_rate": 2000.0}):
+        with pytest.raises(InputError, match="the robot allows 1000 N·m/s"):
+            vff.drive(slow, controller(**rate))
+    odd = InPython()
+    odd.command = "force"  # type: ignore[attr-defined]
+    with pytest.raises(InputError, match="must be one of torque, position, velocity"):
+        vff.drive(odd, law)
+    assert slow.told == odd.told == [] and robot.read()[0] == 0.0
+
+
+def test_a_robot_that_carries_its_weight(tmp_path: Path) -> None:
+    """What is sent goes without gravity, and changes no faster than allowed; the motion is the same."""
+    robot = SimulatedRobot(SCENE, arm=ARM)
+    path = tmp_path / "light.arrows"
+    law = controller(gravity="robot", torque_rate=1000.0)
+    with vff.drive(robot, law, obstacles=[BALL], seconds=1.5, record_to=path, record_every=1) as drive:
+        finished(drive)
+    light = vff.StreamRecorder.read(path).to_pandas()
+    heavy = recorded(SimulatedRobot(SCENE), tmp_path / "heavy.arrows")
+    sent = light.filter(like="tau_applied").to_numpy()
+    assert abs(sent[0]).max() < 1e-9 and abs(np.diff(sent, axis=0)).max() <= 1.0 + 1e-9
+    q = [rows.filter(regex="^q_").to_numpy()[1499] for rows in (light, heavy)]
+    np.testing.assert_allclose(*q, atol=1e-3)
+
+
+def test_it_ends_when_nobody_wants_it() -> None:
+    robot = InPython()
+    drives = [vff.drive(robot, controller())]
+    wait_for(lambda: drives[0].state.periods > 10)
+    drives.clear()
+    wait_for(lambda: robot.calls == ["begin", "end"])
+
+
+PROGRAM = """
+import linecache, sys, threading, time
+import vffnull as vff
+sys.path.insert(0, {tests!r})
+from test_drive import BALL, InPython, SimulatedRobot, SCENE, controller
+robot = {robot}
+with vff.drive(robot, controller(), obstacles=[BALL], record_to={path!r}) as drive:
+    while drive.state.phase != "running":
+        time.sleep(0.01)
+    def announce():  # once the program waits
+        line = ""
+        while "_loop.wait(" not in line:
+            frame = sys._current_frames()[threading.main_thread().ident]
+            line = linecache.getline(frame.f_code.co_filename, frame.f_lineno)
+            time.sleep(0.01)
+        print("ready", flush=True)
+    {body}
+print(drive.report.status, flush=True)
+"""
+
+
+def started(body: str, path: Path, robot: str = "InPython()") -> subprocess.Popen[str]:
+    tests = str(Path(__file__).parent)
+    text = textwrap.dedent(PROGRAM).format(body=body, path=str(path), tests=tests, robot=robot)
+    process = subprocess.Popen(
+        [sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None and process.stdout.readline() == "ready\n", process.communicate()
+    return process
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+@pytest.mark.parametrize("robot", ["InPython()", "SimulatedRobot(SCENE)"])
+def test_ctrl_c_ends_it_by_a_damped_stop(tmp_path: Path, robot: str) -> None:
+    """While the program waits for it: the drive ends, and the program goes on. The recording shows the
+    stop.
+    """
+    process = started(
+        "threading.Thread(target=announce).start(); drive.wait()", tmp_path / "run.arrows", robot
+    )
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=HANG)
+    assert (process.returncode, out, err) == (0, "interrupted\n", "")
+    rows = vff.StreamRecorder.read(tmp_path / "run.arrows").to_pandas()
+    assert abs(rows.filter(like="dq_").to_numpy()[-1]).max() < 0.05
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+def test_ctrl_c_in_the_block(tmp_path: Path) -> None:
+    """Elsewhere in the block it is raised, after the damped stop."""
+    process = started("print('ready', flush=True); time.sleep(1e5)", tmp_path / "run.arrows")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=HANG)
+    assert process.returncode != 0 and out == "" and "KeyboardInterrupt" in err and "panicked" not in err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+def test_a_recording_survives_a_kill(tmp_path: Path) -> None:
+    path = tmp_path / "run.arrows"
+    process = started("print('ready', flush=True); time.sleep(1e5)", path)
+
+    def rows() -> int:
+        try:
+            return len(vff.StreamRecorder.read(path))
+        except (InputError, FileNotFoundError):
+            return 0
+
+    wait_for(lambda: rows() > 100)
+    process.kill()
+    process.communicate(timeout=HANG)
+    table = vff.StreamRecorder.read(path).to_pandas()
+    times = table["t"].to_numpy()
+    np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-9)
+    assert len(table) > 100 and table.filter(like="tau_applied").shape[1] == 7
+
+
+def test_a_program_that_ends_without_stopping(tmp_path: Path) -> None:
+    """Python ends: the drive is stopped before."""
+    text = textwrap.dedent(
+        f"""
+        import sys
+        sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from test_drive import InPython, controller, vff
+        class Told(InPython):
+            def end(self):
+                print("end", abs(self.told[-1] - self.told[-2]).max() < 1.0, flush=True)
+        drive = vff.drive(Told(), controller())
+        while drive.state.phase != "running":
+            pass
+        """
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=HANG)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "end True\n", "")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_fork_has_no_drive() -> None:
+    with vff.drive(SimulatedRobot(SCENE), controller()) as drive:
+        read, write = os.pipe()
+        child = os.fork()
+        if child == 0:
+            try:
+                drive.set_obstacles([])
+            except InputError as error:
+                os.write(write, str(error).encode())
+            finally:
+                os._exit(0)
+        os.close(write)
+        os.waitpid(child, 0)
+        with os.fdopen(read, "rb") as pipe:
+            assert b"of which this one is a fork" in pipe.read()
+        assert drive.running
+
+
+def test_a_disk_that_is_full_does_not_end_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(vff.StreamRecorder, "write", full)
+    with pytest.warns(RuntimeWarning, match="the recording has ended: No space left"):
+        with vff.drive(
+            SimulatedRobot(SCENE), controller(), seconds=0.5, record_to=tmp_path / "a.arrows"
+        ) as drive:
+            assert finished(drive).status == "completed"
+
+
+def test_a_stream_may_say_where_it_is(tmp_path: Path) -> None:
+    """Rows without obstacles or orientations are of an arm in space if that is said."""
+
+    class Row:
+        t, q, x = 0.0, [0.1], [0.1, 0.2, 0.3]
+
+    for dimension, names in ((3, ["x_x", "x_y", "x_z"]), (2, ["x_x", "x_y", "x_phi"])):
+        with vff.StreamRecorder(tmp_path / "a.arrows", dimension=dimension) as recorder:
+            recorder.write(Row())
+        assert [
+            name for name in vff.StreamRecorder.read(recorder.path).column_names if name[0] == "x"
+        ] == names
+    for wrong in (1, 4):
+        with pytest.raises(InputError):
+            vff.StreamRecorder(tmp_path / "b.arrows", dimension=wrong)  # type: ignore[arg-type]
+
+
+def test_many_threads_at_once() -> None:
+    """Setters and readers from several threads while it runs: nothing is torn, nobody waits for ever."""
+    start, orientation = ARM.pose(SCENE["q0"])
+    over, failures = threading.Event(), []
+
+    def work(seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        try:
+            while not over.is_set():
+                drive.set_target((start + rng.uniform(-0.01, 0.01, 3), orientation))
+                drive.set_obstacles([vff.Obstacle.sphere([0.0, 2.0, 0.5], 0.1)] * int(rng.integers(1, 4)))
+                drive.move_obstacle(0, [0.0, 2.0 + rng.uniform(0.0, 0.5), 0.5])
+                state = drive.state
+                assert (
+                    np.isfinite(state.tau).all()
+                    and abs(state.tau_task + state.tau_null - state.tau).max() < 1e-9
+                )
+        except BaseException as error:
+            failures.append(error)
+
+    with vff.drive(SimulatedRobot(SCENE), controller()) as drive:
+        wait_for(lambda: drive.state.t > 0.01)
+        threads = [threading.Thread(target=work, args=(seed,)) for seed in range(3)]
+        for thread in threads:
+            thread.start()
+        wait_for(lambda: drive.state.t > 1.5)
+        over.set()
+        for thread in threads:
+            thread.join(HANG)
+    assert failures == [] and drive.report.status == "stopped"
+
+
+def test_waiting_has_an_end() -> None:
+    with vff.drive(SimulatedRobot(SCENE), controller()) as drive:
+        begun = time.monotonic()
+        assert not drive.wait(0.05)
+        assert time.monotonic() - begun >= 0.05

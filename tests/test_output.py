@@ -1,0 +1,296 @@
+"""What stands between the law and a robot (docs/theory.md, T113 to T115), simulated and in a loop."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import vffnull as vff
+from vffnull.errors import InputError, ScenarioError
+
+Array = NDArray[np.float64]
+READY = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+PERIOD = 1e-3
+
+
+def with_command(command: dict[str, Any], **changes: Any) -> vff.Scenario:
+    """A Panda whose hand goes 0.2 m to the side within 0.6 s."""
+    document: dict[str, Any] = {
+        "duration": 1.0,
+        "q0": READY,
+        "arm": {"model": "panda"},
+        "controller": {"task": "position", "stiffness": 400.0, "damping": 40.0, "null_damping": 10.0},
+        "reference": {"kind": "line", "end": [0.5, 0.2, 0.4], "duration": 0.6},
+        "simulation": {"integrator": "semi_implicit_euler"},
+    }
+    document["controller"]["command"] = command
+    return vff.Scenario.from_dict(document | changes)
+
+
+def planar(command: dict[str, Any], **changes: Any) -> vff.Scenario:
+    """The same in the plane."""
+    document: dict[str, Any] = {
+        "duration": 1.0,
+        "q0": [0.6, -0.9, 0.7],
+        "arm": {"lengths": [0.5, 0.4, 0.4], "masses": [3, 2, 1.5], "gravity": 9.81},
+        "controller": {"stiffness": 400.0, "damping": 40.0, "null_damping": 10.0, "command": command},
+        "reference": {"kind": "line", "end": [0.6, 0.7], "duration": 0.6},
+    }
+    return vff.Scenario.from_dict(document | changes)
+
+
+EITHER = pytest.mark.parametrize("scenario", [with_command, planar])
+
+
+def steps(result: vff.Result) -> Array:
+    """How fast the torque at the joints changes [N·m/s]."""
+    assert result.tau_applied is not None
+    return np.abs(np.diff(result.tau_applied, axis=0)) / np.diff(result.t)[:, None]
+
+
+@EITHER
+def test_nothing_asked_for_is_nothing_changed(scenario: Any) -> None:
+    """What is for a loop of one's own, and the defaults, leave a simulation as it is, to the last bit."""
+    plain = vff.simulate(scenario({}))
+    same = vff.simulate(scenario({"gravity": "controller", "start": 1.0, "patience": 2, "stop_damping": 3.0}))
+    assert plain.tau_applied is None and same.tau_applied is None
+    assert np.array_equal(plain.q, same.q) and np.array_equal(plain.tau, same.tau)
+
+
+@EITHER
+@pytest.mark.parametrize("control", ["hold", "predictor", "continuous"])
+@pytest.mark.parametrize("integrator", ["rk4", "semi_implicit_euler"])
+def test_gravity_of_the_robot(scenario: Any, control: str, integrator: str) -> None:
+    """As under our gravity torque, but for its change within a period; a payload does not make it sag."""
+    apart = []
+    for dt in (1e-3, 2.5e-4):
+        simulation = {"control": control, "integrator": integrator, "dt": dt}
+        ours, its = (
+            vff.simulate(scenario({"gravity": who}, simulation=simulation)) for who in ("controller", "robot")
+        )
+        assert its.tau_applied is not None
+        assert np.abs(ours.q[-1] - ours.q[0]).max() > 0.1
+        apart.append(np.abs(ours.q - its.q).max())
+    assert apart[0] < 2e-3 and apart[1] < max(0.3 * apart[0], 1e-9), apart
+    # At the beginning of a step the torque of the law acts, and in its middle where that is predicted.
+    assert np.abs(its.tau_applied - its.tau).max() < (1e-9 if control != "predictor" else 0.1)
+    payload = {"payload": 0.5} if scenario is planar else {"payload": {"mass": 0.5}}
+    heavy, held = (
+        vff.simulate(scenario({"gravity": who}, simulation=simulation, plant=payload))
+        for who in ("controller", "robot")
+    )
+    assert np.abs(heavy.error[-1]).max() > 10 * np.abs(held.error[-1]).max()
+
+
+@EITHER
+def test_energy_of_a_robot_that_carries_itself(scenario: Any) -> None:
+    """The drives' power, gravity's included, is what the energy changes by; friction only takes."""
+    result = vff.simulate(scenario({"gravity": "robot"}, simulation={"control": "hold", "dt": 5e-4}))
+    power = result.power[:, vff.PORTS.index("actuators")]
+    energy = result.energy[:, :2].sum(axis=1)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(result.t))])
+    assert np.ptp(energy) > 0.1
+    assert np.abs(energy - energy[0] - work).max() < 0.01 * np.ptp(energy)
+    # Moving under nothing but the robot's own gravity torque, with dry friction: its motion only dies down.
+    friction = {"coulomb_friction": 0.05}
+    still = scenario({"gravity": "robot"}, plant=friction).to_dict()
+    still["dq0"] = [0.3] * len(still["q0"])
+    simulation = vff.Simulation(vff.Scenario.from_dict(still))
+    arm = vff.Arm.named("panda") if scenario is with_command else vff.Arm(**still["arm"])
+    before = np.inf
+    while not simulation.done:
+        state = simulation.step([0.0] * arm.n)
+        kinetic = arm.kinetic_energy(state.q, state.dq)
+        assert kinetic <= before * (1 + 1e-6)
+        before = kinetic
+
+
+@EITHER
+@pytest.mark.parametrize("more", [{}, {"gravity": "robot"}])
+def test_torque_rate(scenario: Any, more: dict[str, Any]) -> None:
+    """It changes no faster, and without the limit it would have; one that does not matter changes nothing."""
+    first = scenario({}).replace(**{"controller.stiffness": 900.0})
+    jump = {
+        "reference": {
+            "kind": "setpoint",
+            "point": [0.5, 0.1, 0.45] if scenario is with_command else [0.8, 0.5],
+        }
+    }
+    document = first.to_dict() | jump
+    free = vff.simulate(document)
+    assert (np.abs(np.diff(free.tau, axis=0)) / PERIOD).max() < 1e6
+    for rate in (300.0, 30.0):
+        document["controller"]["command"] = {"torque_rate": rate, **more}
+        slow = vff.simulate(document)
+        if more:
+            continue  # what is sent is not what acts
+        assert 0.99 * rate < steps(slow).max() < rate * (1 + 1e-9)
+    assert np.abs(slow.q - free.q).max() > 1e-3
+    document["controller"]["command"] = {"torque_rate": 1e7, **more}
+    same = vff.simulate(document)
+    assert np.abs(same.q - free.q).max() < (1e-3 if more else 1e-12)
+    # Held over more than a step, it may change by the rate times the control period.
+    document["simulation"] = {"control_every": 4}
+    document["controller"]["command"] = {"torque_rate": 300.0}
+    every = vff.simulate(document)
+    changes = np.abs(np.diff(every.tau_applied, axis=0)).max(axis=1)
+    assert changes[3::4].max() == pytest.approx(4 * PERIOD * 300.0)
+    assert not changes[0::4].any() and not changes[1::4].any() and not changes[2::4].any()
+
+
+@EITHER
+def test_friction_is_compensated(scenario: Any) -> None:
+    """With the friction of the plant, most of what it costs is gone; the numbers are the plant's here."""
+    has = {"viscous_friction": 0.8, "coulomb_friction": 0.6}
+    gives = {**has, "friction_speed": 0.01}
+    slow = {**scenario({}).to_dict()["reference"], "duration": 3.0}
+    errors = []
+    for plant, command in ((has, {}), (has, gives), ({}, {})):
+        result = vff.simulate(scenario(command, plant=plant, reference=slow, duration=3.0))
+        # While it moves: a joint that stands is not compensated, because nobody knows which way it is to go.
+        moves = np.abs(result.t - 1.5) < 0.7
+        errors.append(np.sqrt(np.mean(result.error[moves] ** 2)))
+    assert errors[0] > 8 * errors[1] > 8 * errors[2], errors
+
+
+@EITHER
+def test_tip_speed(scenario: Any) -> None:
+    """It is kept, to the order of the period; the tip arrives later, and where it should."""
+    free = vff.simulate(scenario({}, duration=3.0))
+    dimension = 3 if scenario is with_command else 2
+    most = np.linalg.norm(free.dx[:, :dimension], axis=1).max()
+    kept = vff.simulate(scenario({"tip_speed": 0.4 * most}, duration=3.0))
+    speed = np.linalg.norm(kept.dx[:, :dimension], axis=1).max()
+    assert 0.39 * most < speed < 0.404 * most
+    assert np.linalg.norm(kept.error[-1]) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ({"gravity": "both"}, "controller.command.gravity"),
+        ({"torque_rate": 0.0}, "controller.command.torque_rate: must be greater than 0"),
+        ({"torque_rate": [1.0, 2.0]}, "controller.command.torque_rate: expected 7 numbers, got 2"),
+        ({"coulomb_friction": -1.0}, "controller.command.coulomb_friction"),
+        ({"friction_speed": 0.0}, "controller.command.friction_speed"),
+        ({"tip_speed": -0.1}, "controller.command.tip_speed"),
+        ({"start": -1.0}, "controller.command.start"),
+        ({"patience": 0}, "controller.command.patience"),
+        ({"stop_damping": 0.0}, "controller.command.stop_damping"),
+        ({"torque_rates": 1.0}, "torque_rate"),
+    ],
+)
+def test_bad_settings(command: dict[str, Any], says: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        with_command(command)
+    assert says.split(":")[0] in str(caught.value)
+
+
+def test_a_rate_needs_samples() -> None:
+    with pytest.raises(ScenarioError, match=r"controller\.command\.torque_rate"):
+        with_command({"torque_rate": 1.0}, simulation={"control": "continuous"})
+    vff.simulate(with_command({"tip_speed": 0.1, "gravity": "robot"}, simulation={"control": "continuous"}))
+
+
+class Loop:
+    """A Panda of ours that takes torques and carries itself."""
+
+    def __init__(self, **command: Any) -> None:
+        self.arm = vff.Arm.named("panda")
+        settings = vff.ControlSettings(
+            task="position",
+            stiffness=100.0,
+            damping=20.0,
+            null_damping=8.0,
+            command={"gravity": "robot", **command},
+        )
+        self.controller = vff.Controller(self.arm, settings)
+        self.q, self.dq, self.t = np.array(READY), np.zeros(7), 0.0
+        self.x = self.arm.forward_kinematics(self.q)[-1] + [0.0, 0.1, 0.05]
+
+    def cycle(self, heard: bool = True) -> str:
+        """The phase of one cycle."""
+        tau, phase = (
+            self.controller.cycle(self.t, self.q, self.dq, self.x) if heard else self.controller.cycle()
+        )
+        tau = tau + self.arm.gravity_torque(self.q)
+        self.dq = self.dq + PERIOD * self.arm.forward_dynamics(self.q, self.dq, tau)
+        self.q, self.t = self.q + PERIOD * self.dq, self.t + PERIOD
+        return phase
+
+
+def test_a_loop_from_python() -> None:
+    """From a safe start to a safe end, with a pause."""
+    loop = Loop(torque_rate=1000.0)
+    assert loop.controller.phase is None
+    with pytest.raises(InputError, match="begin"):
+        loop.controller.cycle(0.0, loop.q, loop.dq, loop.x)
+    loop.controller.begin(PERIOD, tau=[0.1] * 7)
+    phases = [loop.cycle(heard=not 700 <= k < 720) for k in range(2000)]
+    changes = [phases[0], *(b for a, b in pairwise(phases) if a != b)]
+    assert changes == ["starting", "running", "holding", "damping", "starting", "running"]
+    assert np.linalg.norm(loop.arm.forward_kinematics(loop.q)[-1] - loop.x) < 2e-3
+    loop.x = loop.x + np.array([0.1, 0.0, 0.0])
+    for _ in range(100):
+        loop.cycle()
+    assert np.abs(loop.dq).max() > 0.1
+    loop.controller.stop()
+    while loop.cycle() != "finished":
+        assert loop.controller.phase == "stopping"
+    assert np.abs(loop.dq).max() < 0.03
+    for _ in range(2000):
+        loop.cycle(heard=False)
+    assert loop.controller.phase == "finished"
+
+
+def test_a_robot_that_falls_silent() -> None:
+    """It is brought to rest unheard, and the loop is lost."""
+    loop = Loop()
+    loop.controller.begin(PERIOD)
+    for _ in range(700):
+        loop.cycle()
+    speed = np.abs(loop.dq).max()
+    assert speed > 0.02
+    phases = [loop.cycle(heard=False) for _ in range(1100)]
+    assert list(dict.fromkeys(phases)) == ["holding", "damping", "released", "lost"]
+    assert np.abs(loop.dq).max() < 0.1 * speed
+    assert loop.cycle() == "lost"
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e3])
+def test_states_that_cannot_be(wrong: float) -> None:
+    """They are values, not exceptions; arrays of a wrong shape are mistakes of the program."""
+    loop = Loop()
+    loop.controller.begin(PERIOD)
+    loop.cycle()
+    q = loop.q.copy()
+    q[3] = wrong
+    tau, phase = loop.controller.cycle(loop.t, q, loop.dq, loop.x)
+    assert phase == "holding" and np.isfinite(tau).all()
+    with pytest.raises(InputError):
+        loop.controller.cycle(loop.t, q[:6], loop.dq, loop.x)
+    with pytest.raises(InputError, match="x_ref"):
+        loop.controller.cycle(loop.t, loop.q, loop.dq, [np.nan] * 3)
+    assert loop.cycle() == "starting"
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.nan, 0.2])
+def test_periods_that_cannot_be(period: float) -> None:
+    """The last one is too long for a damping of 10 1/s."""
+    controller = Loop().controller
+    with pytest.raises(InputError, match="period"):
+        controller.begin(period)
+    assert controller.phase is None
+
+
+def test_torque_is_what_is_sent() -> None:
+    """But for its rate; the terms are those of the law."""
+    loop = Loop()
+    tau = loop.controller.torque(loop.q, loop.dq, loop.x)
+    terms = loop.controller.terms(loop.q, loop.dq, loop.x)
+    assert np.allclose(tau, terms.tau - loop.arm.gravity_torque(loop.q), rtol=0, atol=1e-12)
+    assert np.allclose(terms.tau, terms.tau_task + terms.tau_null, rtol=0, atol=1e-12)

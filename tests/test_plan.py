@@ -1,0 +1,331 @@
+"""Plans: found around obstacles, followed by the law, kept in files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import InputError, InputTypeError, ScenarioError
+
+GAP: dict[str, Any] = {
+    "name": "gap",
+    "duration": 6.0,
+    "q0": [1.5, 0.6, 0.9, 1.0],
+    "arm": {"lengths": [1.0] * 4, "masses": 1.0, "radius": 0.05},
+    "controller": {"stiffness": 100.0, "damping": 20.0, "null_damping": 6.0},
+    "reference": {"kind": "setpoint", "point": [2.9, 0.5]},
+    "obstacles": [
+        {"shape": {"kind": "box", "size": [0.3, 3.0]}, "position": [1.9, 2.1]},
+        {"shape": {"kind": "box", "size": [0.3, 3.0]}, "position": [1.9, -1.6]},
+    ],
+    "simulation": {"dt": 1e-3, "integrator": "semi_implicit_euler", "control": "hold"},
+}
+
+
+@pytest.fixture(scope="module")
+def found() -> vff.Plan:
+    return vff.plan(GAP)
+
+
+def following(plan: vff.Plan, **more: Any) -> vff.Scenario:
+    changes = {"reference": plan.reference, "controller.posture_stiffness": 200.0, **more}
+    return vff.Scenario.from_dict(GAP).replace(**changes)
+
+
+def test_a_plan_reaches_its_goal_and_repeats(found: vff.Plan) -> None:
+    again = vff.plan(GAP)
+    assert found.status == "found" and found.status is vff.PlanStatus.FOUND
+    for name in ("t", "q", "dq", "ddq", "tip"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
+    assert found.tip[-1] == pytest.approx([2.9, 0.5], abs=1e-6)
+    assert found.q[0].tolist() == GAP["q0"]
+    assert not np.array_equal(vff.plan(GAP, seed=1).q, found.q)
+    assert "found: 4 joints" in repr(found)
+    times = np.arange(0.0, found.duration, 1e-3)
+    q, dq, _ = found.at(times)
+    arm = vff.Scenario.from_dict(GAP).arm
+    apart = vff.distances(arm, q, dq, GAP["obstacles"], times).distance.min()
+    assert apart == pytest.approx(found.clearance, abs=2e-3)
+    assert apart >= 0.4 * found.margin
+    assert np.abs(dq).max() <= 1.5 * 1.001  # half of 3 rad/s
+
+
+def test_between_its_instants_it_is_what_the_reference_is(found: vff.Plan) -> None:
+    """What the simulation records of the reference is the tip of the plan, at any time."""
+    result = vff.simulate(following(found))
+    q, dq, _ = found.at(result.t)
+    arm = result.scenario.arm
+    np.testing.assert_allclose(arm.forward_kinematics(q)[:, -1], result.x_ref, atol=1e-12)
+    moved = np.gradient(q, result.t, axis=0)
+    assert np.abs(moved - dq).max() < 5e-3
+    assert np.array_equal(found.at(0.0)[0], found.q[0])
+    assert np.array_equal(found.at([-1.0, 99.0])[0], found.q[[0, -1]])
+
+
+EXACT = {"simulation.control": "continuous", "simulation.integrator": "rk4"}
+
+
+def test_the_law_follows_it_with_tip_and_posture(found: vff.Plan) -> None:
+    """The tip exactly; the joints, whose null space has two dimensions, beside the plan's, the nearer the
+    stiffer the spring; without one, they are anywhere.
+    """
+    soft, stiff, free = (
+        vff.simulate(following(found, **EXACT, **{"controller.posture_stiffness": k}))
+        for k in (20.0, 200.0, 0.0)
+    )
+    for result in (soft, stiff, free):
+        # The end of the plan, where the acceleration jumps by less than 2 m/s², is within a step of 1 ms.
+        assert np.abs(result.error).max() < 2e-6
+    assert stiff.status == "completed"
+    q = found.at(soft.t)[0]
+    astray = [np.abs(result.q - q).max() for result in (soft, stiff, free)]
+    # What pulls at the spring are Coriolis forces: ten times the stiffness, a tenth of the way.
+    assert astray[1] < 0.05 and astray[1] < 0.2 * astray[0] and astray[0] < 0.2 * astray[2], astray
+
+
+def test_it_gives_way_to_the_field(found: vff.Plan) -> None:
+    """A disc that comes where the plan has a link pushes that aside, and the tip stays on its way; afterwards
+    the posture is that of the plan again.
+    """
+    joints = vff.Scenario.from_dict(GAP).arm.forward_kinematics(found.q[-1])
+    end = float(np.ceil(found.duration))
+    outward = joints[2] - 0.5 * (joints[0] + joints[-1])
+    outward /= np.linalg.norm(outward)
+    far, near = [(joints[2] + away * outward).tolist() for away in (1.5, 0.15)]
+    disc = {
+        "shape": {"kind": "circle", "radius": 0.15},
+        "position": far,
+        "motion": {
+            "kind": "waypoints",
+            "times": [end, end + 3.0, end + 6.0],
+            "points": [far, near, far],
+        },
+    }
+    soft = {"controller.posture_stiffness": 20.0}
+    wait = {"duration": np.ceil(found.duration) + 12.0, "obstacles": [disc], **soft}
+    field = {"kind": "bounded", "gain": 300.0, "influence": 0.4}
+    pushed = vff.simulate(following(found, **wait, **{"controller.field": field}))
+    unpushed = vff.simulate(following(found, **wait))
+    assert unpushed.status == "collided" and pushed.status == "completed"
+    assert np.abs(pushed.error).max() < 0.01
+    assert np.abs(pushed.q[-1] - found.q[-1]).max() < 0.05
+
+
+@pytest.mark.parametrize("control", ["hold", "predictor", "continuous"])
+@pytest.mark.parametrize("avoidance", ["null_space", "cbf"])
+def test_every_kind_of_control_follows(found: vff.Plan, control: str, avoidance: str) -> None:
+    result = vff.simulate(
+        following(found, **{"simulation.control": control, "controller.avoidance": avoidance})
+    )
+    assert result.status == "completed" and np.linalg.norm(result.error[-1]) < 1e-3
+
+
+def test_a_governor_lets_tip_and_posture_wait_together(found: vff.Plan) -> None:
+    """A disc in the gap holds the arm up until it goes; where the tip waits, the posture does, too."""
+    late = float(found.t[np.argmax(found.tip[:, 0] > 1.2)])
+    disc = {
+        "shape": {"kind": "circle", "radius": 0.2},
+        "position": [1.9, 0.25],
+        "motion": {
+            "kind": "waypoints",
+            "times": [late + 4.0, late + 6.0],
+            "points": [[1.9, 0.25], [9.0, 0.25]],
+        },
+    }
+    changes = {
+        "duration": np.ceil(found.duration) + 10.0,
+        "obstacles": [*GAP["obstacles"], disc],
+        "controller.avoidance": "cbf",
+        "controller.governor": {},
+    }
+    result = vff.simulate(following(found, **changes))
+    assert result.status == "completed"
+    assert result.path_time is not None and result.path_time[-1] < result.t[-1] - 0.5
+    assert np.linalg.norm(result.x[-1] - [2.9, 0.5]) < 0.01
+    assert np.abs(result.q[-1] - found.q[-1]).max() < 0.05
+
+
+def test_goals_of_every_kind() -> None:
+    arm = vff.Scenario.from_dict(GAP).arm
+    goal = [0.3, -0.2, -0.1, 0.3]
+    tip, angle = arm.pose(goal)
+    assert vff.plan(GAP, goal).q[-1].tolist() == goal
+    assert vff.plan(GAP, [2.9, 0.5]).tip[-1] == pytest.approx([2.9, 0.5], abs=1e-6)
+    for pose in ({"position": tip, "orientation": angle}, (tip, angle)):
+        reached = arm.pose(vff.plan(GAP, pose).q[-1])
+        assert reached[0] == pytest.approx(tip, abs=1e-6)
+        assert np.exp(1j * reached[1]) == pytest.approx(np.exp(1j * angle), abs=1e-5)
+    panda = vff.Scenario.load("panda-sweep")
+    position = [0.45, 0.2, 0.35]
+    turned = [0.0, 1.0, 0.0, 0.0]
+    there = vff.plan(panda, {"position": position, "orientation": turned}, horizon=None)
+    reached = panda.arm.pose(there.q[-1])
+    assert reached[0] == pytest.approx(position, abs=1e-6)
+    assert abs(reached[1] @ np.array(turned)) == pytest.approx(1.0, abs=1e-9)
+    begun = vff.plan(GAP, goal, start=[1.4, 0.5, 0.8, 0.9])
+    assert begun.q[0].tolist() == [1.4, 0.5, 0.8, 0.9]
+    followed = vff.plan(following(vff.plan(GAP)))  # the end of a plan is a goal, too
+    assert followed.tip[-1] == pytest.approx([2.9, 0.5], abs=1e-6)
+
+
+def test_nothing_found_says_why_and_how_far() -> None:
+    wall = {"shape": {"kind": "box", "size": [0.3, 20.0]}, "position": [1.9, 0.0]}
+    blocked = vff.plan({**GAP, "obstacles": [wall]})
+    assert blocked.status == "goal blocked" and len(blocked.t) == 0
+    with pytest.raises(InputError, match="goal blocked"):
+        _ = blocked.reference
+    with pytest.raises(InputError, match="goal blocked"):
+        blocked.at(0.0)
+    away = vff.plan(GAP, [3.9, 3.0])
+    assert away.status == "goal out of reach" and away.gap == pytest.approx(
+        np.hypot(3.9, 3.0) - 4.0, abs=1e-3
+    )
+    assert "m away" in repr(away)
+    post = {"shape": {"kind": "box", "size": [0.5, 0.5]}, "position": [1.2, 1.7]}
+    short = vff.plan({**GAP, "obstacles": [post]}, [0.3, 0.0, 0.0, 0.0], samples=0)
+    assert short.status == "not found" and short.gap > 0.5 and len(short.q) == len(short.tip) >= 1
+    assert "rad left after 0 samples" in repr(short)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "part"),
+    [
+        ({"goal": [1.0, 2.0, 3.0]}, InputError, "3 numbers"),
+        ({"goal": "there"}, InputTypeError, "numbers"),
+        ({"goal": {"place": [1, 2]}}, InputError, "place"),
+        ({"goal": [np.nan] * 4}, InputError, "finite"),
+        ({"goal": ([1.0, 2.0], [1.0, 0.0])}, InputError, "orientation"),
+        ({"start": [0.0]}, InputError, "start"),
+        ({"margin": -0.1}, ScenarioError, "margin"),
+        ({"margin": np.nan}, InputError, "margin"),
+        ({"speed": 0.0}, ScenarioError, "speed"),
+        ({"speed": 2.0}, ScenarioError, "speed"),
+        ({"horizon": -1.0}, ScenarioError, "horizon"),
+        ({"samples": -1}, InputError, "samples"),
+        ({"seed": 0.5}, InputTypeError, "seed"),
+    ],
+)
+def test_arguments_of_no_use_are_named(arguments: dict[str, Any], error: type[Exception], part: str) -> None:
+    with pytest.raises(error, match=part):
+        vff.plan(GAP, **arguments)
+
+
+def test_files_keep_every_bit(found: vff.Plan, tmp_path: Path) -> None:
+    path = found.save(tmp_path / "plan.npz")
+    back = vff.Plan.load(path)
+    for name in ("t", "q", "dq", "ddq", "tip"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(found, name))
+    assert (back.status, back.clearance, back.samples) == (found.status, found.clearance, found.samples)
+    assert repr(back) == repr(found)
+    nothing = vff.plan(GAP, [3.9, 3.0])
+    assert repr(vff.Plan.load(nothing.save(tmp_path / "none.npz"))) == repr(nothing)
+    with pytest.raises(InputError, match=r"\.npz"):
+        found.save(tmp_path / "plan.csv")
+
+
+def test_files_of_others_are_refused(found: vff.Plan, tmp_path: Path) -> None:
+    path = found.save(tmp_path / "plan.npz")
+    (tmp_path / "cut.npz").write_bytes(path.read_bytes()[:1000])
+    (tmp_path / "text.npz").write_text("no archive")
+    with np.load(path) as file:
+        inside = dict(file)
+    changes: dict[str, dict[str, Any]] = {
+        "short": {"q": inside["q"][1:]},
+        "nan": {"q": inside["q"] * np.nan},
+        "turned": {"t": inside["t"][::-1]},
+        "other": {"vffnull_plan": np.array(json.dumps({"format": 99, "status": "found"}))},
+    }
+    for name, change in changes.items():
+        np.savez(tmp_path / f"{name}.npz", **{**inside, **change})
+    for name in ("cut", "text", *changes):
+        with pytest.raises(InputError):
+            vff.Plan.load(tmp_path / f"{name}.npz")
+    with pytest.raises(FileNotFoundError):
+        vff.Plan.load(tmp_path / "missing.npz")
+
+
+@pytest.mark.parametrize(
+    ("change", "path"),
+    [
+        ({"times": [0.0, 0.0], "points": [[0.0] * 4] * 2}, "reference.times"),
+        ({"times": [0.0], "points": [[0.0] * 4]}, "reference.times"),
+        ({"times": [0.0, 1.0], "points": [[0.0] * 4]}, "reference.points"),
+        ({"times": [0.0, 1.0], "points": [[0.0] * 4, [0.0] * 3]}, "reference.points"),
+        ({"times": [0.0, 1.0]}, "reference"),
+    ],
+)
+def test_references_of_no_use_are_named(change: dict[str, Any], path: str) -> None:
+    with pytest.raises(ScenarioError, match=path.replace(".", r"\.")):
+        vff.simulate({**GAP, "reference": {"kind": "plan", **change}})
+
+
+def test_a_plan_stays_within_the_joint_limits() -> None:
+    points = [[-2.0, 0.0, 0.0, 0.0], [2.5, 0.0, 0.0, 0.0]]
+    limits = {**GAP["arm"], "joint_limits": [[-2.0, 2.0]] * 4}
+    reference = {"kind": "plan", "times": [0.0, 1.0], "points": points}
+    with pytest.raises(ScenarioError, match=r"reference\.points\[1\]\[0\]: must be within the limits"):
+        vff.simulate({**GAP, "arm": limits, "reference": reference})
+
+
+def test_a_posture_needs_something_to_pull_to() -> None:
+    stiff = {**GAP["controller"], "posture_stiffness": 5.0}
+    with pytest.raises(ScenarioError, match="posture"):
+        vff.simulate({**GAP, "controller": stiff})
+
+
+def test_the_command_line(tmp_path: Path) -> None:
+    scenario = tmp_path / "gap.toml"
+    vff.Scenario.from_dict(GAP).save(scenario)
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "vffnull", "plan", str(scenario), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False)
+
+    done = run("--out", str(tmp_path / "plan.npz"), "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["status"] == "found"
+    assert vff.Plan.load(tmp_path / "plan.npz").status == "found"
+    away = run("--goal", "3.9,3.0")
+    assert away.returncode == 3 and "goal out of reach" in away.stdout
+    for wrong in (["--goal", "a,b"], ["--goal", "1,2,3"], ["--orientation", "1"], ["--out", "x.txt"]):
+        assert run(*wrong).returncode == 2
+    posed = run("--goal", "2.5,0.4", "--orientation", "0.3")
+    assert posed.returncode == 0, posed.stdout + posed.stderr
+
+
+def test_ctrl_c_ends_a_search() -> None:
+    """A search that would take minutes ends soon after the signal."""
+    post = {"shape": {"kind": "box", "size": [0.3, 20.0]}, "position": [1.9, 0.0]}
+    # From one side of a wall to the other: never found.
+    stuck = {**GAP, "obstacles": [post], "q0": [2.0, 0.1, 0.1, 0.1]}
+    goal = [-1.7, 0.1, 0.1, 0.1]
+    bars = [
+        {"shape": {"kind": "box", "size": [6.0, 0.1]}, "position": [-3.6, 0.0]},
+        {"shape": {"kind": "box", "size": [6.0, 0.1]}, "position": [3.6, 0.0]},
+    ]
+    stuck["obstacles"] = bars
+    sent: list[float] = []
+
+    def interrupt() -> None:
+        time.sleep(0.5)
+        sent.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    assert vff.plan(stuck, goal, samples=200).status == "not found"
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        vff.plan(stuck, goal, samples=10_000_000)
+    assert sent, "it was not the signal that ended it"
+    thread.join()

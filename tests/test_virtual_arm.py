@@ -1,0 +1,168 @@
+"""Set points for robots that take positions or velocities (docs/theory.md, T116), with servos in MuJoCo."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import InputError
+
+READY = np.array([0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854])
+PERIOD = 1e-3
+ACCELERATION, JERK, SPEED = 5.0, 500.0, 1.0
+SCRIPT = Path(__file__).parents[1] / "docs" / "make_set_points.py"
+
+
+def virtual(**more: Any) -> vff.VirtualArm:
+    settings = vff.ControlSettings(stiffness=100.0, damping=20.0, null_damping=8.0)
+    limits = {"acceleration": ACCELERATION, "jerk": JERK, "speed": SPEED, **more}
+    return vff.VirtualArm(vff.Controller(vff.Arm.named("panda"), settings), READY, PERIOD, **limits)
+
+
+def away() -> Any:
+    return vff.Arm.named("panda").forward_kinematics(READY)[-1] + [0.0, 0.3, 0.1]
+
+
+def test_limits_are_kept() -> None:
+    """To a set point that jumps, within all limits, as a robot would see it: by differences."""
+    arm = virtual()
+    points = [arm.step(PERIOD * k, away()) for k in range(4000)]
+    assert {point[3] for point in points} == {"following"}
+    q = np.array([READY] * 3 + [point[0] for point in points])
+    speed, acceleration, jerk = (np.abs(np.diff(q, n, axis=0)).max() / PERIOD**n for n in (1, 2, 3))
+    assert 0.3 < speed <= SPEED + JERK * PERIOD**2 / 8
+    assert 0.9 * ACCELERATION < acceleration <= ACCELERATION * (1 + 1e-6)
+    assert 0.9 * JERK < jerk <= JERK * (1 + 1e-3)
+    assert np.linalg.norm(vff.Arm.named("panda").forward_kinematics(q[-1])[-1] - away()) < 1e-3
+    # What is handed out belongs together.
+    dq, ddq = (np.array([point[i] for point in points]) for i in (1, 2))
+    change = q[4:] - q[3:-1] - PERIOD * (dq[:-1] + PERIOD * (2 * ddq[:-1] + ddq[1:]) / 6)
+    assert np.abs(change).max() < 1e-12
+    assert np.abs(np.diff(dq, axis=0) - 0.5 * PERIOD * (ddq[1:] + ddq[:-1])).max() < 1e-12
+
+
+def test_it_is_the_closed_loop() -> None:
+    """Where the limits do not matter: the motion of a simulation, to the order of the period."""
+    arm, target = virtual(acceleration=1e4, jerk=1e9, speed=100.0), away()
+    for k in range(2000):
+        q, *_ = arm.step(PERIOD * k, target)
+    result = vff.simulate(
+        {
+            "duration": 2.0,
+            "q0": list(READY),
+            "arm": {"model": "panda"},
+            "controller": {"stiffness": 100.0, "damping": 20.0, "null_damping": 8.0, "enforce_limits": True},
+            "reference": {"kind": "setpoint", "point": list(target)},
+        }
+    )
+    assert np.abs(result.q[-1] - READY).max() > 0.3
+    assert np.abs(q - result.q[-1]).max() < 5e-3
+
+
+def test_a_robot_that_is_held() -> None:
+    """It parts from its set point, which comes back to it within the limits; let go, it goes on."""
+    arm, target, points = virtual(), away(), []
+    robot = READY.copy()
+    for k in range(6000):
+        q, _, _, course = arm.step(PERIOD * k, target, q=robot, dq=np.zeros(7))
+        points.append((q, course))
+        if 400 <= k < 3000:
+            assert np.abs(q - robot).max() < 0.1 + SPEED**2 / (2 * 0.8 * ACCELERATION)
+        else:
+            robot = robot + np.clip(0.05 * (q - robot), -0.01, 0.01)
+    courses = [course for _, course in points]
+    assert courses[0] == "following" and "rejoining" in courses[400:3000]
+    assert not {"waiting", "stopping"} & set(courses)
+    assert courses[-1] == "following"
+    assert np.linalg.norm(vff.Arm.named("panda").forward_kinematics(robot)[-1] - target) < 5e-3
+    q = np.array([q for q, _ in points])
+    assert np.abs(np.diff(q, 3, axis=0)).max() / PERIOD**3 <= JERK * (1 + 1e-3)
+
+
+def test_a_robot_that_falls_silent() -> None:
+    """The set point stops, until the robot is heard of again; one that never was is not missed."""
+    arm, target = virtual(), away()
+    course = ""
+    for k in range(300):
+        q, dq, _, course = arm.step(PERIOD * k, target)
+    assert course == "following" and np.abs(dq).max() > 0.05
+    arm.step(0.3, target, q=q, dq=dq)
+    courses = [arm.step(0.3, target, q=[np.nan] * 7, dq=dq)[3] for _ in range(3000)]
+    assert courses[:19] == ["following"] * 19 and set(courses[19:]) == {"waiting"}
+    q, dq, *_ = arm.step(0.3, target)
+    assert np.abs(dq).max() < 1e-3
+    assert arm.step(0.3, target, q=q, dq=dq)[3] == "following"
+
+
+def test_a_stop() -> None:
+    arm, target = virtual(), away()
+    for k in range(300):
+        arm.step(PERIOD * k, target)
+    arm.stop()
+    courses = [arm.step(0.3, target)[3] for _ in range(3000)]
+    assert courses[0] == "stopping" and courses[-1] == arm.course == "finished"
+    arm.begin(READY)
+    assert arm.step(0.0, target)[3] == "following"
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"acceleration": 0.0}, "acceleration must be finite and greater than 0, got 0"),
+        ({"jerk": [1.0] * 6}, r"jerk"),
+        ({"jerk": np.nan}, "jerk"),
+        ({"speed": [1.0] * 6 + [-1.0]}, "speed must be finite and greater than 0, got -1"),
+        ({"threshold": 0.0}, "threshold"),
+    ],
+)
+def test_bad_limits(more: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        virtual(**more)
+
+
+def test_a_speed_is_needed() -> None:
+    """An arm without velocity limits has none."""
+    controller = vff.Controller(vff.Arm.uniform(3))
+    with pytest.raises(InputError, match="speed"):
+        vff.VirtualArm(controller, [0.1] * 3, PERIOD, 1.0, 1.0)
+    arm = vff.VirtualArm(controller, [0.1] * 3, PERIOD, 1.0, 1.0, speed=1.0)
+    assert repr(arm) == "<VirtualArm: 3 joints>"
+    for bad in (np.nan, np.inf):
+        with pytest.raises(InputError):
+            arm.begin([0.1, bad, 0.1])
+        with pytest.raises(InputError):
+            arm.step(bad)
+
+
+@pytest.fixture(scope="module")
+def bench() -> ModuleType:
+    """The script that draws the figure: a Panda in MuJoCo under position servos."""
+    pytest.importorskip("mujoco")
+    spec = importlib.util.spec_from_file_location("make_set_points", SCRIPT)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where dataclasses look for their types
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_position_servos(bench: ModuleType) -> None:
+    """What the documentation says of tracking and clearance: at once, 8 ms late, and that much ahead."""
+    torque, servos, late, ahead = (
+        bench.run(*given, duration=4.5) for given in ((None,), (0.0,), (0.008,), (0.008, 0.008))
+    )
+    for outcome in (servos, late, ahead):
+        assert set(outcome.courses) == {"following"}
+        jerk = np.abs(np.diff(outcome.set_points[:, 0], 3, axis=0)) / bench.PERIOD**3
+        assert (jerk.max(axis=0) <= np.array(bench.JERK) * (1 + 1e-3)).all()
+        assert outcome.clearance.min() > torque.clearance.min() - 1e-3
+    errors = [1e3 * outcome.error.max() for outcome in (torque, servos, late, ahead)]
+    assert errors[0] < 0.1 and errors[1] < 0.5 and 1.0 < errors[2] < 2.0 and errors[3] < 0.5, errors
+    assert torque.clearance.min() > 0.09
