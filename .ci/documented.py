@@ -39,7 +39,7 @@ PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
 INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 # What is there to be read.
-SHOWN = ("", "toml", "text", "json", "cmake", "math", "{toctree}", "{rst-class}", "{literalinclude}")
+SHOWN = ("", "toml", "text", "json", "cmake", "cpp", "math", "{toctree}", "{rst-class}", "{literalinclude}")
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
