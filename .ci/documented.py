@@ -39,7 +39,8 @@ PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
 INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 # What is there to be read.
-SHOWN = ("", "toml", "text", "json", "cmake", "cpp", "math", "{toctree}", "{rst-class}", "{literalinclude}")
+SHOWN = ("", "toml", "text", "json", "cmake", "cpp", "math")
+SHOWN += ("{toctree}", "{rst-class}", "{literalinclude}", "{warning}")
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
@@ -72,6 +73,7 @@ LEFT_OUT = {
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
     "python docs/evaluate.py --space": "as the one of the plane",
+    "python docs/evaluate_goals.py": "runs for half an hour; the tests evaluate in short",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",

@@ -71,7 +71,7 @@ def prefix(built: Path) -> Path:
     return built.parent / "c" / "install"
 
 
-def compiled(prefix: Path, source: Path, to: Path) -> Path:
+def compiled(prefix: Path, source: Path, to: Path, *more: str) -> Path:
     """A program made with the flags of the installed pkg-config file."""
     found = prefix / "lib" / "pkgconfig" / "vffnull.pc"
     text = found.read_text(encoding="utf-8")
@@ -80,7 +80,7 @@ def compiled(prefix: Path, source: Path, to: Path) -> Path:
     flags = [re.sub(r"\$\{(\w+)\}", lambda m: variables[m[1]], fields[name]) for name in ("Cflags", "Libs")]
     language = ["c++", "-std=c++17"] if source.suffix == ".cpp" else ["cc", "-std=c11"]
     rpath = f"-Wl,-rpath,{variables['libdir']}"
-    run([*language, *STRICT, source, *flags[0].split(), "-o", to, *flags[1].split(), rpath, "-lm"])
+    run([*language, *STRICT, *more, source, *flags[0].split(), "-o", to, *flags[1].split(), rpath, "-lm"])
     return to
 
 
@@ -130,6 +130,14 @@ def test_shortest_loops(built: Path) -> None:
 def test_types_of_the_header(prefix: Path, tmp_path: Path) -> None:
     """Through pkg-config, with every warning an error."""
     run([compiled(prefix, ROOT / "tests" / "c" / "header.cpp", tmp_path / "header")])
+
+
+def test_the_loop_of_libfranka(prefix: Path, tmp_path: Path) -> None:
+    """As the page has it, against stand-ins of libfranka's names; it never met libfranka."""
+    page = (ROOT / "docs" / "c.md").read_text(encoding="utf-8")
+    (loop,) = re.findall(r"^```cpp\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    (tmp_path / "page.inc").write_text(loop, encoding="utf-8")
+    run([compiled(prefix, ROOT / "tests" / "c" / "libfranka_loop.cpp", tmp_path / "loop", f"-I{tmp_path}")])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="seccomp is Linux's")

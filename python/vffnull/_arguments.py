@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from vffnull.errors import InputError, InputTypeError
 
-__all__ = ["MOST_THREADS", "number", "whole"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["MOST_THREADS", "array", "number", "positive", "whole", "within"]
 
 MOST_THREADS = 1024
 
@@ -31,6 +37,22 @@ def number(name: str, value: object) -> float:
         raise InputTypeError(f"{name}: expected a number, not a {type(value).__name__}") from None
 
 
+def positive(name: str, value: object) -> float:
+    """A `number` that is finite and greater than 0."""
+    found = number(name, value)
+    if not 0.0 < found < float("inf"):
+        raise InputError(f"{name}: must be finite and greater than 0, got {found}")
+    return found
+
+
+def within(name: str, value: object, least: float, most: float) -> float:
+    """A `number` within bounds."""
+    found = number(name, value)
+    if not least <= found <= most:
+        raise InputError(f"{name}: must be from {least:g} to {most:g}, got {found}")
+    return found
+
+
 def whole(name: str, value: object, least: int, most: int) -> int:
     """A whole number within bounds.
 
@@ -51,3 +73,30 @@ def whole(name: str, value: object, least: int, most: int) -> int:
         given = found if abs(found) < 10**30 else "a number of more than 30 digits"
         raise InputError(f"{name}: must be from {least} to {most}, got {given}")
     return found
+
+
+def array(name: str, given: ArrayLike, shape: Sequence[int | None]) -> NDArray[np.float64]:
+    """Finite numbers of a shape, of which None is any size but 0.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If they are none.
+    """
+    import numpy as np  # here, so that those who count need not wait for it
+
+    try:
+        values = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected an array of numbers") from None
+    fits = values.ndim == len(shape) and all(
+        size == wanted if wanted is not None else size > 0
+        for size, wanted in zip(values.shape, shape, strict=True)
+    )
+    if not fits:
+        sizes = ["any" if size is None else str(size) for size in shape]
+        wanted = f"{sizes[0]}," if len(sizes) == 1 else ", ".join(sizes)
+        raise InputError(f"{name}: expected shape ({wanted}), got {values.shape}")
+    if not np.isfinite(values).all():
+        raise InputError(f"{name}: must be finite")
+    return values

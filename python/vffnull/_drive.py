@@ -13,8 +13,8 @@ from types import SimpleNamespace, TracebackType
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from vffnull import _core
-from vffnull._arguments import number, whole
-from vffnull._timing import Clock
+from vffnull._arguments import number, positive, whole
+from vffnull._timing import Clock, Histogram
 from vffnull.errors import InputError, InputTypeError
 from vffnull.logs.stream import StreamRecorder
 from vffnull.robots.protocol import CommandKind
@@ -281,8 +281,6 @@ class Drive:
         vffnull.errors.InputError
             If it is not.
         """
-        from vffnull._timing import Histogram
-
         found = self._loop.report()
         if found is None:
             raise InputError("report: the drive is not over; stop() and wait() for it")
@@ -466,8 +464,8 @@ def drive(
     command = _kind(robot)
     options = {
         "rate": number("rate", rate),
-        "seconds": None if seconds is None else _positive("seconds", seconds),
-        "patience": _positive("patience", patience),
+        "seconds": None if seconds is None else positive("seconds", seconds),
+        "patience": positive("patience", patience),
         "record_every": 0 if record_to is None else whole("record_every", record_every, 1, 1_000_000),
         "command": command,
         "paces": bool(getattr(robot, "paces", False)),
@@ -518,10 +516,3 @@ def _suits(robot: object, loop: _core.DriveLoop) -> None:
             f"controller: its command.torque_rate is {given}, the robot allows {most:g} N·m/s; "
             f'give the controller command={{"torque_rate": {most:g}}}'
         )
-
-
-def _positive(name: str, given: object) -> float:
-    value = number(name, given)
-    if not 0.0 < value < float("inf"):
-        raise InputError(f"{name}: must be finite and greater than 0, got {value}")
-    return value

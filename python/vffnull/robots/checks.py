@@ -7,14 +7,12 @@ mass matrix.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vffnull._arguments import number, whole
-from vffnull.errors import InputError
+from vffnull._arguments import array, positive, whole
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -104,10 +102,8 @@ def postures(arm: Arm, around: ArrayLike, count: int = 10, spread: float = 0.3, 
     vffnull.errors.InputError
         If a value makes no sense.
     """
-    middle = _rows("around", around, (arm.n,))
-    count, spread = whole("count", count, 1, 10_000), number("spread", spread)
-    if not (np.isfinite(spread) and spread > 0.0):
-        raise InputError(f"spread: must be finite and greater than 0, got {spread}")
+    middle = array("around", around, (arm.n,))
+    count, spread = whole("count", count, 1, 10_000), positive("spread", spread)
     low, high = middle - spread, middle + spread
     if arm.joint_limits is not None:
         ends = np.asarray(arm.joint_limits)
@@ -138,8 +134,8 @@ def gravity(arm: Arm, q: ArrayLike, torque: ArrayLike) -> Comparison:
     vffnull.errors.InputError
         If an array has the wrong shape or is not finite.
     """
-    states = _rows("q", q, (None, arm.n))
-    found = _rows("torque", torque, states.shape)
+    states = array("q", q, (None, arm.n))
+    found = array("torque", torque, states.shape)
     return Comparison("N·m", np.array([arm.gravity_torque(each) for each in states]), found, _names(arm))
 
 
@@ -161,28 +157,10 @@ def mass_matrix(arm: Arm, q: ArrayLike, matrix: ArrayLike) -> Comparison:
     vffnull.errors.InputError
         If an array has the wrong shape or is not finite.
     """
-    states = _rows("q", q, (None, arm.n))
-    found = _rows("matrix", matrix, (len(states), arm.n, arm.n))
+    states = array("q", q, (None, arm.n))
+    found = array("matrix", matrix, (len(states), arm.n, arm.n))
     return Comparison("kg·m²", np.array([arm.mass_matrix(each) for each in states]), found, _names(arm))
 
 
 def _names(arm: Arm) -> tuple[str, ...]:
     return tuple(arm.joint_names)
-
-
-def _rows(name: str, given: ArrayLike, shape: Sequence[int | None]) -> Array:
-    """An array of this shape; None is any size but 0."""
-    try:
-        values = np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: expected an array of numbers") from None
-    fits = values.ndim == len(shape) and all(
-        size == wanted if wanted is not None else size > 0
-        for size, wanted in zip(values.shape, shape, strict=True)
-    )
-    if not fits:
-        wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        raise InputError(f"{name}: expected shape ({wanted}), got {values.shape}")
-    if not np.isfinite(values).all():
-        raise InputError(f"{name}: must be finite")
-    return values

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vffnull._arguments import number
+from vffnull._arguments import array, number
 from vffnull._extras import extra
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError
@@ -131,10 +131,7 @@ class MuJoCoRobot:
         model = library.MjModel.from_xml_string(to_mjcf(arm, obstacles=obstacles))
         model.opt.timestep = number("step", step)
         robot = cls(model, period=period)
-        start = np.asarray(q, dtype=np.float64)
-        if start.shape != (arm.n,):
-            raise InputError(f"q: expected shape ({arm.n},), got {start.shape}")
-        robot.data.qpos[robot._positions] = start
+        robot.data.qpos[robot._positions] = array("q", q, (arm.n,))
         return robot
 
     def read(self) -> State:

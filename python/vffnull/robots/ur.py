@@ -8,15 +8,14 @@ button:
 2. Compare the model with the robot's: `vffnull.robots.checks` with `mass_matrix` of this class, which is the
    robot's own. Payload, centre of gravity and mounting in the installation must be those of your model.
 3. Drive with ``field=vff.Field.khatib(0.0, 0.3)``, no obstacle and no target: the arm has to stay where it
-   is.
-   Begin with ``command="velocity"`` at low limits; the robot keeps its own limits of safety in every mode.
+   is. Begin with ``command="velocity"`` at low limits; the robot keeps its own limits of safety in every
+   mode.
 4. End that drive, and look at `vffnull.DriveReport`: missed periods, and why it ended.
 
 What is known of the interface: states and commands go at 500 Hz, so drive at ``rate=500``. ``directTorque``
-needs PolyScope
-5.23 or later, and some features of it 5.26; the robot always adds gravity, and returns to holding its
-position when a torque does not come in time. ``servoJ`` follows positions with a gain and a look-ahead of
-its own, ``speedJ`` velocities with an acceleration.
+needs PolyScope 5.23 or later, and some features of it 5.26; the robot always adds gravity, and returns to
+holding its position when a torque does not come in time. ``servoJ`` follows positions with a gain and a
+look-ahead of its own, ``speedJ`` velocities with an acceleration.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vffnull._arguments import number
+from vffnull._arguments import within
 from vffnull._extras import extra
 from vffnull.errors import InputError
 
@@ -102,10 +101,10 @@ class URRobot:
             raise InputError(f"command: must be one of {', '.join(writers)}, got {command!r}")
         self.command: CommandKind = command
         self._writer = writers[command]
-        self._period = 1.0 / _within("frequency", frequency, 1.0, 500.0)
-        self._lookahead = _within("lookahead", lookahead, 0.03, 0.2)
-        self._gain = _within("gain", gain, 100.0, 2000.0)
-        self._acceleration = _within("acceleration", acceleration, 0.0, 40.0)
+        self._period = 1.0 / within("frequency", frequency, 1.0, 500.0)
+        self._lookahead = within("lookahead", lookahead, 0.03, 0.2)
+        self._gain = within("gain", gain, 100.0, 2000.0)
+        self._acceleration = within("acceleration", acceleration, 0.0, 40.0)
         if isinstance(robot, str):
             control, receive = extra("rtde_control", "ur"), extra("rtde_receive", "ur")
             self._control: rtde_control.RTDEControlInterface = control.RTDEControlInterface(robot, frequency)
@@ -160,10 +159,3 @@ class URRobot:
 
     def _velocities(self, command: list[float]) -> bool:
         return self._control.speedJ(command, self._acceleration, self._period)
-
-
-def _within(name: str, given: object, least: float, most: float) -> float:
-    value = number(name, given)
-    if not least <= value <= most:
-        raise InputError(f"{name}: must be from {least:g} to {most:g}, got {value}")
-    return value

@@ -3,6 +3,7 @@
 use super::TrajectoryError;
 use super::piecewise;
 use super::polynomial::horner;
+use super::spline::{Ends, cubics};
 use crate::math::Vector;
 
 /// Positions of `n` joints over time: cubics through knots (C²), at rest at the first and at the last of them, where it
@@ -34,12 +35,10 @@ impl JointSpline {
         }
         let knots = times.len();
         let mut pieces = vec![[Vector::zeros(); 4]; n * (knots - 1)];
-        let mut workspace = Clamped { times, ddx: vec![0.0; knots], upper: vec![0.0; knots] };
         for joint in 0..n {
-            workspace.fit(|i| points[i][joint]);
-            for i in 0..knots - 1 {
-                pieces[i * n + joint] =
-                    workspace.piece(i, |i| points[i][joint]).map(Vector::<1>::new);
+            let fitted = cubics(times, |i| Vector::<1>::new(points[i][joint]), Ends::Clamped);
+            for (i, piece) in fitted.into_iter().enumerate() {
+                pieces[i * n + joint] = piece;
             }
         }
         let (first, last) = (points[0].clone(), points[knots - 1].clone());
@@ -90,49 +89,6 @@ impl JointSpline {
             let at = horner(piece, since);
             (q[joint], dq[joint], ddq[joint]) = (at.x[0], at.dx[0], at.ddx[0]);
         }
-    }
-}
-
-/// The clamped spline of one joint after the other.
-struct Clamped<'a> {
-    times: &'a [f64],
-    /// The second derivative at each knot.
-    ddx: Vec<f64>,
-    upper: Vec<f64>,
-}
-
-impl Clamped<'_> {
-    fn duration(&self, i: usize) -> f64 {
-        self.times[i + 1] - self.times[i]
-    }
-
-    /// Equal velocities on both sides of every knot, none at the ends: with h the durations and s the slopes,
-    /// hᵢ₋₁ ẍᵢ₋₁ + 2(hᵢ₋₁ + hᵢ) ẍᵢ + hᵢ ẍᵢ₊₁ = 6(sᵢ − sᵢ₋₁), where beyond the ends h and s are 0.
-    fn fit(&mut self, value: impl Fn(usize) -> f64) {
-        let n = self.times.len();
-        for i in 0..n {
-            let side = |i: usize| {
-                let h = self.duration(i);
-                (h, (value(i + 1) - value(i)) / h)
-            };
-            let (before, slope_before) = if i > 0 { side(i - 1) } else { (0.0, 0.0) };
-            let (after, slope) = if i + 1 < n { side(i) } else { (0.0, 0.0) };
-            let [upper, last] =
-                if i > 0 { [self.upper[i - 1], self.ddx[i - 1]] } else { [0.0, 0.0] };
-            let pivot = 2.0 * (before + after) - before * upper;
-            self.upper[i] = after / pivot;
-            self.ddx[i] = (6.0 * (slope - slope_before) - before * last) / pivot;
-        }
-        for i in (0..n - 1).rev() {
-            self.ddx[i] -= self.upper[i] * self.ddx[i + 1];
-        }
-    }
-
-    fn piece(&self, i: usize, value: impl Fn(usize) -> f64) -> [f64; 4] {
-        let h = self.duration(i);
-        let [now, next] = [self.ddx[i], self.ddx[i + 1]];
-        let slope = (value(i + 1) - value(i)) / h;
-        [value(i), slope - (2.0 * now + next) * (h / 6.0), 0.5 * now, (next - now) / (6.0 * h)]
     }
 }
 

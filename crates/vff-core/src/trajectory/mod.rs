@@ -14,6 +14,7 @@ mod piecewise;
 pub mod plane;
 mod polynomial;
 pub mod space;
+mod spline;
 mod table;
 mod waypoints;
 

@@ -1,48 +1,14 @@
 //! A smooth path through dense samples: the natural cubic spline.
 
 use super::piecewise::Piecewise;
+use super::spline::{Ends, cubics};
 use crate::math::Vector;
 
 /// Cubics through `points` at `times` (checked by [`super::piecewise::check`]): C², without
 /// curvature at both ends.
 pub(super) fn through<const M: usize>(times: &[f64], points: &[Vector<M>]) -> Piecewise<M, 4> {
-    let duration = |i: usize| times[i + 1] - times[i];
-    let slope = |i: usize| (points[i + 1] - points[i]) / duration(i);
-    let ddx = accelerations(points.len(), duration, slope);
-    Piecewise::new(times, points, |i| {
-        let h = duration(i);
-        [
-            points[i],
-            slope(i) - (ddx[i] * 2.0 + ddx[i + 1]) * (h / 6.0),
-            ddx[i] * 0.5,
-            (ddx[i + 1] - ddx[i]) / (6.0 * h),
-        ]
-    })
-}
-
-/// Second derivative at each of `n` knots.
-///
-/// Equal velocities on both sides of knot i, with h the durations and s the slopes:
-/// hᵢ₋₁ ẍᵢ₋₁ + 2(hᵢ₋₁ + hᵢ) ẍᵢ + hᵢ ẍᵢ₊₁ = 6(sᵢ − sᵢ₋₁), ẍ = 0 at both ends. Tridiagonal and
-/// diagonally dominant: elimination without pivots, then substitution from the end.
-fn accelerations<const M: usize>(
-    n: usize,
-    duration: impl Fn(usize) -> f64,
-    slope: impl Fn(usize) -> Vector<M>,
-) -> Vec<Vector<M>> {
-    let mut ddx = vec![Vector::zeros(); n];
-    let mut upper = vec![0.0; n];
-    for i in 1..n - 1 {
-        let (before, after) = (duration(i - 1), duration(i));
-        let pivot = 2.0 * (before + after) - before * upper[i - 1];
-        upper[i] = after / pivot;
-        ddx[i] = ((slope(i) - slope(i - 1)) * 6.0 - ddx[i - 1] * before) / pivot;
-    }
-    for i in (1..n - 1).rev() {
-        let next = ddx[i + 1];
-        ddx[i] -= next * upper[i];
-    }
-    ddx
+    let pieces = cubics(times, |i| points[i], Ends::Natural);
+    Piecewise::new(times, points, |i| pieces[i])
 }
 
 #[cfg(test)]
