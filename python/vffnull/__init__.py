@@ -37,7 +37,7 @@ from vffnull._simulate import simulate
 from vffnull.control import ControlSettings, Field
 from vffnull.errors import VffNullError
 from vffnull.report import compare  # before `report` below, which takes the place of the package's name
-from vffnull.result import Film, Metrics, Result, Status, report
+from vffnull.result import Film, Metrics, Replan, Result, Status, report
 from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
 
@@ -75,6 +75,7 @@ __all__ = [
     "Plan",
     "PlanStatus",
     "RealTimeReport",
+    "Replan",
     "Result",
     "Scenario",
     "Simulation",

@@ -800,6 +800,11 @@ class LiveState(TypedDict):
     """Where the repulsion acts on each link, (n, D) [m]."""
     forces: _Array
     """The repulsion, (n, D) [N]."""
+    q_plan: _Array | None
+    """Where the plan has the joints; None if the reference is none."""
+    replans: int
+    """Plans that were taken over so far, and how often the arm got stuck: with ``[replan]``."""
+    times_stuck: int
 
 @final
 class Live:
@@ -1207,7 +1212,8 @@ def run(
     Returns
     -------
     dict
-        ``status``, ``message``, ``end_time`` [s], ``wall_time`` [s], ``warnings``, ``metrics``, ``record``.
+        ``status``, ``message``, ``end_time`` [s], ``wall_time`` [s], ``warnings``, ``metrics``, ``replans``,
+        ``record``.
         After Ctrl-C the status is ``"interrupted"`` and the record holds what was computed until then.
 
     Raises

@@ -7,7 +7,7 @@ from typing import Any
 
 from vffnull import _core
 from vffnull._record import Layout
-from vffnull.result import Metrics, Result, Status
+from vffnull.result import Metrics, Replan, Result, Status
 from vffnull.scenario import Scenario
 
 __all__ = ["result_of"]
@@ -26,6 +26,7 @@ def result_of(scenario: Scenario, outcome: Mapping[str, Any], plant: str = "core
         warnings=(*outcome["warnings"], *oddities(scenario._document)),
         metrics=Metrics(outcome["metrics"], Layout.of(scenario._document)),
         version=_core.__version__,
+        replans=tuple(Replan(**search) for search in outcome["replans"]),
         plant=plant,
         **outcome["record"],
     )

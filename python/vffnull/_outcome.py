@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Metrics", "Outcome", "ScenarioData", "Status", "readable"]
+__all__ = ["Metrics", "Outcome", "Replan", "ScenarioData", "Status", "readable"]
 
 
 class Status(str, Enum):
@@ -43,6 +43,29 @@ class Status(str, Enum):
 
     def __format__(self, spec: str) -> str:
         return format(self.value, spec)
+
+
+@dataclass(frozen=True)
+class Replan:
+    """A search for another plan while a run followed one.
+
+    Attributes
+    ----------
+    asked : float
+        When it began [s].
+    reason : {"blocked", "strayed", "stuck"}
+        Why: something was in the way of the plan; the arm was off it for too long; it came no nearer to its
+        end.
+    status : str or None
+        What came of it, as in `PlanStatus`; None if the run ended before.
+    taken : float or None
+        When the new plan was taken over [s]; None if there was none.
+    """
+
+    asked: float
+    reason: str
+    status: str | None
+    taken: float | None
 
 
 class Metrics(Mapping[str, float | int | None]):
@@ -188,6 +211,7 @@ class Outcome:
     tank: Array | None = None
     slack: Array | None = None
     path_time: Array | None = None
+    q_plan: Array | None = None
     q_measured: Array | None = None
     dq_measured: Array | None = None
     tau_applied: Array | None = None
@@ -195,6 +219,7 @@ class Outcome:
     orientation: Array | None = None
     orientation_ref: Array | None = None
     plant: str = "core"
+    replans: tuple[Replan, ...] = ()
 
     def __repr__(self) -> str:
         return (

@@ -11,7 +11,7 @@ from vffnull import _progress, _record
 from vffnull._extras import extra
 from vffnull._figures import ending
 from vffnull._interrupts import heard
-from vffnull._outcome import Metrics, Outcome, Status, readable
+from vffnull._outcome import Metrics, Outcome, Replan, Status, readable
 from vffnull._record import recorded
 from vffnull.scenario import Scenario
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Film", "Metrics", "Result", "Status", "readable", "report"]
+__all__ = ["Film", "Metrics", "Replan", "Result", "Status", "readable", "report"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,6 +96,9 @@ class Result(Outcome):
     path_time : (T,) ndarray or None
         Time [s] of the reference, which a governor slows down; `x_ref` and `error` are those of the reference
         that waits. None without a table ``[controller.governor]``.
+    q_plan : (T, n) ndarray or None
+        Joint angles of the plan [rad], and of every plan that took its place; None unless the reference is
+        one.
     q_measured, dq_measured : (T, n) ndarray or None
         What the controller took the joint angles [rad] and velocities [rad/s] for; None unless the scenario
         has sensors, a table ``[measurement]``. Everything else is of the true state.
@@ -108,6 +111,8 @@ class Result(Outcome):
         scenario has range sensors, a table ``[perception]``. `clearance` and `obstacles` are true.
     plant : {"core", "mujoco"}
         What moved the arm.
+    replans : tuple of Replan
+        Searches for another plan, one after the other; empty without a table ``[replan]``.
 
     Examples
     --------

@@ -16,7 +16,7 @@ use vff_core::runtime::PointsError;
 use vff_core::runtime::live::{self, LoopStats, State};
 use vff_core::runtime::points::make;
 use vff_core::scenario::Scenario;
-use vff_core::simulation::RecordTooLarge;
+use vff_core::simulation::{RecordTooLarge, ReplanCounts};
 
 /// A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
 ///
@@ -81,6 +81,8 @@ struct Shown {
     obstacles: Vec<f64>,
     turns: Vec<f64>,
     t: f64,
+    q_plan: Option<Vec<f64>>,
+    replans: ReplanCounts,
     arrays: [(&'static str, Vec<f64>); 9],
 }
 
@@ -101,6 +103,8 @@ impl Shown {
             obstacles,
             turns,
             t: s.t,
+            q_plan: s.q_plan.map(<[f64]>::to_vec),
+            replans: s.replans.unwrap_or_default(),
             arrays: [
                 ("q", s.q.to_vec()),
                 ("dq", s.dq.to_vec()),
@@ -132,6 +136,9 @@ impl Shown {
         dict.set_item("min_clearance", self.min_clearance)?;
         dict.set_item("recording", self.recording)?;
         dict.set_item("t", self.t)?;
+        dict.set_item("q_plan", self.q_plan.map(|q| PyArray1::from_vec(py, q)))?;
+        dict.set_item("replans", self.replans.taken)?;
+        dict.set_item("times_stuck", self.replans.stuck)?;
         let tables =
             [("points", self.points), ("forces", self.forces), ("obstacles", self.obstacles)];
         for (name, values) in tables {

@@ -14,7 +14,7 @@ use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Instant;
 use vff_core::runtime::batch::{Batch, BatchError, Rollout};
-use vff_core::simulation::{Array, Record, Status, Value};
+use vff_core::simulation::{Array, Record, Replanned, Status, Value};
 use vff_core::{
     planning::feasibility,
     runtime,
@@ -44,7 +44,8 @@ pub fn prepared<T: Send>(
 /// Returns
 /// -------
 /// dict
-///     ``status``, ``message``, ``end_time`` [s], ``wall_time`` [s], ``warnings``, ``metrics``, ``record``.
+///     ``status``, ``message``, ``end_time`` [s], ``wall_time`` [s], ``warnings``, ``metrics``, ``replans``,
+///     ``record``.
 ///     After Ctrl-C the status is ``"interrupted"`` and the record holds what was computed until then.
 ///
 /// Raises
@@ -197,8 +198,22 @@ pub fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> 
     result.set_item("wall_time", wall_time)?;
     result.set_item("warnings", warnings)?;
     result.set_item("metrics", metrics)?;
+    result.set_item("replans", replans(py, &outcome.replans)?)?;
     result.set_item("record", arrays(py, outcome.record)?)?;
     Ok(result)
+}
+
+/// Searches for another plan, as Python values.
+fn replans<'py>(py: Python<'py>, searches: &[Replanned]) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let entry = |search: &Replanned| {
+        let entry = PyDict::new(py);
+        entry.set_item("asked", search.asked)?;
+        entry.set_item("reason", search.reason.name())?;
+        entry.set_item("status", search.status)?;
+        entry.set_item("taken", search.taken)?;
+        Ok(entry)
+    };
+    searches.iter().map(entry).collect()
 }
 
 /// The arrays of a record, moved, not copied; what the run does not have is None.

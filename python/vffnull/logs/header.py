@@ -16,7 +16,7 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._outcome import Metrics, Outcome, Status
+from vffnull._outcome import Metrics, Outcome, Replan, Status
 from vffnull._record import QUANTITIES, Layout, recorded
 from vffnull.errors import InputError, VffNullError
 from vffnull.scenario import Scenario
@@ -52,6 +52,7 @@ def pack(result: Outcome) -> str:
     """
     values = {name: getattr(result, name) for name in _beside(type(result))}
     values |= {"scenario": result.scenario.to_dict(), "metrics": dict(result.metrics)}
+    values |= {"replans": [dataclasses.asdict(search) for search in result.replans]}
     arrays = {name: [array.dtype.str, array.shape[1:]] for name, array in recorded(result).items()}
     units = {"t": "s"} | {column.name: column.unit for column, _ in result.layout.lines(result)}
     about = {"instants": len(result.t), "arrays": arrays, "units": units}
@@ -90,6 +91,8 @@ def unpack(text: str | bytes, source: Path) -> Header:
     }
     if "plant" in found:
         values["plant"] = entries.text("plant")
+    if "replans" in found:
+        values["replans"] = entries.replans()
     return Header(version, values, entries.instants(), entries.shapes(scenario))
 
 
@@ -198,6 +201,22 @@ class _Entries:
             if value is not None:
                 self._float(f"metrics.{name[:40]}", value)
         return Metrics(values, layout)
+
+    def replans(self) -> tuple[Replan, ...]:
+        searches = self._get("replans")
+        names = [field.name for field in dataclasses.fields(Replan)]
+        if not isinstance(searches, list) or not all(
+            isinstance(search, dict) and sorted(search) == sorted(names) for search in searches
+        ):
+            self._fault("replans", f"expected a list of tables with {', '.join(names)}")
+        for i, search in enumerate(searches):
+            for name in ("asked", "taken"):
+                if name == "asked" or search[name] is not None:
+                    self._float(f"replans[{i}].{name}", search[name])
+            for name in ("reason", "status"):
+                if not isinstance(search[name], str | (type(None) if name == "status" else str)):
+                    self._fault(f"replans[{i}].{name}", "expected text")
+        return tuple(Replan(**search) for search in searches)
 
     def scenario(self) -> Scenario:
         document = self._get("scenario")

@@ -126,6 +126,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.gains.move_posture(&moving.state[0]);
     }
 
+    /// Where the posture was moved to last \[rad or m\], (n); none if it never was.
+    pub fn moved_posture(&self) -> Option<&[f64]> {
+        self.moving.as_ref().map(|moving| moving.state[0].as_slice())
+    }
+
     /// Lets the posture be that of another controller, at rest.
     pub(super) fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
         self.gains.posture.clone_from(&gains.posture);
@@ -443,6 +448,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         if let Some(preview) = &mut self.preview {
             preview.reserve(surroundings.obstacle_count(), most);
         }
+    }
+
+    /// [`ReactiveController::moved_posture`].
+    pub fn moved_posture(&self) -> Option<&[f64]> {
+        self.reactive.moved_posture()
     }
 
     /// [`ReactiveController::move_posture`]; the look-ahead takes the posture for one at rest.

@@ -6,7 +6,7 @@ use std::fmt::Debug;
 
 /// Where an end effector is, as far as a task of dimension `M` cares. Differences and displacements are
 /// vectors of the task; the pose itself need not be one.
-pub trait Pose<const M: usize>: Copy + Debug + PartialEq {
+pub trait Pose<const M: usize>: Copy + Debug + PartialEq + Send + 'static {
     /// How many numbers a pose takes when it is written.
     const WIDTH: usize;
 

@@ -2,3 +2,4 @@
 
 pub mod feasibility;
 pub mod motion;
+pub mod replanning;

@@ -29,7 +29,7 @@ pub use planar::{PlanarArm, PlanarState};
 pub use spatial::{SpatialArm, SpatialState};
 
 /// What is immutable of an arm in `D`-dimensional space. Its states refer to it.
-pub trait Model<const D: usize>: Debug + Clone {
+pub trait Model<const D: usize>: Debug + Clone + Send + Sync + 'static {
     /// The arm at one instant.
     type State: Robot<D> + Clone + Debug;
 

@@ -3,6 +3,8 @@
 use super::points::{self, PointsError};
 use crate::control::{Gains, Settings, TaskKind};
 use crate::math::{UnitQuaternion, Vector};
+use crate::planning::motion::Jointed;
+use crate::planning::replanning::Replanner;
 use crate::robot::{Limits, Model};
 use crate::scenario::{
     self, AnyScene, Described, Part, Prepared, Problem, Scenario, ScenarioError, Scene,
@@ -102,6 +104,11 @@ impl AnyRun {
     /// `external` \[N·m\]. Returns false if the new state is not finite.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
         either!(self, run => run.closed_loop_mut().advance(external))
+    }
+
+    /// [`ClosedLoop::plan_beside`](crate::simulation::ClosedLoop::plan_beside).
+    pub fn plan_beside(&mut self) {
+        either!(self, run => run.closed_loop_mut().plan_beside());
     }
 
     /// Changes the gains, which must be for the same task. Allocates.
@@ -328,13 +335,20 @@ impl Scenario {
         }
     }
 
-    fn prepare_for<S: Prepared<D, M>, const D: usize, const M: usize>(
+    fn prepare_for<S, const D: usize, const M: usize>(
         &self,
         scene: &Scene<S, D>,
         recorded: bool,
         wrap: impl Fn(Box<Run<S, D, M>>) -> AnyRun,
-    ) -> Result<Ready, ScenarioError> {
-        let (closed_loop, warnings) = self.closed_loop::<S, D, M>(scene)?;
+    ) -> Result<Ready, ScenarioError>
+    where
+        S: Prepared<D, M, State: Jointed<D>> + 'static,
+    {
+        let (mut closed_loop, warnings) = self.closed_loop::<S, D, M>(scene)?;
+        if let (Some(settings), Some(plan)) = (&self.replan, closed_loop.plan()) {
+            let replanner = Replanner::new(settings, self, &closed_loop, plan)?;
+            closed_loop.set_replanning(Box::new(replanner));
+        }
         let run =
             Run::new(closed_loop, &self.simulation, self.duration, recorded).map_err(|error| {
                 ScenarioError::new(

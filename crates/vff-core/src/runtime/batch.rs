@@ -168,7 +168,7 @@ fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
 fn failed(last: &Snapshot<'_>, message: String) -> Outcome {
     let metrics = METRICS.iter().map(|metric| (metric, Value::None)).collect();
     let record = Record { sizes: Sizes::of(last), ..Record::default() };
-    Outcome { status: Status::Failed, message, end_time: last.t, metrics, record }
+    Outcome { status: Status::Failed, message, end_time: last.t, metrics, record, replans: vec![] }
 }
 
 /// The result of `validate`; a panic is a fault, too.

@@ -112,6 +112,7 @@ impl Live {
             notes,
             scenario,
         };
+        this.run.plan_beside();
         this.observe();
         Ok(this)
     }

@@ -30,7 +30,8 @@ use crate::control::Settings;
 use crate::math::memory;
 use crate::robot::{Limits, Model, PlanarArm, SpatialArm};
 use crate::simulation::{
-    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionSettings, Plane, Space,
+    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionKind, PerceptionSettings,
+    Plane, ReplanSettings, Space,
 };
 use crate::world::Solid;
 use scene::on_scene;
@@ -70,6 +71,8 @@ pub struct Scenario {
     pub perception: Option<PerceptionSettings>,
     /// The drives; none if the torque acts as commanded.
     pub actuator: Option<ActuatorSettings>,
+    /// How a plan is watched over that the reference is; none if it is followed whatever happens.
+    pub replan: Option<ReplanSettings>,
     /// Where the random numbers come from.
     pub seed: u64,
 }
@@ -278,6 +281,18 @@ impl Scenario {
                 ));
                 return Err(ScenarioError::new(key, problem));
             }
+        }
+        if let Some(settings) = &self.replan {
+            let knows = self.perception.as_ref().is_none_or(|it| it.kind == PerceptionKind::Ideal);
+            let problem = match (S::is_plan(&scene.reference), knows) {
+                (false, _) => Some("needs a reference that is a plan"),
+                (_, false) => Some("needs obstacles that are known, without `perception`"),
+                _ => None,
+            };
+            if let Some(problem) = problem {
+                return Err(ScenarioError::new("replan", Problem::Other(problem.into())));
+            }
+            validate::replan(settings).map_err(|error| error.inside("replan"))?;
         }
         validate::simulation(&self.simulation).map_err(|error| error.inside("simulation"))?;
         if self.duration / self.simulation.dt > MAX_STEPS {

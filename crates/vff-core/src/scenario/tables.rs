@@ -5,7 +5,8 @@ use super::scene::{AnyScene, Described, ObstacleOf, Scene};
 use super::{Part, Scenario, ScenarioError, validate};
 use crate::control::Settings;
 use crate::simulation::{
-    ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane, Space,
+    ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane, ReplanSettings,
+    Space,
 };
 use serde::Deserialize;
 use toml::{Table, Value};
@@ -38,6 +39,8 @@ pub(super) struct Tables<S: Described<D>, const D: usize> {
     perception: Option<PerceptionSettings>,
     #[serde(default)]
     actuator: Option<ActuatorSettings>,
+    #[serde(default)]
+    replan: Option<ReplanSettings>,
     #[serde(default)]
     seed: u64,
 }
@@ -95,6 +98,7 @@ impl<S: Described<D>, const D: usize> Tables<S, D> {
             measurement: self.measurement,
             perception: self.perception,
             actuator: self.actuator,
+            replan: self.replan,
             seed: self.seed,
         }
     }

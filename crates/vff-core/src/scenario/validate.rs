@@ -19,7 +19,7 @@ use crate::math::{ScalarOrVec, UnitQuaternion, memory};
 use crate::robot::Limits;
 use crate::simulation::{
     ActuatorSettings, Camera, Control, MAX_READINGS, MAX_STEPS, Measurement, MeasurementSettings,
-    Options, PerceptionKind, PerceptionSettings,
+    Options, PerceptionKind, PerceptionSettings, ReplanSettings,
 };
 use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
@@ -431,6 +431,20 @@ fn governor(governor: &GovernorSettings) -> Validated {
     }
     number("rate", rate, positive)?;
     number("floor", floor, ("in [0, 1)", |x| (0.0..1.0).contains(&x)))
+}
+
+/// `[replan]`.
+pub fn replan(settings: &ReplanSettings) -> Validated {
+    let ReplanSettings { latency, every, patience, stray, tolerance, blend, .. } = *settings;
+    number("latency", latency, not_negative)?;
+    for (key, value) in [("every", every), ("patience", patience), ("stray", stray)] {
+        number(key, value, positive)?;
+    }
+    number("tolerance", tolerance, not_negative)?;
+    number("blend", blend, positive)?;
+    number("margin", settings.margin, positive)?;
+    number("horizon", settings.horizon, not_negative)?;
+    number("speed", settings.speed, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
 }
 
 /// What a controller needs of the limits of its arm.

@@ -6,14 +6,14 @@ use super::measurement::Measurement;
 use super::perception::Perceive;
 use super::plant::{Physics, Plant};
 use super::sending::Sending;
-use super::{Control, Integrator, Options, Snapshot, System};
+use super::{Control, Integrator, Moment, Options, Replan, Replanned, Snapshot, System};
 use crate::control::{
     Controller, Gains, Gravity, ObjectiveScale, SelfCollision, Tank, Torque, limits,
 };
 use crate::interrupt;
 use crate::math::{Pose, Vector, keep_least};
 use crate::robot::{Limits, Manipulator, Model, Robot};
-use crate::trajectory::{Governor, Pace, Trajectory};
+use crate::trajectory::{Governor, JointSpline, Pace, Trajectory};
 use crate::world::{CollisionQuery, Contact, Positions, World};
 use std::iter;
 use std::sync::Arc;
@@ -48,6 +48,8 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     output: Option<Box<Sending>>,
     /// What makes the reference wait.
     governor: Option<Governor>,
+    /// Who makes another plan where the reference is one that leads nowhere any more.
+    replanning: Option<Box<dyn Replan<S, D, M>>>,
     /// What is so, where the controller does not see it.
     truth: Option<Truth<M>>,
     stepper: Stepper,
@@ -182,6 +184,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             actuator,
             output,
             governor,
+            replanning: None,
             truth: imperfect.then(|| Truth::new(n)),
             stepper: Stepper::new(options.integrator, n),
             step: 0,
@@ -220,9 +223,62 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         if let Some(actuator) = &mut self.actuator {
             actuator.start();
         }
+        if let Some(replanning) = &mut self.replanning {
+            let plan = replanning.restart();
+            self.follow(&plan);
+        }
         self.start_perception();
         self.start_output();
         self.control();
+    }
+
+    /// From now on `replanning` watches over the plan that the reference is.
+    pub fn set_replanning(&mut self, replanning: Box<dyn Replan<S, D, M>>) {
+        self.replanning = Some(replanning);
+    }
+
+    /// Lets it plan in a thread of its own, as long as it takes.
+    pub fn plan_beside(&mut self) {
+        if let Some(replanning) = &mut self.replanning {
+            replanning.plan_beside();
+        }
+    }
+
+    /// The searches for another plan so far.
+    pub fn replans(&self) -> &[Replanned] {
+        self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
+    }
+
+    /// The plan that the reference is, if it is one.
+    pub fn plan(&self) -> Option<&JointSpline> {
+        self.stack.trajectory.joints()
+    }
+
+    fn follow(&mut self, trajectory: &Trajectory<S::Pose, M>) {
+        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+            stack.trajectory = trajectory.clone();
+        }
+    }
+
+    /// Where a control period begins: another plan, if there is one, from the next step on.
+    fn replan(&mut self) {
+        if !self.step.is_multiple_of(self.options.control_every) {
+            return;
+        }
+        let (t, path_time) = (self.time(), self.path_time());
+        let Self { replanning, stack: ControlStack { controller, world, trajectory }, .. } = self;
+        let (Some(replanning), Some(joints)) = (replanning, trajectory.joints()) else { return };
+        let found = replanning.look(&Moment {
+            t,
+            path_time: path_time.unwrap_or(t),
+            q: controller.robot().configuration(),
+            error: controller.error().fixed_rows::<D>(0).norm(),
+            joints,
+            world,
+        });
+        if let Some(trajectory) = found {
+            self.follow(&trajectory);
+        }
     }
 
     /// The robot has held its arm still until now.
@@ -427,6 +483,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             dx: dx.as_slice(),
             x_ref: controller.reference().x.as_slice(),
             path_time: self.path_time(),
+            q_plan: self.stack.trajectory.joints().and_then(|_| controller.moved_posture()),
+            replans: self.replanning.as_ref().map(|replanning| replanning.counts()),
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
@@ -559,6 +617,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             }
             self.control();
             if self.is_defined() {
+                self.replan();
                 return true;
             }
             if let Some(sending) = &mut self.output {

@@ -1,6 +1,6 @@
 //! What a run is validated by, accumulated at every plant step whatever is recorded.
 
-use super::Snapshot;
+use super::{ReplanCounts, Snapshot};
 use crate::robot::Limits;
 
 /// The value of a metric.
@@ -79,6 +79,12 @@ pub const METRICS: &[Metric] = &[
     ),
     metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
+    metric("replans", "", "plans that were taken over on the way, with replan only"),
+    metric(
+        "times_stuck",
+        "",
+        "how often the arm came no nearer to the end of its plan, with replan only",
+    ),
 ];
 
 fn norm(values: &[f64]) -> f64 {
@@ -157,6 +163,7 @@ pub struct Metrics {
     joint_limit_violation: f64,
     velocity_limit_ratio: f64,
     torque_limit_ratio: f64,
+    replans: Option<ReplanCounts>,
 }
 
 impl Metrics {
@@ -203,6 +210,7 @@ impl Metrics {
             joint_limit_violation: 0.0,
             velocity_limit_ratio: 0.0,
             torque_limit_ratio: 0.0,
+            replans: None,
         }
     }
 
@@ -222,6 +230,7 @@ impl Metrics {
         self.tracking(s);
         self.effort(s);
         self.null_space(s);
+        self.replans = s.replans;
         self.samples += 1;
     }
 
@@ -392,6 +401,8 @@ impl Metrics {
             given(!self.limits.joint.is_empty(), self.joint_limit_violation),
             given(!self.limits.velocity.is_empty(), self.velocity_limit_ratio),
             given(!self.limits.torque.is_empty(), self.torque_limit_ratio),
+            self.replans.map_or(Value::None, |counts| Value::Count(counts.taken)),
+            self.replans.map_or(Value::None, |counts| Value::Count(counts.stuck)),
         ];
         debug_assert_eq!(values.len(), METRICS.len());
         METRICS.iter().zip(values).collect()

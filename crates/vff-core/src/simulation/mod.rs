@@ -13,6 +13,7 @@ mod perception;
 mod plane;
 mod plant;
 mod recorder;
+mod replanning;
 mod run;
 mod sending;
 mod snapshot;
@@ -31,6 +32,7 @@ pub use perception::{
 pub use plane::{PlanarSystem, Plane};
 pub use plant::Physics;
 pub use recorder::{Array, MAX_BYTES, Record, RecordTooLarge, Sizes, orientation_width};
+pub use replanning::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned};
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
 pub use space::Space;

@@ -114,6 +114,8 @@ pub struct Record {
     pub slack: Vec<f64>,
     /// (T), or empty.
     pub path_time: Vec<f64>,
+    /// (T, n), or empty.
+    pub q_plan: Vec<f64>,
 }
 
 pub use crate::math::memory::MAX_BYTES;
@@ -235,6 +237,7 @@ impl Record {
             optional("tank", &mut self.tank, &[], |s| s.tank.is_some()),
             optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
             optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
+            optional("q_plan", &mut self.q_plan, &[n], |s| s.q_plan.is_some()),
         ]
     }
 
@@ -301,5 +304,6 @@ impl Record {
         self.tank.extend(s.tank);
         self.slack.extend(s.slack);
         self.path_time.extend(s.path_time);
+        self.q_plan.extend_from_slice(s.q_plan.unwrap_or_default());
     }
 }

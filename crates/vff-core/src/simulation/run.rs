@@ -3,7 +3,7 @@
 use super::closed_loop::ClosedLoop;
 use super::metrics::{Metric, Metrics, Value};
 use super::recorder::{Record, RecordTooLarge};
-use super::{Options, System};
+use super::{Options, Replanned, System};
 use std::time::{Duration, Instant};
 
 /// How a run ended. Everything until then is recorded.
@@ -47,6 +47,8 @@ pub struct Outcome {
     pub metrics: Vec<(&'static Metric, Value)>,
     /// What happened.
     pub record: Record,
+    /// Searches for another plan, with `[replan]`.
+    pub replans: Vec<Replanned>,
 }
 
 /// A closed loop with its record and metrics.
@@ -174,6 +176,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
             (Status::Completed, format!("reached its end at t = {end_time} s without contact"))
         };
         let metrics = self.metrics.values();
-        Outcome { status, message, end_time, metrics, record: self.record }
+        let replans = self.closed_loop.replans().to_vec();
+        Outcome { status, message, end_time, metrics, record: self.record, replans }
     }
 }

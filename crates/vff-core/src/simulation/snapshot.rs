@@ -1,5 +1,6 @@
 //! Everything worth knowing of the closed loop at one instant, borrowed from it.
 
+use super::ReplanCounts;
 use crate::control::{Energy, ObjectiveScale, Power, Torque};
 use crate::world::Positions;
 
@@ -36,6 +37,10 @@ pub struct Snapshot<'a> {
     pub x_ref: &'a [f64],
     /// Path time σ \[s\]; `None` without a governor.
     pub path_time: Option<f64>,
+    /// Where the plan has the joints \[rad\], (n); `None` if the reference is none.
+    pub q_plan: Option<&'a [f64]>,
+    /// What came of watching over the plan; `None` without `[replan]`.
+    pub replans: Option<ReplanCounts>,
     /// x ⊖ x_ref \[m, rad\], (m), position before orientation.
     pub error: &'a [f64],
     /// Magnitude of the repulsion on each link \[N\], (n).

@@ -2,7 +2,7 @@
 
 use super::TrajectoryError;
 use super::piecewise;
-use super::polynomial::horner;
+use super::polynomial::{horner, quintic};
 use super::spline::{Ends, cubics};
 use crate::math::Vector;
 
@@ -17,6 +17,16 @@ pub struct JointSpline {
     pieces: Vec<[Vector<1>; 4]>,
     first: Vec<f64>,
     last: Vec<f64>,
+    /// What is left of the motion before.
+    before: Option<Fading>,
+}
+
+/// By how much the joints are still where another motion has led them: a quintic each, from its start on.
+#[derive(Debug, Clone, PartialEq)]
+struct Fading {
+    start: f64,
+    duration: f64,
+    pieces: Vec<[Vector<1>; 6]>,
 }
 
 impl JointSpline {
@@ -42,7 +52,24 @@ impl JointSpline {
             }
         }
         let (first, last) = (points[0].clone(), points[knots - 1].clone());
-        Ok(Self { times: times.to_vec(), n, pieces, first, last })
+        Ok(Self { times: times.to_vec(), n, pieces, first, last, before: None })
+    }
+
+    /// The same motion, taken over from `old` at time `t` \[s\] without a jump of position, velocity or acceleration: the
+    /// difference between both fades within `duration` \[s\], > 0, along the quintic that ends at rest.
+    ///
+    /// # Panics
+    /// If they have not as many joints.
+    #[must_use]
+    pub fn taking_over(mut self, old: &Self, t: f64, duration: f64) -> Self {
+        let zeros = || [0; 3].map(|_| vec![0.0; self.n]);
+        let [mut from, mut to] = [zeros(), zeros()];
+        old.at(t, from.each_mut().map(Vec::as_mut_slice));
+        self.at(t, to.each_mut().map(Vec::as_mut_slice));
+        let left = |i: usize| [0, 1, 2].map(|k| Vector::<1>::new(from[k][i] - to[k][i]));
+        let pieces = (0..self.n).map(|i| quintic(left(i), [Vector::zeros(); 3], duration));
+        self.before = Some(Fading { start: t, duration, pieces: pieces.collect() });
+        self
     }
 
     /// The number of joints.
@@ -75,6 +102,20 @@ impl JointSpline {
     /// # Panics
     /// If one of the slices has not a number for each joint.
     pub fn at(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
+        self.on_spline(t, [&mut *q, &mut *dq, &mut *ddq]);
+        let Some(Fading { start, duration, pieces }) = &self.before else { return };
+        let since = t - start;
+        if (0.0..*duration).contains(&since) {
+            for (joint, piece) in pieces.iter().enumerate() {
+                let left = horner(piece, since);
+                q[joint] += left.x[0];
+                dq[joint] += left.dx[0];
+                ddq[joint] += left.ddx[0];
+            }
+        }
+    }
+
+    fn on_spline(&self, t: f64, [q, dq, ddq]: [&mut [f64]; 3]) {
         let [start, end] = self.span();
         let outside = [(t < start, &self.first), (t > end, &self.last)];
         if let Some((_, there)) = outside.into_iter().find(|(is_there, _)| *is_there) {
@@ -175,5 +216,38 @@ mod tests {
         assert_eq!(field(&[0.0, 1.0], std::slice::from_ref(&point)), "points");
         assert_eq!(field(&[0.0, 0.0], &[point.clone(), point.clone()]), "times[1]");
         assert_eq!(field(&[0.0, 1.0], &[point, vec![1.0]]), "points[1]");
+    }
+
+    /// The state goes on from the one motion to the other, and is that of the other after the time it may take.
+    #[test]
+    fn another_motion_takes_over_without_a_jump() {
+        let one =
+            JointSpline::new(&[0.0, 1.0, 2.0], &[vec![0.0, 1.0], vec![1.0, 0.5], vec![0.5, 2.0]]);
+        let one = one.unwrap();
+        let two =
+            JointSpline::new(&[0.7, 1.5, 2.5], &[vec![0.8, 0.7], vec![-1.0, 0.0], vec![0.0, 1.0]]);
+        let two = two.unwrap();
+        let both = two.clone().taking_over(&one, 0.7, 0.5);
+        let close = |a: [Vec<f64>; 3], b: [Vec<f64>; 3], most: f64| {
+            for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
+                assert!((a - b).abs() < most, "{a} {b}");
+            }
+        };
+        close(at(&both, 0.7), at(&one, 0.7), 1e-12);
+        close(at(&both, 0.7 + 0.5 - 1e-9), at(&two, 1.2 - 1e-9), 1e-6);
+        assert_eq!(at(&both, 1.3), at(&two, 1.3));
+        let h = 1e-5;
+        for k in 1..10 {
+            let t = 0.7 + 0.05 * f64::from(k) + 0.01;
+            let [q, dq, ddq] = at(&both, t);
+            let [[q0, dq0, _], [q1, dq1, _]] = [at(&both, t - h), at(&both, t + h)];
+            for i in 0..2 {
+                assert!(((q1[i] - q0[i]) / (2.0 * h) - dq[i]).abs() < 1e-6, "{t} {q:?}");
+                assert!(((dq1[i] - dq0[i]) / (2.0 * h) - ddq[i]).abs() < 1e-5, "{t}");
+            }
+        }
+        // A motion that is being taken over is taken over like any other.
+        let three = one.clone().taking_over(&both, 0.9, 0.5);
+        close(at(&three, 0.9), at(&both, 0.9), 1e-12);
     }
 }

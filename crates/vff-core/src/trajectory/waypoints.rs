@@ -1,6 +1,7 @@
 //! A smooth path through a few points, from rest to rest.
 
 use super::piecewise::Piecewise;
+use super::polynomial::quintic;
 use crate::math::Vector;
 
 /// Quintics through `points` at `times` (checked by [`super::piecewise::check`]).
@@ -25,26 +26,6 @@ pub(super) fn through<const M: usize>(times: &[f64], points: &[Vector<M>]) -> Pi
         let ((dx0, ddx0), (dx1, ddx1)) = (derivatives(i), derivatives(i + 1));
         quintic([points[i], dx0, ddx0], [points[i + 1], dx1, ddx1], duration(i))
     })
-}
-
-/// The quintic of duration `h` \[s\] between two states \[x, ẋ, ẍ\].
-fn quintic<const M: usize>(
-    [x0, dx0, ddx0]: [Vector<M>; 3],
-    [x1, dx1, ddx1]: [Vector<M>; 3],
-    h: f64,
-) -> [Vector<M>; 6] {
-    // What the first three terms leave to be made up at the end, scaled to unit duration.
-    let x = x1 - x0 - dx0 * h - ddx0 * (0.5 * h * h);
-    let dx = (dx1 - dx0 - ddx0 * h) * h;
-    let ddx = (ddx1 - ddx0) * (h * h);
-    [
-        x0,
-        dx0,
-        ddx0 * 0.5,
-        (x * 10.0 - dx * 4.0 + ddx * 0.5) / h.powi(3),
-        (x * -15.0 + dx * 7.0 - ddx) / h.powi(4),
-        (x * 6.0 - dx * 3.0 + ddx * 0.5) / h.powi(5),
-    ]
 }
 
 #[cfg(test)]

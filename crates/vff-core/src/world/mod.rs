@@ -273,10 +273,16 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// them mean nothing.
     pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(Placed::new).collect();
+        let is_crowd = obstacles.len() >= crowd::LEAST;
+        Self::of(obstacles, is_crowd)
+    }
+
+    /// Of obstacles at t = 0.
+    fn of(obstacles: Vec<Placed<S, D>>, is_crowd: bool) -> Self {
         // Room for all, as any may be placed elsewhere later.
         let mut moving = Vec::with_capacity(obstacles.len());
         moving.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_static));
-        let named = if obstacles.len() >= crowd::LEAST {
+        let named = if is_crowd {
             Named::Crowd(Box::new(Crowd::new(&obstacles)))
         } else {
             Named::each(&obstacles, vec![])
@@ -284,6 +290,19 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         let (contacts, barriers) = most_of(&obstacles);
         let remembered = [f64::INFINITY; REMEMBERED];
         Self { obstacles, moving, contacts, barriers, time: 0.0, named, remembered }
+    }
+
+    /// What stands still, and what moves or turns, as worlds of their own at t = 0. Allocates.
+    #[must_use]
+    pub fn parted(&self) -> [Self; 2] {
+        [true, false].map(|stands_still| {
+            let wanted = self.obstacles.iter().filter(|it| it.is_static == stands_still);
+            let mut obstacles: Vec<Placed<S, D>> = wanted.cloned().collect();
+            obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(0.0));
+            // Where every one is asked, one may move as no hierarchy is made for.
+            let is_crowd = matches!(self.named, Named::Crowd(_)) && obstacles.len() >= crowd::LEAST;
+            Self::of(obstacles, is_crowd)
+        })
     }
 
     /// Number of obstacles. Their indices `j` below run from 0 to `len() − 1`; the methods

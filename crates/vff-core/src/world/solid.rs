@@ -9,7 +9,7 @@ use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
 
 /// What is said of an obstacle: a shape, where it starts and how it moves.
-pub trait Description<const D: usize>: Clone + Debug {
+pub trait Description<const D: usize>: Clone + Debug + Send {
     /// Initial position \[m\].
     fn position(&self) -> Vector<D>;
     /// Puts it elsewhere \[m\].
@@ -24,7 +24,7 @@ pub trait Description<const D: usize>: Clone + Debug {
 
 /// The shape of an obstacle made ready for queries, relative to its position and in the orientation that is described. It
 /// never changes: where an obstacle turns, it is the body that is turned for the query ([`Turn`](super::Turn)).
-pub trait Solid<const D: usize>: Clone + Debug {
+pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
     /// What it is made of.
     type Obstacle: Description<D>;
     /// A body of the robot, made ready once for the questions of all obstacles.
@@ -109,7 +109,7 @@ pub fn top_speed<S: Solid<D>, const D: usize>(obstacle: &S::Obstacle) -> f64 {
 }
 
 /// Boxes around obstacles, numbered from 0, that are found by where they are. `P` is a body of the robot.
-pub trait Hierarchy<P, const D: usize>: Clone + Debug {
+pub trait Hierarchy<P, const D: usize>: Clone + Debug + Send {
     /// Where a body is, made ready for the questions of many boxes.
     type Region;
 

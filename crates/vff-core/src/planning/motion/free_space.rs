@@ -8,7 +8,7 @@ use crate::control::distance::OwnPair;
 use crate::interrupt;
 use crate::math::{Body, Vector};
 use crate::robot::{PlanarState, Robot, SpatialState};
-use crate::world::{CollisionQuery, Description, Solid, World, top_speed};
+use crate::world::{CollisionQuery, Solid, World, top_speed};
 use std::collections::VecDeque;
 
 /// A part of a motion in which nothing goes farther than this is free if its middle is: a share of the margin, from so
@@ -124,7 +124,7 @@ pub struct Window {
 }
 
 impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
-    /// Of `robot` among `obstacles`; what moves blocks every place that it passes within `window`.
+    /// Of `robot` in `world`; what moves blocks every place that it passes within `window`, or none without one.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -132,22 +132,21 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
     )]
     pub fn new(
         mut robot: R,
-        obstacles: &[S::Obstacle],
-        window: Window,
+        world: &World<S, D>,
+        window: Option<Window>,
         keeps_apart: bool,
         margin: f64,
     ) -> Self {
-        let moves = |it: &&S::Obstacle| !it.motion().is_static() || it.turning().is_some();
-        let moving: Vec<_> = obstacles.iter().filter(moves).cloned().collect();
-        let still: Vec<_> = obstacles.iter().filter(|it| !moves(it)).cloned().collect();
-        let speed = moving.iter().map(top_speed::<S, D>).fold(0.0, f64::max);
-        let places = (window.duration * speed / STRIDE).ceil().clamp(1.0, MOST_PLACES);
-        let stride = window.duration / places;
-        let mut worlds = vec![World::new(still)];
-        if !moving.is_empty() {
-            let whole = World::new(moving);
+        let [still, moving] = world.parted();
+        let speeds = (0..moving.len()).map(|j| top_speed::<S, D>(moving.obstacle(j)));
+        let speed = speeds.fold(0.0, f64::max);
+        let duration = window.map_or(0.0, |window| window.duration);
+        let places = (duration * speed / STRIDE).ceil().clamp(1.0, MOST_PLACES);
+        let stride = duration / places;
+        let mut worlds = vec![still];
+        if let Some(window) = window.filter(|_| !moving.is_empty()) {
             for k in 0..places as u32 {
-                let mut there = whole.clone();
+                let mut there = moving.clone();
                 there.update(window.start + stride * (f64::from(k) + 0.5));
                 worlds.push(there);
             }

@@ -18,10 +18,12 @@ use crate::scenario::{
     AnyScene, Prepared, Problem, Scenario, ScenarioError, Scene, not_negative, number, numbers_of,
     positive, unusable,
 };
-use crate::simulation::{Plane, Space};
+use crate::simulation::{Plane, Space, System};
 use crate::trajectory::{Guided, JointSpline, Trajectory};
+use crate::world::World;
 use curve::Curve;
-use free_space::{FreeSpace, Jointed, Window};
+pub use free_space::Jointed;
+use free_space::{FreeSpace, Window};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 use time_law::{Bounds, TimeLaw};
@@ -178,15 +180,6 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
     Ok(())
 }
 
-/// What is in the way, and what is wanted.
-struct Planner<'a, S: Prepared<D, M>, const D: usize, const M: usize> {
-    arm: Arc<S::Arm>,
-    space: FreeSpace<S::State, S::Solid, D>,
-    settings: &'a PlanSettings,
-    start: Vec<f64>,
-    noise: Noise,
-}
-
 fn plan_for<S, const D: usize, const M: usize>(
     scenario: &Scenario,
     scene: &Scene<S, D>,
@@ -200,51 +193,89 @@ where
     validate(settings, arm.dof())?;
     let start = settings.start.clone().unwrap_or_else(|| scenario.q0.clone());
     let mut state = arm.state();
-    for i in 0..arm.dof() {
-        if state.slides(i) && ranges_of(arm.limits(), i).iter().any(|end| end.is_infinite()) {
+    has_ends(&state, arm.limits())?;
+    let goal = match (&settings.goal, S::Pose::plan(&scene.reference)) {
+        (Some(goal), _) => Goal::Configuration(goal.clone()),
+        (None, Some((_, points))) => {
+            let last = points.last().cloned().unwrap_or_default();
+            numbers_of("reference.points", last.len(), start.len())?;
+            Goal::Configuration(last)
+        }
+        (None, None) => {
+            state.update_positions(&scenario.q0);
+            let tip = Manipulator::<D, M>::pose(&state);
+            let trajectory = Trajectory::<S::Pose, M>::new(&scene.reference, &tip)
+                .map_err(|error| unusable(&error))?;
+            Goal::Pose(trajectory.at(scenario.duration).x)
+        }
+    };
+    let keeps_apart = scenario.controller.self_collision != SelfCollision::Ignore;
+    let world = World::new(scene.obstacles.clone());
+    Ok(Task::<S, D, M> { arm, world, keeps_apart, goal, start }.plan(settings))
+}
+
+/// A joint that slides needs an end, as random configurations are between its ends.
+pub(super) fn has_ends<R: Jointed<D>, const D: usize>(
+    robot: &R,
+    limits: &Limits,
+) -> Result<(), ScenarioError> {
+    for i in 0..robot.dof() {
+        if robot.slides(i) && ranges_of(limits, i).iter().any(|end| end.is_infinite()) {
             let problem = format!("joint {i} slides without an end: a plan needs `joint_limits`");
             return Err(ScenarioError::new("arm", Problem::Other(problem)));
         }
     }
-    let obstacles: Vec<_> = match settings.horizon {
-        Some(_) => scene.obstacles.clone(),
-        None => {
-            use crate::world::Description;
-            let still = scene.obstacles.iter();
-            still.filter(|it| it.motion().is_static() && it.turning().is_none()).cloned().collect()
-        }
-    };
-    let window = Window { start: settings.time, duration: settings.horizon.unwrap_or(0.0) };
-    let keeps_apart = scenario.controller.self_collision != SelfCollision::Ignore;
-    state.update_positions(&scenario.q0);
-    let tip = Manipulator::<D, M>::pose(&state);
-    let mut planner = Planner::<S, D, M> {
-        space: FreeSpace::new(state, &obstacles, window, keeps_apart, settings.margin),
-        arm,
-        settings,
-        start,
-        noise: Noise::new(settings.seed, STREAM),
-    };
-    let wanted = match (&settings.goal, S::Pose::plan(&scene.reference)) {
-        (Some(goal), _) => Wanted::Configuration(goal.clone()),
-        (None, Some((_, points))) => {
-            let last = points.last().cloned().unwrap_or_default();
-            numbers_of("reference.points", last.len(), planner.start.len())?;
-            Wanted::Configuration(last)
-        }
-        (None, None) => {
-            let trajectory = Trajectory::<S::Pose, M>::new(&scene.reference, &tip)
-                .map_err(|error| unusable(&error))?;
-            Wanted::Pose(trajectory.at(scenario.duration).x)
-        }
-    };
-    Ok(planner.plan(&wanted))
+    Ok(())
 }
 
 /// Where the arm has to go.
-enum Wanted<P> {
+#[derive(Debug, Clone)]
+pub(super) enum Goal<P> {
+    /// All joints \[rad or m\].
     Configuration(Vec<f64>),
+    /// The end effector.
     Pose(P),
+}
+
+/// Who goes where, and what is in the way.
+#[derive(Debug, Clone)]
+pub(super) struct Task<S: System<D, M>, const D: usize, const M: usize> {
+    pub arm: Arc<S::Arm>,
+    pub world: World<S::Solid, D>,
+    /// Whether bodies of the arm must not touch each other.
+    pub keeps_apart: bool,
+    pub goal: Goal<S::Pose>,
+    /// Where the joints are \[rad or m\].
+    pub start: Vec<f64>,
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Task<S, D, M>
+where
+    S::State: Jointed<D>,
+{
+    /// The motion, with settings that have been validated; their start and goal are not looked at.
+    pub fn plan(&self, settings: &PlanSettings) -> Plan {
+        let Self { arm, world, keeps_apart, goal, start } = self;
+        let PlanSettings { time, horizon, margin, .. } = *settings;
+        let window = horizon.map(|duration| Window { start: time, duration });
+        let mut planner = Planner::<S, D, M> {
+            space: FreeSpace::new(arm.state(), world, window, *keeps_apart, margin),
+            arm: Arc::clone(arm),
+            settings,
+            start: start.clone(),
+            noise: Noise::new(settings.seed, STREAM),
+        };
+        planner.plan(goal)
+    }
+}
+
+/// A search under way.
+struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
+    arm: Arc<S::Arm>,
+    space: FreeSpace<S::State, S::Solid, D>,
+    settings: &'a PlanSettings,
+    start: Vec<f64>,
+    noise: Noise,
 }
 
 /// The range of joint `i`, infinite where it has no limits.
@@ -256,12 +287,11 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
-impl<S, const D: usize, const M: usize> Planner<'_, S, D, M>
+impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
 where
-    S: Prepared<D, M>,
     S::State: Jointed<D>,
 {
-    fn plan(&mut self, wanted: &Wanted<S::Pose>) -> Plan {
+    fn plan(&mut self, goal: &Goal<S::Pose>) -> Plan {
         let start = self.start.clone();
         let limits = self.arm.limits().clone();
         let inside = |q: &[f64]| {
@@ -287,10 +317,10 @@ where
         if at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start) {
             return nothing(PlanStatus::StartBlocked, f64::INFINITY, 0.0);
         }
-        let candidates = match wanted {
-            Wanted::Configuration(q) if !inside(q) => Err(f64::INFINITY),
-            Wanted::Configuration(q) => Ok(vec![q.clone()]),
-            Wanted::Pose(pose) => self.configurations(pose, &limits),
+        let candidates = match goal {
+            Goal::Configuration(q) if !inside(q) => Err(f64::INFINITY),
+            Goal::Configuration(q) => Ok(vec![q.clone()]),
+            Goal::Pose(pose) => self.configurations(pose, &limits),
         };
         let mut candidates = match candidates {
             Ok(candidates) => candidates,

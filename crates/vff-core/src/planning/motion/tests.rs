@@ -263,8 +263,8 @@ fn certified_motions_are_free() {
     let arm = Arc::new(Space::arm(&scene.arm).unwrap());
     let window = Window { start: 0.0, duration: 0.0 };
     let margin = 0.01;
-    let mut space =
-        FreeSpace::<_, Volume, 3>::new(arm.state(), &scene.obstacles, window, true, margin);
+    let world = World::new(scene.obstacles.clone());
+    let mut space = FreeSpace::<_, Volume, 3>::new(arm.state(), &world, Some(window), true, margin);
     let mut noise = Noise::new(3, 1);
     let mut draw = || -> Vec<f64> {
         let within = |[lower, upper]: &[f64; 2]| lower + (upper - lower) * noise.share();

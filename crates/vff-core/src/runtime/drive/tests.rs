@@ -185,7 +185,7 @@ fn mishaps_are_values() {
             let periods = driven.told.len();
             match mishap {
                 Mishap::BeginFails => assert_eq!(periods, 0),
-                Mishap::ReadPanics => assert_eq!(periods, 298), // one state was read before the first
+                Mishap::ReadPanics => assert_eq!(periods, 299), // one state was read before the first period
                 // The second refusal in a row ends it; on a busy machine the clock is ahead of the periods.
                 Mishap::WriteFailsForEver => assert!((301..310).contains(&periods), "{periods}"),
                 // A state again: a damped stop.

@@ -1,0 +1,378 @@
+//! Makes another plan while one is being followed, where that leads nowhere any more (T121).
+
+use super::motion::{Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends};
+use crate::control::SelfCollision;
+use crate::interrupt::{self, Watch};
+use crate::leader::led_by;
+use crate::robot::{Manipulator, Model, Robot};
+use crate::scenario::{Prepared, Scenario, ScenarioError};
+use crate::simulation::{
+    ClosedLoop, Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System,
+};
+use crate::trajectory::{JointSpline, Trajectory};
+use crate::world::{CollisionQuery, World};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+
+/// Time between two places of a plan that are looked at \[s\].
+const STEP: f64 = 0.04;
+/// What is left of the margin in a plan's corners, and a little less.
+const KEPT: f64 = 0.45;
+/// What has to be gained on the way to the goal \[rad or m\] to be progress.
+const PROGRESS: f64 = 0.01;
+/// After a search that finds nothing the next one waits, twice as long each time, from so long to so long \[s\].
+const PAUSES: [f64; 2] = [0.1, 3.2];
+
+/// Watches over the plan that an arm follows.
+#[derive(Debug)]
+pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
+    settings: ReplanSettings,
+    seed: u64,
+    /// What is searched: with the goal; start and world are those of the moment.
+    task: Task<S, D, M>,
+    first: JointSpline,
+    beside: bool,
+    search: Option<Search>,
+    searches: Vec<Replanned>,
+    /// What the plan keeps from everything \[m\].
+    kept: f64,
+    ahead: Ahead<S, D, M>,
+    progress: Progress,
+    /// No search before this \[s\], and how long the last wait was.
+    wait: [f64; 2],
+    taken: usize,
+}
+
+/// A search under way.
+#[derive(Debug)]
+enum Search {
+    /// Done, but as if it lasted until `arrives` \[s\].
+    Simulated { plan: Box<Plan>, arrives: f64 },
+    /// In another thread, which ends when it is given up.
+    Beside { answer: Receiver<Plan>, given_up: Arc<AtomicBool> },
+}
+
+impl Drop for Search {
+    fn drop(&mut self) {
+        if let Self::Beside { given_up, .. } = self {
+            given_up.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+impl<S, const D: usize, const M: usize> Replanner<S, D, M>
+where
+    S: Prepared<D, M> + 'static,
+    S::State: Jointed<D>,
+{
+    /// For the plan that `closed_loop` follows.
+    ///
+    /// # Errors
+    /// If a joint slides without an end.
+    pub fn new(
+        settings: &ReplanSettings,
+        scenario: &Scenario,
+        closed_loop: &ClosedLoop<S, D, M>,
+        plan: &JointSpline,
+    ) -> Result<Self, ScenarioError> {
+        let arm = closed_loop.arm();
+        let mut state = arm.state();
+        has_ends(&state, arm.limits())?;
+        state.update_positions(plan.last());
+        let mut this = Self {
+            task: Task {
+                goal: Goal::Pose(Manipulator::<D, M>::pose(&state)),
+                arm: Arc::clone(arm),
+                world: closed_loop.world().clone(),
+                keeps_apart: scenario.controller.self_collision != SelfCollision::Ignore,
+                start: plan.first().to_vec(),
+            },
+            settings: settings.clone(),
+            seed: scenario.seed,
+            first: plan.clone(),
+            beside: false,
+            search: None,
+            searches: vec![],
+            kept: 0.0,
+            ahead: Ahead::new(state, closed_loop.world()),
+            progress: Progress::new(plan.dof()),
+            wait: [f64::NEG_INFINITY, PAUSES[0]],
+            taken: 0,
+        };
+        this.begin();
+        Ok(this)
+    }
+
+    fn begin(&mut self) {
+        let Self { first, settings, ahead, task, .. } = self;
+        *ahead = Ahead::new(task.arm.state(), &task.world);
+        let [start, end] = first.span();
+        let room = [(first.first(), start), (first.last(), end)]
+            .map(|(q, t)| 0.9 * ahead.clearance(q, t))
+            .into_iter()
+            .fold(settings.margin, f64::min);
+        self.kept = room.max(0.0);
+        self.progress = Progress::new(first.dof());
+    }
+
+    /// Takes a plan over that has come.
+    fn receive(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
+        let plan = match &self.search {
+            Some(Search::Simulated { arrives, .. }) if moment.t < *arrives => return None,
+            Some(Search::Simulated { plan, .. }) => Some((**plan).clone()),
+            Some(Search::Beside { answer, .. }) => match answer.try_recv() {
+                Err(TryRecvError::Empty) => return None,
+                answer => answer.ok(),
+            },
+            None => return None,
+        };
+        self.search = None;
+        let status = plan.as_ref().map_or("failed", |plan| plan.status.name());
+        let asked = self.searches.last_mut().expect("there has been one");
+        asked.status = Some(status);
+        let Some(plan) = plan.filter(|plan| plan.status == PlanStatus::Found) else {
+            self.wait[0] = moment.t + self.wait[1];
+            self.wait[1] = (2.0 * self.wait[1]).min(PAUSES[1]);
+            return None;
+        };
+        asked.taken = Some(moment.t);
+        self.taken += 1;
+        self.wait = [moment.t + PAUSES[0], PAUSES[0]];
+        self.kept = plan.margin;
+        self.ahead.from_now_on();
+        let times: Vec<f64> = plan.times.iter().map(|t| moment.path_time + t).collect();
+        let points: Vec<_> = plan.q.chunks(moment.q.len()).map(<[f64]>::to_vec).collect();
+        let joints = JointSpline::new(&times, &points).ok()?;
+        let joints = joints.taking_over(moment.joints, moment.path_time, self.settings.blend);
+        Some(led_by::<S::State, D, M>(self.task.arm.state(), joints))
+    }
+
+    /// Begins a search.
+    fn ask(&mut self, reason: Reason, moment: &Moment<'_, S, D, M>) {
+        let ReplanSettings { latency, margin, horizon, speed, samples, .. } = self.settings;
+        let settings = PlanSettings {
+            start: None,
+            goal: None,
+            time: moment.t + latency,
+            margin,
+            horizon: Some(horizon),
+            speed,
+            samples,
+            seed: self.seed.wrapping_add(self.searches.len() as u64),
+        };
+        let mut task = Task { world: moment.world.clone(), ..self.task.clone() };
+        task.start.copy_from_slice(moment.q);
+        // Where the plan is left, it is that which is gone on from; else the arm.
+        let from_plan = (reason == Reason::Blocked).then(|| {
+            let mut state = [0; 3].map(|_| moment.q.to_vec());
+            let then = moment.path_time + latency;
+            moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));
+            let [q, ..] = state;
+            Task { start: q, ..task.clone() }
+        });
+        let search = move || {
+            let from_plan = from_plan.map(|task| task.plan(&settings));
+            from_plan
+                .filter(|plan| plan.status != PlanStatus::StartBlocked)
+                .unwrap_or_else(|| task.plan(&settings))
+        };
+        self.search = Some(if self.beside {
+            let given_up = Arc::new(AtomicBool::new(false));
+            let watch = Watch::Flag(Arc::clone(&given_up));
+            let (answers, answer) = channel();
+            // Whoever waits no more does not hear it; a search that fails lets the channel go.
+            thread::spawn(move || interrupt::watched(watch, search).map(|plan| answers.send(plan)));
+            Search::Beside { answer, given_up }
+        } else {
+            Search::Simulated { plan: Box::new(search()), arrives: moment.t + latency }
+        });
+        self.searches.push(Replanned { asked: moment.t, reason, status: None, taken: None });
+    }
+}
+
+impl<S, const D: usize, const M: usize> Replan<S, D, M> for Replanner<S, D, M>
+where
+    S: Prepared<D, M> + 'static,
+    S::State: Jointed<D>,
+{
+    fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
+        let off = self.progress.look(moment, &self.settings);
+        if self.search.is_some() {
+            return self.receive(moment);
+        }
+        let blocked = self.ahead.look(moment, &self.settings) < KEPT * self.kept;
+        let reason = off.or(blocked.then_some(Reason::Blocked));
+        if let Some(reason) = reason.filter(|_| moment.t >= self.wait[0]) {
+            self.ask(reason, moment);
+        }
+        None
+    }
+
+    fn restart(&mut self) -> Trajectory<S::Pose, M> {
+        self.search = None;
+        self.searches.clear();
+        self.wait = [f64::NEG_INFINITY, PAUSES[0]];
+        self.taken = 0;
+        self.begin();
+        led_by::<S::State, D, M>(self.task.arm.state(), self.first.clone())
+    }
+
+    fn plan_beside(&mut self) {
+        self.beside = true;
+    }
+
+    fn searches(&self) -> &[Replanned] {
+        &self.searches
+    }
+
+    fn counts(&self) -> ReplanCounts {
+        ReplanCounts { taken: self.taken, stuck: self.progress.times_stuck }
+    }
+
+    fn copy(&self) -> Box<dyn Replan<S, D, M>> {
+        let search = match &self.search {
+            Some(Search::Simulated { plan, arrives }) => {
+                Some(Search::Simulated { plan: plan.clone(), arrives: *arrives })
+            }
+            _ => None,
+        };
+        Box::new(Self {
+            settings: self.settings.clone(),
+            task: self.task.clone(),
+            first: self.first.clone(),
+            search,
+            searches: self.searches.clone(),
+            ahead: self.ahead.clone(),
+            progress: self.progress.clone(),
+            ..*self
+        })
+    }
+}
+
+/// The rest of a plan, looked through again and again, a little in every period.
+#[derive(Debug, Clone)]
+struct Ahead<S: System<D, M>, const D: usize, const M: usize> {
+    robot: S::State,
+    /// What stands still and what moves, as they were known when this look through the plan began.
+    worlds: [World<S::Solid, D>; 2],
+    /// From now on \[s\]; none before the first look.
+    next: Option<f64>,
+    /// When the last look was \[s\].
+    last: f64,
+    q: [Vec<f64>; 3],
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
+    fn new(robot: S::State, world: &World<S::Solid, D>) -> Self {
+        let n = robot.dof();
+        let q = [0; 3].map(|_| vec![0.0; n]);
+        Self { robot, worlds: world.parted(), next: None, last: 0.0, q }
+    }
+
+    /// Begins with another plan.
+    fn from_now_on(&mut self) {
+        self.next = None;
+    }
+
+    /// How far the arm at `q` will be from everything at `t` \[s\] \[m\].
+    fn clearance(&mut self, q: &[f64], t: f64) -> f64 {
+        let Self { robot, worlds, .. } = self;
+        robot.update_positions(q);
+        let mut least = f64::INFINITY;
+        for world in worlds.iter_mut().filter(|world| !world.is_empty()) {
+            world.update(t);
+            let nearest = |_: usize, d: f64| least = least.min(d);
+            world.for_each_contact(robot.bodies(), f64::NEG_INFINITY, nearest, |_| {});
+        }
+        least
+    }
+
+    /// The smallest distance at the next places of the plan \[m\]. Beyond the horizon, what moves is not known.
+    fn look(&mut self, moment: &Moment<'_, S, D, M>, settings: &ReplanSettings) -> f64 {
+        let rest = moment.joints.span()[1] - moment.path_time;
+        let since = moment.t - self.last;
+        self.last = moment.t;
+        if rest <= 0.0 {
+            return f64::INFINITY;
+        }
+        // As much of it as of the time between two looks through all of it has passed; at least one place.
+        let mut left = (rest * since / settings.every).max(STEP);
+        let mut least = f64::INFINITY;
+        while left > 0.0 {
+            let ahead = self.next.filter(|ahead| *ahead <= rest).unwrap_or_else(|| {
+                self.worlds = moment.world.parted();
+                0.0
+            });
+            self.next = Some(ahead + STEP);
+            left -= STEP;
+            let mut state = std::mem::take(&mut self.q);
+            let then = moment.path_time + ahead;
+            moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));
+            if ahead > settings.horizon && !self.worlds[1].is_empty() {
+                self.worlds[1] = World::new(vec![]);
+            }
+            least = least.min(self.clearance(&state[0], moment.t + ahead));
+            self.q = state;
+        }
+        least
+    }
+}
+
+/// Whether the arm is on its plan, and comes nearer to its end.
+#[derive(Debug, Clone)]
+struct Progress {
+    /// Since when it has been off its plan \[s\].
+    off_since: Option<f64>,
+    /// The nearest that it has been to the end \[rad or m\], and when that was \[s\].
+    nearest: [f64; 2],
+    is_stuck: bool,
+    times_stuck: usize,
+    /// Where the plan has the joints, and how they move there.
+    planned: [Vec<f64>; 3],
+}
+
+impl Progress {
+    fn new(n: usize) -> Self {
+        let planned = [0; 3].map(|_| vec![0.0; n]);
+        let nearest = [f64::INFINITY, f64::NEG_INFINITY];
+        Self { off_since: None, nearest, is_stuck: false, times_stuck: 0, planned }
+    }
+
+    fn look<S: System<D, M>, const D: usize, const M: usize>(
+        &mut self,
+        moment: &Moment<'_, S, D, M>,
+        settings: &ReplanSettings,
+    ) -> Option<Reason> {
+        let Moment { t, q, .. } = *moment;
+        let farthest =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        moment.joints.at(moment.path_time, self.planned.each_mut().map(Vec::as_mut_slice));
+        let strayed = if farthest(&self.planned[0], q) > settings.stray {
+            t - *self.off_since.get_or_insert(t) >= settings.patience
+        } else {
+            self.off_since = None;
+            false
+        };
+        let left = farthest(moment.joints.last(), q);
+        let [nearest, since] = self.nearest;
+        if moment.error <= settings.tolerance || left < nearest - PROGRESS {
+            self.nearest = [left, t];
+            self.is_stuck = false;
+        } else if t - since >= settings.patience {
+            self.nearest[1] = t;
+            self.times_stuck += usize::from(!self.is_stuck);
+            self.is_stuck = true;
+            return Some(Reason::Stuck);
+        }
+        if strayed {
+            self.off_since = Some(t);
+            return Some(Reason::Strayed);
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests;

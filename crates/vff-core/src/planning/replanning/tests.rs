@@ -1,0 +1,201 @@
+//! What is promised of plans that are watched over.
+
+use super::*;
+use crate::math::Vector;
+use crate::runtime::AnyRun;
+use crate::simulation::{Outcome, Plane, Status, Value};
+use crate::world::plane::World as PlanarWorld;
+use std::time::{Duration, Instant};
+
+/// An arm that is to turn by a right angle, along a plan that knows nothing of what is in the way.
+fn scenario(obstacles: &str, more: &str) -> Scenario {
+    Scenario::from_toml(&format!(
+        r#"
+        duration = 8.0
+        q0 = [0.2, 0.3, 0.3, 0.3]
+        arm = {{ lengths = [1, 1, 1, 1], masses = 1.0, radius = 0.05 }}
+        controller = {{ stiffness = 100.0, damping = 20.0, null_damping = 10.0, posture_stiffness = 200.0, avoidance = "cbf" }}
+        reference = {{ kind = "plan", times = [0.0, 2.0, 4.0], points = [[0.2, 0.3, 0.3, 0.3], [1.0, 0.3, 0.3, 0.3], [1.8, 0.3, 0.3, 0.3]] }}
+        {more}
+        {obstacles}
+        "#
+    ))
+    .unwrap()
+}
+
+fn run(scenario: &Scenario) -> Outcome {
+    let mut run = scenario.prepare().unwrap().run;
+    while run.step() {}
+    run.outcome()
+}
+
+fn metric(outcome: &Outcome, name: &str) -> Value {
+    outcome.metrics.iter().find(|(metric, _)| metric.name == name).unwrap().1
+}
+
+/// Far out in the sweep of the arm, which has to bend to come by.
+const IN_THE_WAY: &str = r#"
+    [[obstacles]]
+    shape = { kind = "circle", radius = 0.2 }
+    position = [0.5, 2.9]
+"#;
+
+/// A plan that is blocked is replaced after the latency, without a jump; the goal is reached without contact, and another run
+/// is the same to the last bit. Without `[replan]` the arm is still on its way.
+#[test]
+fn a_blocked_plan_is_replaced() {
+    let watched = scenario(IN_THE_WAY, "replan = { latency = 0.25 }");
+    let outcome = run(&watched);
+    assert_eq!(outcome.status, Status::Completed, "{}", outcome.message);
+    let first = outcome.replans[0];
+    assert_eq!((first.reason, first.status), (Reason::Blocked, Some("found")));
+    assert!(first.asked < 0.11, "{first:?}");
+    assert!((first.taken.unwrap() - first.asked - 0.25).abs() < 2e-3, "{first:?}");
+    assert_eq!(metric(&outcome, "replans"), Value::Count(outcome.replans.len()));
+
+    let record = &outcome.record;
+    let last: Vec<_> = record.error.rchunks(2).next().unwrap().to_vec();
+    assert!(last[0].hypot(last[1]) < 5e-3, "{last:?}");
+    // Half of a plan's speed is 1 rad/s or so, of its acceleration 5 rad/s².
+    let plan: Vec<_> = record.q_plan.chunks(4).collect();
+    for three in plan.windows(3) {
+        for i in 0..4 {
+            let [a, b, c] = [three[0][i], three[1][i], three[2][i]];
+            assert!((b - a).abs() < 4e-3, "{a} {b}");
+            assert!((c - 2.0 * b + a).abs() < 6e-5, "{a} {b} {c}");
+        }
+    }
+    let again = run(&watched);
+    assert_eq!((&again.record, &again.replans), (&outcome.record, &outcome.replans));
+
+    let alone = run(&scenario(IN_THE_WAY, ""));
+    assert!(alone.replans.is_empty() && metric(&alone, "replans") == Value::None);
+    let last: Vec<_> = alone.record.error.rchunks(2).next().unwrap().to_vec();
+    assert!(last[0].hypot(last[1]) > 0.1, "{last:?}");
+}
+
+/// A plan that is free is left alone, and the run is that without `[replan]`.
+#[test]
+fn a_free_plan_is_left_alone() {
+    let far = "[[obstacles]]\nshape = { kind = \"circle\", radius = 0.2 }\nposition = [-3.0, -2.0]";
+    let (watched, plain) = (run(&scenario(far, "replan = {}")), run(&scenario(far, "")));
+    assert!(watched.replans.is_empty());
+    assert_eq!(watched.record, plain.record);
+    assert_eq!(metric(&watched, "replans"), Value::Count(0));
+    assert_eq!(metric(&watched, "times_stuck"), Value::Count(0));
+}
+
+/// A closed loop that goes back to its start begins with the first plan, and does the same again.
+#[test]
+fn a_restart_begins_with_the_first_plan() {
+    let mut loop_ = scenario(IN_THE_WAY, "replan = {}").prepare_recorded(false).unwrap().run;
+    let mut states = [vec![], vec![]];
+    for states in &mut states {
+        loop_.restart();
+        for _ in 0..1500 {
+            assert!(loop_.advance(None));
+            states.extend_from_slice(loop_.snapshot().q);
+        }
+    }
+    assert!(loop_.snapshot().replans.unwrap().taken > 0);
+    assert_eq!(states[0], states[1]);
+}
+
+/// In a thread of its own a plan comes while the loop goes on, which waits for nothing.
+#[test]
+fn a_plan_comes_from_beside() {
+    let mut beside = scenario(IN_THE_WAY, "replan = {}").prepare_recorded(false).unwrap().run;
+    beside.plan_beside();
+    let begin = Instant::now();
+    let taken = |run: &AnyRun| run.snapshot().replans.unwrap().taken;
+    while taken(&beside) == 0 && begin.elapsed() < Duration::from_secs(60) {
+        assert!(beside.advance(None));
+        thread::sleep(Duration::from_millis(1));
+    }
+    assert!(taken(&beside) > 0);
+}
+
+fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Reason> {
+    let joints = JointSpline::new(&[0.0, 10.0], &[vec![0.0, 0.0], vec![1.0, -1.0]]).unwrap();
+    let world = PlanarWorld::new(vec![]);
+    let moment =
+        Moment::<Plane, 2, 2> { t, path_time: t, q, error, joints: &joints, world: &world };
+    progress.look(&moment, &ReplanSettings::default())
+}
+
+/// Stuck is who is off the reference and comes no nearer to the end for as long as patience lasts: counted once, until it
+/// goes on.
+#[test]
+fn stuck_is_who_comes_no_nearer() {
+    let mut watched = Progress::new(2);
+    let mut told = vec![];
+    for k in 0..100 {
+        let t = 0.1 * f64::from(k);
+        // On the plan, in a corner from 2 to 5 s, and on again.
+        let (q, error) = match t {
+            _ if t < 2.0 => ([0.1 * t, -0.1 * t], 0.0),
+            _ if t < 5.0 => ([0.2, -0.2], 0.3),
+            _ => ([0.2 + 0.15 * (t - 5.0), -0.2 - 0.15 * (t - 5.0)], 0.3),
+        };
+        told.extend(progress(&q, error, t, &mut watched).map(|reason| (reason, k)));
+    }
+    let stuck: Vec<_> = told.iter().filter(|(reason, _)| *reason == Reason::Stuck).collect();
+    assert_eq!(stuck.len(), 3, "{told:?}");
+    assert!((29..=30).contains(&stuck[0].1), "{told:?}");
+    assert_eq!(watched.times_stuck, 1);
+}
+
+/// Strayed is who is off the plan for as long as patience lasts, though nearer to the end.
+#[test]
+fn strayed_is_who_is_off_the_plan() {
+    let mut watched = Progress::new(2);
+    let told: Vec<_> = (0..100)
+        .filter_map(|k| {
+            let t = 0.1 * f64::from(k);
+            let q = if t < 3.0 { [0.0, 0.6] } else { [1.0, -1.0] };
+            progress(&q, 0.0, t, &mut watched).map(|reason| (reason, k))
+        })
+        .collect();
+    assert_eq!(told[0], (Reason::Strayed, 10));
+    assert!(told.iter().all(|(reason, _)| *reason == Reason::Strayed), "{told:?}");
+}
+
+/// What moves is looked for where it will be when the arm comes by, and no farther ahead than the horizon.
+#[test]
+fn what_moves_is_foreseen() {
+    use crate::world::Motion;
+    use crate::world::plane::{Obstacle, Shape};
+    let plain = scenario("", "");
+    let crate::scenario::AnyScene::Plane(scene) = &plain.scene else { unreachable!() };
+    let (closed_loop, _) = plain.closed_loop::<Plane, 2, 2>(scene).unwrap();
+    let plan = closed_loop.plan().unwrap().clone();
+    let disc = |position: Vector<2>, velocity: Vector<2>| Obstacle {
+        shape: Shape::Circle { radius: 0.2 },
+        position: position.into(),
+        angle: 0.0,
+        angular_velocity: 0.0,
+        motion: Motion::Linear { velocity: velocity.into() },
+    };
+    let mut state = closed_loop.arm().state();
+    let mut q = [0; 3].map(|_| vec![0.0; 4]);
+    plan.at(0.6, q.each_mut().map(Vec::as_mut_slice));
+    state.update_positions(&q[0]);
+    let tip: Vector<2> = Manipulator::<2, 2>::pose(&state);
+    let velocity = Vector::<2>::new(0.0, -2.0);
+    // One that meets the tip after 0.6 s, one that is there now.
+    let world = |since: f64| PlanarWorld::new(vec![disc(tip - velocity * since, velocity)]);
+    let least = |world: &PlanarWorld, horizon: f64| {
+        let settings = ReplanSettings { horizon, ..ReplanSettings::default() };
+        let mut ahead = Ahead::<Plane, 2, 2>::new(closed_loop.arm().state(), world);
+        let look = |k: u32| {
+            let t = 1e-3 * f64::from(k);
+            let q = &[0.2, 0.3, 0.3, 0.3];
+            let joints = &plan;
+            ahead.look(&Moment { t, path_time: t, q, error: 0.0, joints, world }, &settings)
+        };
+        (0..110).map(look).fold(f64::INFINITY, f64::min)
+    };
+    assert!(least(&world(0.6), 1.0) < 0.0);
+    assert!(least(&world(0.6), 0.3) > 0.1);
+    assert!(least(&world(-1.5), 1.0) > 0.1);
+}

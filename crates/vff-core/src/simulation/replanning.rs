@@ -1,0 +1,133 @@
+//! A plan that is watched over while it is followed: what is asked of whoever makes another one (T121).
+
+use super::System;
+use crate::trajectory::{JointSpline, Trajectory};
+use crate::world::World;
+use serde::Deserialize;
+use std::fmt::Debug;
+
+/// The `[replan]` table of a scenario.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReplanSettings {
+    /// How long planning takes, as long as time is simulated \[s\], ≥ 0.
+    pub latency: f64,
+    /// In what time the rest of the plan is looked through once \[s\], > 0.
+    pub every: f64,
+    /// For how long the arm may be off its plan, or come no nearer to its end \[s\], > 0.
+    pub patience: f64,
+    /// How far each joint may be from its plan \[rad or m\], > 0.
+    pub stray: f64,
+    /// How far the end effector is off its reference at least where the arm is stuck \[m\], ≥ 0.
+    pub tolerance: f64,
+    /// In what time the difference between two plans fades \[s\], > 0.
+    pub blend: f64,
+    /// What every link keeps from obstacles \[m\], > 0.
+    pub margin: f64,
+    /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0.
+    pub horizon: f64,
+    /// The share of the limits of speed and acceleration that is used, in (0, 1].
+    pub speed: f64,
+    /// How many random configurations are tried.
+    pub samples: usize,
+}
+
+impl Default for ReplanSettings {
+    fn default() -> Self {
+        Self {
+            latency: 0.3,
+            every: 0.1,
+            patience: 1.0,
+            stray: 0.5,
+            tolerance: 0.02,
+            blend: 0.5,
+            margin: 0.02,
+            horizon: 1.0,
+            speed: 0.5,
+            samples: 5000,
+        }
+    }
+}
+
+/// Why there should be another plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// Something is in its way.
+    Blocked,
+    /// The arm has been off it for too long.
+    Strayed,
+    /// The arm has come no nearer to its end for too long.
+    Stuck,
+}
+
+impl Reason {
+    /// Its name in every layer.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Blocked => "blocked",
+            Self::Strayed => "strayed",
+            Self::Stuck => "stuck",
+        }
+    }
+}
+
+/// A search for another plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Replanned {
+    /// When it was asked for \[s\].
+    pub asked: f64,
+    /// Why.
+    pub reason: Reason,
+    /// What came of it; none before its end.
+    pub status: Option<&'static str>,
+    /// When it was taken over \[s\], if it was.
+    pub taken: Option<f64>,
+}
+
+/// How often something was so.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct ReplanCounts {
+    /// Plans that were taken over.
+    pub taken: usize,
+    /// Times that the arm got stuck.
+    pub stuck: usize,
+}
+
+/// What is known where a control period begins.
+#[derive(Debug)]
+pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
+    /// Time \[s\].
+    pub t: f64,
+    /// Time of the plan \[s\], which is another one where a governor makes it wait.
+    pub path_time: f64,
+    /// Where the joints are, as far as is known \[rad or m\].
+    pub q: &'a [f64],
+    /// How far the end effector is off its reference \[m\].
+    pub error: f64,
+    /// The plan.
+    pub joints: &'a JointSpline,
+    /// What is in the way.
+    pub world: &'a World<S::Solid, D>,
+}
+
+/// Somebody who makes another plan where one leads nowhere any more.
+pub trait Replan<S: System<D, M>, const D: usize, const M: usize>: Debug + Send {
+    /// Looks at a moment. What is to be followed from now on, if that is another plan.
+    fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>>;
+    /// Goes back to t = 0: the first plan.
+    fn restart(&mut self) -> Trajectory<S::Pose, M>;
+    /// From now on plans in a thread of its own, and takes the time that it takes.
+    fn plan_beside(&mut self);
+    /// Every search so far.
+    fn searches(&self) -> &[Replanned];
+    /// What they came to.
+    fn counts(&self) -> ReplanCounts;
+    /// Another one in the same state, but for a search under way in another thread.
+    fn copy(&self) -> Box<dyn Replan<S, D, M>>;
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Clone for Box<dyn Replan<S, D, M>> {
+    fn clone(&self) -> Self {
+        self.copy()
+    }
+}
