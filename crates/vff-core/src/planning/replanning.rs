@@ -164,6 +164,12 @@ where
         };
         let mut task = Task { world: moment.world.clone(), ..self.task.clone() };
         task.start.copy_from_slice(moment.q);
+        // A plan that is over pulls straight to its end: if that way is free, what is passing by has to be waited for.
+        let is_over = moment.path_time >= moment.joints.span()[1];
+        if is_over && task.is_straight(moment.joints.last()) {
+            self.wait[0] = moment.t + self.settings.patience;
+            return;
+        }
         // Where the plan is left, it is that which is gone on from; else the arm.
         let from_plan = (reason == Reason::Blocked).then(|| {
             let mut state = [0; 3].map(|_| moment.q.to_vec());
@@ -172,11 +178,18 @@ where
             let [q, ..] = state;
             Task { start: q, ..task.clone() }
         });
+        // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
+        let whatever_moves = reason != Reason::Blocked && !self.ahead.worlds[1].is_empty();
         let search = move || {
             let from_plan = from_plan.map(|task| task.plan(&settings));
-            from_plan
+            let found = from_plan
                 .filter(|plan| plan.status != PlanStatus::StartBlocked)
-                .unwrap_or_else(|| task.plan(&settings))
+                .unwrap_or_else(|| task.plan(&settings));
+            match found.status {
+                PlanStatus::Found => found,
+                _ if whatever_moves => task.plan(&PlanSettings { horizon: None, ..settings }),
+                _ => found,
+            }
         };
         self.search = Some(if self.beside {
             let given_up = Arc::new(AtomicBool::new(false));
@@ -349,7 +362,9 @@ impl Progress {
         let farthest =
             |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         moment.joints.at(moment.path_time, self.planned.each_mut().map(Vec::as_mut_slice));
-        let strayed = if farthest(&self.planned[0], q) > settings.stray {
+        // An elbow that makes room while the end effector is where it should be has not lost its way.
+        let is_off = moment.error > settings.tolerance;
+        let strayed = if is_off && farthest(&self.planned[0], q) > settings.stray {
             t - *self.off_since.get_or_insert(t) >= settings.patience
         } else {
             self.off_since = None;
@@ -357,7 +372,7 @@ impl Progress {
         };
         let left = farthest(moment.joints.last(), q);
         let [nearest, since] = self.nearest;
-        if moment.error <= settings.tolerance || left < nearest - PROGRESS {
+        if !is_off || left < nearest - PROGRESS {
             self.nearest = [left, t];
             self.is_stuck = false;
         } else if t - since >= settings.patience {

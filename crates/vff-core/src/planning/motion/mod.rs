@@ -267,6 +267,14 @@ where
         };
         planner.plan(goal)
     }
+
+
+    /// Whether the straight motion to `end` touches nothing that stands still.
+    pub fn is_straight(&self, end: &[f64]) -> bool {
+        let Self { arm, world, keeps_apart, start, .. } = self;
+        let mut space = FreeSpace::new(arm.state(), world, None, *keeps_apart, 0.0);
+        space.is_free_between(start, end)
+    }
 }
 
 /// A search under way.

@@ -145,15 +145,17 @@ fn stuck_is_who_comes_no_nearer() {
     assert_eq!(watched.times_stuck, 1);
 }
 
-/// Strayed is who is off the plan for as long as patience lasts, though nearer to the end.
+/// Strayed is whose joints and end effector are off the plan for as long as patience lasts.
 #[test]
 fn strayed_is_who_is_off_the_plan() {
-    let mut watched = Progress::new(2);
+    let [mut watched, mut on_its_way] = [Progress::new(2), Progress::new(2)];
     let told: Vec<_> = (0..100)
         .filter_map(|k| {
             let t = 0.1 * f64::from(k);
             let q = if t < 3.0 { [0.0, 0.6] } else { [1.0, -1.0] };
-            progress(&q, 0.0, t, &mut watched).map(|reason| (reason, k))
+            assert_eq!(progress(&q, 0.0, t, &mut on_its_way), None);
+            // It comes nearer all the time.
+            progress(&[0.1 * t - 1.0, 0.6], 0.1, t, &mut watched).map(|reason| (reason, k))
         })
         .collect();
     assert_eq!(told[0], (Reason::Strayed, 10));
