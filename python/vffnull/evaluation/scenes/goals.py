@@ -17,7 +17,7 @@ from vffnull.scenario import Scenario
 
 __all__ = ["GOAL_ARMS", "GOAL_FAMILIES", "to_a_goal"]
 
-GOAL_FAMILIES = ("pocket", "shelf", "gap", "post", "crowd")
+GOAL_FAMILIES = ("pocket", "shelf", "gap", "post", "crowd", "door")
 """Families of scenes with a goal; the number of a family's stream is its place here."""
 
 GOAL_ARMS = ("plane", "panda")
@@ -37,7 +37,7 @@ def to_a_goal(family: str, arm: str, seed: int) -> Scenario:
     ----------
     family : str
         One of `GOAL_FAMILIES`. In all but the crowd, whose bodies move, a planner has found a motion to the
-        goal.
+        goal; in that of the door one past the door where it comes to rest.
     arm : {"plane", "panda"}
         Which arm; its task is a position.
     seed : int
@@ -68,9 +68,17 @@ def to_a_goal(family: str, arm: str, seed: int) -> Scenario:
         if made is None:
             continue
         q0, goal, obstacles = made
-        scene = _scene(arm, family, seed, q0, goal, obstacles)
-        if plan(scene, margin=_PATH[arm], seed=1, samples=2000).status == "found":
-            return scene
+        settled = _scene(arm, family, seed, q0, goal, [_settled(each) for each in obstacles])
+        if plan(settled, margin=_PATH[arm], seed=1, samples=2000).status == "found":
+            return _scene(arm, family, seed, q0, goal, obstacles)
+
+
+def _settled(obstacle: Document) -> Document:
+    """An obstacle where it is in the end."""
+    if "motion" not in obstacle:
+        return obstacle
+    rest = {key: value for key, value in obstacle.items() if key != "motion"}
+    return rest | {"position": obstacle["motion"]["points"][-1]}
 
 
 def _scene(arm: str, family: str, seed: int, q0: Array, goal: Array, obstacles: list[Document]) -> Scenario:
@@ -242,6 +250,41 @@ def _plane_post(draw: Draw) -> _Made | None:
     return (q, goal, [post]) if _is_clear("plane", q, goal, [post]) else None
 
 
+def _closing(draw: Draw, door: Document, hidden: Array) -> Document:
+    """A door that slides to where it is given, from where it is hidden in the wall: later than a planner looks
+    ahead.
+    """
+    begin = draw.uniform(1.0, 1.5)
+    times = rounded([begin, begin + draw.uniform(0.8, 1.2)])
+    points = [rounded(hidden), door["position"]]
+    return door | {"position": points[0], "motion": {"kind": "waypoints", "times": times, "points": points}}
+
+
+def _plane_door(draw: Draw) -> _Made | None:
+    """A wall with two gaps, of which one is shut while the arm is on its way."""
+    q = _folded(draw)
+    out = draw.uniform(-math.pi, math.pi)
+    ahead, aside = _unit(out), _unit(out + 0.5 * math.pi)
+    away, thick, length = draw.uniform(1.6, 2.2), draw.uniform(0.1, 0.2), 5.0
+    gaps = [draw.uniform(0.6, 0.9) for _ in range(2)]
+    post, shift = draw.uniform(0.9, 1.4), draw.uniform(-0.5, 0.5)
+
+    def piece(at: float, wide: float) -> Document:
+        return _wall(away * ahead + (shift + at) * aside, out + 0.5 * math.pi, wide, thick)
+
+    walls = [piece(0.0, post)]
+    walls += [
+        piece(side * (0.5 * (post + length) + gap), length) for side, gap in zip((-1, 1), gaps, strict=True)
+    ]
+    shut = draw.whole(0, 1)
+    side, gap = (-1, 1)[shut], gaps[shut]
+    door = piece(side * 0.5 * (post + gap), gap)
+    walls.append(_closing(draw, door, np.asarray(door["position"]) + side * gap * aside))
+    goal = (away + draw.uniform(0.6, 1.4)) * ahead + (shift + 0.4 * draw.uniform(-1.0, 1.0) * post) * aside
+    before = float(_tip(q) @ ahead) < away - 0.3
+    return (q, goal, walls) if before and _blocked(_tip(q), goal, walls[:3]) else None
+
+
 def _is_clear(arm: str, q: Array, goal: Array, obstacles: list[Document]) -> bool:
     """Whether a start has room."""
     start = plan(_scene(arm, "", 0, q, goal, obstacles), q, margin=_ROOM[arm], samples=0)
@@ -346,6 +389,36 @@ def _panda_gap(draw: Draw) -> _Made | None:
     return (q, goal, walls) if clear else None
 
 
+def _panda_door(draw: Draw) -> _Made | None:
+    """An upright wall with two gaps, of which one is shut while the arm is on its way."""
+    q = _panda_start(draw)
+    out = draw.uniform(-0.3, 0.3)
+    ahead, aside, up = np.append(_unit(out), 0.0), np.append(_unit(out + 0.5 * math.pi), 0.0), np.eye(3)[2]
+    away, thick, length, tall = draw.uniform(0.45, 0.5), 0.02, 0.6, 1.2
+    gaps = [draw.uniform(0.3, 0.38) for _ in range(2)]
+    post, shift = draw.uniform(0.12, 0.2), draw.uniform(-0.05, 0.05)
+
+    def piece(at: float, wide: float) -> Document:
+        return _board(away * ahead + (shift + at) * aside + 0.5 * tall * up, out, [thick, wide, tall])
+
+    walls = [piece(0.0, post)]
+    walls += [
+        piece(side * (0.5 * (post + length) + gap), length) for side, gap in zip((-1, 1), gaps, strict=True)
+    ]
+    shut = draw.whole(0, 1)
+    side, gap = (-1, 1)[shut], gaps[shut]
+    door = piece(side * 0.5 * (post + gap), gap)
+    walls.append(_closing(draw, door, np.asarray(door["position"]) + side * gap * aside))
+    # Behind the gap that is shut: the shorter way leads through it.
+    goal = (
+        (away + draw.uniform(0.06, 0.12)) * ahead
+        + (shift + side * draw.uniform(0.1, 0.6) * (0.5 * post + gap)) * aside
+        + draw.uniform(0.3, 0.5) * up
+    )
+    q[3] = -2.7 + draw.uniform(-0.1, 0.1)  # the hand before the wall
+    return (q, goal, walls) if _is_clear("panda", q, goal, walls) else None
+
+
 def _panda_post(draw: Draw) -> _Made | None:
     """A post from the floor to above the arm, which that has to go round from one side to the other."""
     side = draw.sign()
@@ -370,8 +443,20 @@ def _panda_post(draw: Draw) -> _Made | None:
 
 
 _MAKE: dict[str, dict[str, Callable[[Draw], _Made | None]]] = {
-    "plane": {"pocket": _plane_pocket, "shelf": _plane_shelf, "gap": _plane_gap, "post": _plane_post},
-    "panda": {"pocket": _panda_pocket, "shelf": _panda_shelf, "gap": _panda_gap, "post": _panda_post},
+    "plane": {
+        "pocket": _plane_pocket,
+        "shelf": _plane_shelf,
+        "gap": _plane_gap,
+        "post": _plane_post,
+        "door": _plane_door,
+    },
+    "panda": {
+        "pocket": _panda_pocket,
+        "shelf": _panda_shelf,
+        "gap": _panda_gap,
+        "post": _panda_post,
+        "door": _panda_door,
+    },
 }
 
 
