@@ -251,9 +251,7 @@ def _plane_post(draw: Draw) -> _Made | None:
 
 
 def _closing(draw: Draw, door: Document, hidden: Array) -> Document:
-    """A door that slides to where it is given, from where it is hidden in the wall: later than a planner looks
-    ahead.
-    """
+    """A door that slides to where it is given from where it is hidden, later than a planner looks ahead."""
     begin = draw.uniform(1.0, 1.5)
     times = rounded([begin, begin + draw.uniform(0.8, 1.2)])
     points = [rounded(hidden), door["position"]]

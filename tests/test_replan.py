@@ -1,0 +1,165 @@
+"""Plans that are replaced while they are followed: results, files, errors, live page, Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull.errors import InputError, ScenarioError
+from waiting import HANG, wait_for
+
+BLOCKED: dict[str, Any] = {
+    "name": "blocked",
+    "duration": 3.0,
+    "q0": [0.2, 0.3, 0.3, 0.3],
+    "arm": {"lengths": [1.0] * 4, "masses": 1.0, "radius": 0.05},
+    "controller": {
+        "stiffness": 100.0,
+        "damping": 20.0,
+        "null_damping": 10.0,
+        "posture_stiffness": 200.0,
+        "avoidance": "cbf",
+    },
+    "reference": {
+        "kind": "plan",
+        "times": [0.0, 4.0],
+        "points": [[0.2, 0.3, 0.3, 0.3], [1.8, 0.3, 0.3, 0.3]],
+    },
+    "obstacles": [{"shape": {"kind": "circle", "radius": 0.2}, "position": [0.5, 2.9]}],
+    "replan": {"latency": 0.25},
+}
+
+
+@pytest.fixture(scope="module")
+def result() -> vff.Result:
+    return vff.simulate(BLOCKED)
+
+
+def test_a_result_tells_of_its_plans(result: vff.Result) -> None:
+    """Why another plan was searched, what came of it and when; where the plans had the joints."""
+    first = result.replans[0]
+    assert isinstance(first, vff.Replan)
+    assert (first.reason, first.status) == ("blocked", "found") and first.status == vff.PlanStatus.FOUND
+    assert first.taken is not None and first.taken - first.asked == pytest.approx(0.25, abs=2e-3)
+    assert result.metrics.replans == sum(search.taken is not None for search in result.replans)
+    assert result.metrics.times_stuck == 0
+    assert result.q_plan is not None and result.q_plan.shape == result.q.shape
+    early = result.t < first.taken - 1e-9
+    alone = vff.simulate({key: value for key, value in BLOCKED.items() if key != "replan"})
+    assert alone.replans == () and alone.metrics.replans is None and alone.q_plan is not None
+    np.testing.assert_array_equal(result.q_plan[early], alone.q_plan[early])
+    # The reference of the end effector is where the plan puts it, also while one plan fades into another.
+    arm = result.scenario.arm
+    tips = np.array([arm.forward_kinematics(q)[-1] for q in result.q_plan[::50]])
+    np.testing.assert_allclose(tips, result.x_ref[::50], atol=1e-12)
+    assert result.obstacles.shape[1] == 1 and result.metrics.min_clearance > 0.0  # type: ignore[operator]
+
+
+def test_runs_repeat_in_any_number_of_threads(result: vff.Result) -> None:
+    for other in vff.simulate_many([BLOCKED, BLOCKED], threads=2):
+        np.testing.assert_array_equal(other.q, result.q)
+        assert other.replans == result.replans
+
+
+@pytest.mark.parametrize("ending", ["npz", "csv", "parquet"])
+def test_files_keep_the_searches(result: vff.Result, tmp_path: Path, ending: str) -> None:
+    loaded = vff.Result.load(result.save(tmp_path / f"run.{ending}"))
+    assert loaded.replans == result.replans
+    np.testing.assert_array_equal(loaded.q_plan, result.q_plan)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("value", "problem"),
+    [
+        ({}, "expected a list of tables"),
+        ([{}], "expected a list of tables"),
+        ([{"asked": "x", "reason": "stuck", "status": None, "taken": None}], r"replans\[0\]\.asked"),
+        ([{"asked": 0.0, "reason": 1, "status": None, "taken": None}], r"replans\[0\]\.reason"),
+    ],
+)
+def test_damaged_searches_are_refused(result: vff.Result, tmp_path: Path, value: Any, problem: str) -> None:
+    path = result.save(tmp_path / "run.npz")
+    with np.load(path) as file:
+        arrays = dict(file)
+    (name,) = (name for name, array in arrays.items() if array.dtype.kind in "US")
+    header = json.loads(str(arrays[name]))
+    arrays[name] = np.array(json.dumps(header | {"replans": value}))
+    np.savez(path, **arrays)
+    with pytest.raises(InputError, match=problem):
+        vff.Result.load(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        (
+            {"reference": {"kind": "setpoint", "point": [1.0, 2.0]}, "controller": {}},
+            "replan: needs a reference that is a plan",
+        ),
+        ({"perception": {"kind": "range"}}, "replan: needs obstacles that are known"),
+        ({"replan": {"latency": -1.0}}, r"replan\.latency"),
+        ({"replan": {"every": 0.0}}, r"replan\.every"),
+        ({"replan": {"speed": 1.5}}, r"replan\.speed"),
+        ({"replan": {"blend": 0.0}}, r"replan\.blend"),
+        ({"replan": {"latencyy": 1.0}}, "latency"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(changes: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ScenarioError, match=problem):
+        vff.simulate({**BLOCKED, **changes})
+
+
+def test_in_space_too() -> None:
+    """A Panda with a ball in the way of its plan."""
+    scene = vff.Scenario.load("panda-sweep").replace(obstacles=[], duration=1.0)
+    plan = vff.plan(scene, {"position": [0.3, 0.5, 0.5], "orientation": [0.0, 1.0, 0.0, 0.0]})
+    ball = vff.Obstacle.sphere(plan.tip[len(plan.t) // 2], 0.05)
+    changes = {"reference": plan.reference, "controller.posture_stiffness": 40.0, "replan": {}}
+    result = vff.simulate(scene.replace(obstacles=[ball], **changes))
+    assert result.replans and result.replans[0].reason == "blocked"
+    assert result.q_plan is not None and result.q_plan.shape == result.q.shape
+
+
+def test_ctrl_c_ends_a_search() -> None:
+    """A search without end is answered like everything else: what was computed until then is the result."""
+    walls = [
+        {
+            "shape": {"kind": "box", "size": [4.0, 0.1]},
+            "position": [2.3 * np.cos(angle), 2.3 * np.sin(angle)],
+            "angle": angle,
+        }
+        for angle in (1.2, -1.5)
+    ]
+    endless = {**BLOCKED, "obstacles": walls, "replan": {"samples": 10**9}}
+    timer = threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    begin = time.monotonic()
+    result = vff.simulate(endless)
+    assert timer.finished.is_set() and time.monotonic() - begin < HANG
+    assert result.status == "interrupted" and result.end_time < 1.0
+
+
+def test_the_live_page_plans_beside_its_loop() -> None:
+    """The loop goes on while a thread of its own searches; then it follows the new plan."""
+    from vffnull._core import Live
+
+    live = Live(vff.Scenario.from_dict(BLOCKED))
+    live.start()
+    try:
+        wait_for(lambda: live.snapshot()["replans"] > 0)
+        before = live.snapshot()["periods"]
+        wait_for(lambda: live.snapshot()["periods"] > before)
+        shown = live.snapshot()
+        assert shown["q_plan"] is not None and shown["q_plan"].shape == (4,)
+        assert shown["times_stuck"] == 0
+    finally:
+        live.stop()
