@@ -141,7 +141,7 @@ where
         self.taken += 1;
         self.wait = [moment.t + PAUSES[0], PAUSES[0]];
         self.kept = plan.margin;
-        self.ahead.from_now_on();
+        self.ahead.begin_anew();
         let times: Vec<f64> = plan.times.iter().map(|t| moment.path_time + t).collect();
         let points: Vec<_> = plan.q.chunks(moment.q.len()).map(<[f64]>::to_vec).collect();
         let joints = JointSpline::new(&times, &points).ok()?;
@@ -196,7 +196,11 @@ where
             let watch = Watch::Flag(Arc::clone(&given_up));
             let (answers, answer) = channel();
             // Whoever waits no more does not hear it; a search that fails lets the channel go.
-            thread::spawn(move || interrupt::watched(watch, search).map(|plan| answers.send(plan)));
+            thread::spawn(move || {
+                if let Ok(plan) = interrupt::watched(watch, search) {
+                    let _ = answers.send(plan);
+                }
+            });
             Search::Beside { answer, given_up }
         } else {
             Search::Simulated { plan: Box::new(search()), arrives: moment.t + latency }
@@ -285,7 +289,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
     }
 
     /// Begins with another plan.
-    fn from_now_on(&mut self) {
+    fn begin_anew(&mut self) {
         self.next = None;
     }
 

@@ -268,7 +268,6 @@ where
         planner.plan(goal)
     }
 
-
     /// Whether the straight motion to `end` touches nothing that stands still.
     pub fn is_straight(&self, end: &[f64]) -> bool {
         let Self { arm, world, keeps_apart, start, .. } = self;

@@ -59,8 +59,7 @@ fn a_blocked_plan_is_replaced() {
     // Half of a plan's speed is 1 rad/s or so, of its acceleration 5 rad/s².
     let plan: Vec<_> = record.q_plan.chunks(4).collect();
     for three in plan.windows(3) {
-        for i in 0..4 {
-            let [a, b, c] = [three[0][i], three[1][i], three[2][i]];
+        for (a, (b, c)) in three[0].iter().zip(three[1].iter().zip(three[2])) {
             assert!((b - a).abs() < 4e-3, "{a} {b}");
             assert!((c - 2.0 * b + a).abs() < 6e-5, "{a} {b} {c}");
         }
