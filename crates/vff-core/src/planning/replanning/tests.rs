@@ -154,7 +154,8 @@ fn strayed_is_who_is_off_the_plan() {
             let q = if t < 3.0 { [0.0, 0.6] } else { [1.0, -1.0] };
             assert_eq!(progress(&q, 0.0, t, &mut on_its_way), None);
             // It comes nearer all the time.
-            progress(&[0.1 * t - 1.0, 0.6], 0.1, t, &mut watched).map(|reason| (reason, k))
+            progress(&[0.1 * t - 1.0, 1.0 - 0.1 * t], 0.1, t, &mut watched)
+                .map(|reason| (reason, k))
         })
         .collect();
     assert_eq!(told[0], (Reason::Strayed, 10));
