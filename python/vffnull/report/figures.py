@@ -126,6 +126,9 @@ def arm(run: Run, index: int, count: int) -> figure:
                 line_color=solid, line_alpha=0.45, line_dash="1 4")  # fmt: skip
     fig.patches("xs", "ys", source=empty("solids", "xs", "ys"), fill_color=solid, fill_alpha=0.22,
                 line_color=solid, line_width=1.5)  # fmt: skip
+    if run.scene.plan:
+        fig.patches("xs", "ys", source=empty("plan", "xs", "ys"), fill_color=COLOURS["plan"], fill_alpha=0.1,
+                    line_color=COLOURS["plan"], line_dash="5 3", line_width=1.2)  # fmt: skip
     fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
                 fill_alpha=0.25, line_color="colour", line_width=1.2)  # fmt: skip
     fig.scatter(*run.scene.joints[0, :1].T, marker="square", size=13, color=COLOURS["base"])
@@ -179,7 +182,22 @@ def plots(runs: list[Run], names: list[str]) -> list[figure]:
         made.append(_chooser(time, [colour for _, colour in link_key(runs[0])]))
         made[-1].xaxis.axis_label = "time [s]"
         made[-1].height += 22
+    for run, colour in zip(runs, [COLOURS["plan"]] if alone else colours, strict=True):
+        for fig in made:
+            _mark_replans(fig, run, colour)
     return made
+
+
+def _mark_replans(fig: figure, run: Run, colour: str) -> None:
+    """Where a plan was taken over, and the time of its search; a search without a plan is dotted."""
+    for search in run.result.replans:
+        taken = search.taken
+        if taken is not None:
+            fig.add_layout(BoxAnnotation(left=search.asked, right=taken, fill_color=colour, fill_alpha=0.12,
+                                         line_color=None, level="underlay"))  # fmt: skip
+        fig.add_layout(Span(location=search.asked if taken is None else taken, dimension="height",
+                            line_color=colour, line_dash="2 3" if taken is None else "solid",
+                            line_width=1.5, level="underlay"))  # fmt: skip
 
 
 def _frame(label: str, time: Range1d, **how: Any) -> figure:
