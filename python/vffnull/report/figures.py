@@ -126,13 +126,16 @@ def arm(run: Run, index: int, count: int) -> figure:
                 line_color=solid, line_alpha=0.45, line_dash="1 4")  # fmt: skip
     fig.patches("xs", "ys", source=empty("solids", "xs", "ys"), fill_color=solid, fill_alpha=0.22,
                 line_color=solid, line_width=1.5)  # fmt: skip
+    thick = bool(run.scene.radii.max() > 0.0)
     if run.scene.plan:
-        fig.patches("xs", "ys", source=empty("plan", "xs", "ys"), fill_color=COLOURS["plan"], fill_alpha=0.1,
-                    line_color=COLOURS["plan"], line_dash="5 3", line_width=1.2)  # fmt: skip
+        dashed: dict[str, Any] = {"line_color": COLOURS["plan"], "line_dash": "5 3", "line_width": 1.2}
+        if thick:
+            dashed |= {"fill_color": COLOURS["plan"], "fill_alpha": 0.1}
+        glyphs = fig.patches if thick else fig.multi_line  # dashes there and back would fill the gaps
+        glyphs("xs", "ys", source=empty("plan", "xs", "ys"), **dashed)
     fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
                 fill_alpha=0.25, line_color="colour", line_width=1.2)  # fmt: skip
     fig.scatter(*run.scene.joints[0, :1].T, marker="square", size=13, color=COLOURS["base"])
-    thick = bool(run.scene.radii.max() > 0.0)
     fig.multi_line("xs", "ys", source=empty("links", "xs", "ys", "colour"), line_color="colour",
                    line_width=1.2 if thick else 4, line_cap="round")  # fmt: skip
     fig.line("x", "y", source=empty("trail", "x", "y"), line_color=style.INK, line_width=2)
