@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from vffnull._outcome import Replan
-from vffnull.plotting import style
 from vffnull.plotting.primitives import COLOURS
 
 if TYPE_CHECKING:
@@ -68,5 +67,3 @@ def _told(search: Replan) -> str:
     if search.taken is not None:
         return f"{asked}, taken over at {search.taken:.2f} s"
     return f"{asked}, but {'not in time' if search.status is None else search.status}"
-
-

@@ -131,9 +131,7 @@ def joint_lines(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], *
         ax.plot(t, values[:, index], color=colour, label=f"_{index}", **how)
 
 
-def joint_key(
-    fig: FigureBase, axes: Sequence[Axes], n: int, what: str, more: Sequence[Line2D] = ()
-) -> None:
+def joint_key(fig: FigureBase, axes: Sequence[Axes], n: int, what: str, more: Sequence[Line2D] = ()) -> None:
     """Say which colour is which joint or link, counted from 0 at the base, outside the data.
 
     Lines that lie outside of all panels are left out: nobody would find them. What there is `more` stands

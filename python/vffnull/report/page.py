@@ -57,7 +57,9 @@ def render(results: list[Result], names: list[str]) -> str:
         plots=slots[len(flat) :],
         links=key if alone else [],
         plan=COLOURS["plan"] if any(run.scene.plan for run in runs) else "",
-        planned=[(name, line) for run, name in zip(results, names, strict=True) for line in replans.told(run)],
+        planned=[
+            (name, line) for run, name in zip(results, names, strict=True) for line in replans.told(run)
+        ],
         replanned=any(run.replans for run in results),
         cards=list(_cards(alone)) if alone else [],
         metrics=list(_metrics(results)),
