@@ -494,7 +494,7 @@ class Scene:
             np.linalg.norm(part.corners - wanted.corners, axis=-1).max(axis=1)
             for part, wanted in zip(links, self.plan, strict=False)
         ]
-        return np.max([np.zeros(len(self.t)), *away], axis=0)
+        return np.asarray(np.max([np.zeros(len(self.t)), *away], axis=0))
 
     def frame(
         self, margin: float = 0.12, view: Array | None = None, *, field: bool = False

@@ -40,7 +40,11 @@ def mark(axes: Iterable[Axes], result: Result) -> list[Line2D]:
                 continue
             ax.axvspan(search.asked, search.taken, color=colour, alpha=_SHARE, linewidth=0.0, zorder=1.4)
             ax.axvline(search.taken, color=colour, linewidth=_WIDTH, zorder=1.6)
-    return [Line2D([], [], color=colour, linewidth=_WIDTH, label="new plan")] if result.replans else []
+    if not result.replans:
+        return []
+    none = all(search.taken is None for search in result.replans)
+    how, label = (_ONLY_ASKED, "search for a plan") if none else ("-", "new plan")
+    return [Line2D([], [], color=colour, linewidth=_WIDTH, linestyle=how, label=label)]
 
 
 def beside(t: float, replans: Sequence[Replan], seconds: float) -> str:
