@@ -42,9 +42,10 @@ def mark(axes: Iterable[Axes], result: Result) -> list[Line2D]:
             ax.axvline(search.taken, color=colour, linewidth=_WIDTH, zorder=1.6)
     if not result.replans:
         return []
-    none = all(search.taken is None for search in result.replans)
-    how, label = (_ONLY_ASKED, "search for a plan") if none else ("-", "new plan")
-    return [Line2D([], [], color=colour, linewidth=_WIDTH, linestyle=how, label=label)]
+    if any(search.taken is not None for search in result.replans):
+        return [Line2D([], [], color=colour, linewidth=_WIDTH, label="new plan")]
+    dots = Line2D([], [], color=colour, linewidth=_WIDTH, linestyle=_ONLY_ASKED, label="search for a plan")
+    return [dots]
 
 
 def beside(t: float, replans: Sequence[Replan], seconds: float) -> str:

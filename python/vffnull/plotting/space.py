@@ -98,16 +98,23 @@ def layers_at(
 
 
 def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Layer]:
-    """The scene at some instants, the last as it is, the others faint, with the paths of what moves."""
+    """The scene at some instants, the last as it is, the others faint, with the paths of what moves.
+
+    A plan is seen best where the arm is farthest from it.
+    """
     thin = _ROD * scene.reach
     found: list[Layer] = []
     last, box = len(rows) - 1, padded(scene)
+    farthest = int(scene.astray.argmax()) if scene.plan else None
     for order, (row, colour) in enumerate(zip(rows, colours, strict=True)):
         if order == last:
             found += [*layers_at(scene, int(row), colour=colour), *plan_layer(scene, int(row))]
             continue
-        # In the layer of the arm the plan is seen only where it is not within the arm.
-        solids: list[Solid | Balls] = [*plan_solids(scene, int(row))]
+        solids: list[Solid | Balls] = []
+        if row == farthest:
+            found.append(Layer(plan_solids(scene, int(row)), _GHOST))
+        else:  # in the layer of the arm the plan is seen only where it is not within the arm
+            solids += plan_solids(scene, int(row))
         for each in scene.at(int(row), ["obstacle", "link"]):
             if isinstance(each, Cloud):
                 if scene.stirs(each.index):
