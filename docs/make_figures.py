@@ -3,7 +3,7 @@
 `sweep-through.png` compares three settings of one bundled scenario, `on-path.png` the four answers to an
 obstacle on the tip's own path; `scenes.png` shows bundled scenes and `random-scenes.png` random ones;
 `example.png` is what the README's Python example plots, made by running it, `panda-sweep.png` and
-`panda-shelf.png` the overviews of these scenarios.
+`panda-shelf.png` the overviews of these scenarios. `plan-ghost.png` is a plan that is followed and replaced.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 import vffnull as vff
-from vffnull.plotting import canvas, strobe, style
+from vffnull.plotting import canvas, joints, replans, strobe, style
 from vffnull.plotting.primitives import Scene
 
 DOCS = Path(__file__).resolve().parent
@@ -238,6 +238,49 @@ def overviews() -> None:
             shutil.copy(Path(directory) / "overview.png", FIGURES / f"{name}.png")
 
 
+# Four links go over to the left, and a disc comes down into their way.
+REPLANNED = {
+    "name": "replanned",
+    "duration": 7.0,
+    "arm": {"lengths": [1.0] * 4, "masses": [1.0] * 4, "radius": 0.05},
+    "q0": [0.2, 0.3, 0.3, 0.3],
+    "reference": {
+        "kind": "plan",
+        "times": [0.0, 3.0, 6.0],
+        "points": [[angle, 0.3, 0.3, 0.3] for angle in (0.2, 1.0, 1.8)],
+    },
+    "obstacles": [
+        {
+            "shape": {"kind": "circle", "radius": 0.2},
+            "position": [0.4, 3.9],
+            "motion": {"kind": "linear", "velocity": [0.0, -0.25]},
+        }
+    ],
+    "controller": {
+        "stiffness": 100.0,
+        "damping": 20.0,
+        "null_damping": 10.0,
+        "posture_stiffness": 60.0,  # so soft that the arm leaves the plan to keep off the disc
+        "avoidance": "cbf",
+        "field": {"kind": "khatib", "gain": 1.0, "influence": 0.6},
+    },
+    "replan": {},
+}
+
+
+def plan_ghost() -> None:
+    """The arm beside its plan, and the angles over time with the instant at which another plan came."""
+    result = vff.simulate(vff.Scenario.from_dict(REPLANNED))
+    with style.look():
+        fig = style.figure(3.0, style.PAGE)
+        picture, plot = fig.subfigures(1, 2, squeeze=False, wspace=0.03)[0]
+        strobe.passing(picture.subplots(), result, height=2.8)
+        axes = style.stacked(plot, 1)
+        more = [*joints.angles(axes[0], result), *replans.mark(axes, result)]
+        style.joint_key(plot, axes, result.q.shape[1], "joint", more)
+        fig.savefig(FIGURES / "plan-ghost.png")
+
+
 if __name__ == "__main__":
     FIGURES.mkdir(exist_ok=True)
     sweep_through()
@@ -246,3 +289,4 @@ if __name__ == "__main__":
     random_scenes()
     example()
     overviews()
+    plan_ghost()

@@ -108,7 +108,7 @@ def test_what_is_drawn_is_where_the_core_has_it(name: str, tmp_path: Path) -> No
         frames(page, 5)
         state, drawing = page.snapshot(), page._scene
         poses = page.scenario.arm.link_poses(state["q"])
-        for node, pose in zip(drawing._nodes, poses, strict=True):
+        for node, pose in zip(drawing._nodes["arm"], poses, strict=True):
             np.testing.assert_allclose(node.position, pose[:3, 3], atol=3e-4)
             np.testing.assert_allclose(vff._arm.rotation(node.wxyz), pose[:3, :3], atol=1e-3)
         tip = page.scenario.arm.forward_kinematics(state["q"])[-1]

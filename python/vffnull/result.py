@@ -297,7 +297,8 @@ class Result(Outcome):
         ``tracking``, ``tracking_error``, ``joint_angles`` and ``joint_torques`` always; ``limits``, how much
         of the limits of angle, speed and torque is used, if the arm has any; ``null_space``, the motion that
         the task leaves free, if there is one; ``repulsive_torques``, ``forces`` and ``clearance`` with
-        obstacles; ``sensed`` with range sensors.
+        obstacles; ``sensed`` with range sensors. The plan, if there is one, is a dashed arm in the plane, a
+        pale one in space, and dashed joint angles; where another took its place there is a mark.
 
         Parameters
         ----------
@@ -355,7 +356,8 @@ class Result(Outcome):
 
         In space, links have the colour of their clearance, and a strip shows the course of the smallest one.
 
-        An arrow shows the repulsion on a link, at its point nearest to an obstacle and away from that.
+        An arrow shows the repulsion on a link, at its point nearest to an obstacle and away from that. Where
+        a plan has the joints there is another arm, dashed or pale; a new plan is named for a second.
 
         Parameters
         ----------
@@ -401,8 +403,9 @@ class Result(Outcome):
         """Write everything about the run into one HTML file that needs nothing else, not even a network.
 
         The arm in motion with a time slider that is linked to the plots, the metrics, the scenario, the
-        assumptions and the version. A scene in space is turned by dragging, and its links have the colour of
-        their clearance; a browser without WebGL shows it in a simpler way.
+        assumptions and the version; the arm where a plan has it, and when others took its place. A scene in
+        space is turned by dragging, and its links have the colour of their clearance; a browser without WebGL
+        shows it in a simpler way.
 
         Parameters
         ----------

@@ -21,7 +21,7 @@ from PIL import Image
 from vffnull._extras import extra
 from vffnull._files import replacing
 from vffnull.errors import InputError
-from vffnull.plotting import canvas, geometry, strobe, style
+from vffnull.plotting import canvas, geometry, replans, strobe, style
 from vffnull.plotting.primitives import COLOURS, Arrow, Body, Curve, Marks, Role, Scene, drawable
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class _Picture:
     """The frames of a film, each an array of dots (height, width, 3)."""
 
     shaded = False
-    _POLYGONS: tuple[Role, ...] = ("influence", "obstacle", "link")
+    _POLYGONS: tuple[Role, ...] = ("influence", "obstacle", "plan", "link")
 
     def __init__(self, result: Result, rows: Rows, speed: float) -> None:
         self._whole = Scene.of_result(result)
@@ -188,6 +188,7 @@ class _Picture:
         self._polygons = {
             "influence": self._patches("influence", to_rgba(COLOURS["influence"], 0.45), 0.0, 1.5),
             "obstacle": self._patches("obstacle", COLOURS["obstacle"], 0.15, 2.0),
+            "plan": self._patches("plan", COLOURS["plan"], 0.1, 2.9),
             "link": self._patches("link", COLOURS["link"], 0.25, 3.0),
         }
         thin = bool((self._whole.radii == 0.0).any())
@@ -197,6 +198,7 @@ class _Picture:
         for collection in (*self._polygons.values(), self._arrows, self._heads):
             ax.add_collection(collection, autolim=False)
         self._lines = {
+            "plan": self._line(2.9, "plan", linewidth=1.2, linestyle=canvas.LOOKS["plan"].dash),
             "joint": self._line(4.0, "link", linewidth=2.6 if thin else 1.0, marker="o", markersize=4.5,
                                 markerfacecolor="white"),
             "trail": self._line(4.5, "trail", linewidth=1.4),
@@ -205,12 +207,16 @@ class _Picture:
         }  # fmt: skip
         self._clock = ax.text(1.0, 1.015, "", transform=ax.transAxes, ha="right", va="bottom")
         ax.text(0.0, 1.015, result.scenario.name, transform=ax.transAxes, ha="left", va="bottom")
+        self._replans, self._shown_for = result.replans, replans.TOLD * speed
+        self._news = ax.text(0.5, 1.015, "", transform=ax.transAxes, ha="center", va="bottom",
+                             color=COLOURS["plan"], parse_math=False)  # fmt: skip
         self._moving: list[Artist] = [
             *self._polygons.values(),
             *self._lines.values(),
             self._arrows,
             self._heads,
             self._clock,
+            self._news,
         ]
         for artist in self._moving:
             artist.set_animated(True)
@@ -225,20 +231,26 @@ class _Picture:
         self._agg.restore_region(self._background)
         bodies: dict[Role, list[Any]] = {role: [] for role in self._POLYGONS}
         arrows: list[Arrow] = []
+        plan: list[Any] = []
         for each in self._scene.at(frame, [*self._POLYGONS, "joint", "force", "sensed", "target"]):
             match each:
                 case Body(role=role, radius=radius, corners=corners) if radius > 0.0 or len(corners) > 2:
                     bodies[role].append(each.outline())
+                case Body(role="plan", corners=corners):  # without a body it is a line
+                    plan += [geometry.seen(corners)]
                 case Marks(role=role, points=points):
                     self._lines[role].set_data(*geometry.seen(points).T)
                 case Arrow():
                     arrows.append(each)
         for role, outlines in bodies.items():
             self._polygons[role].set_verts(outlines)
+        if plan:
+            self._lines["plan"].set_data(*np.vstack(plan).T)
         (trail,) = self._whole.at(int(self._rows[frame]), ["trail"])
         assert isinstance(trail, Curve)
         self._lines["trail"].set_data(*geometry.seen(trail.points).T)
         self._draw(arrows)
+        self._news.set_text(replans.beside(float(self._scene.t[frame]), self._replans, self._shown_for))
         self._clock.set_text(f"t = {self._scene.t[frame]:.2f} s{self._speed}")
         for artist in self._moving:
             self._axes.draw_artist(artist)

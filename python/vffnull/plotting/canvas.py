@@ -32,6 +32,7 @@ LOOKS: dict[Role, Look] = {
     "obstacle": Look(1.0, fill=0.12),
     "base": Look(marker="s", size=6.0),
     "reference": Look(0.9, dash=(0, (4, 2))),
+    "plan": Look(0.7, dash=(0, (3, 2))),
     "link": Look(1.8, fill=0.3),
     "joint": Look(0.9, size=3.0, hollow=True),
     "trail": Look(0.9),
@@ -51,7 +52,7 @@ def paint(
         shade = COLOURS[each.role] if colour is None else colour
         match each:
             case Body(radius=0.0, corners=corners) if len(corners) == 2:
-                ax.plot(*geometry.seen(corners).T, color=shade, linewidth=look.width,
+                ax.plot(*geometry.seen(corners).T, color=shade, linewidth=look.width, linestyle=look.dash,
                         solid_capstyle="round", zorder=zorder)  # fmt: skip
             case Body(role=role):
                 ax.add_patch(

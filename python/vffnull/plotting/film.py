@@ -17,7 +17,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from vffnull.plotting import geometry, space, style, tracking
+from vffnull.plotting import geometry, replans, space, style, tracking
 from vffnull.plotting.primitives import COLOURS, Arrow, Body, Scene
 from vffnull.plotting.render import Canvas, Layer, Solid, arrow
 
@@ -64,7 +64,9 @@ class SpacePicture:
         self._clock = self._say(0.03, top - 0.17 / height, ha="left", color=style.MUTED)
         self._nearest = self._say(0.97, top, ha="right", weight="bold", fontsize=9)
         self._off = self._say(0.97, top - 0.17 / height, ha="right", color=style.MUTED)
-        self._texts = [self._clock, self._nearest, self._off]
+        self._replans, self._shown_for = result.replans, replans.TOLD * speed
+        self._news = self._say(0.03, top - 0.34 / height, ha="left", color=COLOURS["plan"], parse_math=False)
+        self._texts = [self._clock, self._nearest, self._off, self._news]
         self._course = self._follow((0.13, 0.3 / height, 0.84, (strip - 0.42) / height)) if strip else []
         self._agg.draw()
         self._image = self._placed()
@@ -104,7 +106,7 @@ class SpacePicture:
                         colour = np.array(to_rgb(COLOURS["force"]))
                         arrows += arrow(begin, vector * self._scale, thin, colour)
         shades = [style.by_clearance(away / self._near) for away in self._clearance[row]]
-        layers = space.layers_at(scene, row, shades=shades)
+        layers = [*space.layers_at(scene, row, shades=shades), *space.plan_layer(scene, row)]
         found = [*layers, Layer(arrows), *space.path_layers(scene, row, thin)]
         return [*found, Layer(shells, _SHELL)] if shells else found
 
@@ -140,6 +142,7 @@ class SpacePicture:
     def _tell(self, row: int) -> None:
         """Time, smallest clearance and tracking error of an instant."""
         least = float(self._least[row])
+        self._news.set_text(replans.beside(float(self._scene.t[row]), self._replans, self._shown_for))
         self._clock.set_text(f"t = {self._scene.t[row]:.2f} s{self._speed}")
         if np.isfinite(least):
             self._nearest.set_text(f"clearance {1e3 * least:.0f} mm".replace("-", "−"))

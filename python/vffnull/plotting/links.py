@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vffnull.plotting import style
+from vffnull.plotting import replans, style
 from vffnull.plotting.primitives import influence_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def forces(result: Result) -> Figure:
     style.joint_lines(ax, result.t, result.force)
     ax.set_ylabel("repulsive force [N]")
     ax.set_ylim(bottom=0.0)
-    style.joint_key(fig, [ax], result.force.shape[1], "link")
+    style.joint_key(fig, [ax], result.force.shape[1], "link", replans.mark([ax], result))
     return fig
 
 
@@ -29,7 +29,7 @@ def clearance(result: Result) -> Figure:
     """Distance of every link to the nearest obstacle."""
     fig, (ax,) = style.panels(1, 2.5)
     distances(ax, result)
-    style.joint_key(fig, [ax], result.clearance.shape[1], "link")
+    style.joint_key(fig, [ax], result.clearance.shape[1], "link", replans.mark([ax], result))
     return fig
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from vffnull.plotting import joints, links, strobe, style, tracking
+from vffnull.plotting import joints, links, replans, strobe, style, tracking
 from vffnull.plotting.primitives import Scene
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ def overview(result: Result) -> Figure:
         picture, plots = fig.subfigures(1, 2, squeeze=False, wspace=0.03)[0]
         strobe.passing(picture.subplots(), result, height=height)
 
+    more = []
     if result.obstacles.shape[1]:
         axes = style.stacked(plots, 3)
         links.distances(axes[1], result)
@@ -38,12 +39,13 @@ def overview(result: Result) -> Figure:
         labels, what = ["clearance\n[m]", f"repulsion\n[{torques}]"], "joint and link"
     else:
         axes = style.stacked(plots, 2)
-        joints.angles(axes[1], result)
+        more = joints.angles(axes[1], result)
         labels, what = [axes[1].get_ylabel().replace(" [", "\n[")], "joint"
     tracking.error_magnitude(axes[0], result)
     error = axes[0].get_ylabel().replace(" [", "\n[")
     for ax, label in zip(axes, (error, *labels), strict=True):
         ax.set_ylabel(label)
-    style.joint_key(plots, axes[1:], result.q.shape[1], what)
+    more += replans.mark(axes, result)
+    style.joint_key(plots, axes[1:], result.q.shape[1], what, more)
     plots.align_ylabels(axes)
     return fig

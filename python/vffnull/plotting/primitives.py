@@ -36,6 +36,7 @@ Role = Literal[
     "obstacle",
     "base",
     "reference",
+    "plan",
     "link",
     "joint",
     "trail",
@@ -47,8 +48,8 @@ Role = Literal[
 """What a primitive stands for; painted in this order."""
 
 ROLES: tuple[Role, ...] = (
-    "influence", "obstacle", "base", "reference", "link", "joint", "trail", "tool", "force", "sensed",
-    "target",
+    "influence", "obstacle", "base", "reference", "plan", "link", "joint", "trail", "tool", "force",
+    "sensed", "target",
 )  # fmt: skip
 
 COLOURS: dict[Role, str] = {
@@ -56,6 +57,7 @@ COLOURS: dict[Role, str] = {
     "obstacle": "#D55E00",
     "base": "#222222",
     "reference": "#777777",
+    "plan": "#009E73",
     "link": "#0072B2",
     "joint": "#0072B2",
     "trail": "#009E73",
@@ -144,6 +146,10 @@ class Part:
     corners: Array
     radius: float
 
+    def pick(self, rows: Rows) -> Part:
+        """The part at some of its instants."""
+        return Part(self.index, self.corners[rows], self.radius)
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -183,6 +189,8 @@ class Scene:
         Where an arm in space stands [m], which need not be the origin of its first joint.
     rotations : tuple of (T, D, D) ndarray or None, optional
         How every obstacle is turned, compared with its core; None of one that does not turn.
+    plan : tuple of Part, optional
+        What the links would be made of where a plan has the joints; empty without a plan.
     """
 
     t: Array
@@ -201,12 +209,14 @@ class Scene:
     turns: Array | None = None
     base: Array | None = None
     rotations: tuple[Array | None, ...] = ()
+    plan: tuple[Part, ...] = ()
 
     @classmethod
     def of_result(cls, result: Result) -> Scene:
         """The scene of a run at its recorded instants."""
         document = result.scenario.to_dict()
-        made = cls.of_postures(result.scenario.arm, result.q)
+        made_of = result.scenario.arm
+        made = cls.of_postures(made_of, result.q)
         size = made.dimension
         return dataclasses.replace(
             made,
@@ -220,6 +230,9 @@ class Scene:
             strength=result.force,
             sensed=result.sensed,
             rotations=tuple(_core.rotations(each, size, result.t) for each in document.get("obstacles", [])),
+            plan=()
+            if result.q_plan is None
+            else tuple(part for part in cls.of_postures(made_of, result.q_plan).parts if part.index >= 0),
         )
 
     @classmethod
@@ -333,9 +346,8 @@ class Scene:
             strength=self.strength[rows],
             given=None if self.given is None else (self.given[0][rows], self.given[1][rows]),
             sensed=None if self.sensed is None else self.sensed[rows],
-            solids=None
-            if self.solids is None
-            else tuple(Part(each.index, each.corners[rows], each.radius) for each in self.solids),
+            solids=None if self.solids is None else tuple(each.pick(rows) for each in self.solids),
+            plan=tuple(each.pick(rows) for each in self.plan),
             turns=None if self.turns is None else self.turns[rows],
             rotations=tuple(None if each is None else each[rows] for each in self.rotations),
         )
@@ -433,6 +445,9 @@ class Scene:
                 yield Marks(role, self.joints[row, :1])
             case "reference" if self.moves:
                 yield Curve(role, self.reference)
+            case "plan":
+                for part in self.plan:
+                    yield Body(role, part.index, part.corners[row], part.radius)
             case "link":
                 for part in self.parts:
                     if part.index >= 0:
@@ -456,7 +471,8 @@ class Scene:
     def instants(self, count: int) -> Rows:
         """Indices of instants that show the scene best: as much motion between one and the next everywhere.
 
-        Half of the measure is time, so that a long rest is not skipped altogether.
+        Half of the measure is time, so that a long rest is not skipped altogether. Of an arm that follows a
+        plan the instant at which it is farthest from it takes the place of the nearest one of these.
         """
         places = np.concatenate([self.joints, self.obstacles], axis=1)
         path = np.linalg.norm(np.diff(places, axis=0), axis=2).sum(axis=1)
@@ -464,7 +480,21 @@ class Scene:
         measure /= measure[-1] or 1.0
         measure += (self.t - self.t[0]) / ((self.t[-1] - self.t[0]) or 1.0)
         chosen = np.searchsorted(measure, np.linspace(0.0, measure[-1], count))
+        if self.plan and count > 2:
+            farthest = int(self.astray.argmax())
+            inner = chosen[1:-1]  # begin and end are always shown
+            inner[np.abs(measure[inner] - measure[farthest]).argmin()] = farthest
         return np.unique(np.minimum(chosen, len(self.t) - 1))
+
+    @property
+    def astray(self) -> Array:
+        """How far a point of the arm is from where the plan has it (T,) [m]; 0 without a plan."""
+        links = (part for part in self.parts if part.index >= 0)
+        away = [
+            np.linalg.norm(part.corners - wanted.corners, axis=-1).max(axis=1)
+            for part, wanted in zip(links, self.plan, strict=False)
+        ]
+        return np.asarray(np.max([np.zeros(len(self.t)), *away], axis=0))
 
     def frame(
         self, margin: float = 0.12, view: Array | None = None, *, field: bool = False
@@ -475,8 +505,7 @@ class Scene:
         one that passes far away does not shrink the picture.
         """
         places = [self.joints.reshape(-1, self.dimension)]
-        if self.solids is not None:
-            places += [each.corners.reshape(-1, self.dimension) for each in self.solids]
+        places += [each.corners.reshape(-1, self.dimension) for each in (*(self.solids or ()), *self.plan)]
         arm = geometry.seen(np.vstack(places), view)
         around = np.vstack([arm, geometry.seen(self.reference, view)])
         low, high = around.min(axis=0), around.max(axis=0)

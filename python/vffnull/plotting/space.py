@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes as FlatAxes
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import FigureBase
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
@@ -47,6 +47,9 @@ _FAR = 1.5  # of the arm's reach, beyond the arm's own box
 _DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
+_GHOST = 0.45  # opacity of the arm where the plan has it
+SLIM = 0.8
+"""Radii of that arm, compared with its own: it is not seen where the arm is."""
 
 
 def layers_at(
@@ -95,15 +98,23 @@ def layers_at(
 
 
 def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Layer]:
-    """The scene at some instants, the last as it is, the others faint, with the paths of what moves."""
+    """The scene at some instants, the last as it is, the others faint, with the paths of what moves.
+
+    A plan is seen best where the arm is farthest from it.
+    """
     thin = _ROD * scene.reach
     found: list[Layer] = []
     last, box = len(rows) - 1, padded(scene)
+    farthest = int(scene.astray.argmax()) if scene.plan else None
     for order, (row, colour) in enumerate(zip(rows, colours, strict=True)):
         if order == last:
-            found += layers_at(scene, int(row), colour=colour)
+            found += [*layers_at(scene, int(row), colour=colour), *plan_layer(scene, int(row))]
             continue
         solids: list[Solid | Balls] = []
+        if row == farthest:
+            found.append(Layer(plan_solids(scene, int(row)), _GHOST))
+        else:  # in the layer of the arm the plan is seen only where it is not within the arm
+            solids += plan_solids(scene, int(row))
         for each in scene.at(int(row), ["obstacle", "link"]):
             if isinstance(each, Cloud):
                 if scene.stirs(each.index):
@@ -117,6 +128,19 @@ def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Lay
                 solids += [] if part is None else [Solid(part, each.radius, _tint(COLOURS["obstacle"], 0.3))]
         found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
     return [*found, *path_layers(scene, len(scene.t) - 1, thin)]
+
+
+def plan_solids(scene: Scene, row: int) -> list[Solid]:
+    """The arm where the plan has it at an instant; nothing without a plan."""
+    shade = _tint(COLOURS["plan"], 0.1)
+    bodies = (each for each in scene.at(row, ["plan"]) if isinstance(each, Body))
+    return [Solid(each.corners, SLIM * each.radius, shade) for each in bodies]
+
+
+def plan_layer(scene: Scene, row: int) -> list[Layer]:
+    """The same as a ghost."""
+    solids = plan_solids(scene, row)
+    return [Layer(solids, _GHOST, ghost=True)] if solids else []
 
 
 def balls(points: Array, radius: float, box: tuple[Array, Array], colour: Array) -> Balls:
@@ -143,8 +167,9 @@ def path_layers(scene: Scene, row: int, thin: float) -> list[Layer]:
 
 def bounds(scene: Scene) -> tuple[Array, Array]:
     """Opposite corners (3,) of a box around the arm at all times and what comes near it [m]."""
-    lows = [part.corners.reshape(-1, 3).min(axis=0) - part.radius for part in scene.parts]
-    highs = [part.corners.reshape(-1, 3).max(axis=0) + part.radius for part in scene.parts]
+    parts = (*scene.parts, *scene.plan)
+    lows = [part.corners.reshape(-1, 3).min(axis=0) - part.radius for part in parts]
+    highs = [part.corners.reshape(-1, 3).max(axis=0) + part.radius for part in parts]
     low, high = (
         np.min([*lows, scene.reference.min(axis=0)], axis=0),
         np.max([*highs, scene.reference.max(axis=0)], axis=0),
@@ -298,6 +323,9 @@ def key(scene: Scene) -> list[Line2D]:
             Line2D([], [], color=COLOURS["reference"], linewidth=0.9, linestyle="--", label="reference")
         )
         found.append(Line2D([], [], color=COLOURS["trail"], linewidth=1.2, label="tip"))
+    if scene.plan:
+        ghost = to_rgba(COLOURS["plan"], _GHOST)
+        found.append(Line2D([], [], color=ghost, linewidth=4.0, solid_capstyle="butt", label="plan"))
     return found
 
 

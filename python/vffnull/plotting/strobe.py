@@ -96,8 +96,11 @@ def passing(ax: Axes, result: Result, height: float, width: float = style.COLUMN
     ax.plot([], [], color=style.INK, linewidth=0.9, linestyle=(0, (4, 2)) if moves else "none", marker="x",
             markersize=5, label="reference")  # fmt: skip
     canvas.paint(ax, [Marks("target", scene.reference[-1:])], colour=style.INK, zorder=6)
+    if scene.plan:
+        look = canvas.LOOKS["plan"]
+        ax.plot([], [], color=style.INK, linewidth=look.width, linestyle=look.dash, label="plan")
     stage(ax, scene, height, width)
-    ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.2 / (height - _LABELS[1])), ncols=2, borderaxespad=0)
+    ax.legend(loc="upper left", bbox_to_anchor=(0.0, -0.2 / (height - _LABELS[1])), ncols=3, borderaxespad=0)
     time_scale(ax, result.t[when], colours)
 
 
@@ -113,6 +116,7 @@ def draw(ax: Axes, scene: Scene, rows: list[Any], colours: list[Any]) -> None:
         else:
             canvas.paint(ax, [body], colour=style.MUTED, zorder=1.5)
     for order, (row, colour) in enumerate(zip(rows, colours, strict=True)):
+        canvas.paint(ax, scene.at(row, ["plan"]), colour=colour, zorder=2.9)
         canvas.paint(ax, scene.at(row, ["link", "joint"]), colour=colour, zorder=3 + order / len(rows))
 
 

@@ -131,11 +131,14 @@ def joint_lines(ax: Axes, t: NDArray[np.float64], values: NDArray[np.float64], *
         ax.plot(t, values[:, index], color=colour, label=f"_{index}", **how)
 
 
-def joint_key(fig: FigureBase, axes: Sequence[Axes], n: int, what: str) -> None:
+def joint_key(fig: FigureBase, axes: Sequence[Axes], n: int, what: str, more: Sequence[Line2D] = ()) -> None:
     """Say which colour is which joint or link, counted from 0 at the base, outside the data.
 
-    Lines that lie outside of all panels are left out: nobody would find them.
+    Lines that lie outside of all panels are left out: nobody would find them. What there is `more` stands
+    below.
     """
+    if more:
+        fig.legend(handles=list(more), loc="outside lower center", ncols=len(more))
     colours = joint_colours(n)
     if n > len(_DISTINCT):
         edges = np.arange(n + 1) - 0.5

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from vffnull._arm import quaternion, rotation
-from vffnull.plotting import style
+from vffnull.plotting import replans, style
 
 if TYPE_CHECKING:
     from vffnull.result import Result
@@ -45,7 +45,8 @@ def tracking(result: Result) -> Figure:
         _open_if_flat(ax, result.x[:, i])
     if turns:
         _orientation(axes[-1], result)
-    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    shown = [*axes[0].get_legend_handles_labels()[0], *replans.mark(axes, result)]
+    fig.legend(handles=shown, loc="outside upper center", ncols=len(shown))
     fig.align_ylabels(axes)
     return fig
 
@@ -109,7 +110,8 @@ def tracking_error(result: Result) -> Figure:
     top.set_ylabel(f"error [{units}]")
     top.margins(y=0.08)
     error_magnitude(bottom, result)
-    fig.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    shown = [*top.get_legend_handles_labels()[0], *replans.mark([top, bottom], result)]
+    fig.legend(handles=shown, loc="outside upper center", ncols=max(len(shown), 3))
     fig.align_ylabels([top, bottom])
     return fig
 
@@ -122,6 +124,8 @@ def _pose_error(result: Result) -> Figure:
     error_magnitude(bottom, result)
     for ax in (top, middle):
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.1)
+    if more := replans.mark([top, middle, bottom], result):
+        fig.legend(handles=more, loc="outside lower center")
     fig.align_ylabels([top, middle, bottom])
     return fig
 

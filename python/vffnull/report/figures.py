@@ -126,10 +126,16 @@ def arm(run: Run, index: int, count: int) -> figure:
                 line_color=solid, line_alpha=0.45, line_dash="1 4")  # fmt: skip
     fig.patches("xs", "ys", source=empty("solids", "xs", "ys"), fill_color=solid, fill_alpha=0.22,
                 line_color=solid, line_width=1.5)  # fmt: skip
+    thick = bool(run.scene.radii.max() > 0.0)
+    if run.scene.plan:
+        dashed: dict[str, Any] = {"line_color": COLOURS["plan"], "line_dash": "5 3", "line_width": 1.2}
+        if thick:
+            dashed |= {"fill_color": COLOURS["plan"], "fill_alpha": 0.1}
+        glyphs = fig.patches if thick else fig.multi_line  # dashes there and back would fill the gaps
+        glyphs("xs", "ys", source=empty("plan", "xs", "ys"), **dashed)
     fig.patches("xs", "ys", source=empty("bodies", "xs", "ys", "colour"), fill_color="colour",
                 fill_alpha=0.25, line_color="colour", line_width=1.2)  # fmt: skip
     fig.scatter(*run.scene.joints[0, :1].T, marker="square", size=13, color=COLOURS["base"])
-    thick = bool(run.scene.radii.max() > 0.0)
     fig.multi_line("xs", "ys", source=empty("links", "xs", "ys", "colour"), line_color="colour",
                    line_width=1.2 if thick else 4, line_cap="round")  # fmt: skip
     fig.line("x", "y", source=empty("trail", "x", "y"), line_color=style.INK, line_width=2)
@@ -179,7 +185,22 @@ def plots(runs: list[Run], names: list[str]) -> list[figure]:
         made.append(_chooser(time, [colour for _, colour in link_key(runs[0])]))
         made[-1].xaxis.axis_label = "time [s]"
         made[-1].height += 22
+    for run, colour in zip(runs, [COLOURS["plan"]] if alone else colours, strict=True):
+        for fig in made:
+            _mark_replans(fig, run, colour)
     return made
+
+
+def _mark_replans(fig: figure, run: Run, colour: str) -> None:
+    """Where a plan was taken over, and the time of its search; a search without a plan is dotted."""
+    for search in run.result.replans:
+        taken = search.taken
+        if taken is not None:
+            fig.add_layout(BoxAnnotation(left=search.asked, right=taken, fill_color=colour, fill_alpha=0.12,
+                                         line_color=None, level="underlay"))  # fmt: skip
+        fig.add_layout(Span(location=search.asked if taken is None else taken, dimension="height",
+                            line_color=colour, line_dash="2 3" if taken is None else "solid",
+                            line_width=1.5, level="underlay"))  # fmt: skip
 
 
 def _frame(label: str, time: Range1d, **how: Any) -> figure:

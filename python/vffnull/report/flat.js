@@ -98,7 +98,7 @@ const flatPainter = (() => {
     };
 
     const draw = (_, camera, row) => {
-      const { solids, shells, surfaces, lines } = scene.at(row), dots = canvas.width / canvas.clientWidth;
+      const { solids, shells, surfaces, ghosts, lines } = scene.at(row), dots = canvas.width / canvas.clientWidth;
       pen.clearRect(0, 0, canvas.width, canvas.height);
       pen.lineWidth = dots;
       pen.lineJoin = pen.lineCap = "round";
@@ -117,6 +117,10 @@ const flatPainter = (() => {
       }
       pen.setLineDash([]);
       pen.lineWidth = dots;
+      for (const item of ghosts) { // below the arm, as they are where it ought to be
+        if (item.kind === "rod") rod(pen, camera.seen(item.a), camera.seen(item.b), item.radius, item.colour, 0.35);
+        else hull(item, camera, 0.35);
+      }
       for (const item of solids) item.depth = camera.seen(middle(item)).depth;
       for (const item of solids.sort((a, b) => b.depth - a.depth)) solid(item, camera);
       for (const item of shells)

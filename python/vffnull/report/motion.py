@@ -23,6 +23,7 @@ def pack(run: Run, colours: list[str]) -> dict[str, Any]:
         "t": packed(run.t),
         "colours": colours,
         **({"space": space.pack(run)} if run.scene.dimension == 3 else _plane(run)),
+        "taken": [search.taken for search in result.replans if search.taken is not None],
         "now": {
             "error": packed(run.error),
             "clearance": packed(result.clearance[rows].min(axis=1)),
@@ -53,6 +54,7 @@ def _plane(run: Run) -> dict[str, Any]:
         "forces": packed(forces),
         "longest": longest,
         "scale": longest / (float(np.nanmax(run.result.force, initial=0.0)) or 1.0),
+        **({"plan": packed(np.stack([part.corners for part in scene.plan], axis=1))} if scene.plan else {}),
     }
 
 

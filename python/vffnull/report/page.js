@@ -12,6 +12,7 @@
       const outline = one => Array.isArray(one) ? one.map(unpack) : unpack(one);
       run.outlines = run.outlines.map(outline);
       run.halos = run.halos.map(outline);
+      if (run.plan) run.plan = unpack(run.plan);
     }
     for (const name in run.now) run.now[name] = unpack(run.now[name]);
     return run;
@@ -77,6 +78,16 @@
       bodies.ys.push(ys);
     });
     set("bodies", bodies);
+    if (run.plan) {
+      const plan = { xs: [], ys: [] };
+      run.radii.forEach((r, i) => {
+        const [ax, ay, bx, by] = run.plan.subarray((row * n + i) * 4);
+        const [xs, ys] = r > 0 ? capsule(ax, ay, bx, by, r) : [[ax, bx], [ay, by]];
+        plan.xs.push(xs);
+        plan.ys.push(ys);
+      });
+      set("plan", plan);
+    }
     const arrows = { xs: [], ys: [] }, heads = { xs: [], ys: [] };
     for (let i = 0; i < n; i++) {
       const at = (row * n + i) * 2, fx = run.forces[at] * run.scale, fy = run.forces[at + 1] * run.scale;
@@ -162,6 +173,12 @@
     const slider = $("slider");
     slider.min = begin;
     slider.max = end;
+    if ($("marks")) for (const t of runs.flatMap(run => run.taken)) {
+      const mark = document.createElement("i"), share = (t - begin) / (end - begin || 1);
+      mark.style.left = `calc(8px + ${share} * (100% - 16px))`; // the middle of the knob goes so far
+      mark.title = `new plan at ${t.toFixed(2)} s`;
+      $("marks").append(mark);
+    }
     slider.addEventListener("input", () => window.vffnullSeek(Number(slider.value)));
     $("play").addEventListener("click", toggle);
     document.addEventListener("keydown", event => {

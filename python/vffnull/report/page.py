@@ -12,8 +12,8 @@ import numpy as np
 from bokeh.embed import components
 
 from vffnull._outcome import readable
-from vffnull.plotting import style
-from vffnull.plotting.primitives import drawable
+from vffnull.plotting import replans, style
+from vffnull.plotting.primitives import COLOURS, drawable
 from vffnull.plotting.style import prefixed
 from vffnull.report import figures, motion, space
 from vffnull.report.figures import Run
@@ -56,6 +56,11 @@ def render(results: list[Result], names: list[str]) -> str:
         shades=[f"rgb{shade}" for shade in (style.CONTACT, style.NEAR, style.FREE)],
         plots=slots[len(flat) :],
         links=key if alone else [],
+        plan=COLOURS["plan"] if any(run.scene.plan for run in runs) else "",
+        planned=[
+            (name, line) for run, name in zip(results, names, strict=True) for line in replans.told(run)
+        ],
+        replanned=any(run.replans for run in results),
         cards=list(_cards(alone)) if alone else [],
         metrics=list(_metrics(results)),
         differences=list(_differences(results)),

@@ -6,6 +6,7 @@ const vffnullSpace = (() => {
   const VIEWS = { Corner: [0.62, -0.68, 0.38], Front: [1, 0, 0.16], Side: [0, -1, 0.16], Top: [0, -0.02, 1] };
   const DARK = [0.235, 0.25, 0.282], BASE = [0.47, 0.486, 0.518], HALO = [0.835, 0.369, 0], TABLE = [0.87, 0.84, 0.79];
   const FORCE = [0.698, 0.094, 0.169], TARGET = [0, 0.62, 0.451], TRAIL = [0, 0.62, 0.451], MUTED = [0.53, 0.55, 0.58];
+  const PLAN = [0.1, 0.68, 0.52];
   const AXES = [[0.84, 0.15, 0.16], [0.17, 0.63, 0.17], [0.12, 0.47, 0.71]];
 
   const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
@@ -61,16 +62,16 @@ const vffnullSpace = (() => {
       const frame = given.frames[body.frame];
       return { place: at(frame.place, row), turn: columns(frame.turn, row) };
     };
-    const colourOf = { base: () => BASE, obstacle: () => DARK, halo: () => HALO, surface: () => TABLE,
+    const colourOf = { base: () => BASE, obstacle: () => DARK, halo: () => HALO, surface: () => TABLE, plan: () => PLAN,
                        link: (body, row) => tint(body.index, row) };
 
     // Everything at an instant: rods { a, b, radius }, hulls { body, pose }, clouds { body, pose }, arrows { tail,
     // vector } and rings { place, radius }, each with its colour; and lines { points, end, width, dash }.
     scene.at = row => {
-      const solids = [], shells = [], surfaces = [];
+      const solids = [], shells = [], surfaces = [], ghosts = [];
       for (const body of given.bodies) {
         const where = pose(body, row), colour = colourOf[body.role](body, row);
-        const into_list = { halo: shells, surface: surfaces }[body.role] || solids;
+        const into_list = { halo: shells, surface: surfaces, plan: ghosts }[body.role] || solids;
         if (body.points) into_list.push({ kind: "cloud", body, pose: where, radius: body.radius, colour });
         else if (body.count <= 2) {
           const [a, b] = [0, body.count - 1].map(k => into(where, at(body.corners, row, body.count, k)));
@@ -91,7 +92,7 @@ const vffnullSpace = (() => {
       const lines = given.paths.map(points => ({ points, end: rows, width: 1.5, dash: 0.03 * reach, colour: MUTED }));
       if (given.moves) lines.push({ points: given.target, end: rows, width: 1.5, dash: 0.05 * reach, colour: DARK });
       lines.push({ points: given.tip, end: row + 1, width: 2.6, dash: 0, colour: TRAIL });
-      return { solids, shells, surfaces, lines };
+      return { solids, shells, surfaces, ghosts, lines };
     };
 
     // How far away the box around everything is just seen from a direction.

@@ -16,7 +16,7 @@ from vffnull import _core
 from vffnull._arm import quaternion
 from vffnull.plotting import geometry, style
 from vffnull.plotting.primitives import Part, Scene, geometry_of, travels
-from vffnull.plotting.space import bounds, floor_of
+from vffnull.plotting.space import SLIM, bounds, floor_of
 from vffnull.report.figures import Run
 from vffnull.report.packed import packed
 
@@ -46,6 +46,10 @@ def pack(run: Run) -> dict[str, Any]:
         for i in range(len(scene.cores))
     ]
     links = [_link(part, poses) for part in scene.parts]
+    if scene.plan and arm is not None and result.q_plan is not None:
+        planned = arm.link_poses(result.q_plan[rows])
+        links += [_link(part, planned, "plan", len(frames), SLIM) for part in scene.plan]
+        frames += [_frame(pose[:, :3, 3], pose[:, :3, :3]) for pose in np.moveaxis(planned, 1, 0)]
     wanted = result.orientation_ref
     return {
         "reach": reach,
@@ -82,18 +86,18 @@ def _frame(places: Array, turns: Array | None) -> dict[str, str]:
     return {"place": packed(places), "turn": packed(quaternion(turns))}
 
 
-def _link(part: Part, poses: Array) -> dict[str, Any]:
-    """A part of the arm, in the frame of its link if it stands still in it."""
+def _link(part: Part, poses: Array, role: str = "link", first: int = 0, slim: float = 1.0) -> dict[str, Any]:
+    """A part of an arm, in the frame of its link if it stands still in it; these are counted from `first`."""
     frame, corners = None, part.corners
     if part.index >= 0:
         pose = poses[:, part.index]
         own = np.einsum("tji,tkj->tki", pose[:, :3, :3], corners - pose[:, None, :3, 3])
         if np.ptp(own, axis=0).max() < _STIFF:
-            frame, corners = part.index, own[:1]
+            frame, corners = first + part.index, own[:1]
     if frame is None and not travels(corners.reshape(len(corners), -1)):
         corners = corners[:1]
-    role = "base" if part.index < 0 else "link"
-    return {"role": role, "index": part.index, "frame": frame, **_shape(corners, part.radius)}
+    role = "base" if part.index < 0 else role
+    return {"role": role, "index": part.index, "frame": frame, **_shape(corners, slim * part.radius)}
 
 
 def _obstacles(scene: Scene, first: int) -> Iterator[dict[str, Any]]:

@@ -242,7 +242,7 @@ const webglPainter = (() => {
     };
 
     const draw = (_, camera, row) => {
-      const { eye, right, up, back, slope, aspect, near, far } = camera, { solids, shells, surfaces, lines } = scene.at(row);
+      const { eye, right, up, back, slope, aspect, near, far } = camera, { solids, shells, surfaces, ghosts, lines } = scene.at(row);
       const columns = [0, 1, 2].map(i => [right[i], up[i], back[i]]);
       const shift = [right, up, back].map(axis => -vec.dot(axis, eye));
       const depth = (far + near) / (near - far), offset = (2 * far * near) / (near - far);
@@ -284,6 +284,15 @@ const webglPainter = (() => {
       for (const item of surfaces) solid(item, { ...common, opacity: 0.5 });
       gl.enable(gl.CULL_FACE);
       for (const item of shells) solid(item, { ...common, look: 1 });
+      if (ghosts.length) { // first how near they are, so that every dot gets the colour of one of them only
+        gl.depthMask(true);
+        gl.colorMask(false, false, false, false);
+        for (const item of ghosts) solid(item, { ...common, ground });
+        gl.colorMask(true, true, true, true);
+        gl.depthFunc(gl.LEQUAL);
+        for (const item of ghosts) solid(item, { ...common, ground, opacity: 0.4 });
+        gl.depthFunc(gl.LESS);
+      }
       gl.bindVertexArray(null);
     };
     return { draw, kind: "webgl" };

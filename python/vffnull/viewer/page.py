@@ -91,7 +91,7 @@ class LivePage:
     ) -> None:
         self._live = _core.Live(scenario.to_dict())  # first: nothing is left behind if it fails
         self._ghost: _core.Live | None = None
-        self._with_ghost = True
+        self._with_ghost = self._with_plan = True
         self._dress, self._dressed = dress, scenario.to_dict()["arm"]
         self._bare = False
         self._view = next(iter(kind_of(scenario).views))
@@ -176,6 +176,7 @@ class LivePage:
             self._shadows,
             self._dress if self.has_meshes and not self._bare else None,
         )
+        self._scene.show_plan(self._with_plan)
         self._clear_plots()
 
     def _clear_plots(self) -> None:
@@ -211,6 +212,12 @@ class LivePage:
                 self._with_ghost = on
                 self._haunt()
                 self.reset()
+
+    def show_plan(self, on: bool) -> None:
+        """Draw the arm where the plan has it."""
+        with self._lock:
+            self._with_plan = on
+            self._scene.show_plan(on)
 
     def configure(self, controller: Mapping[str, Any]) -> None:
         """Take over settings of the controller, and draw the halos as wide as its field reaches.

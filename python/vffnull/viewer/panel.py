@@ -73,6 +73,9 @@ class Page(Protocol):
     def show_ghost(self, on: bool) -> None:
         """Run the arm without projection beside."""
 
+    def show_plan(self, on: bool) -> None:
+        """Draw the arm where the plan has it."""
+
     def add_obstacle(self) -> None:
         """Put a disc, or a ball, where there is room."""
 
@@ -119,6 +122,7 @@ class Panel:
         self._projected = True
         self._field = gui.add_checkbox("Repulsive field", True)
         self._ghost = gui.add_checkbox("Pale arm: without projection", True)
+        self._plan = gui.add_checkbox("Pale green arm: the plan", True, visible=False)
         self._numbers = gui.add_html("")
         self._stories = [
             gui.add_button_group(label, tuple(stories))
@@ -171,6 +175,7 @@ class Panel:
         self._show_settings(settings)
         if scenario.name in self._preset.options:
             put(self._preset, scenario.name)
+        self._plan.visible = scenario.to_dict()["reference"]["kind"] == "plan"
         self._look.visible = False
         self._show_paused(False)
         self._show_views()
@@ -241,6 +246,11 @@ class Panel:
         async def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:
                 self._told(event.client, page.show_ghost, self._ghost.value)
+
+        @self._plan.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._told(event.client, page.show_plan, self._plan.value)
 
         async def tell(event: viser.GuiEvent[Any]) -> None:
             self._told(event.client, self._tell, event.target.value)
@@ -469,6 +479,11 @@ def details(state: Mapping[str, Any], notes: Iterable[str] = ()) -> str:
         f"longest step {1e6 * state['worst']:.0f} µs<br>"
         f"{state['missed']} of {state['periods']} deadlines missed"
     )
+    if state["q_plan"] is not None:
+        loop += (
+            f'<br>new plans: <span id="vff-replans">{state["replans"]}</span> · '
+            f'stuck: <span id="vff-stuck">{state["times_stuck"]}</span>'
+        )
     return (
         '<div style="padding:0 0.75em;font-size:0.8em;color:#555;font-variant-numeric:tabular-nums">'
         f"{loop}{''.join(f'<br>{escape(note)}' for note in notes)}</div>"

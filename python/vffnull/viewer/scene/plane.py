@@ -14,8 +14,8 @@ from vffnull.scenario import Scenario
 from vffnull.viewer.scene.meshes import Mesh, plate
 from vffnull.viewer.scene.shared import (
     FORCE,
-    GHOST,
     OBSTACLE,
+    PALE,
     TARGET,
     TIP,
     Array,
@@ -24,6 +24,7 @@ from vffnull.viewer.scene.shared import (
     Held,
     Quaternion,
     Scene,
+    Which,
 )
 
 LAYERS = {
@@ -32,6 +33,7 @@ LAYERS = {
         ("halo", "ghost", "wanted", "obstacle", "link", "target", "trail", "force", "tip", "hint")
     )
 }
+LAYERS["plan"] = LAYERS["ghost"] + 0.002
 """Heights [reaches], so that nothing is hidden by what it lies on."""
 FIELD_OF_VIEW = 0.25
 """So narrow that lines look parallel [rad]."""
@@ -124,10 +126,11 @@ class PlaneScene(Scene):
         super().draw(state, ghost)
         self._memory.append((state["x_ref"][:2], state["obstacles"]))
 
-    def _place_arm(self, q: Array, *, ghost: bool) -> None:
+    def _place_arm(self, q: Array, which: Which) -> None:
         joints = self._arm.forward_kinematics(q)
-        for i, link in enumerate(self._ghost if ghost else [link for (link,) in self._links]):
-            lay(link, joints[i], joints[i + 1], self._height(i, ghost))
+        arms = {"arm": [link for (link,) in self._links], "ghost": self._ghost, "plan": self._plan}
+        for i, link in enumerate(arms[which]):
+            lay(link, joints[i], joints[i + 1], self._height(i, which))
 
     def _toward(self, vector: Array) -> Quaternion:
         return turn(heading(vector))
@@ -140,8 +143,8 @@ class PlaneScene(Scene):
     def _at(self, layer: str) -> float:
         return LAYERS[layer] * self.reach
 
-    def _height(self, link: int, ghost: bool) -> float:
-        return self._at("ghost") if ghost else self._at("link") + 2e-4 * self.reach * (link % 2)
+    def _height(self, link: int, which: Which) -> float:
+        return self._at("link") + 2e-4 * self.reach * (link % 2) if which == "arm" else self._at(which)
 
     def _spot(self, place: Array, layer: str) -> Array:
         return np.array([*place, self._at(layer)])
@@ -183,18 +186,18 @@ class PlaneScene(Scene):
         """A link of radius zero is drawn as a line that one can see."""
         return max(float(self._still.radii[link]), 0.004 * self.reach)
 
-    def _add_arm(self, path: str, *, ghost: bool) -> list[list[viser.MeshHandle]]:
+    def _add_arm(self, which: Which) -> list[list[viser.MeshHandle]]:
         """A plate for each link, with its joint on it."""
         links: list[list[viser.MeshHandle]] = []
         joints = self._still.joints[0]
         for i, length in enumerate(np.linalg.norm(np.diff(joints, axis=0), axis=1)):
-            name, radius = f"{path}/{i}", self._thickness(i)
+            name, radius = f"/{which}/{i}", self._thickness(i)
             ends = np.array([[0.0, 0.0], [length, 0.0]])
             mesh = plate(geometry.outline(ends, radius))
-            place = (0.0, 0.0, self._at("ghost" if ghost else "link"))
-            colour = GHOST if ghost else self.FREE
-            links.append([self._mesh(name, mesh, colour, place, opacity=0.25 if ghost else None)])
-            if not ghost:
+            place = (0.0, 0.0, self._at("link" if which == "arm" else which))
+            opacity = None if which == "arm" else 0.25
+            links.append([self._mesh(name, mesh, PALE.get(which, self.FREE), place, opacity=opacity)])
+            if which == "arm":
                 self._disc(f"{name}/pin", 0.45 * radius, (250, 250, 250), 1e-3 * self.reach)
         return links
 

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import viser
@@ -28,6 +28,8 @@ Colour = tuple[int, int, int]
 Core = tuple[Array, float]
 """Corners (·, D) [m] of an obstacle's core, relative to its position, and the radius [m] around it."""
 Quaternion = tuple[float, float, float, float]
+Which = Literal["arm", "ghost", "plan"]
+"""Of the arms that are drawn: the one itself, the one without projection, and the one of the plan."""
 Dress = Mapping[str, "Sequence[Solid]"]
 """Surfaces by the names of their links, in the frames of these."""
 
@@ -36,6 +38,8 @@ NEAR, HIT = np.array(style.NEAR), np.array(style.CONTACT)
 OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
     (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),
 )  # fmt: skip
+PALE: Mapping[Which, Colour] = {"ghost": GHOST, "plan": TARGET}
+"""Colours of the arms that are seen through; the plan is where the arm ought to be, as the target is."""
 TABLE = (222, 214, 202)
 """The colour of an obstacle without an end."""
 SHADES = 24
@@ -149,8 +153,12 @@ class Scene(ABC):
         self._made = 0
         self.influence = 0.0
         self._add_surroundings(scenario)
-        self._links = self._add_arm("/arm", ghost=False)
-        self._ghost = [part for link in self._add_arm("/ghost", ghost=True) for part in link]
+        self._links = self._add_arm("arm")
+        self._ghost = [part for link in self._add_arm("ghost") for part in link]
+        follows = scenario.to_dict()["reference"]["kind"] == "plan"
+        self._plan = [part for link in self._add_arm("plan") for part in link] if follows else []
+        self._with_plan = True
+        self._planned: Array | None = None
         self._shades = [-1] * self._arm.n
         self.show_ghost(False)
         self._target = self._add_target()
@@ -193,7 +201,7 @@ class Scene(ABC):
         """Lights, the floor, and what else does not move."""
 
     @abstractmethod
-    def _add_arm(self, path: str, *, ghost: bool) -> list[list[viser.MeshHandle]]:
+    def _add_arm(self, which: Which) -> list[list[viser.MeshHandle]]:
         """The bodies of each link."""
 
     @abstractmethod
@@ -209,8 +217,8 @@ class Scene(ABC):
         """An arrow of unit length along x, to be stretched and turned."""
 
     @abstractmethod
-    def _place_arm(self, q: Array, *, ghost: bool) -> None:
-        """Put the arm, or the other one, where it is at joint positions (n,)."""
+    def _place_arm(self, q: Array, which: Which) -> None:
+        """Put one of the arms where it is at joint positions (n,)."""
 
     @abstractmethod
     def _toward(self, vector: Array) -> Quaternion:
@@ -386,7 +394,8 @@ class Scene(ABC):
         size = self._still.dimension
         tip, reference = state["x"][:size], state["x_ref"][:size]
         places = state["obstacles"]
-        self._place_arm(state["q"], ghost=False)
+        self._place_arm(state["q"], "arm")
+        self._draw_plan(state["q_plan"])
         for handle, tail, vector in zip(self._forces, state["points"], state["forces"], strict=True):
             self._stretch(handle, tail, vector)
         self._shade(state["clearance"])
@@ -405,7 +414,7 @@ class Scene(ABC):
         self._draw_hint(places)
         self._draw_more(state)
         if ghost is not None:
-            self._place_arm(ghost["q"], ghost=True)
+            self._place_arm(ghost["q"], "ghost")
 
     def _draw_more(self, state: Mapping[str, Any]) -> None:  # noqa: B027
         """What else there is."""
@@ -429,6 +438,21 @@ class Scene(ABC):
         """Whether the other arm is drawn."""
         for handle in self._ghost:
             handle.visible = visible
+
+    def show_plan(self, visible: bool) -> None:
+        """Whether the arm of the plan is drawn, where there is one."""
+        self._with_plan = visible
+        self._draw_plan(self._planned)
+
+    def _draw_plan(self, q: Array | None) -> None:
+        """The plan's arm at joint positions (n,), if the arm still follows one."""
+        self._planned = q
+        visible = self._with_plan and q is not None
+        for handle in self._plan:
+            if handle.visible != visible:
+                handle.visible = visible
+        if self._plan and visible and q is not None:
+            self._place_arm(q, "plan")
 
     def _shade(self, clearance: Array) -> None:
         """Colour the links by their clearance, in shares of the influence distance."""

@@ -17,7 +17,7 @@ from vffnull.viewer.scene.cup import Cup
 from vffnull.viewer.scene.meshes import Mesh, solid, turned
 from vffnull.viewer.scene.shared import (
     FORCE,
-    GHOST,
+    PALE,
     STEP,
     TARGET,
     TIP,
@@ -27,6 +27,7 @@ from vffnull.viewer.scene.shared import (
     Held,
     Quaternion,
     Scene,
+    Which,
 )
 
 FIELD_OF_VIEW = 0.6
@@ -73,6 +74,7 @@ class SpaceScene(Scene):
         self._task = document.get("controller", {}).get("task", "position")
         self._view = ""
         self._gizmo: viser.TransformControlsHandle | None = None
+        self._nodes: dict[Which, list[viser.FrameHandle]] = {}
         self._sheets: dict[int, tuple[Array, Array | None]] = {}
         self._gripped: int | None = None
         self._offset = np.zeros(3)
@@ -269,10 +271,10 @@ class SpaceScene(Scene):
 
     # ---------------------------------------------------------------------------------------------- frames
 
-    def _place_arm(self, q: Array, *, ghost: bool) -> None:
+    def _place_arm(self, q: Array, which: Which) -> None:
         poses = self._arm.link_poses(q)
         turns = quaternion(poses[:, :3, :3])
-        for node, pose, wxyz in zip(self._ghost_nodes if ghost else self._nodes, poses, turns, strict=True):
+        for node, pose, wxyz in zip(self._nodes[which], poses, turns, strict=True):
             put(node, pose[:3, 3], wxyz)
 
     def _draw_trail(self, tip: Array) -> None:
@@ -423,40 +425,38 @@ class SpaceScene(Scene):
         lowest = float(self._still.joints[0, :, 2].min())
         return max(tables, default=base if lowest > base - 0.1 * self.reach else lowest - 0.3 * self.reach)
 
-    def _add_arm(self, path: str, *, ghost: bool) -> list[list[viser.MeshHandle]]:
+    def _add_arm(self, which: Which) -> list[list[viser.MeshHandle]]:
         """The parts of each link in a frame of its own: what is sent of an arm is where these frames are.
 
-        The other arm is a little thinner, so that it is not seen where it is the same.
+        Other arms are a little thinner, so that they are not seen where they are the same.
         """
         poses = self._geometry.link_poses(self._start)
         thin = 0.8 if self._dress is None else 0.45  # a robot is thinner than what is measured of it
+        pale = which != "arm"
         nodes, links = [], []
         for i, pose in enumerate(poses):
-            name = f"{path}/{i}"
+            name = f"/{which}/{i}"
             nodes.append(self._server.scene.add_frame(name, show_axes=False))
             bodies = [
-                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (thin if ghost else 1.0))
+                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (thin if pale else 1.0))
                 for part in self._still.parts
                 if part.index == i
             ]
-            if self._dress is not None and not ghost:
+            if self._dress is not None and not pale:
                 bodies = self._looks(self._geometry.link_names[i])
             links.append(
                 [
                     self._mesh(
                         f"{name}/{k}",
                         mesh,
-                        GHOST if ghost else self.FREE,
-                        opacity=0.28 if ghost else None,
-                        casts=not ghost,
+                        PALE.get(which, self.FREE),
+                        opacity=0.28 if pale else None,
+                        casts=not pale,
                     )
                     for k, mesh in enumerate(bodies)
                 ]
             )
-        if ghost:
-            self._ghost_nodes = nodes
-        else:
-            self._nodes = nodes
+        self._nodes[which] = nodes
         return links
 
     def _looks(self, link: str) -> list[Mesh]:
