@@ -261,10 +261,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// Where a control period begins: another plan, if there is one, from the next step on.
+    #[inline(never)]
     fn replan(&mut self) {
-        if !self.step.is_multiple_of(self.options.control_every) {
-            return;
-        }
         let (t, path_time) = (self.time(), self.path_time());
         let Self { replanning, stack: ControlStack { controller, world, trajectory }, .. } = self;
         let (Some(replanning), Some(joints)) = (replanning, trajectory.joints()) else { return };
@@ -617,7 +615,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             }
             self.control();
             if self.is_defined() {
-                self.replan();
+                if self.replanning.is_some() && self.step.is_multiple_of(self.options.control_every)
+                {
+                    self.replan();
+                }
                 return true;
             }
             if let Some(sending) = &mut self.output {
