@@ -78,6 +78,7 @@ LEFT_OUT = {
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
     "vffnull study": "names the command; it needs a study",
+    "vffnull run": "names the command; it needs a scenario",
     "python -m timeit": "names the command; the next line of its table is run",
 }
 
