@@ -22,10 +22,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.request import urlopen
@@ -52,7 +54,6 @@ SHORTER = {
     " -- --quick && python benches/table.py",
     "cargo bench --bench closed_loop": "cargo bench --locked --bench closed_loop -- --test",
     "cargo bench --bench single_steps": "cargo bench --locked --bench single_steps -- --test",
-    "python benches/calls.py": "python benches/calls.py 2000",
     "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
     "python benches/drive.py": "python benches/drive.py --quick",
     "python benches/gym.py": "python benches/gym.py 8 20",
@@ -75,12 +76,18 @@ LEFT_OUT = {
     "python docs/evaluate.py --space": "as the one of the plane",
     "python docs/evaluate_goals.py": "runs for half an hour; the tests evaluate in short",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
+    "python benches/calls.py": "needs the programs that the commands of docs/c.md build",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
     "vffnull realtime": "names the command; it needs a scenario",
     "vffnull study": "names the command; it needs a study",
     "vffnull run": "names the command; it needs a scenario",
     "python -m timeit": "names the command; the next line of its table is run",
 }
+
+
+# What runs now, and whether that was ended from outside.
+begun: set[int] = set()  # process groups
+ending, ended = threading.Lock(), threading.Event()
 
 
 @dataclass(frozen=True)
@@ -200,7 +207,9 @@ def run(task: Task, variables: dict[str, str], folder: Path) -> str | None:
         program.write_text(task.code, encoding="utf-8")
         command = ["python", str(program)]
     written = folder / ".output"
-    with written.open("w", encoding="utf-8") as output:
+    with written.open("w", encoding="utf-8") as output, ending:
+        if ended.is_set():
+            return "not begun"
         process = subprocess.Popen(
             command,
             cwd=folder,
@@ -210,9 +219,21 @@ def run(task: Task, variables: dict[str, str], folder: Path) -> str | None:
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
+        begun.add(process.pid)
         ready = (told for begin, told in UNTIL_STOPPED.items() if task.code.startswith(begin))
-        problem = wait(process, written, next(ready, None))
+    problem = wait(process, written, next(ready, None))
+    begun.discard(process.pid)
     return f"{problem}\n{written.read_text(encoding='utf-8')[-4000:]}" if problem else None
+
+
+def end_all(*_: object) -> None:
+    """Leave nothing behind where somebody ends this program."""
+    ended.set()
+    with ending:
+        for group in begun:
+            with suppress(ProcessLookupError):
+                os.killpg(group, signal.SIGKILL)
+    raise SystemExit(143)
 
 
 def wait(process: subprocess.Popen[bytes], written: Path, ready: str | None) -> str | None:
@@ -280,7 +301,8 @@ def main(words: list[str]) -> int:
     """Run what the words choose; 1 if anything failed."""
     parts = int(words[1]) if words[:1] == ["--share"] else 0
     words = [] if parts else words
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # also where it was started in the background
+    signal.signal(signal.SIGTERM, end_all)
+    signal.signal(signal.SIGINT, end_all)  # also where it was started in the background
     pages = [
         ROOT / "README.md",
         *sorted((ROOT / "docs").glob("*.md")),

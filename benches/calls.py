@@ -50,6 +50,8 @@ def from_python(cycles: int) -> dict[str, Any]:
 def main() -> None:
     """Measure, and write the table."""
     cycles = int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000
+    if not all((PROGRAMS / program).exists() for program in ("cost", "cost_cpp")):
+        raise SystemExit("Build the programs in C and C++ first: docs/c.md has the commands.")
     found = []
     for program in ("cost", "cost_cpp"):
         command = [PROGRAMS / program, str(cycles)]
