@@ -397,9 +397,9 @@ def drive(
 
     A robot in Python needs Python's lock (the GIL) in every period: any other thread of Python that computes
     delays it, by up to ``sys.getswitchinterval()`` (5 ms), and more where a library holds the lock for
-    longer. On two busy cores a period took 0.1 ms (median), beside a thread that computes 5.4 ms, and 0.3 ms
+    longer. On two cores a period took 0.04 ms (median), beside a thread that computes 5.4 ms, and 0.3 ms
     with a switch interval of 0.1 ms; docs/on-your-robot.md has a table. A `SimulatedRobot`, and drivers in
-    Rust (``vff_core::runtime::drive``), take 0.05 ms and do not need the lock.
+    Rust (``vff_core::runtime::drive``), take 0.01 ms and do not need the lock.
 
     Parameters
     ----------
