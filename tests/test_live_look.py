@@ -113,6 +113,17 @@ def test_a_pause_lets_one_look_back(page: Any) -> None:
     wait_for(lambda: page.shown["t"] > end)
 
 
+def test_the_slider_comes_to_the_present(page: Any) -> None:
+    """Also from less than half a step before it."""
+    page.pause(True)
+    panel = page._panel
+    panel._show_paused(True)
+    slider = panel._back
+    slider.value = -0.4 * slider.step
+    panel.show_memory(3.0, 0.0)
+    assert slider.value == 0.0
+
+
 def test_another_scene_forgets(page: Any) -> None:
     wait_for(lambda: page._memory.span > 0.1)
     page.pause(True)

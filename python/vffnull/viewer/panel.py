@@ -212,8 +212,10 @@ class Panel:
         begin = -max(round(span, 2), 0.05)
         if self._back.min != begin:
             self._back.min = begin
-        if abs(self._back.value + back) > 0.5 * self._back.step:
-            put(self._back, max(begin, -back))
+        place = max(begin, -back)
+        is_over = place == 0.0 != self._back.value  # less than half a step from the present is not there
+        if is_over or abs(self._back.value - place) > 0.5 * self._back.step:
+            put(self._back, place)
 
     def show_recording(self, on: bool) -> None:
         """Let the button say what it does next."""
