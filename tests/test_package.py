@@ -320,9 +320,7 @@ def test_metadata() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads an ELF file")
 def test_the_library_is_stripped() -> None:
-    """No symbols, no line tables, which are six parts of seven: 50 MB become 7.4 MB with plans, drives and
-    arms in space.
-    """
+    """No symbols, no line tables: they were six parts of seven. With plans and drives, 7.4 MB are left."""
     library = Path(vff._core.__file__).read_bytes()
     assert len(library) < 9_000_000
     if library.startswith(b"\x7fELF\x02"):
