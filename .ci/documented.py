@@ -81,6 +81,7 @@ LEFT_OUT = {
     "vffnull realtime": "names the command; it needs a scenario",
     "vffnull study": "names the command; it needs a study",
     "vffnull run": "names the command; it needs a scenario",
+    "vffnull plan": "names the command; it needs a scenario",
     "python -m timeit": "names the command; the next line of its table is run",
 }
 

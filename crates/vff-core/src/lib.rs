@@ -71,7 +71,7 @@
 //! | `models` | `robot::models`, `robot::urdf` | roxmltree, strsim, toml |
 //! | `realtime` | `runtime::real_time`, `simulation::pace`; `runtime::live` with `parallel` | hdrhistogram |
 //!
-//! Arrows run one way: `runtime → scenario → simulation → control → {field, robot, world, trajectory} → math`.
+//! Arrows run one way: `runtime → planning → scenario → simulation → control → {field, robot, world, trajectory} → math`.
 #![forbid(unsafe_code)]
 
 pub mod control;
