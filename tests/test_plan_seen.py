@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import vffnull as vff
+from test_replan import BLOCKED
 from test_report_in_space import corners_of, runs_of, same_corners, unpack
 from vffnull.plotting import replans, style
 from vffnull.plotting.animation import frames_of
@@ -25,30 +26,7 @@ GREEN = np.array(to_rgb(COLOURS["plan"]))
 
 def blocked() -> vff.Scenario:
     """Four links whose plan goes through a disc, so that another is made on the way."""
-    start = [0.2, 0.3, 0.3, 0.3]
-    return vff.Scenario.from_dict(
-        {
-            "name": "blocked",
-            "duration": 3.0,
-            "arm": {"lengths": [1.0] * 4, "masses": [1.0] * 4, "radius": 0.05},
-            "q0": start,
-            "reference": {
-                "kind": "plan",
-                "times": [0.0, 2.0, 4.0],
-                "points": [start, [1.0, *start[1:]], [1.8, *start[1:]]],
-            },
-            "obstacles": [{"shape": {"kind": "circle", "radius": 0.2}, "position": [0.5, 2.9]}],
-            "controller": {
-                "stiffness": 100.0,
-                "damping": 20.0,
-                "null_damping": 10.0,
-                "posture_stiffness": 200.0,
-                "avoidance": "cbf",
-            },
-            "replan": {},
-            "simulation": {"record_every": 10},
-        }
-    )
+    return vff.Scenario.from_dict(BLOCKED).replace(replan={}, **{"simulation.record_every": 10})
 
 
 @pytest.fixture(scope="module")

@@ -210,12 +210,14 @@ class _Entries:
         ):
             self._fault("replans", f"expected a list of tables with {', '.join(names)}")
         for i, search in enumerate(searches):
-            for name in ("asked", "taken"):
-                if name == "asked" or search[name] is not None:
-                    self._float(f"replans[{i}].{name}", search[name])
-            for name in ("reason", "status"):
-                if not isinstance(search[name], str | (type(None) if name == "status" else str)):
-                    self._fault(f"replans[{i}].{name}", "expected text")
+            here = f"replans[{i}]"
+            self._float(f"{here}.asked", search["asked"])
+            if search["taken"] is not None:
+                self._float(f"{here}.taken", search["taken"])
+            if not isinstance(search["reason"], str):
+                self._fault(f"{here}.reason", "expected text")
+            if not isinstance(search["status"], str | None):
+                self._fault(f"{here}.status", "expected text")
         return tuple(Replan(**search) for search in searches)
 
     def scenario(self) -> Scenario:

@@ -42,7 +42,6 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     progress: Progress,
     /// No search before this \[s\], and how long the last wait was.
     wait: [f64; 2],
-    taken: usize,
 }
 
 /// A search under way.
@@ -97,9 +96,8 @@ where
             searches: vec![],
             kept: 0.0,
             ahead: Ahead::new(state, closed_loop.world()),
-            progress: Progress::new(plan.dof()),
+            progress: Progress::default(),
             wait: [f64::NEG_INFINITY, PAUSES[0]],
-            taken: 0,
         };
         this.begin();
         Ok(this)
@@ -114,7 +112,7 @@ where
             .into_iter()
             .fold(settings.margin, f64::min);
         self.kept = room.max(0.0);
-        self.progress = Progress::new(first.dof());
+        self.progress = Progress::default();
     }
 
     /// Takes a plan over that has come.
@@ -138,7 +136,6 @@ where
             return None;
         };
         asked.taken = Some(moment.t);
-        self.taken += 1;
         self.wait = [moment.t + PAUSES[0], PAUSES[0]];
         self.kept = plan.margin;
         self.ahead.begin_anew();
@@ -231,7 +228,6 @@ where
         self.search = None;
         self.searches.clear();
         self.wait = [f64::NEG_INFINITY, PAUSES[0]];
-        self.taken = 0;
         self.begin();
         led_by::<S::State, D, M>(self.task.arm.state(), self.first.clone())
     }
@@ -245,7 +241,8 @@ where
     }
 
     fn counts(&self) -> ReplanCounts {
-        ReplanCounts { taken: self.taken, stuck: self.progress.times_stuck }
+        let taken = self.searches.iter().filter(|search| search.taken.is_some()).count();
+        ReplanCounts { taken, stuck: self.progress.times_stuck }
     }
 
     fn copy(&self) -> Box<dyn Replan<S, D, M>> {
@@ -346,17 +343,16 @@ struct Progress {
     nearest: [f64; 2],
     is_stuck: bool,
     times_stuck: usize,
-    /// Where the plan has the joints, and how they move there.
-    planned: [Vec<f64>; 3],
+}
+
+impl Default for Progress {
+    fn default() -> Self {
+        let nearest = [f64::INFINITY, f64::NEG_INFINITY];
+        Self { off_since: None, nearest, is_stuck: false, times_stuck: 0 }
+    }
 }
 
 impl Progress {
-    fn new(n: usize) -> Self {
-        let planned = [0; 3].map(|_| vec![0.0; n]);
-        let nearest = [f64::INFINITY, f64::NEG_INFINITY];
-        Self { off_since: None, nearest, is_stuck: false, times_stuck: 0, planned }
-    }
-
     fn look<S: System<D, M>, const D: usize, const M: usize>(
         &mut self,
         moment: &Moment<'_, S, D, M>,
@@ -365,10 +361,9 @@ impl Progress {
         let Moment { t, q, .. } = *moment;
         let farthest =
             |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        moment.joints.at(moment.path_time, self.planned.each_mut().map(Vec::as_mut_slice));
         // An elbow that makes room while the end effector is where it should be has not lost its way.
         let is_off = moment.error > settings.tolerance;
-        let strayed = if is_off && farthest(&self.planned[0], q) > settings.stray {
+        let strayed = if is_off && farthest(moment.planned, q) > settings.stray {
             t - *self.off_since.get_or_insert(t) >= settings.patience
         } else {
             self.off_since = None;

@@ -266,10 +266,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let (t, path_time) = (self.time(), self.path_time());
         let Self { replanning, stack: ControlStack { controller, world, trajectory }, .. } = self;
         let (Some(replanning), Some(joints)) = (replanning, trajectory.joints()) else { return };
+        let Some(planned) = controller.moved_posture() else { return };
         let found = replanning.look(&Moment {
             t,
             path_time: path_time.unwrap_or(t),
             q: controller.robot().configuration(),
+            planned,
             error: controller.error().fixed_rows::<D>(0).norm(),
             joints,
             world,

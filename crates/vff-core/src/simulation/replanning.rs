@@ -102,6 +102,8 @@ pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
     pub path_time: f64,
     /// Where the joints are, as far as is known \[rad or m\].
     pub q: &'a [f64],
+    /// Where the plan has them \[rad or m\].
+    pub planned: &'a [f64],
     /// How far the end effector is off its reference \[m\].
     pub error: f64,
     /// The plan.

@@ -258,6 +258,24 @@ def _closing(draw: Draw, door: Document, hidden: Array) -> Document:
     return door | {"position": points[0], "motion": {"kind": "waypoints", "times": times, "points": points}}
 
 
+def _two_gaps(
+    draw: Draw, piece: Callable[[float, float], Document], aside: Array, post: float, gaps: list[float],
+    length: float,
+) -> tuple[list[Document], int]:  # fmt: skip
+    """A wall with a gap on either side of a post, of pieces at places along it, so and so wide; and which of
+    the gaps a door shuts.
+    """
+    walls = [piece(0.0, post)]
+    walls += [
+        piece(side * (0.5 * (post + length) + gap), length) for side, gap in zip((-1, 1), gaps, strict=True)
+    ]
+    shut = draw.whole(0, 1)
+    side, gap = (-1, 1)[shut], gaps[shut]
+    door = piece(side * 0.5 * (post + gap), gap)
+    walls.append(_closing(draw, door, np.asarray(door["position"]) + side * gap * aside))
+    return walls, shut
+
+
 def _plane_door(draw: Draw) -> _Made | None:
     """A wall with two gaps, of which one is shut while the arm is on its way."""
     q = _folded(draw)
@@ -270,14 +288,7 @@ def _plane_door(draw: Draw) -> _Made | None:
     def piece(at: float, wide: float) -> Document:
         return _wall(away * ahead + (shift + at) * aside, out + 0.5 * math.pi, wide, thick)
 
-    walls = [piece(0.0, post)]
-    walls += [
-        piece(side * (0.5 * (post + length) + gap), length) for side, gap in zip((-1, 1), gaps, strict=True)
-    ]
-    shut = draw.whole(0, 1)
-    side, gap = (-1, 1)[shut], gaps[shut]
-    door = piece(side * 0.5 * (post + gap), gap)
-    walls.append(_closing(draw, door, np.asarray(door["position"]) + side * gap * aside))
+    walls, _ = _two_gaps(draw, piece, aside, post, gaps, length)
     goal = (away + draw.uniform(0.6, 1.4)) * ahead + (shift + 0.4 * draw.uniform(-1.0, 1.0) * post) * aside
     before = float(_tip(q) @ ahead) < away - 0.3
     return (q, goal, walls) if before and _blocked(_tip(q), goal, walls[:3]) else None
@@ -399,18 +410,11 @@ def _panda_door(draw: Draw) -> _Made | None:
     def piece(at: float, wide: float) -> Document:
         return _board(away * ahead + (shift + at) * aside + 0.5 * tall * up, out, [thick, wide, tall])
 
-    walls = [piece(0.0, post)]
-    walls += [
-        piece(side * (0.5 * (post + length) + gap), length) for side, gap in zip((-1, 1), gaps, strict=True)
-    ]
-    shut = draw.whole(0, 1)
-    side, gap = (-1, 1)[shut], gaps[shut]
-    door = piece(side * 0.5 * (post + gap), gap)
-    walls.append(_closing(draw, door, np.asarray(door["position"]) + side * gap * aside))
+    walls, shut = _two_gaps(draw, piece, aside, post, gaps, length)
     # Behind the gap that is shut: the shorter way leads through it.
     goal = (
         (away + draw.uniform(0.06, 0.12)) * ahead
-        + (shift + side * draw.uniform(0.1, 0.6) * (0.5 * post + gap)) * aside
+        + (shift + (-1, 1)[shut] * draw.uniform(0.1, 0.6) * (0.5 * post + gaps[shut])) * aside
         + draw.uniform(0.3, 0.5) * up
     )
     q[3] = -2.7 + draw.uniform(-0.1, 0.1)  # the hand before the wall

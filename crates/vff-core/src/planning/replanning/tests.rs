@@ -117,8 +117,11 @@ fn a_plan_comes_from_beside() {
 fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Reason> {
     let joints = JointSpline::new(&[0.0, 10.0], &[vec![0.0, 0.0], vec![1.0, -1.0]]).unwrap();
     let world = PlanarWorld::new(vec![]);
-    let moment =
-        Moment::<Plane, 2, 2> { t, path_time: t, q, error, joints: &joints, world: &world };
+    let mut state = [0; 3].map(|_| vec![0.0; 2]);
+    joints.at(t, state.each_mut().map(Vec::as_mut_slice));
+    let [planned, ..] = &state;
+    let (joints, world) = (&joints, &world);
+    let moment = Moment::<Plane, 2, 2> { t, path_time: t, q, planned, error, joints, world };
     progress.look(&moment, &ReplanSettings::default())
 }
 
@@ -126,7 +129,7 @@ fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Re
 /// goes on.
 #[test]
 fn stuck_is_who_comes_no_nearer() {
-    let mut watched = Progress::new(2);
+    let mut watched = Progress::default();
     let mut told = vec![];
     for k in 0..100 {
         let t = 0.1 * f64::from(k);
@@ -147,7 +150,7 @@ fn stuck_is_who_comes_no_nearer() {
 /// Strayed is whose joints and end effector are off the plan for as long as patience lasts.
 #[test]
 fn strayed_is_who_is_off_the_plan() {
-    let [mut watched, mut on_its_way] = [Progress::new(2), Progress::new(2)];
+    let [mut watched, mut on_its_way] = [Progress::default(), Progress::default()];
     let told: Vec<_> = (0..100)
         .filter_map(|k| {
             let t = 0.1 * f64::from(k);
@@ -193,7 +196,10 @@ fn what_moves_is_foreseen() {
             let t = 1e-3 * f64::from(k);
             let q = &[0.2, 0.3, 0.3, 0.3];
             let joints = &plan;
-            ahead.look(&Moment { t, path_time: t, q, error: 0.0, joints, world }, &settings)
+            ahead.look(
+                &Moment { t, path_time: t, q, planned: q, error: 0.0, joints, world },
+                &settings,
+            )
         };
         (0..110).map(look).fold(f64::INFINITY, f64::min)
     };
