@@ -528,8 +528,8 @@ def test_links_never_touch_each_other(space: bool) -> None:
 def test_obstacles_of_another_space_are_refused() -> None:
     disc, ball = vff.Obstacle.circle([1.0, 1.0], 0.1), vff.Obstacle.sphere([1.0, 1.0, 1.0], 0.1)
     for arm, obstacles, fault in (
-        (vff.Arm.named("panda"), [ball, disc], "position: expected 3 values, got 2"),
-        (vff.Arm.uniform(2), [disc, ball], "position: expected 2 values, got 3"),
+        (vff.Arm.named("panda"), [ball, disc], "shape.*; that is a shape of obstacles in the plane"),
+        (vff.Arm.uniform(2), [disc, ball], "shape.*; that is a shape of obstacles in space"),
         (vff.Arm.uniform(2), [disc, {"shape": {"kind": "ball", "radius": 1.0}}], ".*ball"),
     ):
         with pytest.raises(ScenarioError, match=rf"^obstacles\[1\]\.{fault}"):

@@ -1,10 +1,11 @@
 //! `Arm`: an arm and its matrices.
 
 use crate::convert::{
-    array1, array2, finite, float_array, from_toml, load_numpy, matrix, misshapen, number,
-    table_to_dict, to_toml, vector, whole_number,
+    array1, array2, finite, float_array, from_toml, matrix, misshapen, number, table_to_dict,
+    to_toml, vector, whole_number,
 };
 use crate::errors::{self, InputError};
+use crate::loading::load_numpy;
 use crate::run::prepared;
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};

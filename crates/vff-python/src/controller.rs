@@ -2,10 +2,11 @@
 
 use crate::arm::Arm;
 use crate::convert::{
-    any_vector, array1, document, instead, load_numpy, matrix, named_document, new_points, number,
-    read_vector, vector, wrong_type,
+    any_vector, array1, document, instead, matrix, named_document, new_points, number, read_vector,
+    vector, wrong_type,
 };
 use crate::errors::{self, InputError};
+use crate::loading::load_numpy;
 use crate::turns::Turns;
 use crate::watch::{attended, interruptible};
 use numpy::{PyArray1, PyArray2};

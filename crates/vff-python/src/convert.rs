@@ -1,17 +1,15 @@
 //! Values between Python, TOML documents and slices. The one file for conversions.
 
 use crate::errors::{InputError, InputTypeError};
+use crate::loading::load_numpy;
 use nalgebra::DMatrix;
 use numpy::{
     PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUnicodeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use std::fmt;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 use toml::{Table, Value};
 
 /// Documents deeper than this are taken for endless: a dict inside itself has no bottom.
@@ -20,37 +18,6 @@ const MAX_DEPTH: usize = 32;
 const SIGNALS_EVERY: usize = 1 << 13;
 /// The most characters of a user's text that a message quotes.
 const QUOTED: usize = 80;
-
-/// Loads what arrays need. To be called before the first of them is made.
-///
-/// The bindings of NumPy load it where they are first used, and panic if a signal handler raises meanwhile. Here
-/// NumPy is imported first, so that the exception is the user's; the rest, which runs a little Python, is done by
-/// another thread, where no signal handler runs.
-pub fn load_numpy(py: Python<'_>) -> PyResult<()> {
-    static LOADED: PyOnceLock<()> = PyOnceLock::new();
-    if LOADED.get(py).is_some() {
-        return Ok(());
-    }
-    LOADING.fetch_add(1, Ordering::Relaxed);
-    let loaded = py.import("numpy").and_then(|_| {
-        LOADED.get_or_try_init(py, || {
-            let touch = || Python::attach(|py| drop(PyArray1::from_slice(py, &[0.0]).readonly()));
-            py.detach(|| thread::scope(|scope| scope.spawn(touch).join()))
-                .map_err(|_| InputError::new_err("NumPy cannot be loaded"))
-        })
-    });
-    LOADING.fetch_sub(1, Ordering::Relaxed);
-    loaded.map(drop)
-}
-
-/// How many threads are loading it.
-static LOADING: AtomicUsize = AtomicUsize::new(0);
-
-/// To be called before a fork: a child would wait for ever for what a thread that it does not have is loading.
-#[pyfunction]
-pub fn before_fork(py: Python<'_>) -> PyResult<()> {
-    if LOADING.load(Ordering::Relaxed) > 0 { load_numpy(py) } else { Ok(()) }
-}
 
 /// A document from a dict or from an object with `to_dict()`.
 pub fn document(value: &Bound<'_, PyAny>) -> PyResult<Table> {
@@ -271,7 +238,7 @@ impl Reader {
         path: &Path<'_>,
         depth: usize,
     ) -> PyResult<Value> {
-        let mut table = Table::new();
+        let mut table = Table::with_capacity(mapping.len()?);
         for item in mapping.items()? {
             let (key, inner): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
             let Ok(key) = key.cast::<PyString>() else {

@@ -3,10 +3,10 @@
 use crate::arm::Arm;
 use crate::controller::{Controller, read_obstacles, read_pose, sequence};
 use crate::convert::{
-    self, array1, array2, copy_vector, count, load_numpy, new_points, number, read_vector, vector,
-    wrong_type,
+    self, array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
 };
 use crate::errors::{self, InputError};
+use crate::loading::load_numpy;
 use crate::privileges::{core_id, take_privileges};
 use crate::real_time::put_times;
 use crate::run::prepared;

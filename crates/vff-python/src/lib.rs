@@ -9,6 +9,7 @@ mod drive;
 mod errors;
 mod external;
 mod live;
+mod loading;
 mod models;
 mod planning;
 mod privileges;
@@ -57,7 +58,7 @@ mod _core {
     #[pymodule_export]
     use crate::virtual_arm::VirtualArm;
 
-    use crate::convert::before_fork;
+    use crate::loading::before_fork;
     use pyo3::prelude::*;
     use pyo3::types::{PyDict, PyTuple};
     use vff_core::control::{energy, limits};

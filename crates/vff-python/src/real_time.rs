@@ -1,8 +1,9 @@
 //! The closed loop against the wall clock, on a thread of its own.
 #![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
-use crate::convert::{document, load_numpy};
+use crate::convert::document;
 use crate::errors::{self, InputError};
+use crate::loading::load_numpy;
 use crate::privileges::{core_id, take_privileges};
 use crate::watch::{SIGNALS, Watch, interruptible};
 use numpy::PyArray1;

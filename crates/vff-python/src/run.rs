@@ -1,10 +1,9 @@
 //! Whole runs and the validation of documents.
 #![expect(clippy::needless_pass_by_value, reason = "Python hands documents over by value")]
 
-use crate::convert::{
-    self, array2, document, instead, load_numpy, named_document, table_to_dict, wrong_type,
-};
+use crate::convert::{self, array2, document, instead, named_document, table_to_dict, wrong_type};
 use crate::errors::{self, InputError};
+use crate::loading::load_numpy;
 use crate::watch::{PROGRESS, SIGNALS, Watch, abandonable, interruptible, stepwise};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
