@@ -115,7 +115,8 @@ pub fn searching(n: usize, discs: usize) -> Scenario {
     looking(furnished(n, places, true, EULER))
 }
 
-fn looking(mut scenario: Scenario) -> Scenario {
+/// Under `cbf` that looks ahead.
+pub fn looking(mut scenario: Scenario) -> Scenario {
     scenario.controller.avoidance = Avoidance::Cbf;
     scenario.controller.yielding.preview = Some(PreviewSettings::default());
     scenario

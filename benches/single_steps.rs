@@ -2,6 +2,7 @@
 //!
 //! `cargo bench --bench single_steps`
 
+mod panda;
 mod scene;
 
 use scene::{EULER, STEPS, barriers, prepare, preview, scene, searching};
@@ -64,12 +65,22 @@ fn main() {
             table.push((format!("{n} joints, {what}"), times(&scenario, runs)));
         }
     }
-    let columns = ["p50", "p99", "p99.9", "max", "p99.9*", "max*"];
+    for (what, scenario) in [
+        ("1 ball", panda::scene(1)),
+        ("1 ball, cbf", panda::barriers(1)),
+        ("8 balls, cbf", panda::barriers(8)),
+        ("8 balls, cbf + preview", panda::preview(8)),
+        ("8 balls, cbf + preview, searching", panda::searching(8)),
+    ] {
+        table.push((format!("Panda, pose, {what}"), times(&scenario, runs)));
+    }
+    let columns = ["mean", "p50", "p99", "p99.9", "max", "p99.9*", "max*"];
     println!("single steps of {runs} runs [µs]; * the least time of the same step in all of them");
-    println!("{:42}{}", "", columns.map(|c| format!("{c:>9}")).concat());
+    println!("{:48}{}", "", columns.map(|c| format!("{c:>9}")).concat());
     let mut json = String::new();
     for (name, [all, least]) in &table {
         let times = [
+            all.iter().sum::<u64>() as f64 / all.len() as f64 * 1e-3,
             at(all, 50.0),
             at(all, 99.0),
             at(all, 99.9),
@@ -77,7 +88,7 @@ fn main() {
             at(least, 99.9),
             at(least, 100.0),
         ];
-        println!("{name:42}{}", times.map(|t| format!("{t:9.2}")).concat());
+        println!("{name:48}{}", times.map(|t| format!("{t:9.2}")).concat());
         let comma = if json.is_empty() { "" } else { ",\n" };
         let times = times.map(|t| format!("{t:.3}")).join(", ");
         let _ = write!(json, "{comma}  {name:?}: [{times}]");

@@ -63,7 +63,7 @@ def single_steps(file: Path) -> None:
     if not file.exists():
         return
     body = [(name, *(f"{t:.2f}" for t in times)) for name, times in json.loads(file.read_text()).items()]
-    rows(("single steps [µs]", "p50", "p99", "p99.9", "max", "p99.9*", "max*"), body)
+    rows(("single steps [µs]", "mean", "p50", "p99", "p99.9", "max", "p99.9*", "max*"), body)
     print("\\* of every step the least time in equal runs\n")
 
 

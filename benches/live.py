@@ -1,0 +1,112 @@
+"""How soon the live page is there, and how it keeps up: `python benches/live.py`.
+
+`vffnull live` is started in a process of its own and opened in a headless Chromium, which is running
+already and draws without a graphics card (SwiftShader), 1200 × 700. "Listens": from the start of the
+command to the line with the address; "opens": to the first picture with the arm and its readouts. Then the
+loop runs beside the browser: pictures are those that the browser draws in a second, messages those that the
+page sends to it. Needs `pip install ".[viewer]"`, playwright and Debian's chromium.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+
+from playwright.sync_api import Browser, Page, WebSocket, sync_playwright
+
+import vffnull as vff
+
+DRAWN = """() => new Promise(done => {
+    let count = 0; const start = performance.now();
+    const each = now => { count += 1;
+        now - start < %d ? requestAnimationFrame(each) : done(1000 * count / (now - start)); };
+    requestAnimationFrame(each);
+})"""
+WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+@dataclass
+class Socket:
+    """What the page sends."""
+
+    sizes: list[int] = field(default_factory=list)
+
+    def listen(self, heard: WebSocket) -> None:
+        heard.on("framereceived", lambda payload: self.sizes.append(len(payload)))
+
+
+def opened(browser: Browser, url: str) -> tuple[Page, Socket]:
+    """A tab in which the page has drawn."""
+    tab, heard = browser.new_page(viewport={"width": 1200, "height": 700}), Socket()
+    tab.on("websocket", heard.listen)
+    tab.goto(url)
+    tab.wait_for_selector("#vff-tip")
+    tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return tab, heard
+
+
+def opening(browser: Browser, name: str) -> tuple[float, float]:
+    """Seconds from the command to its answer, and to the picture."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "vffnull", "live", name, "--no-browser", "--port", port]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert server.stdout is not None
+        url = next(word for line in server.stdout for word in line.split() if word.startswith("http"))
+        listens = time.perf_counter() - start
+        tab, _ = opened(browser, url.rstrip(";"))
+        opens = time.perf_counter() - start
+        tab.close()
+        return listens, opens
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.communicate()
+
+
+def look(browser: Browser, name: str, seconds: float) -> str:
+    listens, opens = opening(browser, name)
+    page = vff.live(name, open_browser=False, block=False)
+    try:
+        tab, heard = opened(browser, page.url)
+        tab.wait_for_timeout(3000)
+        before, sent = page.snapshot(), len(heard.sizes)
+        pictures = tab.evaluate(DRAWN % (1000 * seconds))
+        after, messages = page.snapshot(), (len(heard.sizes) - sent) / seconds
+        tab.close()
+    finally:
+        page.stop()
+    periods = after["periods"] - before["periods"]
+    missed = 100 * (after["missed"] - before["missed"]) / periods
+    loop = f"{after['rate']:.0f} | {missed:.2f} | {1e6 * after['worst']:.0f}"
+    return f"| {name} | {listens:.1f} | {opens:.1f} | {loop} | {pictures:.0f} | {messages:.0f} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("scenarios", nargs="*", default=["sweep-through", "panda-sweep", "panda-cup"])
+    parser.add_argument("--seconds", type=float, default=10.0)
+    given = parser.parse_args()
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=[*WITHOUT_GPU])
+        tab = browser.new_page()
+        tab.goto("about:blank")
+        tab.close()
+        print("| scenario | listens [s] | opens [s] | loop [Hz] | missed [%] | longest step [µs] ", end="")
+        print("| pictures/s | messages/s |")
+        print("|---|--:|--:|--:|--:|--:|--:|--:|")
+        for name in given.scenarios:
+            print(look(browser, name, given.seconds), flush=True)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
