@@ -1,5 +1,5 @@
-//! A cloud of 50 000 points around a Panda: how long other points take to be made ready and to be swapped in, and a step of
-//! the closed loop beside the few that are near.
+//! A cloud of 50 000 points, or 10 000 balls that swing, around a Panda: how long other points take to be made ready and to
+//! be swapped in, and a step of the closed loop beside the few that are near.
 //!
 //! `cargo bench --bench cloud`
 
@@ -42,8 +42,23 @@ fn obstacle(points: Vec<[f64; 3]>) -> Obstacle {
     }
 }
 
-/// The Panda holds a position or the pose of its hand; with other obstacles in the place of the cloud.
-fn scenario(task: &str, avoidance: &str, shape: Option<&str>) -> Scenario {
+/// Balls that swing, five of them where those points are.
+fn balls() -> String {
+    let mut text = String::new();
+    for (k, [x, y, z]) in points(5).into_iter().take(10_000).enumerate() {
+        let _ = writeln!(
+            text,
+            "[[obstacles]]
+             shape = {{ kind = 'sphere', radius = 0.01 }}
+             position = [{x}, {y}, {z}]
+             motion = {{ kind = 'sinusoid', amplitude = [0.01, 0.0, 0.01], angular_frequency = 2.0, phase = {k} }}"
+        );
+    }
+    text
+}
+
+/// The Panda holds a position or the pose of its hand among these obstacles.
+fn scenario(task: &str, avoidance: &str, obstacles: &str) -> Scenario {
     let mut text = format!(
         "duration = 4.0
          q0 = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
@@ -56,9 +71,7 @@ fn scenario(task: &str, avoidance: &str, shape: Option<&str>) -> Scenario {
     )
     .replace("\n         ", "\n")
     .replace(",\n                ", ", ");
-    if let Some(shape) = shape {
-        let _ = writeln!(text, "[[obstacles]]\nshape = {shape}");
-    }
+    text.push_str(obstacles);
     Scenario::from_toml(&text).unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
@@ -95,14 +108,22 @@ fn replacement(c: &mut Criterion) {
 
 fn steps(c: &mut Criterion) {
     let mut group = c.benchmark_group("cloud");
-    let cloud = |near| format!("{{ kind = 'points', points = {:?}, radius = 0.01 }}", points(near));
-    let ball = "{ kind = 'sphere', radius = 0.01 }\nposition = [-0.05, -0.22, 0.62]".to_owned();
-    let around = [("nothing", None), ("one ball", Some(ball)), ("5 of 50000", Some(cloud(5)))];
+    let cloud = format!(
+        "[[obstacles]]\nshape = {{ kind = 'points', points = {:?}, radius = 0.01 }}\n",
+        points(5)
+    );
+    let ball = "[[obstacles]]\nshape = { kind = 'sphere', radius = 0.01 }\nposition = [-0.05, -0.22, 0.62]\n";
+    let around = [
+        ("nothing", String::new()),
+        ("one ball", ball.to_owned()),
+        ("5 of 50000", cloud),
+        ("5 of 10000 balls that swing", balls()),
+    ];
     for (task, avoidance) in
         [("position", "null_space"), ("pose", "null_space"), ("position", "cbf")]
     {
-        for (name, shape) in &around {
-            let scenario = scenario(task, avoidance, shape.as_deref());
+        for (name, obstacles) in &around {
+            let scenario = scenario(task, avoidance, obstacles);
             group.bench_function(format!("step/{task}/{avoidance}/{name}"), |b| {
                 b.iter_custom(|iterations| timed(&scenario, iterations));
             });

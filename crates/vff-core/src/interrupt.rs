@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 #[cfg(feature = "parallel")]
 use std::sync::mpsc;
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// Work between two looks at the clock, in multiplications: about a millisecond.
@@ -110,6 +111,39 @@ pub fn watched<T>(watch: Watch, work: impl FnOnce() -> T) -> Result<T, Interrupt
     })
 }
 
+/// A large value in the making: where the work is ended, another thread gives its memory back, which takes a while.
+#[derive(Debug)]
+pub struct Aside<T: Send + 'static>(Option<T>);
+
+impl<T: Send + 'static> Aside<T> {
+    /// What is to be filled in.
+    pub fn new(value: T) -> Self {
+        Self(Some(value))
+    }
+
+    /// The value, when it is made.
+    #[expect(clippy::missing_panics_doc, reason = "it is there until this")]
+    pub fn done(mut self) -> T {
+        self.0.take().expect("it is there")
+    }
+}
+
+impl<T: Send + 'static> AsMut<T> for Aside<T> {
+    fn as_mut(&mut self) -> &mut T {
+        self.0.as_mut().expect("it is there")
+    }
+}
+
+impl<T: Send + 'static> Drop for Aside<T> {
+    fn drop(&mut self) {
+        let value = self.0.take();
+        if thread::panicking() && value.is_some() {
+            // If there is no thread, it is dropped here.
+            let _ = thread::Builder::new().spawn(move || drop(value));
+        }
+    }
+}
+
 /// Does work on the threads of `pool`. Its parts are to be done [`within`](Parts::within), so that an interruption of
 /// the calling thread, which goes on looking at the clock, ends them, too.
 #[cfg(feature = "parallel")]
@@ -180,6 +214,30 @@ mod tests {
         let sum =
             || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(endless)).sum());
         assert_eq!(watched::<u64>(Watch::Ask(|| false), sum), Err(Interrupted));
+    }
+
+    /// Where the work is ended, what it was to fill is dropped by another thread; where it comes to its end, it is kept.
+    #[test]
+    fn what_was_in_the_making_is_dropped_elsewhere() {
+        struct Large(mpsc::Sender<thread::ThreadId>);
+        impl Drop for Large {
+            fn drop(&mut self) {
+                let _ = self.0.send(thread::current().id());
+            }
+        }
+        let (send, dropped) = mpsc::channel();
+        let large = Large(send.clone());
+        let ended = watched(Watch::Ask(|| false), move || {
+            let aside = Aside::new(large);
+            endless();
+            drop(aside.done());
+        });
+        assert_eq!(ended, Err(Interrupted));
+        assert_ne!(dropped.recv().unwrap(), thread::current().id());
+        let kept = Aside::new(Large(send)).done();
+        assert!(dropped.try_recv().is_err());
+        drop(kept);
+        assert_eq!(dropped.recv().unwrap(), thread::current().id());
     }
 
     /// What is wanted comes to its end, also in parts, within another watch, and without any.

@@ -345,6 +345,11 @@ impl Robot<2> for ChainState {
         }
     }
 
+    fn update_velocities(&mut self, v: &[f64]) {
+        let q = self.q.clone();
+        self.place(&q, v);
+    }
+
     fn configuration(&self) -> &[f64] {
         &self.q
     }

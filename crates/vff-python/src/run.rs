@@ -281,8 +281,14 @@ pub fn parse_toml<'py>(
 
 /// Write a document as TOML.
 #[pyfunction]
-pub fn format_toml(#[pyo3(from_py_with = document)] document: toml::Table) -> PyResult<String> {
-    toml::to_string(&document).map_err(|error| InputError::new_err(error.to_string()))
+pub fn format_toml(
+    py: Python<'_>,
+    #[pyo3(from_py_with = document)] document: toml::Table,
+) -> PyResult<String> {
+    let mut values = 0;
+    let document = values_first(document, &mut values);
+    abandonable(py, values.saturating_mul(16), move || toml::to_string(&document))?
+        .map_err(|error| InputError::new_err(error.to_string()))
 }
 
 /// Every key of a scenario with its unit, default and meaning, as text.
@@ -295,4 +301,38 @@ pub fn schema() -> &'static str {
 #[pyfunction]
 pub fn schema_json() -> String {
     scenario::json_schema()
+}
+
+/// A table in the order in which TOML is written: what is no table first. The library takes any order, but in time that
+/// grows with the square of the length. Adds to `values` how many there are.
+fn values_first(table: toml::Table, values: &mut usize) -> toml::Table {
+    let (mut first, mut then) = (toml::Table::with_capacity(table.len()), vec![]);
+    for (key, value) in table {
+        match ordered(value, values) {
+            value if is_table(&value) => then.push((key, value)),
+            value => drop(first.insert(key, value)),
+        }
+    }
+    first.extend(then);
+    first
+}
+
+fn ordered(value: toml::Value, values: &mut usize) -> toml::Value {
+    *values += 1;
+    match value {
+        toml::Value::Table(table) => toml::Value::Table(values_first(table, values)),
+        toml::Value::Array(array) => {
+            toml::Value::Array(array.into_iter().map(|value| ordered(value, values)).collect())
+        }
+        value => value,
+    }
+}
+
+/// Whether a value has a header of its own, or one for each of its items.
+fn is_table(value: &toml::Value) -> bool {
+    match value {
+        toml::Value::Table(_) => true,
+        toml::Value::Array(items) => items.first().is_some_and(toml::Value::is_table),
+        _ => false,
+    }
 }

@@ -94,6 +94,9 @@ pub trait Robot<const D: usize> {
     /// Moves to q \[rad\] as far as [`pose`](Manipulator::pose), [`body`](Self::body) and the columns of J
     /// need it; nothing else means anything until the next [`update`](Self::update).
     fn update_positions(&mut self, q: &[f64]);
+    /// Takes in the joint velocity `v` \[rad/s\] as far as [`point_velocity`](Self::point_velocity) needs it, after
+    /// [`update_positions`](Self::update_positions).
+    fn update_velocities(&mut self, v: &[f64]);
     /// The configuration q \[rad\].
     fn configuration(&self) -> &[f64];
     /// The joint velocity q̇ \[rad/s\].

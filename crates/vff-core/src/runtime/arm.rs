@@ -3,7 +3,7 @@
 use super::obstacles::AnyObstacles;
 use crate::control::distance::DistanceRate;
 use crate::control::extended_jacobian::ExtendedJacobian;
-use crate::interrupt;
+use crate::interrupt::{self, Aside};
 use crate::math::Pose;
 use crate::robot::description::tensor;
 use crate::robot::{
@@ -470,9 +470,17 @@ impl DistanceTable {
         let pairs: Vec<_> = links.flat_map(|i| (0..world.len()).map(move |j| [i, j])).collect();
         let rows = q.len() / n * pairs.len();
         let room = |width: usize| Vec::with_capacity(rows * width);
-        let [mut distance, mut rate, mut bias] = [room(1), room(1), room(1)];
-        let [mut normal, mut point, mut witness] = [room(D), room(D), room(D)];
-        let mut gradient = vec![0.0; rows * n];
+        let mut table = Aside::new(Self {
+            pairs,
+            distance: room(1),
+            gradient: vec![0.0; rows * n],
+            rate: room(1),
+            bias: room(1),
+            normal: room(D),
+            point: room(D),
+            witness: room(D),
+        });
+        let Self { distance, gradient, rate, bias, normal, point, witness, .. } = table.as_mut();
         let mut gradients = gradient.chunks_exact_mut(n);
         for (b, (q, dq)) in q.chunks_exact(n).zip(dq.chunks_exact(n)).enumerate() {
             state.update(q, dq);
@@ -493,6 +501,6 @@ impl DistanceTable {
             };
             world.for_each_pair(state.bodies(), visit);
         }
-        Self { pairs, distance, gradient, rate, bias, normal, point, witness }
+        table.done()
     }
 }

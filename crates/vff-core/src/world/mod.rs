@@ -27,6 +27,7 @@ pub use query::{CollisionQuery, Positions};
 pub use solid::{Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
 
+use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use crowd::Crowd;
 use std::mem::{replace, take};
@@ -272,7 +273,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// Their values must have been validated before: unusable ones do not panic, but distances to
     /// them mean nothing.
     pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
-        let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(Placed::new).collect();
+        let place = |obstacle| {
+            interrupt::spend(256);
+            Placed::new(obstacle)
+        };
+        let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(place).collect();
         let is_crowd = obstacles.len() >= crowd::LEAST;
         Self::of(obstacles, is_crowd)
     }

@@ -315,7 +315,11 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let pair = Pair { body: index, link: body.link, obstacle };
         let (probe, turn) = (S::probe(&body.shape), placed.turn_at(self.time));
         let turn = turn.map(|turn| turn.after(after));
-        let nearest = placed.contact(pair, &probe, &state, turn.as_ref());
+        // By hand, so that nothing is computed of most contacts that the caller does not ask for.
+        let nearest = match &turn {
+            None => placed.solid.contact(pair, &probe, &state),
+            Some(_) => placed.contact(pair, &probe, &state, turn.as_ref()),
+        };
         if nearest.distance < reach {
             if placed.solid.contacts() == 1 {
                 visit(&nearest);

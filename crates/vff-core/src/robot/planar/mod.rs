@@ -284,6 +284,15 @@ impl Robot<2> for PlanarState {
         self.dq = dq;
     }
 
+    fn update_velocities(&mut self, v: &[f64]) {
+        let (mut rate, mut velocity) = (0.0, Vector::<2>::zeros());
+        for (joint, v) in self.joints.iter_mut().zip(v) {
+            rate += v;
+            (joint.rate, joint.velocity) = (rate, velocity);
+            velocity += perp(joint.l) * rate;
+        }
+    }
+
     fn configuration(&self) -> &[f64] {
         &self.q
     }
@@ -725,6 +734,10 @@ mod tests {
             let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
             let velocity = state.point_velocity(i, &point);
             assert_close(&[normal.dot(&velocity)], &[dot(&column, &c.dq)], 1e-12);
+            let (mut scout, v) = (state.clone(), c.dq.iter().map(|v| 0.5 - v).collect::<Vec<_>>());
+            scout.update_positions(&c.q);
+            scout.update_velocities(&v);
+            assert_close(&[normal.dot(&scout.point_velocity(i, &point))], &[dot(&column, &v)], 1e-12);
             let h = 1e-4;
             let (before, after) = (on(&c.later(-h)), on(&c.later(h)));
             assert_close(((after - before) / (2.0 * h)).as_slice(), velocity.as_slice(), 1e-5);

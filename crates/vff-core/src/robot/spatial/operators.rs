@@ -164,6 +164,14 @@ impl Robot<3> for SpatialState {
         self.move_positions(q);
     }
 
+    fn update_velocities(&mut self, v: &[f64]) {
+        let mut velocity = Spatial::ZERO;
+        for (joint, v) in self.joints.iter_mut().zip(v) {
+            velocity += joint.s * *v;
+            joint.velocity = velocity;
+        }
+    }
+
     fn configuration(&self) -> &[f64] {
         &self.q
     }
@@ -685,6 +693,10 @@ mod tests {
             let column = apply(count, |out| state.point_jacobian_tr_mul(i, &point, &normal, out));
             let velocity = state.point_velocity(i, &point);
             assert_close(&[normal.dot(&velocity)], &[dot(&column, &c.dq)], 1e-12);
+            let (mut scout, v) = (state.clone(), c.dq.iter().map(|v| 0.5 - v).collect::<Vec<_>>());
+            scout.update_positions(&c.q);
+            scout.update_velocities(&v);
+            assert_close(&[normal.dot(&scout.point_velocity(i, &point))], &[dot(&column, &v)], 1e-12);
             let h = 1e-4;
             let (before, after) = (on(&c.later(-h)), on(&c.later(h)));
             assert_close(((after - before) / (2.0 * h)).as_slice(), velocity.as_slice(), 1e-5);

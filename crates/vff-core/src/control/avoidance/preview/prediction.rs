@@ -1,8 +1,41 @@
 //! The obstacles at later instants, as far as look-ahead asks for them.
 
 use crate::interrupt;
-use crate::math::Body;
+use crate::math::{Body, Vector};
 use crate::world::{CollisionQuery, Contact};
+
+/// A pair that is near, as far as the velocity of a roll-out depends on it.
+#[derive(Debug, Clone, Copy)]
+pub struct Near<const D: usize> {
+    /// Index of the link.
+    pub link: usize,
+    /// Point of its axis nearest to the obstacle \[m\].
+    pub point: Vector<D>,
+    /// Unit vector from the obstacle towards the link.
+    pub normal: Vector<D>,
+    /// Signed distance \[m\].
+    pub distance: f64,
+    /// How fast the obstacle comes along the normal \[m/s\].
+    pub comes: f64,
+}
+
+impl<const D: usize> Near<D> {
+    #[inline(always)]
+    fn new(contact: &Contact<D>) -> Self {
+        let Contact { link, point, normal, distance, velocity, .. } = *contact;
+        Self { link, point, normal, distance, comes: normal.dot(&velocity) }
+    }
+}
+
+/// How near a body and an obstacle are.
+#[derive(Debug, Clone, Copy)]
+pub struct Nearest {
+    /// Signed distance \[m\].
+    pub distance: f64,
+    /// A speed that no point of the obstacle exceeds \[m/s\]; infinite where it turns, as other points may come faster than
+    /// the nearest does.
+    pub speed: f64,
+}
 
 /// What look-ahead asks of the surroundings. Unlike a [`CollisionQuery`] it can be a trait object, so that
 /// look-ahead is compiled once, not once for each kind of surroundings.
@@ -27,6 +60,17 @@ pub trait Prediction<const D: usize> {
         reach: f64,
         visit: &mut dyn FnMut(&Contact<D>),
     ) -> Contact<D>;
+
+    /// The same, as far as a roll-out needs it; adds the contacts nearer than `reach` to `found`.
+    fn approach(
+        &self,
+        index: usize,
+        body: &Body<D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        found: &mut Vec<Near<D>>,
+    ) -> Nearest;
 }
 
 impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
@@ -57,6 +101,22 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         visit: &mut dyn FnMut(&Contact<D>),
     ) -> Contact<D> {
         self.for_each_contact_after(index, body, obstacle, after, reach, visit)
+    }
+
+    fn approach(
+        &self,
+        index: usize,
+        body: &Body<D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        found: &mut Vec<Near<D>>,
+    ) -> Nearest {
+        let visit = |contact: &Contact<D>| found.push(Near::new(contact));
+        let nearest = self.for_each_contact_after(index, body, obstacle, after, reach, visit);
+        let still = nearest.spin.is_none();
+        let speed = if still { nearest.velocity.norm() } else { f64::INFINITY };
+        Nearest { distance: nearest.distance, speed }
     }
 }
 

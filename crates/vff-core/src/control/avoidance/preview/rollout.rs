@@ -2,14 +2,13 @@
 
 use super::PreviewSettings;
 use super::candidate::{Candidate, Forecast};
-use super::prediction::Prediction;
+use super::prediction::{Near, Nearest, Prediction};
 use crate::control::avoidance::Yielding;
 use crate::control::metric::TaskMetric;
 use crate::interrupt;
 use crate::math::{Body, Pose, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
-use crate::world::Contact;
 use nalgebra::{SMatrix, SVector};
 
 /// Obstacles farther away than this \[m\] are left out of a planning cycle.
@@ -23,6 +22,9 @@ pub const RATE: f64 = 10.0;
 
 /// How fast a roll-out returns to the reference \[1/s\].
 const PULL: f64 = 3.0;
+
+/// What rounding cannot make of a rate \[m/s\].
+const SURELY: f64 = 1e-6;
 
 /// Damping of the task's inverse inertia \[1/kg\]: where only the end effector can give way, it does.
 const DAMPING: f64 = 0.02;
@@ -48,7 +50,7 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     pub(super) speed: Vec<f64>,
     /// The obstacles that are near at the beginning.
     pub(super) obstacles: Vec<usize>,
-    pairs: Vec<Contact<D>>,
+    pairs: Vec<Near<D>>,
     /// The bodies one step before, and of every body and obstacle, how much nearer they can come before they matter.
     bodies: Vec<Body<D>>,
     apart: Vec<Apart>,
@@ -209,12 +211,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                 if apart.room > 0.0 {
                     continue;
                 }
-                let pair =
-                    surroundings.predict(i, &body, j, after, NEAR, &mut |pair| pairs.push(*pair));
-                // Of an obstacle that turns, other points may come faster than the nearest does.
-                let speed = if pair.spin.is_none() { pair.velocity.norm() } else { f64::INFINITY };
-                *apart = Apart { room: pair.distance - *reach, drift: speed * *step };
-                least = least.min(pair.distance);
+                let nearest = surroundings.approach(i, &body, j, after, NEAR, pairs);
+                let Nearest { distance, speed } = nearest;
+                *apart = Apart { room: distance - *reach, drift: speed * *step };
+                least = least.min(distance);
             }
         }
         least
@@ -243,11 +243,17 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             }
             inverse
         });
-        for pair in pairs.iter() {
+        scout.update_velocities(w);
+        for Near { link, point, normal, distance, comes } in pairs.iter() {
             interrupt::spend(8 * row.len());
-            scout.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
-            let rate = dot(row, w) - pair.normal.dot(&pair.velocity);
-            let missing = -0.5 / *step * (pair.distance - *margin) - rate;
+            let least = -0.5 / *step * (distance - *margin);
+            // Most pairs keep apart by far, which takes no row of the Jacobian to see.
+            if normal.dot(&scout.point_velocity(*link, point)) - comes > least + SURELY {
+                continue;
+            }
+            scout.point_jacobian_tr_mul(*link, point, normal, row);
+            let rate = dot(row, w) - comes;
+            let missing = least - rate;
             if missing > 0.0 {
                 let f = inverse.map_or_else(SVector::zeros, |inverse| {
                     let parts = columns.iter().zip(&*inverse_inertia).zip(&*row);
@@ -269,6 +275,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                 }
                 let by = missing / along.max(1e-9);
                 w.iter_mut().zip(row.iter()).for_each(|(w, way)| *w += by * way);
+                scout.update_velocities(w);
             }
         }
     }
