@@ -202,7 +202,7 @@ def test_the_first_load_of_numpy(call: str) -> None:
 
 
 def test_numpy_is_loaded_while_the_interpreter_ends() -> None:
-    """What starts no threads any more still gets its arrays; what cannot be loaded is the importer's error."""
+    """What starts no threads any more gets its arrays; what cannot be loaded is the importer's error."""
     script = PREPARE.replace("import numpy as np\n", "") + textwrap.dedent("""
     import atexit
     atexit.register(lambda: print(arm_of(3).mass_matrix([0.1] * 3).shape))

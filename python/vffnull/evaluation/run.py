@@ -412,7 +412,9 @@ def loop_times(
                 taken += _timed(make(each).replace(**changes))
             p50, p99, p999, most = (1e-3 * x for x in np.percentile(taken, (50, 99, 99.9, 100)))
             mean = 1e-3 * np.mean(taken)
-            lines.append(f"| {name} | {kind} | {mean:.2f} | {p50:.2f} | {p99:.2f} | {p999:.2f} | {most:.0f} |")
+            lines.append(
+                f"| {name} | {kind} | {mean:.2f} | {p50:.2f} | {p99:.2f} | {p999:.2f} | {most:.0f} |"
+            )
     return "\n".join(lines)
 
 

@@ -68,6 +68,12 @@ impl<const D: usize> MotionState<D> {
     pub(super) fn at_rest(position: Vector<D>) -> Self {
         Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros() }
     }
+
+    /// Carried on for `time` \[s\] at its velocity.
+    #[inline(always)]
+    pub(super) fn after(&self, time: f64) -> Self {
+        Self { position: self.position + self.velocity * time, ..*self }
+    }
 }
 
 impl<const D: usize> Default for Motion<D> {

@@ -66,9 +66,10 @@ pub trait CollisionQuery<const D: usize> {
         after: f64,
     ) -> Contact<D>;
 
-    /// The same; calls `visit` with all of their contacts nearer than `reach` \[m\], of which it is the nearest.
+    /// What `take` makes of it; calls `visit` with all of their contacts nearer than `reach` \[m\], of which it is the
+    /// nearest. Nothing is computed that neither of them asks for.
     #[inline]
-    fn for_each_contact_after(
+    fn for_each_contact_after<T>(
         &self,
         index: usize,
         body: &Body<D>,
@@ -76,12 +77,13 @@ pub trait CollisionQuery<const D: usize> {
         after: f64,
         reach: f64,
         mut visit: impl FnMut(&Contact<D>),
-    ) -> Contact<D> {
+        take: impl Fn(&Contact<D>) -> T,
+    ) -> T {
         let nearest = self.contact_after(index, body, obstacle, after);
         if nearest.distance < reach {
             visit(&nearest);
         }
-        nearest
+        take(&nearest)
     }
 }
 
@@ -295,12 +297,13 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         obstacle: usize,
         after: f64,
     ) -> Contact<D> {
-        let unvisited = |_: &Contact<D>| {};
-        self.for_each_contact_after(index, body, obstacle, after, f64::NEG_INFINITY, unvisited)
+        let (unvisited, whole) = (|_: &Contact<D>| {}, |nearest: &Contact<D>| *nearest);
+        let none = f64::NEG_INFINITY;
+        self.for_each_contact_after(index, body, obstacle, after, none, unvisited, whole)
     }
 
     #[inline]
-    fn for_each_contact_after(
+    fn for_each_contact_after<T>(
         &self,
         index: usize,
         body: &Body<D>,
@@ -308,18 +311,21 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         after: f64,
         reach: f64,
         mut visit: impl FnMut(&Contact<D>),
-    ) -> Contact<D> {
+        take: impl Fn(&Contact<D>) -> T,
+    ) -> T {
         let placed = &self.obstacles[obstacle];
-        let mut state = placed.state_at(self.time);
-        state.position += state.velocity * after;
         let pair = Pair { body: index, link: body.link, obstacle };
-        let (probe, turn) = (S::probe(&body.shape), placed.turn_at(self.time));
-        let turn = turn.map(|turn| turn.after(after));
-        // By hand, so that nothing is computed of most contacts that the caller does not ask for.
-        let nearest = match &turn {
-            None => placed.solid.contact(pair, &probe, &state),
-            Some(_) => placed.contact(pair, &probe, &state, turn.as_ref()),
-        };
+        let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
+        // Most are like this.
+        if placed.turned.is_none() && placed.solid.contacts() == 1 {
+            let contact = placed.solid.contact(pair, &probe, &state);
+            if contact.distance < reach {
+                visit(&contact);
+            }
+            return take(&contact);
+        }
+        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        let nearest = placed.contact(pair, &probe, &state, turn.as_ref());
         if nearest.distance < reach {
             if placed.solid.contacts() == 1 {
                 visit(&nearest);
@@ -327,7 +333,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
                 placed.for_each_contact(pair, &probe, &state, turn.as_ref(), reach, visit);
             }
         }
-        nearest
+        take(&nearest)
     }
 }
 

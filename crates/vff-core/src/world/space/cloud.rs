@@ -388,7 +388,10 @@ pub(super) mod tests {
             let mut least = f64::INFINITY;
             for j in 0..world.len() {
                 let visit = |contact: &Contact<3>| later.push(text(contact));
-                let nearest = world.for_each_contact_after(i, &body, j, after, reach, visit);
+                let nearest =
+                    world.for_each_contact_after(i, &body, j, after, reach, visit, |nearest| {
+                        *nearest
+                    });
                 least = least.min(nearest.distance);
             }
             later.push(format!("{}", least.to_bits()));

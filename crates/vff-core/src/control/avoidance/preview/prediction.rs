@@ -29,12 +29,26 @@ impl<const D: usize> Near<D> {
 
 /// How near a body and an obstacle are.
 #[derive(Debug, Clone, Copy)]
-pub struct Nearest {
+pub struct Nearest<const D: usize> {
     /// Signed distance \[m\].
     pub distance: f64,
+    /// Velocity of the obstacle at its nearest point \[m/s\], and whether it turns.
+    velocity: Vector<D>,
+    turns: bool,
+}
+
+impl<const D: usize> Nearest<D> {
+    #[inline(always)]
+    fn new(contact: &Contact<D>) -> Self {
+        let Contact { distance, velocity, spin, .. } = contact;
+        Self { distance: *distance, velocity: *velocity, turns: !spin.is_none() }
+    }
+
     /// A speed that no point of the obstacle exceeds \[m/s\]; infinite where it turns, as other points may come faster than
     /// the nearest does.
-    pub speed: f64,
+    pub fn speed(&self) -> f64 {
+        if self.turns { f64::INFINITY } else { self.velocity.norm() }
+    }
 }
 
 /// What look-ahead asks of the surroundings. Unlike a [`CollisionQuery`] it can be a trait object, so that
@@ -70,7 +84,7 @@ pub trait Prediction<const D: usize> {
         after: f64,
         reach: f64,
         found: &mut Vec<Near<D>>,
-    ) -> Nearest;
+    ) -> Nearest<D>;
 }
 
 impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
@@ -100,7 +114,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         reach: f64,
         visit: &mut dyn FnMut(&Contact<D>),
     ) -> Contact<D> {
-        self.for_each_contact_after(index, body, obstacle, after, reach, visit)
+        self.for_each_contact_after(index, body, obstacle, after, reach, visit, |nearest| *nearest)
     }
 
     fn approach(
@@ -111,12 +125,9 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         after: f64,
         reach: f64,
         found: &mut Vec<Near<D>>,
-    ) -> Nearest {
+    ) -> Nearest<D> {
         let visit = |contact: &Contact<D>| found.push(Near::new(contact));
-        let nearest = self.for_each_contact_after(index, body, obstacle, after, reach, visit);
-        let still = nearest.spin.is_none();
-        let speed = if still { nearest.velocity.norm() } else { f64::INFINITY };
-        Nearest { distance: nearest.distance, speed }
+        self.for_each_contact_after(index, body, obstacle, after, reach, visit, Nearest::new)
     }
 }
 

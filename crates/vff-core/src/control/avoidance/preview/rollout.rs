@@ -2,7 +2,7 @@
 
 use super::PreviewSettings;
 use super::candidate::{Candidate, Forecast};
-use super::prediction::{Near, Nearest, Prediction};
+use super::prediction::{Near, Prediction};
 use crate::control::avoidance::Yielding;
 use crate::control::metric::TaskMetric;
 use crate::interrupt;
@@ -212,9 +212,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
                     continue;
                 }
                 let nearest = surroundings.approach(i, &body, j, after, NEAR, pairs);
-                let Nearest { distance, speed } = nearest;
-                *apart = Apart { room: distance - *reach, drift: speed * *step };
-                least = least.min(distance);
+                let room = nearest.distance - *reach;
+                // What matters now is asked in the next step, however fast it comes.
+                let drift = if room > 0.0 { nearest.speed() * *step } else { 0.0 };
+                *apart = Apart { room, drift };
+                least = least.min(nearest.distance);
             }
         }
         least
