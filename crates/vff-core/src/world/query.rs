@@ -68,6 +68,7 @@ pub trait CollisionQuery<const D: usize> {
 
     /// What `take` makes of it; calls `visit` with all of their contacts nearer than `reach` \[m\], of which it is the
     /// nearest. Nothing is computed that neither of them asks for.
+    #[expect(clippy::too_many_arguments, reason = "a question, and what is wanted of the answer")]
     #[inline]
     fn for_each_contact_after<T>(
         &self,
