@@ -2,6 +2,7 @@
 
 use crate::errors::{InputError, InputTypeError};
 use crate::loading::load_numpy;
+use crate::watch::leave;
 use nalgebra::DMatrix;
 use numpy::{
     PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
@@ -227,7 +228,15 @@ impl Reader {
     ) -> PyResult<Value> {
         let mut values = Vec::with_capacity(count);
         for (i, item) in items.enumerate() {
-            values.push(self.value(&item?, &Path::Index(path, i), depth + 1)?);
+            match item.and_then(|item| self.value(&item, &Path::Index(path, i), depth + 1)) {
+                Ok(value) => values.push(value),
+                Err(error) => {
+                    if i > SIGNALS_EVERY {
+                        leave(values);
+                    }
+                    return Err(error);
+                }
+            }
         }
         Ok(Value::Array(values))
     }

@@ -4,7 +4,7 @@
 use crate::convert::{self, array2, document, instead, named_document, table_to_dict, wrong_type};
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
-use crate::watch::{PROGRESS, SIGNALS, Watch, abandonable, interruptible, stepwise};
+use crate::watch::{PROGRESS, SIGNALS, Watch, abandonable, interruptible, leave, stepwise};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -250,8 +250,11 @@ pub fn check(
     dimension: Option<usize>,
 ) -> PyResult<Vec<String>> {
     let check = |part| runtime::any::check(part, &document, dimension);
-    interruptible(py, || Part::named(kind).and_then(check))?
-        .map_err(|error| errors::scenario(&error))
+    let checked = interruptible(py, || Part::named(kind).and_then(check));
+    if checked.is_err() {
+        leave(document);
+    }
+    checked?.map_err(|error| errors::scenario(&error))
 }
 
 /// Read TOML.

@@ -9,6 +9,7 @@
 //! the two should cost about the same.
 
 use super::{Description, Hierarchy, Placed, Solid};
+use crate::interrupt;
 use crate::math::Vector;
 
 /// The obstacles of a world, sorted by where they are.
@@ -188,10 +189,13 @@ impl<H> Tree<H> {
     where
         H: Hierarchy<S::Probe, D>,
     {
+        let work = 256 * members.len();
         let boxes: Vec<_> = members.iter().map(|&j| box_of(&obstacles[j], time)).collect();
+        interrupt::spend(work);
         let mut tree = Self { members, hierarchy: H::new(&boxes) };
         // Twice, and the hierarchy has all the room that it will ever need.
         for _ in 0..2 {
+            interrupt::spend(work);
             tree.renew(obstacles, time, true);
         }
         tree
