@@ -20,6 +20,7 @@ import vffnull as vff
 from browsing import WEBGL, chromium, visit
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
+from vffnull.viewer.panel import OWN
 from vffnull.viewer.plots import span
 from vffnull.viewer.scene import view
 from vffnull.viewer.stories import STORIES
@@ -317,10 +318,19 @@ def test_settings_that_cannot_be_used_leave_no_trace(page: Any) -> None:
     assert page.snapshot()["status"] == "running" and panel._settings["stiffness"] == 16
 
 
+def test_a_scenario_of_one_s_own_is_no_preset(page: Any) -> None:
+    """No bundled name stands where another scenario runs."""
+    preset = page._panel._preset
+    page.open(page.scenario.replace(name="mine"))
+    assert preset.value == OWN and preset.value not in vff.scenarios()
+    page.open(vff.Scenario.load("chase"))
+    assert preset.value == "chase"
+
+
 def test_every_story_runs(page: Any) -> None:
     for name, story in STORIES.items():
         page._panel._tell(name)
-        assert page.scenario.name == story.scenario
+        assert page.scenario.name == page._panel._preset.value == story.scenario
         wait_for(lambda: page.snapshot()["t"] > 0.2)
         assert page.snapshot()["status"] == "running" and name in page._panel._look.content
 

@@ -53,7 +53,8 @@ def find(file: str, folder: Path | None, packages: Packages | None) -> Path:
             return place
     looked = "".join(f"\n  {place}" for place in tried) or " nowhere: the model is text without a folder"
     raise MissingMeshError(
-        f"mesh {file!r} cannot be found; looked in{looked}\npackages= names folders to search"
+        f"mesh {file!r} cannot be found; looked in{looked}\n"
+        "packages= (in a shell --package) names folders to search"
     )
 
 

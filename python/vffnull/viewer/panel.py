@@ -19,6 +19,7 @@ from vffnull.viewer.scene.cup import SPILLS
 from vffnull.viewer.stories import GIVING_WAY, IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.viewer.tasks import TASKS, with_task
 
+OWN = "your own"  # a scenario that is not bundled
 LEAD = """
 The field pushes the links away from the obstacle; the null-space projection keeps that push off the tip.
 **Switch the projection off and watch the tip.**
@@ -134,7 +135,7 @@ class Panel:
         ]
         self._look = gui.add_markdown("", visible=False)
         with gui.add_folder("Scene"):
-            self._preset = gui.add_dropdown("Preset", scenarios())
+            self._preset = gui.add_dropdown("Preset", (*scenarios(), OWN))
             self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, color="gray")
             self._back = gui.add_slider(
                 "Look back [s]", -KEPT, 0.0, 0.05, 0.0, visible=False, hint="What was drawn before the pause"
@@ -173,8 +174,7 @@ class Panel:
         settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
         settings.setdefault("field", {"kind": "khatib", "gain": 0.0, "influence": 0.5})
         self._show_settings(settings)
-        if scenario.name in self._preset.options:
-            put(self._preset, scenario.name)
+        put(self._preset, scenario.name if scenario.name in self._preset.options else OWN)
         self._plan.visible = scenario.to_dict()["reference"]["kind"] == "plan"
         self._look.visible = False
         self._show_paused(False)
@@ -262,7 +262,7 @@ class Panel:
 
         @self._preset.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
-            if event.client is not None:  # somebody has chosen it
+            if event.client is not None and self._preset.value != OWN:  # somebody has chosen it
                 self._told(event.client, lambda: page.open(Scenario.load(self._preset.value)))
 
         @self._pause.on_click
