@@ -12,13 +12,11 @@ from __future__ import annotations
 import argparse
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, field
 
-from playwright.sync_api import Browser, Page, WebSocket, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 import vffnull as vff
 
@@ -31,20 +29,11 @@ DRAWN = """() => new Promise(done => {
 WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
-@dataclass
-class Socket:
-    """What the page sends."""
-
-    sizes: list[int] = field(default_factory=list)
-
-    def listen(self, heard: WebSocket) -> None:
-        heard.on("framereceived", lambda payload: self.sizes.append(len(payload)))
-
-
-def opened(browser: Browser, url: str) -> tuple[Page, Socket]:
-    """A tab in which the page has drawn."""
-    tab, heard = browser.new_page(viewport={"width": 1200, "height": 700}), Socket()
-    tab.on("websocket", heard.listen)
+def opened(browser: Browser, url: str) -> tuple[Page, list[object]]:
+    """A tab in which the page has drawn, and what it hears from the server."""
+    tab = browser.new_page(viewport={"width": 1200, "height": 700})
+    heard: list[object] = []
+    tab.on("websocket", lambda server: server.on("framereceived", lambda message: heard.append(message)))
     tab.goto(url)
     tab.wait_for_selector("#vff-tip")
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
@@ -53,11 +42,8 @@ def opened(browser: Browser, url: str) -> tuple[Page, Socket]:
 
 def opening(browser: Browser, name: str) -> tuple[float, float]:
     """Seconds from the command to its answer, and to the picture."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = str(free.getsockname()[1])
     start = time.perf_counter()
-    command = [sys.executable, "-m", "vffnull", "live", name, "--no-browser", "--port", port]
+    command = [sys.executable, "-m", "vffnull", "live", name, "--no-browser"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert server.stdout is not None
@@ -78,9 +64,9 @@ def look(browser: Browser, name: str, seconds: float) -> str:
     try:
         tab, heard = opened(browser, page.url)
         tab.wait_for_timeout(3000)
-        before, sent = page.snapshot(), len(heard.sizes)
+        before, sent = page.snapshot(), len(heard)
         pictures = tab.evaluate(DRAWN % (1000 * seconds))
-        after, messages = page.snapshot(), (len(heard.sizes) - sent) / seconds
+        after, messages = page.snapshot(), (len(heard) - sent) / seconds
         tab.close()
     finally:
         page.stop()

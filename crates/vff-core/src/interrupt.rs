@@ -9,6 +9,7 @@
 #[cfg(feature = "parallel")]
 use rayon::ThreadPool;
 use std::cell::{Cell, RefCell};
+use std::mem;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -111,35 +112,39 @@ pub fn watched<T>(watch: Watch, work: impl FnOnce() -> T) -> Result<T, Interrupt
     })
 }
 
-/// A large value in the making: where the work is ended, another thread gives its memory back, which takes a while.
-#[derive(Debug)]
-pub struct Aside<T: Send + 'static>(Option<T>);
+/// Leaves a large value to another thread, which gives its memory back: that takes a while, and an interruption does not
+/// wait for it.
+pub fn leave<T: Send + 'static>(value: T) {
+    // If there is no thread, it is dropped here.
+    let _ = thread::Builder::new().spawn(move || drop(value));
+}
 
-impl<T: Send + 'static> Aside<T> {
+/// A large value in the making, which is left to another thread where the work is ended.
+#[derive(Debug)]
+pub struct Aside<T: Default + Send + 'static>(T);
+
+impl<T: Default + Send + 'static> Aside<T> {
     /// What is to be filled in.
     pub fn new(value: T) -> Self {
-        Self(Some(value))
+        Self(value)
     }
 
     /// The value, when it is made.
-    #[expect(clippy::missing_panics_doc, reason = "it is there until this")]
     pub fn done(mut self) -> T {
-        self.0.take().expect("it is there")
+        mem::take(&mut self.0)
     }
 }
 
-impl<T: Send + 'static> AsMut<T> for Aside<T> {
+impl<T: Default + Send + 'static> AsMut<T> for Aside<T> {
     fn as_mut(&mut self) -> &mut T {
-        self.0.as_mut().expect("it is there")
+        &mut self.0
     }
 }
 
-impl<T: Send + 'static> Drop for Aside<T> {
+impl<T: Default + Send + 'static> Drop for Aside<T> {
     fn drop(&mut self) {
-        let value = self.0.take();
-        if thread::panicking() && value.is_some() {
-            // If there is no thread, it is dropped here.
-            let _ = thread::Builder::new().spawn(move || drop(value));
+        if thread::panicking() {
+            leave(mem::take(&mut self.0));
         }
     }
 }
@@ -219,14 +224,17 @@ mod tests {
     /// Where the work is ended, what it was to fill is dropped by another thread; where it comes to its end, it is kept.
     #[test]
     fn what_was_in_the_making_is_dropped_elsewhere() {
-        struct Large(mpsc::Sender<thread::ThreadId>);
+        #[derive(Default)]
+        struct Large(Option<mpsc::Sender<thread::ThreadId>>);
         impl Drop for Large {
             fn drop(&mut self) {
-                let _ = self.0.send(thread::current().id());
+                if let Some(send) = &self.0 {
+                    let _ = send.send(thread::current().id());
+                }
             }
         }
         let (send, dropped) = mpsc::channel();
-        let large = Large(send.clone());
+        let large = Large(Some(send.clone()));
         let ended = watched(Watch::Ask(|| false), move || {
             let aside = Aside::new(large);
             endless();
@@ -234,7 +242,7 @@ mod tests {
         });
         assert_eq!(ended, Err(Interrupted));
         assert_ne!(dropped.recv().unwrap(), thread::current().id());
-        let kept = Aside::new(Large(send)).done();
+        let kept = Aside::new(Large(Some(send))).done();
         assert!(dropped.try_recv().is_err());
         drop(kept);
         assert_eq!(dropped.recv().unwrap(), thread::current().id());

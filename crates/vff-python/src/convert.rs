@@ -2,7 +2,6 @@
 
 use crate::errors::{InputError, InputTypeError};
 use crate::loading::load_numpy;
-use crate::watch::leave;
 use nalgebra::DMatrix;
 use numpy::{
     PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
@@ -12,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyMapping, PyString, PyTuple};
 use std::fmt;
 use toml::{Table, Value};
+use vff_core::interrupt;
 
 /// Documents deeper than this are taken for endless: a dict inside itself has no bottom.
 const MAX_DEPTH: usize = 32;
@@ -232,7 +232,7 @@ impl Reader {
                 Ok(value) => values.push(value),
                 Err(error) => {
                     if i > SIGNALS_EVERY {
-                        leave(values);
+                        interrupt::leave(values);
                     }
                     return Err(error);
                 }
@@ -292,6 +292,40 @@ pub fn table_to_dict<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py,
         dict.set_item(key, from_toml(py, value)?)?;
     }
     Ok(dict)
+}
+
+/// A table in the order in which TOML is written: what is no table first. The library takes any order, but in time that
+/// grows with the square of the length. Adds to `values` how many there are.
+pub fn values_first(table: Table, values: &mut usize) -> Table {
+    let (mut first, mut then) = (Table::with_capacity(table.len()), vec![]);
+    for (key, value) in table {
+        match ordered(value, values) {
+            value if is_table(&value) => then.push((key, value)),
+            value => drop(first.insert(key, value)),
+        }
+    }
+    first.extend(then);
+    first
+}
+
+fn ordered(value: Value, values: &mut usize) -> Value {
+    *values += 1;
+    match value {
+        Value::Table(table) => Value::Table(values_first(table, values)),
+        Value::Array(array) => {
+            Value::Array(array.into_iter().map(|value| ordered(value, values)).collect())
+        }
+        value => value,
+    }
+}
+
+/// Whether a value has a header of its own, or one for each of its items.
+fn is_table(value: &Value) -> bool {
+    match value {
+        Value::Table(_) => true,
+        Value::Array(items) => items.first().is_some_and(Value::is_table),
+        _ => false,
+    }
 }
 
 /// Copies a vector of known length out of whatever NumPy makes an array of.

@@ -21,10 +21,13 @@ const LOOK_EVERY: Duration = Duration::from_millis(1);
 static LOADED: AtomicBool = AtomicBool::new(false);
 static LOADER: Mutex<Option<Loader>> = Mutex::new(None);
 
-/// The thread that loads, and how it ended.
+/// How it ended, when it has.
+type End = Arc<OnceLock<PyResult<()>>>;
+
+/// The thread that loads.
 struct Loader {
     thread: Py<PyAny>,
-    end: Arc<OnceLock<PyResult<()>>>,
+    end: End,
 }
 
 /// Loads what arrays need. To be called before the first of them is made.
@@ -60,14 +63,14 @@ fn loader() -> MutexGuard<'static, Option<Loader>> {
 }
 
 /// The end that a thread is at work on. One that a signal kept from starting is not at work.
-fn at_work(py: Python<'_>) -> PyResult<Option<Arc<OnceLock<PyResult<()>>>>> {
+fn at_work(py: Python<'_>) -> PyResult<Option<End>> {
     let found = loader().as_ref().map(|it| (it.thread.clone_ref(py), it.end.clone()));
     let Some((thread, end)) = found.filter(|(_, end)| end.get().is_none()) else { return Ok(None) };
     Ok(thread.bind(py).call_method0("is_alive")?.extract::<bool>()?.then_some(end))
 }
 
-fn start(py: Python<'_>) -> PyResult<Arc<OnceLock<PyResult<()>>>> {
-    let end = Arc::new(OnceLock::new());
+fn start(py: Python<'_>) -> PyResult<End> {
+    let end = End::default();
     let ended = end.clone();
     let work = PyCFunction::new_closure(py, None, None, move |arguments, _| {
         // Only this thread sets it.

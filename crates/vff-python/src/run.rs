@@ -4,7 +4,7 @@
 use crate::convert::{self, array2, document, instead, named_document, table_to_dict, wrong_type};
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
-use crate::watch::{PROGRESS, SIGNALS, Watch, abandonable, interruptible, leave, stepwise};
+use crate::watch::{PROGRESS, SIGNALS, Watch, abandonable, interruptible, stepwise};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -15,6 +15,7 @@ use std::time::Instant;
 use vff_core::runtime::batch::{Batch, BatchError, Rollout};
 use vff_core::simulation::{Array, Record, Replanned, Status, Value};
 use vff_core::{
+    interrupt,
     planning::feasibility,
     runtime,
     scenario::{self, Part, Scenario, ScenarioError},
@@ -252,7 +253,7 @@ pub fn check(
     let check = |part| runtime::any::check(part, &document, dimension);
     let checked = interruptible(py, || Part::named(kind).and_then(check));
     if checked.is_err() {
-        leave(document);
+        interrupt::leave(document);
     }
     checked?.map_err(|error| errors::scenario(&error))
 }
@@ -289,7 +290,7 @@ pub fn format_toml(
     #[pyo3(from_py_with = document)] document: toml::Table,
 ) -> PyResult<String> {
     let mut values = 0;
-    let document = values_first(document, &mut values);
+    let document = convert::values_first(document, &mut values);
     abandonable(py, values.saturating_mul(16), move || toml::to_string(&document))?
         .map_err(|error| InputError::new_err(error.to_string()))
 }
@@ -304,38 +305,4 @@ pub fn schema() -> &'static str {
 #[pyfunction]
 pub fn schema_json() -> String {
     scenario::json_schema()
-}
-
-/// A table in the order in which TOML is written: what is no table first. The library takes any order, but in time that
-/// grows with the square of the length. Adds to `values` how many there are.
-fn values_first(table: toml::Table, values: &mut usize) -> toml::Table {
-    let (mut first, mut then) = (toml::Table::with_capacity(table.len()), vec![]);
-    for (key, value) in table {
-        match ordered(value, values) {
-            value if is_table(&value) => then.push((key, value)),
-            value => drop(first.insert(key, value)),
-        }
-    }
-    first.extend(then);
-    first
-}
-
-fn ordered(value: toml::Value, values: &mut usize) -> toml::Value {
-    *values += 1;
-    match value {
-        toml::Value::Table(table) => toml::Value::Table(values_first(table, values)),
-        toml::Value::Array(array) => {
-            toml::Value::Array(array.into_iter().map(|value| ordered(value, values)).collect())
-        }
-        value => value,
-    }
-}
-
-/// Whether a value has a header of its own, or one for each of its items.
-fn is_table(value: &toml::Value) -> bool {
-    match value {
-        toml::Value::Table(_) => true,
-        toml::Value::Array(items) => items.first().is_some_and(toml::Value::is_table),
-        _ => false,
-    }
 }

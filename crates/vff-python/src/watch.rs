@@ -107,12 +107,6 @@ pub fn abandonable<T: Send + 'static>(
     }
 }
 
-/// Leaves a large value to another thread, which gives its memory back: Ctrl-C does not wait for that.
-pub fn leave<T: Send + 'static>(value: T) {
-    // If there is no thread, it is dropped here.
-    let _ = thread::Builder::new().spawn(move || drop(value));
-}
-
 /// Watches for the calling thread, which has released the GIL.
 pub struct Watch {
     progress: Option<Py<PyAny>>,

@@ -317,7 +317,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let placed = &self.obstacles[obstacle];
         let pair = Pair { body: index, link: body.link, obstacle };
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
-        // Most are like this.
+        // Most are like this: apart, so that nothing is computed that the caller does not ask for.
         if placed.turned.is_none() && placed.solid.contacts() == 1 {
             let contact = placed.solid.contact(pair, &probe, &state);
             if contact.distance < reach {

@@ -29,7 +29,7 @@ impl<const D: usize> Near<D> {
 
 /// How near a body and an obstacle are.
 #[derive(Debug, Clone, Copy)]
-pub struct Nearest<const D: usize> {
+pub struct Approach<const D: usize> {
     /// Signed distance \[m\].
     pub distance: f64,
     /// Velocity of the obstacle at its nearest point \[m/s\], and whether it turns.
@@ -37,7 +37,7 @@ pub struct Nearest<const D: usize> {
     turns: bool,
 }
 
-impl<const D: usize> Nearest<D> {
+impl<const D: usize> Approach<D> {
     #[inline(always)]
     fn new(contact: &Contact<D>) -> Self {
         let Contact { distance, velocity, spin, .. } = contact;
@@ -84,7 +84,7 @@ pub trait Prediction<const D: usize> {
         after: f64,
         reach: f64,
         found: &mut Vec<Near<D>>,
-    ) -> Nearest<D>;
+    ) -> Approach<D>;
 }
 
 impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
@@ -125,9 +125,9 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         after: f64,
         reach: f64,
         found: &mut Vec<Near<D>>,
-    ) -> Nearest<D> {
+    ) -> Approach<D> {
         let visit = |contact: &Contact<D>| found.push(Near::new(contact));
-        self.for_each_contact_after(index, body, obstacle, after, reach, visit, Nearest::new)
+        self.for_each_contact_after(index, body, obstacle, after, reach, visit, Approach::new)
     }
 }
 
