@@ -71,11 +71,12 @@
 //! | `models` | `robot::models`, `robot::urdf` | roxmltree, strsim, toml |
 //! | `realtime` | `runtime::real_time`, `simulation::pace`; `runtime::live` with `parallel` | hdrhistogram |
 //!
-//! Arrows run one way: `runtime → planning → scenario → simulation → control → {field, robot, world, trajectory} → math`.
+//! Arrows run one way: `runtime → planning → scenario → simulation → control → {field, robot, world, trajectory} → geometry → math`.
 #![forbid(unsafe_code)]
 
 pub mod control;
 pub mod field;
+pub mod geometry;
 pub mod interrupt;
 pub mod inverse_kinematics;
 pub mod leader;

@@ -9,7 +9,8 @@ use std::sync::Arc;
 use vff_core::control::avoidance::preview::{Preview, PreviewSettings};
 use vff_core::control::{Avoidance, Controller, Formulation, Gains, Settings, Yielding};
 use vff_core::field::{Field, FieldKind};
-use vff_core::math::{Body, Capsule, Vector};
+use vff_core::geometry::Body;
+use vff_core::math::{Capsule, Vector};
 use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot};
 use vff_core::simulation::{
     ClosedLoop, Control, Options, Outcome, Perceive, Perception, PerceptionKind,
@@ -430,7 +431,7 @@ impl Robot<2> for ChainState {
         self.q.len() + 1
     }
 
-    fn body(&self, i: usize) -> Body<2> {
+    fn body(&self, i: usize) -> Body<'_, 2> {
         let last = self.q.len() - 1;
         let link = i.min(last);
         let (frame, Link { length, radius, .. }) = (&self.frames[link], self.chain.links[link]);
@@ -568,7 +569,7 @@ fn operators_agree_with_finite_differences() {
             assert!((now.jacobian_column::<2>(k) - column).norm() < 1e-8);
         }
         for i in 0..now.body_count() {
-            let Body { link, shape } = now.body(i);
+            let Body { link, shape, .. } = now.body(i);
             let (point, normal) = (shape.end(), V::new(0.6, -0.8));
             let [p, n] = [&before, &after].map(|state| state.body(i).shape.end());
             assert!((now.point_velocity(link, &point) - (n - p) / (2.0 * H)).norm() < 1e-7);
@@ -798,8 +799,8 @@ fn look_ahead_foresees_two_discs() {
 #[test]
 fn a_link_may_carry_two_bodies() {
     let robot = start();
-    let finger = robot.body(4);
-    let beside = finger.shape.end() + finger.shape.direction * 0.2;
+    let finger = robot.body(4).shape;
+    let beside = finger.end() + finger.direction * 0.2;
     let mut world = World::new(vec![disc(0.1, beside, Motion::default())]);
     let mut seen = vec![];
     let visit = |contact: &vff_core::world::Contact<2>| seen.push((contact.body, contact.link));
@@ -811,7 +812,7 @@ fn a_link_may_carry_two_bodies() {
     assert!((controller.forces().clearance()[3] - 0.07).abs() < 1e-12);
     let expected = pushing().at(0.07).force;
     let resultant = controller.forces().resultant()[3];
-    assert!(resultant.dot(&finger.shape.direction) < -expected, "{resultant}");
+    assert!(resultant.dot(&finger.direction) < -expected, "{resultant}");
 }
 
 /// Range sensors sit on every body, on the finger, too, whose disc no other body sees.

@@ -343,13 +343,25 @@ fn no_step_in_space_allocates() {
     // More of them near than are found at once.
     let points: Vec<_> =
         (0..400).map(|k| [0.01 * f64::from(k % 20), 0.0, 0.01 * f64::from(k / 20)]).collect();
-    for (task, reference) in [("position", LINE), ("pointing", CIRCLE), ("pose", LINE)] {
+    // Boxes and hulls on its links, too, which must not touch each other.
+    const HULLS: &str = ", collision = [
+        { link = 'panda_link1', shape = { kind = 'box', center = [0.0, 0.0, -0.1], size = [0.1, 0.1, 0.2] } },
+        { link = 'panda_link3', shape = { kind = 'box', center = [0.0, 0.0, -0.1], size = [0.1, 0.1, 0.2] } },
+        { link = 'panda_link5', shape = { kind = 'convex', vertices = [
+            [0.0, 0.0, 0.0], [0.1, 0.0, -0.3], [0.0, 0.1, -0.3], [-0.1, -0.1, -0.3]] } },
+        { link = 'panda_link7', shape = { kind = 'box', center = [0.0, 0.0, 0.1], size = [0.2, 0.1, 0.1] } } ]";
+    for (task, reference, shapes, own) in [
+        ("position", LINE, "", "ignore"),
+        ("pointing", CIRCLE, "", "ignore"),
+        ("pose", LINE, "", "ignore"),
+        ("pose", LINE, HULLS, "avoid"),
+    ] {
         for (avoidance, preview) in [("null_space", ""), ("cbf", ""), ("cbf", ", preview = {}")] {
             let text = format!(
                 "
                 duration = 0.5
                 q0 = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
-                arm = {{ model = 'panda' }}
+                arm = {{ model = 'panda'{shapes} }}
                 reference = {{ kind = {reference} }}
                 plant = {{ payload = {{ mass = 0.5 }} }}
                 obstacles = [
@@ -363,7 +375,7 @@ fn no_step_in_space_allocates() {
                     {{ shape = {{ kind = 'points', points = {points:?}, radius = 0.01 }}, position = [0.55, 0.25, 0.7],
                        angular_velocity = [0.0, 0.0, 1.0] }},
                     {{ shape = {{ kind = 'half_space', normal = [0.0, 0.0, 1.0] }}, position = [0.0, 0.0, 0.0] }} ]
-                controller = {{ task = '{task}', avoidance = '{avoidance}',
+                controller = {{ task = '{task}', avoidance = '{avoidance}', self_collision = '{own}',
                     field = {{ kind = 'bounded', gain = 20.0, influence = 0.25 }},
                     yielding = {{ margin = 0.02{preview} }} }}
                 simulation = {{ control = 'hold', integrator = 'semi_implicit_euler' }}"

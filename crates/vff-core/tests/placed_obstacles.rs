@@ -1,6 +1,7 @@
 //! Obstacles that are put elsewhere while a loop runs are those that a document would describe so.
 
-use vff_core::math::{Body, Capsule, Vector};
+use vff_core::geometry::Body;
+use vff_core::math::{Capsule, Vector};
 use vff_core::world::plane::{Obstacle, Shape, World};
 use vff_core::world::{CollisionQuery, Motion};
 

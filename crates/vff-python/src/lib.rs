@@ -40,7 +40,9 @@ mod _core {
     #[pymodule_export]
     use crate::live::Live;
     #[pymodule_export]
-    use crate::models::{arm_model, arm_text, check_arm, read_urdf, reduce_tree};
+    use crate::models::{
+        arm_model, arm_text, check_arm, overlapping_links, read_urdf, reduce_tree,
+    };
     #[pymodule_export]
     use crate::planning::{joints_at, plan};
     #[pymodule_export]

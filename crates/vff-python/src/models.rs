@@ -2,10 +2,14 @@
 
 use crate::convert::{document, from_toml};
 use crate::errors::InputError;
+use crate::watch::interruptible;
 use pyo3::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fmt::Display;
+use std::sync::Arc;
+use vff_core::control::distance::OwnPair;
+use vff_core::robot::Robot;
 use vff_core::robot::description::ArmDescription;
 use vff_core::robot::models;
 use vff_core::robot::urdf::{self, Options, Tree};
@@ -94,6 +98,50 @@ pub fn check_arm<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let arm: ArmDescription = typed(arm)?;
     to_python(py, &arm.checked().map_err(refused)?)
+}
+
+/// Which links of an arm overlap that must not touch: no neighbours, and none of those to be ignored.
+///
+/// Parameters
+/// ----------
+/// arm : dict
+///     The description.
+/// postures : sequence of sequence of float
+///     Joint positions.
+///
+/// Returns
+/// -------
+/// list of list of (str, str)
+///     The names of their links at every posture, from the base.
+///
+/// Raises
+/// ------
+/// vffnull.errors.InputError
+///     With the path of the first value that is wrong, or if a posture has another length than the arm has joints.
+#[pyfunction]
+pub fn overlapping_links(
+    py: Python<'_>,
+    #[pyo3(from_py_with = document)] arm: toml::Table,
+    postures: Vec<Vec<f64>>,
+) -> PyResult<Vec<Vec<(String, String)>>> {
+    let arm: ArmDescription = typed(arm)?;
+    let arm = Arc::new(arm.build().map_err(refused)?);
+    let n = arm.dof();
+    if let Some(other) = postures.iter().find(|q| q.len() != n) {
+        return Err(refused(format!("postures: expected {n} numbers each, got {}", other.len())));
+    }
+    let base = arm.description().base.clone();
+    let names: Vec<String> = arm.link_names().map(String::from).collect();
+    let name = |link: Option<usize>| link.map_or_else(|| base.clone(), |i| names[i].clone());
+    interruptible(py, || {
+        let mut state = arm.state();
+        let mut at = |q: &Vec<f64>| {
+            state.update_positions(q);
+            let links = OwnPair::<3>::overlapping_links(&state);
+            links.into_iter().map(|[a, b]| (name(a), name(b))).collect()
+        };
+        postures.iter().map(&mut at).collect()
+    })
 }
 
 /// The explicit description of a bundled arm.

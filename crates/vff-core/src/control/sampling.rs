@@ -2,7 +2,8 @@
 
 use super::{Gains, OperationalSpace};
 use crate::interrupt;
-use crate::math::{Body, Vector, dot};
+use crate::geometry::Body;
+use crate::math::{Vector, dot};
 use crate::robot::Robot;
 use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
@@ -144,7 +145,7 @@ pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
     speed: f64,
 ) -> StablePeriod {
     let n = robot.dof();
-    let at_body = |body: Body<D>| {
+    let at_body = |body: Body<'_, D>| {
         interrupt::spend(128 * n);
         let end = body.shape.end();
         let columns: Vec<Vec<f64>> = (0..D)

@@ -5,7 +5,8 @@ use super::settings::SelfCollision;
 use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
 use crate::math::dot;
-use crate::math::{Body, Nearest, Vector, keep_least};
+use crate::geometry::Body;
+use crate::math::{Nearest, Vector, keep_least};
 use crate::robot::Robot;
 use crate::world::{CollisionQuery, Contact};
 use std::ops::Range;
@@ -21,8 +22,8 @@ pub struct VirtualForces<W, const D: usize> {
     /// J_cᵀn̂ of a contact, and a workspace.
     column: Vec<f64>,
     scratch: Vec<f64>,
-    /// The bodies, gathered where they are measured against each other.
-    bodies: Vec<Body<D>>,
+    /// The bodies, or capsules around them, gathered where they are measured against each other.
+    bodies: Vec<Body<'static, D>>,
     self_clearance: f64,
     potential: f64,
     obstacle_power: f64,
@@ -289,9 +290,9 @@ mod tests {
             1
         }
 
-        fn for_each_contact(
+        fn for_each_contact<'a>(
             &mut self,
-            _bodies: impl IntoIterator<Item = Body<2>>,
+            _bodies: impl IntoIterator<Item = Body<'a, 2>>,
             _reach: f64,
             _distance: impl FnMut(usize, f64),
             mut visit: impl FnMut(&Contact<2>),
@@ -299,7 +300,7 @@ mod tests {
             visit(&self.0);
         }
 
-        fn contact_after(&self, _: usize, _: &Body<2>, _: usize, _: f64) -> Contact<2> {
+        fn contact_after(&self, _: usize, _: &Body<'_, 2>, _: usize, _: f64) -> Contact<2> {
             self.0
         }
     }
@@ -329,6 +330,7 @@ mod tests {
             distance: 0.3,
             normal,
             point: Vector::<2>::zeros(),
+            axis: normal,
             witness: normal * -0.3,
             velocity: normal,
             acceleration: Vector::<2>::zeros(),

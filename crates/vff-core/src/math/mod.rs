@@ -1,6 +1,6 @@
 //! The few types that every layer shares.
 
-mod body;
+mod feature;
 mod jerk_limit;
 pub mod memory;
 mod nearest;
@@ -14,7 +14,7 @@ mod spatial_pose;
 pub mod symmetric;
 mod third_order_filter;
 
-pub use body::{Body, keep_least};
+pub use feature::Feature;
 pub use jerk_limit::{JointBounds, JointMotion};
 pub use nearest::{Nearest, beside, crossing, nearest};
 pub use noise::Noise;
@@ -27,6 +27,22 @@ pub use spatial_pose::{Pointing, SpatialPose};
 pub use third_order_filter::ThirdOrderFilter;
 
 use nalgebra::SVector;
+use std::cmp::Ordering;
+
+/// Separations up to this \[m\] count as touching: the difference of two points that near is
+/// mostly rounding and has no direction, whereas a separating axis always has one.
+pub(crate) const TOUCHING: f64 = 1e-13;
+
+/// What a corner gains in distance per metre that it lies beyond an end of a link (T77).
+pub(crate) const RELIEF: f64 = 10.0;
+
+/// Keeps the smaller of two values; a `value` that is NaN takes its place.
+#[inline]
+pub fn keep_least(least: &mut f64, value: f64) {
+    if value.partial_cmp(least).is_none_or(Ordering::is_lt) {
+        *least = value;
+    }
+}
 
 /// 0 below 0, 1 above 1, and 3s² − 2s³ between.
 #[inline]

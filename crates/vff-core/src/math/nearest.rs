@@ -17,6 +17,8 @@ pub struct Nearest<const D: usize> {
     pub distance: f64,
     /// Whether the point of each lies between the ends of its axis, and slides along it as the two move.
     pub slides: [bool; 2],
+    /// Whether it is a flat face of one of them that the other is beside: the normal turns with that one.
+    pub flat: [bool; 2],
 }
 
 /// The nearest points of two capsules.
@@ -51,7 +53,7 @@ pub fn nearest<const D: usize>(a: &Capsule<D>, b: &Capsule<D>) -> Nearest<D> {
                 let gap = normal.dot(&(a.start - b.start)).max(0.0);
                 let distance = gap - a.radius - b.radius;
                 let points = [inside.0, inside.1];
-                return Nearest { points, normal, distance, slides: [true; 2] };
+                return Nearest { points, normal, distance, slides: [true; 2], flat: [false; 2] };
             }
         } else if gap <= 1e-12 * (a.length + b.length) {
             sign = -1.0; // the axes cross: the way out leads back through the nearest end
@@ -64,7 +66,7 @@ pub fn nearest<const D: usize>(a: &Capsule<D>, b: &Capsule<D>) -> Nearest<D> {
         axes => (points.0 - points.1) * (sign / axes),
     };
     let distance = sign * axes - a.radius - b.radius;
-    Nearest { points: [points.0, points.1], normal, distance, slides }
+    Nearest { points: [points.0, points.1], normal, distance, slides, flat: [false; 2] }
 }
 
 /// The unit vector across two axes that are not parallel, on the side of `offset`: known exactly, whereas the

@@ -6,7 +6,8 @@
 
 use super::spatial::SpatialArm;
 use super::{inertia, names};
-use crate::math::Vector;
+use crate::geometry::{Hull, HullError};
+use crate::math::{Capsule, Vector};
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -287,12 +288,9 @@ pub enum DescriptionProblem {
     /// A continuous joint with an end.
     #[error("`{0}` is continuous and has no limits: a joint with limits is revolute")]
     ContinuousLimit(String),
-    /// A shape that links do not carry.
-    #[error(
-        "links carry spheres and capsules so far, not a {0}: fit capsules to the links (`collision = \"fit\"` where \
-         a model is read), or write them out"
-    )]
-    NotRound(&'static str),
+    /// Points without a hull that links can carry.
+    #[error("must be {0}")]
+    Hull(HullError),
     /// An inertia tensor that no mass distribution has.
     #[error("{0}")]
     Inertia(inertia::Impossible),
@@ -349,20 +347,40 @@ impl Frame {
 }
 
 impl Shape {
-    /// Both ends of the axis and the radius \[m\] of a capsule, or of a sphere, which has one end.
+    /// The capsule that it is, or the hull and a capsule that holds it, in a frame in which its points are `placed`.
     ///
     /// # Errors
-    /// If it is neither, with `path`.
-    pub(super) fn rounded(
+    /// If its points have no hull, with `path`.
+    pub(super) fn solid(
         &self,
         path: &str,
-    ) -> Result<(Vector<3>, Vector<3>, f64), DescriptionError> {
-        let other = |kind| Err(fault(path, DescriptionProblem::NotRound(kind)));
+        placed: impl Fn(Vector<3>) -> Vector<3>,
+    ) -> Result<(Capsule<3>, Option<Hull>), DescriptionError> {
+        let round = |a: &[f64; 3], b: &[f64; 3], radius: f64| {
+            (swept(placed((*a).into()), placed((*b).into()), radius), None)
+        };
+        let hull = |key: &str, points: &[[f64; 3]]| {
+            let points: Vec<[f64; 3]> =
+                points.iter().map(|point| placed((*point).into()).into()).collect();
+            let hull = Hull::new(&points).map_err(|error| {
+                fault(format!("{path}.{key}"), DescriptionProblem::Hull(error))
+            })?;
+            Ok((hull.enclosing(), Some(hull)))
+        };
         match self {
-            Self::Sphere { center, radius } => Ok(((*center).into(), (*center).into(), *radius)),
-            Self::Capsule { a, b, radius } => Ok(((*a).into(), (*b).into(), *radius)),
-            Self::Box { .. } => other("box"),
-            Self::Convex { .. } => other("convex hull"),
+            Self::Sphere { center, radius } => Ok(round(center, center, *radius)),
+            Self::Capsule { a, b, radius } => Ok(round(a, b, *radius)),
+            Self::Box { center, size, orientation } => {
+                let frame = Isometry3::from(Frame { position: *center, orientation: *orientation });
+                let corner = |bits: u8| {
+                    let sign = |k: u8| if bits >> k & 1 == 0 { -0.5 } else { 0.5 };
+                    let [x, y, z] = *size;
+                    let corner = nalgebra::Point3::new(sign(0) * x, sign(1) * y, sign(2) * z);
+                    frame.transform_point(&corner).coords.into()
+                };
+                hull("size", &(0..8u8).map(corner).collect::<Vec<_>>())
+            }
+            Self::Convex { vertices } => hull("vertices", vertices),
         }
     }
 
@@ -399,6 +417,14 @@ impl Shape {
             }
         }
     }
+}
+
+/// The capsule between two points, which may be the same: a sphere has no direction, any will do.
+fn swept(start: Vector<3>, end: Vector<3>, radius: f64) -> Capsule<3> {
+    let along = end - start;
+    let length = along.norm();
+    let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
+    Capsule { start, direction, length, radius }
 }
 
 impl Joint {

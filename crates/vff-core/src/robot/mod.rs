@@ -18,7 +18,8 @@ pub mod spatial;
 #[cfg(feature = "models")]
 pub mod urdf;
 
-use crate::math::{Body, Capsule, Pose, Vector};
+use crate::geometry::{Body, Encounter, StillBody};
+use crate::math::{Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -220,18 +221,27 @@ pub trait Robot<const D: usize> {
     /// The number of bodies: what is measured against obstacles and against each other.
     fn body_count(&self) -> usize;
     /// Body `i` in the world.
-    fn body(&self, i: usize) -> Body<D>;
+    fn body(&self, i: usize) -> Body<'_, D>;
     /// All of them, from the base.
-    fn bodies(&self) -> impl Iterator<Item = Body<D>> {
+    fn bodies(&self) -> impl Iterator<Item = Body<'_, D>> {
         (0..self.body_count()).map(|i| self.body(i))
     }
     /// Bodies that the base carries, in the world: they do not move. An arm may touch its own base.
-    fn still_bodies(&self) -> &[Capsule<D>] {
+    fn still_bodies(&self) -> &[StillBody<D>] {
         &[]
     }
     /// The pairs of bodies that must not touch each other, the lower index first; the still ones are counted behind the
     /// others.
     fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]>;
+    /// Calls `visit` with the nearest parts of a pair of these bodies, of which one is a hull, or with all its `features` that
+    /// may be the nearest when these change hands. Nothing where both are capsules.
+    fn for_each_encounter(
+        &self,
+        _pair: [usize; 2],
+        _features: bool,
+        _visit: &mut dyn FnMut(&Encounter<D>),
+    ) {
+    }
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` \[m/s\].
     fn point_velocity(&self, i: usize, point: &Vector<D>) -> Vector<D>;
     /// `out = J_cᵀ f` for a force at `point` of link `i`.

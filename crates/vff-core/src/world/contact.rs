@@ -1,7 +1,7 @@
 //! The nearest pair of points between a body of the robot and an obstacle.
 
 use super::Spin;
-use crate::math::Vector;
+use crate::math::{Feature, Vector};
 
 /// Where a body of the robot and an obstacle come nearest, in the world frame.
 ///
@@ -19,8 +19,10 @@ pub struct Contact<const D: usize> {
     pub distance: f64,
     /// Unit vector from the obstacle towards the link: the shortest way out.
     pub normal: Vector<D>,
-    /// Point of the link's axis nearest to the obstacle \[m\]: where a repulsion acts.
+    /// Point of the link's axis nearest to the obstacle \[m\], of a hull that of its surface: where a repulsion acts.
     pub point: Vector<D>,
+    /// Unit vector along that axis, or along the edge of a hull on which the point lies; zero where it lies on none.
+    pub axis: Vector<D>,
     /// Point of the obstacle's surface nearest to the link \[m\].
     pub witness: Vector<D>,
     /// Velocity of the obstacle at the witness \[m/s\].
@@ -51,38 +53,4 @@ impl<const D: usize> Contact<D> {
         let Self { body, link, obstacle, .. } = *self;
         Pair { body, link, obstacle }
     }
-}
-
-/// The features of the link's axis and of the obstacle that are nearest. The obstacle counts without
-/// its radius: a circle or a sphere as its centre, a capsule as a segment.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Feature<const D: usize> {
-    /// The inside of the axis and a point of the obstacle (a centre or a corner): the normal turns
-    /// with the link.
-    Side {
-        /// Signed distance of the axis from that point \[m\].
-        distance: f64,
-    },
-    /// An end of the axis and a point of the obstacle: the normal points from one to the other.
-    End {
-        /// Their distance \[m\], > 0.
-        distance: f64,
-    },
-    /// An end of the axis and a flat face of the obstacle: the normal is that of the face.
-    Face,
-    /// An end of the axis and the inside of a straight edge of the obstacle; in space only.
-    Edge {
-        /// Unit vector along the edge.
-        edge: Vector<D>,
-        /// Their distance \[m\], > 0.
-        distance: f64,
-    },
-    /// The insides of the axis and of a straight edge of the obstacle, which are not parallel: the normal
-    /// is across both; in space only.
-    Crossing {
-        /// Unit vector along the edge.
-        edge: Vector<D>,
-        /// Signed distance of the two lines along the normal \[m\].
-        distance: f64,
-    },
 }

@@ -218,7 +218,8 @@ impl<H> Tree<H> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::math::{Body, Capsule, ThirdOrderFilter};
+    use crate::geometry::Body;
+    use crate::math::{Capsule, ThirdOrderFilter};
     use crate::world::plane::{Obstacle, Outline, Shape};
     use crate::world::{CollisionQuery, Motion, Named, World};
     use proptest::prelude::*;

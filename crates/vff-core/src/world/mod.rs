@@ -20,24 +20,23 @@ mod solid;
 pub mod space;
 mod turning;
 
-pub use contact::{Contact, Feature, Pair};
+pub use crate::math::Feature;
+pub use contact::{Contact, Pair};
 pub use crowd::HORIZON;
 pub use motion::{Motion, MotionState};
 pub use query::{CollisionQuery, Positions};
-pub use solid::{Description, Hierarchy, Solid, top_speed};
+pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
 
+use crate::geometry::Carried;
 use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
 use crowd::Crowd;
 use std::mem::{replace, take};
 
-/// Separations up to this \[m\] count as touching: the difference of two points that near is
-/// mostly rounding and has no direction, whereas a separating axis always has one.
-pub(crate) const TOUCHING: f64 = 1e-13;
+pub(crate) use crate::math::TOUCHING;
 
-/// What a corner gains in distance per metre that it lies beyond an end of a link (T77).
-const RELIEF: f64 = 10.0;
+pub(crate) use crate::math::RELIEF;
 
 /// The obstacles at one instant. `S` is what they are made of: see [`plane::World`] and [`space::World`].
 #[derive(Debug, Clone)]
@@ -48,6 +47,8 @@ pub struct World<S: Solid<D>, const D: usize> {
     /// The most contacts and the most barriers that one link can have.
     contacts: usize,
     barriers: usize,
+    /// The most barriers that a hull can have.
+    hull_barriers: usize,
     /// The present instant \[s\].
     time: f64,
     /// Which obstacles are asked, where these are not simply all of them, none of which turns.
@@ -197,6 +198,48 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         turn.place(&found, state)
     }
 
+    /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds, were the obstacle in this state and
+    /// turned so.
+    #[expect(clippy::too_many_arguments, reason = "two things, how they are placed, and a question")]
+    #[inline(never)]
+    fn meet_hull(
+        &self,
+        pair: Pair,
+        hull: &Carried<'_, D>,
+        around: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+        asked: Asked,
+        visit: &mut dyn FnMut(&Contact<D>),
+    ) {
+        let Some(turn) = turn else {
+            return self.solid.meet_hull(pair, hull, around, state, asked, visit);
+        };
+        let rotation = turn.rotation.tr_mul(hull.rotation);
+        let position = turn.rotation.tr_mul(&(hull.position - state.position));
+        let hull = Carried { hull: hull.hull, rotation: &rotation, position };
+        let (around, rest) =
+            (Self::seen(around, &state.position, turn), MotionState::at_rest(Vector::zeros()));
+        let visit = &mut |found: &Contact<D>| visit(&turn.place(found, state));
+        self.solid.meet_hull(pair, &hull, &around, &rest, asked, visit);
+    }
+
+    /// The contact with a hull that is nearest, the same way.
+    fn hull_contact(
+        &self,
+        pair: Pair,
+        hull: &Carried<'_, D>,
+        around: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+    ) -> Contact<D> {
+        // Every solid has one.
+        let mut nearest = self.contact(pair, around, state, turn);
+        let visit = &mut |found: &Contact<D>| nearest = *found;
+        self.meet_hull(pair, hull, around, state, turn, Asked::Nearest, visit);
+        nearest
+    }
+
     /// All of their contacts nearer than `reach` \[m\], were the obstacle in this state and turned so.
     #[inline(always)] // with and without turning apart
     fn for_each_contact(
@@ -266,11 +309,11 @@ impl<S: Solid<D>, const D: usize> Named<S, D> {
 }
 
 /// The most contacts and the most barriers that one link can have.
-fn most_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> (usize, usize) {
+fn most_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> [usize; 3] {
     let most = |of: fn(&S) -> usize| {
         obstacles.iter().map(|obstacle| of(&obstacle.solid).max(obstacle.room)).sum()
     };
-    (most(Solid::contacts), most(Solid::barriers))
+    [most(Solid::contacts), most(Solid::barriers), most(Solid::hull_barriers)]
 }
 
 impl<S: Solid<D>, const D: usize> World<S, D> {
@@ -298,9 +341,9 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         } else {
             Named::each(&obstacles, vec![])
         };
-        let (contacts, barriers) = most_of(&obstacles);
+        let [contacts, barriers, hull_barriers] = most_of(&obstacles);
         let remembered = [f64::INFINITY; REMEMBERED];
-        Self { obstacles, moving, contacts, barriers, time: 0.0, named, remembered }
+        Self { obstacles, moving, contacts, barriers, hull_barriers, time: 0.0, named, remembered }
     }
 
     /// What stands still, and what moves or turns, as worlds of their own at t = 0. Allocates.
@@ -414,7 +457,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     pub fn make_room(&mut self, j: usize, contacts: usize) {
         let room = &mut self.obstacles[j].room;
         *room = contacts.max(*room);
-        (self.contacts, self.barriers) = most_of(&self.obstacles);
+        [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
     }
 
     /// As how many contacts and barriers obstacle `j` counts at least.
@@ -437,7 +480,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
 
     /// Does what has to be done when a solid is not what it was.
     fn reshaped(&mut self) {
-        (self.contacts, self.barriers) = most_of(&self.obstacles);
+        [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
         if let Named::Crowd(crowd) = &mut self.named {
             crowd.renew(&self.obstacles);
         }
@@ -451,7 +494,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             _ => vec![],
         };
         self.named = Named::each(&self.obstacles, room);
-        (self.contacts, self.barriers) = most_of(&self.obstacles);
+        [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
         self.moving.clear();
         self.moving.extend((0..self.obstacles.len()).filter(|&j| !self.obstacles[j].is_static));
         for obstacle in &mut self.obstacles {
@@ -476,7 +519,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
 mod tests {
     use super::plane::{Obstacle, Shape, World};
     use super::{CollisionQuery, Motion};
-    use crate::math::{Body, Capsule, Vector};
+    use crate::geometry::Body;
+    use crate::math::{Capsule, Vector};
 
     fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
         Obstacle {

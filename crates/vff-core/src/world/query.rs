@@ -1,8 +1,9 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
-use super::{Contact, Named, Pair, Placed, Solid, Turn, World};
+use super::{Asked, Contact, Named, Pair, Placed, Solid, Turn, World};
+use crate::geometry::{Body, Carried};
 use crate::interrupt;
-use crate::math::{Body, Vector};
+use crate::math::{Vector, keep_least};
 
 /// How much farther away than it was the nearest of all obstacles is expected at most when a body is asked again \[m\].
 const STRIDE: f64 = 2e-3;
@@ -22,18 +23,18 @@ pub trait CollisionQuery<const D: usize> {
 
     /// Calls `visit` with the contacts nearer than `reach` \[m\], and `distance`, body by body,
     /// with the index of the link and the signed distance to whatever is nearest, however far \[m\].
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
         visit: impl FnMut(&Contact<D>),
     );
 
     /// Calls `visit` with the index of every obstacle nearer than `reach` \[m\] to a body, once or more for each body.
-    fn for_each_obstacle_near(
+    fn for_each_obstacle_near<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         mut visit: impl FnMut(usize),
     ) {
@@ -45,11 +46,16 @@ pub trait CollisionQuery<const D: usize> {
         self.contact_count()
     }
 
+    /// The most barriers that one hull can have.
+    fn hull_barrier_count(&self) -> usize {
+        self.barrier_count()
+    }
+
     /// Calls `visit` with all distances nearer than `reach` \[m\] that must be kept so that every contact is:
     /// the contacts themselves, or, where nearest features change at once, each feature that may be next.
-    fn for_each_barrier(
+    fn for_each_barrier<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         visit: impl FnMut(&Contact<D>),
     ) {
@@ -61,7 +67,7 @@ pub trait CollisionQuery<const D: usize> {
     fn contact_after(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
     ) -> Contact<D>;
@@ -73,7 +79,7 @@ pub trait CollisionQuery<const D: usize> {
     fn for_each_contact_after<T>(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
         reach: f64,
@@ -108,7 +114,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// # Panics
     /// If `j` is not less than [`World::len`].
     #[inline]
-    pub fn contact(&self, index: usize, body: &Body<D>, j: usize) -> Contact<D> {
+    pub fn contact(&self, index: usize, body: &Body<'_, D>, j: usize) -> Contact<D> {
         let obstacle = &self.obstacles[j];
         let moved;
         let state = if obstacle.is_at(self.time) {
@@ -119,7 +125,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         };
         let pair = Pair { body: index, link: body.link, obstacle: j };
         let turn = obstacle.turn_at(self.time);
-        obstacle.contact(pair, &S::probe(&body.shape), state, turn.as_ref())
+        let probe = S::probe(&body.shape);
+        match &body.hull {
+            None => obstacle.contact(pair, &probe, state, turn.as_ref()),
+            Some(hull) => obstacle.hull_contact(pair, hull, &probe, state, turn.as_ref()),
+        }
     }
 
     /// The distance \[m\] from `origin` along the unit vector `direction` to the first obstacle within
@@ -141,9 +151,9 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
 
     /// Calls `visit` with the nearest points of every body and every obstacle, however far: one contact a pair, body by body
     /// from the first of `bodies` on, and for each in the order of the obstacles.
-    pub fn for_each_pair(
+    pub fn for_each_pair<'a>(
         &self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         mut visit: impl FnMut(&Contact<D>),
     ) {
         for (index, body) in bodies.into_iter().enumerate() {
@@ -154,32 +164,43 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// Body by body from the first of `bodies` on, and for each in the order of the obstacles: `meet` is called with those
     /// that may be within reach, and how they are turned. The distance of what is nearest is needed below `limit` \[m\] only.
     #[inline(always)] // three times
-    fn for_each_near(
+    fn for_each_near<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         limit: f64,
         mut distance: impl FnMut(usize, f64),
-        mut meet: impl FnMut(Pair, &S::Probe, &Placed<S, D>, Option<&Turn<D>>),
+        mut meet: impl FnMut(Pair, &S::Probe, Option<&Carried<'_, D>>, &Placed<S, D>, Option<&Turn<D>>),
     ) {
-        let Self { obstacles, named, time, remembered, contacts, .. } = self;
-        if obstacles.is_empty() {
+        if self.obstacles.is_empty() {
             return;
         }
+        let Self { obstacles, named, time, remembered, contacts, .. } = self;
         // The same is done with all as with the few that a crowd names: measured first, and only bodies with
         // something in reach are looked at again. Two loops, for the first needs all the registers, and asks nobody
         // whether it turns.
         let bodies = bodies.into_iter().enumerate();
         if let Named::All = named {
-            for (body, Body { link, shape }) in bodies {
+            for (body, Body { link, shape, hull }) in bodies {
                 let probe = S::probe(&shape);
+                if let Some(hull) = &hull {
+                    let pair = Pair { body, link, obstacle: 0 };
+                    let least = least_of_hull(pair, obstacles, 0..obstacles.len(), &probe, hull, limit);
+                    distance(link, least);
+                    if least < reach {
+                        for (j, obstacle) in obstacles.iter().enumerate() {
+                            meet(Pair { obstacle: j, ..pair }, &probe, Some(hull), obstacle, None);
+                        }
+                    }
+                    continue;
+                }
                 let least = least_distance(obstacles.iter(), |obstacle| {
                     obstacle.solid.distance_below(&probe, &obstacle.state.position, limit)
                 });
                 distance(link, least);
                 if least < reach {
                     for (j, obstacle) in obstacles.iter().enumerate() {
-                        meet(Pair { body, link, obstacle: j }, &probe, obstacle, None);
+                        meet(Pair { body, link, obstacle: j }, &probe, None, obstacle, None);
                     }
                 }
             }
@@ -187,9 +208,36 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         }
         // What was nearest before is worth a second look where one obstacle alone has many points to search.
         let searched = *contacts > obstacles.len();
-        for (body, Body { link, shape }) in bodies {
+        for (body, Body { link, shape, hull }) in bodies {
             interrupt::spend(256);
             let probe = S::probe(&shape);
+            if let Some(hull) = &hull {
+                let mut within = reach;
+                let mut least = f64::INFINITY;
+                // What is nearest to the capsule around it need not be nearest to the hull, but gives a bound.
+                for _ in 0..2 {
+                    let pair = Pair { body, link, obstacle: 0 };
+                    let near = match named {
+                        Named::All => &[],
+                        Named::Each(all) => &all[..],
+                        Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, within),
+                    };
+                    least = least_of_hull(pair, obstacles, near.iter().copied(), &probe, hull, limit);
+                    if least < reach {
+                        interrupt::spend(64 * near.len());
+                        for &j in near {
+                            let (pair, obstacle) = (Pair { obstacle: j, ..pair }, &obstacles[j]);
+                            meet(pair, &probe, Some(hull), obstacle, obstacle.turn());
+                        }
+                    }
+                    if least <= within || !matches!(named, Named::Crowd(_)) {
+                        break;
+                    }
+                    within = least.min(limit);
+                }
+                distance(link, least);
+                continue;
+            }
             let near = match named {
                 Named::All => &[],
                 Named::Each(all) => &all[..],
@@ -215,7 +263,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 interrupt::spend(64 * near.len());
                 for &j in near {
                     let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
-                    meet(pair, &probe, obstacle, obstacle.turn());
+                    meet(pair, &probe, None, obstacle, obstacle.turn());
                 }
             }
         }
@@ -232,22 +280,29 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     }
 
     #[inline]
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
     ) {
         let all = f64::INFINITY;
-        self.for_each_near(bodies, reach, all, distance, |pair, probe, obstacle, turn| {
-            obstacle.for_each_contact(pair, probe, &obstacle.state, turn, reach, &mut visit);
+        self.for_each_near(bodies, reach, all, distance, |pair, probe, hull, obstacle, turn| {
+            let state = &obstacle.state;
+            match hull {
+                None => obstacle.for_each_contact(pair, probe, state, turn, reach, &mut visit),
+                Some(hull) => {
+                    let asked = Asked::Contacts(reach);
+                    obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
+                }
+            }
         });
     }
 
-    fn for_each_obstacle_near(
+    fn for_each_obstacle_near<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         mut visit: impl FnMut(usize),
     ) {
@@ -256,7 +311,8 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             reach,
             reach,
             |_, _| {},
-            |pair, probe, obstacle, _| {
+            |pair, probe, _, obstacle, _| {
+                // Of a hull by the capsule around it: some may be farther.
                 if obstacle.distance_below(probe, reach) < reach {
                     visit(pair.obstacle);
                 }
@@ -268,10 +324,14 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         self.barriers
     }
 
+    fn hull_barrier_count(&self) -> usize {
+        self.hull_barriers
+    }
+
     #[inline]
-    fn for_each_barrier(
+    fn for_each_barrier<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         mut visit: impl FnMut(&Contact<D>),
     ) {
@@ -280,7 +340,11 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             reach,
             reach,
             |_, _| {},
-            |pair, probe, obstacle, turn| {
+            |pair, probe, hull, obstacle, turn| {
+                if let Some(hull) = hull {
+                    let (state, asked) = (&obstacle.state, Asked::Barriers(reach));
+                    return obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
+                }
                 obstacle.for_each_barrier(pair, probe, turn, reach, |barrier| {
                     if barrier.distance < reach {
                         visit(barrier);
@@ -294,7 +358,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     fn contact_after(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
     ) -> Contact<D> {
@@ -307,7 +371,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     fn for_each_contact_after<T>(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
         reach: f64,
@@ -318,7 +382,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let pair = Pair { body: index, link: body.link, obstacle };
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
         // Most are like this: apart, so that nothing is computed that the caller does not ask for.
-        if placed.turned.is_none() && placed.solid.contacts() == 1 {
+        if body.hull.is_none() && placed.turned.is_none() && placed.solid.contacts() == 1 {
             let contact = placed.solid.contact(pair, &probe, &state);
             if contact.distance < reach {
                 visit(&contact);
@@ -326,6 +390,15 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             return take(&contact);
         }
         let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        if let Some(hull) = &body.hull {
+            let turn = turn.as_ref();
+            let nearest = placed.hull_contact(pair, hull, &probe, &state, turn);
+            if nearest.distance < reach {
+                let asked = Asked::Contacts(reach);
+                placed.meet_hull(pair, hull, &probe, &state, turn, asked, &mut visit);
+            }
+            return take(&nearest);
+        }
         let nearest = placed.contact(pair, &probe, &state, turn.as_ref());
         if nearest.distance < reach {
             if placed.solid.contacts() == 1 {
@@ -346,6 +419,31 @@ impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
     fn append_to(&self, out: &mut Vec<f64>) {
         (0..self.len()).for_each(|j| out.extend_from_slice(self.position(j).as_slice()));
     }
+}
+
+/// The distance between the surface of a hull, which a capsule holds, and the nearest of these obstacles \[m\], where it is less
+/// than `limit`; ∞ if there are none. The capsule is never farther, so that most of the obstacles are asked no more.
+#[inline(never)]
+fn least_of_hull<S: Solid<D>, const D: usize>(
+    pair: Pair,
+    obstacles: &[Placed<S, D>],
+    asked: impl Iterator<Item = usize>,
+    around: &S::Probe,
+    hull: &Carried<'_, D>,
+    limit: f64,
+) -> f64 {
+    let mut least = f64::INFINITY;
+    for j in asked {
+        let obstacle = &obstacles[j];
+        let bound = least.min(limit);
+        // Also where it is undefined.
+        if !(obstacle.distance_below(around, bound) >= bound) {
+            let pair = Pair { obstacle: j, ..pair };
+            let found = obstacle.hull_contact(pair, hull, around, &obstacle.state, obstacle.turn());
+            keep_least(&mut least, found.distance);
+        }
+    }
+    least + 0.0
 }
 
 /// The distance between the surfaces of a body and the nearest of these obstacles \[m\]; ∞ if there are none.

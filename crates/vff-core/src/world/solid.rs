@@ -5,6 +5,7 @@
 //! [`Hierarchy`] of boxes for crowds.
 
 use super::{Contact, Motion, MotionState, Pair, Turning};
+use crate::geometry::Carried;
 use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
 
@@ -89,6 +90,34 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
         visit: impl FnMut(&Contact<D>),
     );
 
+    /// Calls `visit` with what is `asked` of a hull that a body is, `around` which is the capsule that was made ready. Where
+    /// links carry no hulls, it is that capsule.
+    fn meet_hull(
+        &self,
+        pair: Pair,
+        hull: &Carried<'_, D>,
+        around: &Self::Probe,
+        state: &MotionState<D>,
+        asked: Asked,
+        visit: &mut dyn FnMut(&Contact<D>),
+    ) {
+        let _ = hull;
+        match asked {
+            Asked::Nearest => visit(&self.contact(pair, around, state)),
+            Asked::Contacts(reach) => self.for_each_contact(pair, around, state, reach, visit),
+            Asked::Barriers(reach) => {
+                self.for_each_contact(pair, around, state, reach, |contact| {
+                    self.for_each_barrier(contact, around, state, &mut *visit);
+                });
+            }
+        }
+    }
+
+    /// The most barriers that one hull can have.
+    fn hull_barriers(&self) -> usize {
+        self.barriers()
+    }
+
     /// Opposite corners of a box around it, the lower ones first \[m\].
     fn extent(&self) -> [Vector<D>; 2];
 
@@ -98,6 +127,17 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
     /// The distance \[m\] from `origin` along the unit vector `direction` to its surface, if that is within
     /// `range`; 0 inside.
     fn cast(&self, origin: &Vector<D>, direction: &Vector<D>, range: f64) -> Option<f64>;
+}
+
+/// What is asked of a hull.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Asked {
+    /// The contact that is nearest.
+    Nearest,
+    /// All contacts nearer than this \[m\].
+    Contacts(f64),
+    /// All distances that must be kept so that these are, of those nearer than this \[m\].
+    Barriers(f64),
 }
 
 /// A speed that no point of the surface exceeds \[m/s\]; that of its position, if the surface has no end.

@@ -103,6 +103,7 @@ impl<const D: usize> Turn<D> {
         Contact {
             normal: turned(&seen.normal),
             point: position + turned(&seen.point),
+            axis: turned(&seen.axis),
             witness: position + arm,
             velocity: velocity + moving,
             acceleration: acceleration + self.spin.rate_of(&moving),
@@ -193,7 +194,7 @@ impl Turning<3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Body;
+    use crate::geometry::Body;
     use crate::world::{CollisionQuery, Description, Motion, Solid, World, plane, space};
     use proptest::prelude::*;
 

@@ -12,7 +12,8 @@ pub mod relaxed;
 use super::distance::OwnPair;
 use super::settings::SelfCollision;
 use super::{Avoidance, Gains, OperationalSpace, TaskMetric, Torque, VirtualForces};
-use crate::math::{Body, Vector};
+use crate::geometry::Body;
+use crate::math::Vector;
 use crate::robot::Robot;
 use crate::world::{CollisionQuery, Contact};
 use barrier::{Barrier, Near};
@@ -101,8 +102,8 @@ pub struct Avoider<const D: usize, const M: usize> {
     /// Those of the arm's own bodies, of `cbf`, and the most there may be: none, if they may touch each other.
     own: Vec<OwnPair<D>>,
     most_own: usize,
-    /// The bodies, gathered where they are measured against each other.
-    bodies: Vec<Body<D>>,
+    /// The bodies, or capsules around them, gathered where they are measured against each other.
+    bodies: Vec<Body<'static, D>>,
     strategy: Strategy,
     slack: f64,
 }
@@ -130,7 +131,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         };
         let keeps_apart =
             gains.self_collision == SelfCollision::Avoid && gains.avoidance == Avoidance::Cbf;
-        let own_pairs = if keeps_apart { robot.body_pairs().count() } else { 0 };
+        let most_own = if keeps_apart { OwnPair::most_features(robot) } else { 0 };
         Some(Box::new(Self {
             settings: settings.clone(),
             weight: barrier::weight::<D, M>(settings, &metric),
@@ -141,7 +142,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             },
             pairs: vec![],
             own: vec![],
-            most_own: OwnPair::<D>::FEATURES * own_pairs,
+            most_own,
             bodies: Vec::with_capacity(if keeps_apart { robot.body_count() } else { 0 }),
             strategy,
             slack: 0.0,
@@ -176,7 +177,14 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             Strategy::Barrier(_) => surroundings.barrier_count(),
             _ => surroundings.contact_count(),
         };
-        self.reserve(robot.body_count() * most);
+        let hulls = robot.bodies().filter(|body| body.hull.is_some()).count();
+        let rows = match self.strategy {
+            Strategy::Barrier(_) if hulls > 0 => {
+                (robot.body_count() - hulls) * most + hulls * surroundings.hull_barrier_count()
+            }
+            _ => robot.body_count() * most,
+        };
+        self.reserve(rows);
         if self.most_own > 0 {
             self.measure_bodies(robot);
         }
@@ -196,7 +204,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         let Self { reach, own, bodies, .. } = self;
         let reach = reach.min(barrier::OWN_REACH);
         OwnPair::for_each_within(robot, bodies, reach, |pair| {
-            pair.for_each_feature(|feature| {
+            pair.for_each_feature(robot, |feature| {
                 if feature.nearest.distance < reach {
                     own.push(*feature);
                 }

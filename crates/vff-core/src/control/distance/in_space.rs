@@ -2,7 +2,8 @@
 
 use super::tests::{Differences, differences};
 use super::{DistanceRate, FADE};
-use crate::math::{self, UnitQuaternion, Vector};
+use crate::geometry::Body;
+use crate::math::{UnitQuaternion, Vector};
 use crate::robot::Robot;
 use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
 use crate::robot::spatial::SpatialState;
@@ -21,15 +22,27 @@ fn three(range: f64) -> impl Strategy<Value = [f64; 3]> {
     [-range..range, -range..range, -range..range]
 }
 
-/// A random arm whose last link carries a capsule or, one in six, a ball.
+/// What a link carries: a capsule, a ball, a box or a hull.
+fn form() -> impl Strategy<Value = Form> {
+    let size = [0.1..0.8, 0.1..0.8, 0.1..0.8];
+    prop_oneof![
+        5 => (three(0.3), three(1.0), 0.02..0.1)
+            .prop_map(|(a, b, radius)| Form::Capsule { a, b, radius }),
+        1 => (three(0.3), 0.02..0.1).prop_map(|(center, radius)| Form::Sphere { center, radius }),
+        3 => (three(0.3), size, three(2.0)).prop_map(|(center, size, turn)| {
+            let orientation = UnitQuaternion::exp(&turn.into()).to_array();
+            Form::Box { center, size, orientation }
+        }),
+        3 => prop::collection::vec(three(0.6), 4..12)
+            .prop_filter("flat", |vertices| check_hull(vertices).is_ok())
+            .prop_map(|vertices| Form::Convex { vertices }),
+    ]
+}
+
+/// A random arm whose last link carries something.
 fn armed() -> impl Strategy<Value = Case> {
-    let radius = 0.02..0.1;
-    (case(1usize..5), three(0.3), three(1.0), radius, 0..6).prop_map(|(c, a, b, radius, ball)| {
+    (case(1usize..5), form()).prop_map(|(c, shape)| {
         let mut description = c.arm.description().clone();
-        let shape = match ball {
-            0 => Form::Sphere { center: a, radius },
-            _ => Form::Capsule { a, b, radius },
-        };
         let link = description.joints[description.dof() - 1].link.clone();
         description.collision = vec![LinkShape { link, shape }];
         Case { arm: Arc::new(description.build().unwrap()), ..c }
@@ -96,7 +109,7 @@ fn at(c: &Case, t: f64) -> SpatialState {
     c.at(&q, &dq)
 }
 
-fn body_of(state: &SpatialState) -> math::Body<3> {
+fn body_of(state: &SpatialState) -> Body<'_, 3> {
     Robot::body(state, 0)
 }
 
@@ -116,7 +129,7 @@ fn stated(c: &Case, state: &SpatialState, contact: &Contact<3>) -> [f64; 2] {
     [motion.rate, along + motion.bias]
 }
 
-fn features() -> [Kind; 5] {
+fn features() -> [Kind; 6] {
     let edge = Vector::zeros();
     [
         Feature::Side { distance: 1.0 },
@@ -124,6 +137,7 @@ fn features() -> [Kind; 5] {
         Feature::Face,
         Feature::Edge { edge, distance: 1.0 },
         Feature::Crossing { edge, distance: 1.0 },
+        Feature::LinkFace { distance: 1.0 },
     ]
     .map(|feature| discriminant(&feature))
 }
@@ -133,7 +147,7 @@ fn features() -> [Kind; 5] {
 #[test]
 fn rates_are_derivatives_of_the_distance() {
     let met = RefCell::new(HashMap::<_, usize>::new());
-    let config = ProptestConfig { max_global_rejects: 50_000, ..ProptestConfig::with_cases(5000) };
+    let config = ProptestConfig { max_global_rejects: 200_000, ..ProptestConfig::with_cases(10_000) };
     proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), moving in moving())| {
         let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
         let h = 4e-4;
@@ -153,14 +167,15 @@ fn rates_are_derivatives_of_the_distance() {
         prop_assert!((found_rate - rate).abs() < open, "{found_rate} {rate}");
         prop_assert!((found - second).abs() < 2e-4 * scale + 0.1 * curved, "{found} is not {second}: {contact:?}");
         let inside = contact.distance + 0.3 < 0.0 || matches!(contact.feature, Feature::Crossing { distance, .. } if distance < 0.0);
-        *met.borrow_mut().entry((kind, kinds(&contact))).or_default() += 1;
-        if inside {
-            *met.borrow_mut().entry((kind + 10, kinds(&contact))).or_default() += 1;
+        let hull = usize::from(body_of(&state).hull.is_some()) * 100;
+        let inside = inside || (hull > 0 && contact.distance < 0.0);
+        for kind in [Some(kind), inside.then_some(kind + 10)].into_iter().flatten() {
+            *met.borrow_mut().entry((kind + hull, kinds(&contact))).or_default() += 1;
         }
     });
     let met = met.into_inner();
     let count = |kind, feature| met.get(&(kind, feature)).copied().unwrap_or(0);
-    let [side, end, face, edge, crossing] = features();
+    let [side, end, face, edge, crossing, below] = features();
     for (kind, expected) in [
         (0, vec![side, end]),
         (1, vec![side, end, edge, crossing]),
@@ -173,7 +188,29 @@ fn rates_are_derivatives_of_the_distance() {
             assert_eq!(count(kind, feature) > 10, expected.contains(&feature), "{kind} {met:?}");
         }
     }
+    // Of a hull its edges, its corners, which are ends of edges, and its faces. Two corners are nearest but rarely.
+    for (kind, expected) in [
+        (100, vec![side, end, below]),
+        (101, vec![side, end, edge, crossing, below]),
+        (102, vec![side, end, face, edge, crossing, below]),
+        (103, vec![face]),
+        (104, vec![side, end, face, edge, crossing, below]),
+        (105, vec![side, end, below]),
+    ] {
+        for feature in features() {
+            let met = count(kind, feature) > 0;
+            assert!(!met || expected.contains(&feature), "{kind} {feature:?}");
+        }
+    }
+    for feature in features() {
+        assert!((100..106).map(|kind| count(kind, feature)).sum::<usize>() > 10, "{met:?}");
+    }
     // Axes inside a box or a hull that leave it across an edge, and through a face.
+    for kind in [112, 114] {
+        for feature in [crossing, face, below] {
+            assert!(count(kind, feature) > 3, "{kind} {met:?}");
+        }
+    }
     for kind in [12, 14] {
         assert!(count(kind, crossing) > 0 && count(kind, face) > 0, "{met:?}"); // some ten of 5000, by chance
     }
@@ -225,17 +262,17 @@ proptest! {
     ) {
         let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
         let (state, contact) = contact_at(&c, &mut world, 0.0);
-        let body = body_of(&state).shape;
+        let axis = contact.axis;
         let [exact, cautious] =
             [DistanceRate::new(&state, &contact), DistanceRate::cautious(&state, &contact)];
         prop_assert!((exact.rate - cautious.rate).abs() <= 1e-14 * (1.0 + exact.rate.abs()));
         let close = (exact.bias - cautious.bias).abs() <= 1e-9 * (1.0 + exact.bias.abs());
-        let beyond = contact.normal.dot(&body.direction).abs() > FADE;
+        let beyond = contact.normal.dot(&axis).abs() > FADE;
         match contact.feature {
-            _ if body.length == 0.0 => prop_assert!(close),
-            Feature::Side { .. } | Feature::Face => prop_assert!(close),
+            _ if axis.norm() == 0.0 => prop_assert!(close),
+            Feature::Side { .. } | Feature::Face | Feature::LinkFace { .. } => prop_assert!(close),
             Feature::Crossing { edge, .. } => {
-                let sin = body.direction.cross(&edge).norm();
+                let sin = axis.cross(&edge).norm();
                 prop_assert!(close || sin < FADE);
             }
             Feature::End { .. } | Feature::Edge { .. } => {

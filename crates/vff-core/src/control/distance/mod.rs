@@ -73,6 +73,12 @@ impl<'a, R: Robot<D>, const D: usize> Relative<'a, R, D> {
         let tilt = normal.dot(&rate);
         if spin.is_none() { tilt } else { tilt - normal.dot(&spin.rate_of(t)) }
     }
+
+    /// How the normal turns that is fixed to the link, as the obstacle sees it \[1/s\].
+    fn turning(&self) -> Vector<D> {
+        let Contact { link, point, normal, spin, .. } = self.contact;
+        self.robot.point_velocity(*link, &(point + normal)) - self.at_point - spin.rate_of(normal)
+    }
 }
 
 impl DistanceRate {
@@ -83,8 +89,8 @@ impl DistanceRate {
     #[inline]
     pub fn cautious<R: Robot<D>, const D: usize>(robot: &R, contact: &Contact<D>) -> Self {
         if D > 2 {
-            if robot.body(contact.body).shape.length <= 0.0 {
-                return Self::new(robot, contact); // a ball has no inside to slide along
+            if contact.axis == Vector::<D>::zeros() {
+                return Self::new(robot, contact); // a ball has no inside to slide along, nor has a face
             }
             if let Feature::Edge { edge, distance } | Feature::Crossing { edge, distance } =
                 contact.feature
@@ -94,7 +100,7 @@ impl DistanceRate {
         }
         let mut motion = Self::new(robot, contact);
         if let Feature::End { distance } = contact.feature {
-            let t = robot.body(contact.body).shape.direction;
+            let t = contact.axis;
             let beyond = contact.normal.dot(&t).abs() / FADE;
             if beyond < 1.0 {
                 let relative = Relative::new(robot, contact);
@@ -118,7 +124,7 @@ impl DistanceRate {
         let relative = seen.velocity;
         let rate = normal.dot(&relative);
         let along = seen.acceleration();
-        let t = robot.body(contact.body).shape.direction;
+        let t = contact.axis;
         let tilt = seen.tilt(&t);
         let cos = t.dot(edge);
         let sin_squared = (t - edge * cos).norm_squared();
@@ -144,17 +150,37 @@ impl DistanceRate {
         Self { rate, bias: normal.dot(&along) + turning }
     }
 
+    /// For a face of the link and a corner of the obstacle: what the link sees move is the corner, so that all is said of the
+    /// place where that is (T119).
+    #[inline(never)]
+    fn below_corner<R: Robot<D>, const D: usize>(
+        robot: &R,
+        contact: &Contact<D>,
+        distance: f64,
+    ) -> Self {
+        let normal = contact.normal;
+        let corner = Contact { point: contact.point - normal * distance, ..*contact };
+        let seen = Relative::new(robot, &corner);
+        Self {
+            rate: normal.dot(&seen.velocity),
+            bias: normal.dot(&seen.acceleration()) + 2.0 * seen.turning().dot(&seen.velocity),
+        }
+    }
+
     /// For the contact of a link of `robot` at its present state.
     #[inline]
     pub fn new<R: Robot<D>, const D: usize>(robot: &R, contact: &Contact<D>) -> Self {
-        let Contact { body, normal, .. } = contact;
+        let Contact { normal, .. } = contact;
+        if let Feature::LinkFace { distance } = contact.feature {
+            return Self::below_corner(robot, contact, distance);
+        }
         let seen = Relative::new(robot, contact);
         let relative = seen.velocity;
         let rate = normal.dot(&relative);
         let along = seen.acceleration();
         let turning = match contact.feature {
             Feature::Side { distance } => {
-                let t = robot.body(*body).shape.direction;
+                let t = contact.axis;
                 beside(&relative, normal, rate, &t, seen.tilt(&t), distance)
             }
             Feature::End { distance } => (relative - normal * rate).norm_squared() / distance,
@@ -162,7 +188,7 @@ impl DistanceRate {
                 beside(&relative, normal, rate, &edge, 0.0, distance)
             }
             Feature::Crossing { edge, distance } if D > 2 => {
-                let t = robot.body(*body).shape.direction;
+                let t = contact.axis;
                 crossing(&relative, [&t, &edge], [seen.tilt(&t), 0.0], distance)
             }
             // A face. (In the plane there are no edges.)

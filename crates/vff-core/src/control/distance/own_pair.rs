@@ -2,7 +2,8 @@
 
 use super::DistanceRate;
 use crate::interrupt;
-use crate::math::{Body, Capsule, Nearest, Vector, nearest};
+use crate::geometry::{Body, Encounter, MOST_ROWS};
+use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
 
 /// Two bodies of a robot, or parts of them, where they come nearest.
@@ -14,29 +15,48 @@ pub struct OwnPair<const D: usize> {
     pub shapes: [Capsule<D>; 2],
     /// Where they come nearest.
     pub nearest: Nearest<D>,
+    /// The numbers of the bodies, of which one or both are hulls; none for two capsules.
+    hulls: Option<[usize; 2]>,
 }
 
 impl<const D: usize> OwnPair<D> {
-    /// Of two bodies.
+    /// The most features of two capsules.
+    pub const FEATURES: usize = 5;
+
+    /// Of two capsules.
     pub fn new(links: [Option<usize>; 2], shapes: [Capsule<D>; 2]) -> Self {
-        Self { links, shapes, nearest: nearest(&shapes[0], &shapes[1]) }
+        Self { links, shapes, nearest: nearest(&shapes[0], &shapes[1]), hulls: None }
     }
 
-    /// The most features of a pair.
-    pub const FEATURES: usize = 5;
+    /// The most features of all pairs of bodies of `robot` that must not touch.
+    pub fn most_features<R: Robot<D>>(robot: &R) -> usize {
+        let is_hull = |i: &usize| match robot.still_bodies().get(i.wrapping_sub(robot.body_count()))
+        {
+            Some(still) => still.hull.is_some(),
+            None => robot.body(*i).hull.is_some(),
+        };
+        let most =
+            |pair: [usize; 2]| if pair.iter().any(is_hull) { MOST_ROWS } else { Self::FEATURES };
+        robot.body_pairs().map(most).sum()
+    }
 
     /// Visits the pairs of bodies of `robot` that must not touch and are nearer than `limit` \[m\], and perhaps some that are
     /// farther apart; `visit` returns the limit from then on. `bodies` is a workspace.
     pub fn for_each_within<R: Robot<D>>(
         robot: &R,
-        bodies: &mut Vec<Body<D>>,
+        bodies: &mut Vec<Body<'static, D>>,
         mut limit: f64,
         mut visit: impl FnMut(&Self) -> f64,
     ) {
         bodies.clear();
-        bodies.extend(robot.bodies());
+        let mut any = robot.still_bodies().iter().any(|still| still.hull.is_some());
+        bodies.extend(robot.bodies().map(|body| {
+            any |= body.hull.is_some();
+            body.enclosing()
+        }));
         let still = robot.still_bodies();
-        let shape = |i: usize| bodies.get(i).map_or_else(|| still[i - bodies.len()], |b| b.shape);
+        let shape =
+            |i: usize| bodies.get(i).map_or_else(|| still[i - bodies.len()].shape, |b| b.shape);
         let link = |i: usize| bodies.get(i).map(|body| body.link);
         let middle = |shape: &Capsule<D>| shape.start + shape.direction * (0.5 * shape.length);
         for pair in robot.body_pairs() {
@@ -47,8 +67,38 @@ impl<const D: usize> OwnPair<D> {
             if (middle(&a) - middle(&b)).norm() - size > limit {
                 continue;
             }
-            limit = visit(&Self::new(pair.map(link), [a, b]));
+            let mut found = Self::new(pair.map(link), [a, b]);
+            // Of hulls these are the capsules around them: what is too far apart for those is for them.
+            if any && !(found.nearest.distance > limit) {
+                found.enter(robot, pair);
+            }
+            limit = visit(&found);
         }
+    }
+
+    /// Takes what is nearest of two bodies in place of the capsules around them, where one is a hull.
+    #[inline(never)]
+    fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {
+        robot.for_each_encounter(pair, false, &mut |Encounter { shapes, nearest }| {
+            interrupt::spend(1024);
+            *self =
+                Self { shapes: *shapes, nearest: *nearest, hulls: Some(pair), links: self.links };
+        });
+    }
+
+    /// The links of the pairs of bodies that overlap, but must not touch, in order and each once.
+    pub fn overlapping_links<R: Robot<D>>(robot: &R) -> Vec<[Option<usize>; 2]> {
+        let mut found = vec![];
+        Self::for_each_within(robot, &mut vec![], 0.0, |pair| {
+            if pair.nearest.distance < 0.0 {
+                let [a, b] = pair.links; // the base, None, is before all links
+                found.push([a.min(b), a.max(b)]);
+            }
+            0.0
+        });
+        found.sort_unstable();
+        found.dedup();
+        found
     }
 
     /// ḋ \[m/s\].
@@ -72,7 +122,7 @@ impl<const D: usize> OwnPair<D> {
 
     /// ḋ, and the bias of d̈ = gradient · q̈ + bias.
     pub fn motion<R: Robot<D>>(&self, robot: &R) -> DistanceRate {
-        let Self { links, shapes, nearest } = self;
+        let Self { links, shapes, nearest, .. } = self;
         let Nearest { points, normal, .. } = nearest;
         let bias = |k: usize| {
             let of = |link| robot.point_bias_acceleration(link, &points[k]);
@@ -84,6 +134,9 @@ impl<const D: usize> OwnPair<D> {
             links[k].map_or_else(Vector::zeros, of)
         });
         let velocity = self.velocity(robot, 0) - self.velocity(robot, 1);
+        if let Some(flat) = nearest.flat.iter().position(|flat| *flat) {
+            return self.beside_face(robot, flat);
+        }
         let sliding = nearest.sliding([&shapes[0], &shapes[1]], &velocity, turning);
         DistanceRate {
             rate: normal.dot(&velocity),
@@ -91,9 +144,37 @@ impl<const D: usize> OwnPair<D> {
         }
     }
 
+    /// The same beside a face of body `flat`, whose normal turns with its link: for the place of the other's corner, which the
+    /// link of the face sees move (T119).
+    fn beside_face<R: Robot<D>>(&self, robot: &R, flat: usize) -> DistanceRate {
+        let Nearest { points, normal, .. } = &self.nearest;
+        let corner = points[1 - flat];
+        let velocity = |k: usize, point: &Vector<D>| {
+            self.links[k].map_or_else(Vector::zeros, |link| robot.point_velocity(link, point))
+        };
+        let bias = |k: usize| {
+            let of = |link| robot.point_bias_acceleration(link, &corner);
+            self.links[k].map_or_else(Vector::zeros, of)
+        };
+        let seen = velocity(0, &corner) - velocity(1, &corner);
+        let turning = velocity(flat, &(corner + normal)) - velocity(flat, &corner);
+        DistanceRate {
+            rate: normal.dot(&seen),
+            bias: normal.dot(&(bias(0) - bias(1))) + 2.0 * turning.dot(&seen),
+        }
+    }
+
     /// The distances of all features that may be the least when features change hands: of the ends of each from the other,
-    /// and of the insides where these are nearest. Parallel axes are held at both ends that way (T98).
-    pub fn for_each_feature(&self, mut visit: impl FnMut(&Self)) {
+    /// and of the insides where these are nearest. Parallel axes are held at both ends that way (T98). Of a hull those of
+    /// corners, and of edges where they cross.
+    pub fn for_each_feature<R: Robot<D>>(&self, robot: &R, mut visit: impl FnMut(&Self)) {
+        if let Some(pair) = self.hulls {
+            interrupt::spend(1024);
+            let visit = &mut |Encounter { shapes, nearest }: &Encounter<D>| {
+                visit(&Self { shapes: *shapes, nearest: *nearest, ..*self });
+            };
+            return robot.for_each_encounter(pair, true, visit);
+        }
         if self.nearest.slides == [true; 2] {
             visit(self);
         }
@@ -119,9 +200,15 @@ impl<const D: usize> OwnPair<D> {
 mod tests {
     use super::super::tests::{Differences, differences};
     use super::*;
+    use crate::geometry::{Carried, perpendicular};
+    use crate::robot::description::Shape as Form;
     use crate::robot::models;
     use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, planar::Link};
+    use crate::world::Motion;
+    use crate::world::space::{Obstacle, Shape as Solid, World};
     use proptest::prelude::*;
+    use std::cell::RefCell;
+    use std::collections::HashMap;
     use std::sync::Arc;
 
     proptest! {
@@ -190,15 +277,15 @@ mod tests {
             };
             let h = 2e-4;
             let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| at(k * h));
-            let features = |pair: &OwnPair<3>| {
+            let features = |state: &SpatialState, pair: &OwnPair<3>| {
                 let mut found = vec![];
-                pair.for_each_feature(|feature| found.push(*feature));
+                pair.for_each_feature(state, |feature| found.push(*feature));
                 found
             };
             let found = states.each_ref().map(pairs);
             prop_assert!(found[2].iter().any(|pair| pair.links[1].is_none()));
             for (k, pair) in found[2].iter().enumerate() {
-                let own = found.each_ref().map(|pairs| features(&pairs[k]));
+                let own = [0, 1, 2, 3, 4].map(|i| features(&states[i], &found[i][k]));
                 prop_assert!(own[2].len() <= OwnPair::<3>::FEATURES);
                 let least = own[2].iter().map(|f| f.nearest.distance).fold(f64::INFINITY, f64::min);
                 prop_assert!((least - pair.nearest.distance).abs() < 1e-12, "{pair:?}");
@@ -225,5 +312,144 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A Panda of boxes, hulls and capsules in turn.
+    fn of_hulls() -> Arc<SpatialArm> {
+        let mut description = models::named("panda").unwrap();
+        let mut turn = 0;
+        for part in &mut description.collision {
+            let Form::Capsule { a, b, radius } = part.shape.clone() else { continue };
+            turn += 1;
+            let [a, b] = [a, b].map(Vector::<3>::from);
+            let (middle, along) = ((a + b) * 0.5, Capsule::new(a, b, radius).direction);
+            let side = perpendicular(&along);
+            let across = along.cross(&side);
+            let reach = 0.5 * (b - a).norm() + 0.7 * radius;
+            let at = |x: f64, y: f64, z: f64| -> [f64; 3] {
+                (middle + side * (x * radius) + across * (y * radius) + along * (z * reach)).into()
+            };
+            part.shape = match turn % 3 {
+                0 => continue,
+                1 => Form::Convex {
+                    vertices: [-1.0, 1.0]
+                        .into_iter()
+                        .flat_map(|z| {
+                            [at(0.7, 0.7, z), at(0.7, -0.7, z), at(-0.7, 0.7, z), at(-0.7, -0.7, z)]
+                        })
+                        .collect(),
+                },
+                // Pointed at one end, flat at the other.
+                _ => Form::Convex {
+                    vertices: vec![
+                        at(0.0, 0.1, 1.0),
+                        at(1.0, 0.0, -0.9),
+                        at(-0.5, 0.9, -1.0),
+                        at(-0.6, -0.8, -0.8),
+                        at(-0.7, 0.1, 0.3),
+                    ],
+                },
+            };
+        }
+        Arc::new(description.build().unwrap())
+    }
+
+    /// Where the second body of a pair is an obstacle and the first stays a link, the world says the same.
+    fn as_obstacle(state: &SpatialState, [i, j]: [usize; 2]) -> f64 {
+        let form = |k: usize| match state.still_bodies().get(k.wrapping_sub(state.body_count())) {
+            Some(still) => (still.shape, still.carried()),
+            None => {
+                let body = state.body(k);
+                (body.shape, body.hull)
+            }
+        };
+        let ((shape, hull), (other, other_hull)) = (form(i), form(j));
+        let shape_of = |shape: &Capsule<3>, hull: Option<Carried<'_, 3>>| match hull {
+            Some(hull) => Solid::Convex { vertices: hull.corners().map(Into::into).collect() },
+            None => {
+                let [a, b] = [shape.start, shape.end()].map(Into::into);
+                Solid::Capsule { a, b, radius: shape.radius }
+            }
+        };
+        let obstacle = Obstacle {
+            shape: shape_of(&other, other_hull),
+            position: [0.0; 3],
+            orientation: [1.0, 0.0, 0.0, 0.0],
+            angular_velocity: [0.0; 3],
+            motion: Motion::default(),
+        };
+        World::new(vec![obstacle]).contact(0, &Body { link: 0, shape, hull }, 0).distance
+    }
+
+    /// Boxes and hulls of an arm, from each other, from its capsules and from its base: distances are those of the same
+    /// bodies as obstacles, the gradient and the bias those of the distance along a motion, whatever is nearest; the least of
+    /// the features is the distance, and there are no more than announced.
+    #[test]
+    fn between_hulls_in_space() {
+        let arm = of_hulls();
+        let met = RefCell::new(HashMap::<_, usize>::new());
+        let seven = || prop::collection::vec(-2.0..2.0, 7);
+        proptest!(ProptestConfig::with_cases(600), |(q in seven(), dq in seven(), ddq in seven())| {
+            let at = |t: f64| {
+                let mut state = arm.state();
+                let parts = q.iter().zip(&dq).zip(&ddq);
+                let q: Vec<f64> = parts.map(|((q, dq), a)| q + t * (dq + 0.5 * t * a)).collect();
+                let dq: Vec<f64> = dq.iter().zip(&ddq).map(|(dq, a)| dq + t * a).collect();
+                state.update(&q, &dq);
+                state
+            };
+            let h = 2e-4;
+            let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| at(k * h));
+            let found = states.each_ref().map(pairs);
+            for (k, (pair, indices)) in found[2].iter().zip(states[2].body_pairs()).enumerate() {
+                let distance = pair.nearest.distance;
+                let told = as_obstacle(&states[2], indices);
+                prop_assert!((distance - told).abs() < 1e-11, "{distance} is not {told}");
+                let own = found.each_ref().map(|pairs| pairs[k]);
+                let kind = |pair: &OwnPair<3>| (pair.nearest.slides, pair.nearest.flat);
+                if pair.hulls.is_none() {
+                    continue;
+                }
+                let mut rows = vec![];
+                pair.for_each_feature(&states[2], |row| rows.push(row.nearest.distance));
+                prop_assert!(rows.len() <= MOST_ROWS);
+                let least = rows.iter().copied().fold(f64::INFINITY, f64::min);
+                prop_assert!((least - distance).abs() < 1e-11);
+                let cores = distance + pair.shapes[0].radius + pair.shapes[1].radius;
+                if cores.abs() < 0.02 || own.iter().any(|other| kind(other) != kind(pair)) {
+                    continue;
+                }
+                let d = own.map(|own| own.nearest.distance);
+                let Differences { rate, second, curved, uneven } = differences(&d, h);
+                let scale = 1.0 + second.abs();
+                // Not across a change to another corner or face, where the rate jumps.
+                if curved.max(uneven) > 1e-2 * scale {
+                    continue;
+                }
+                let motion = pair.motion(&states[2]);
+                let (mut gradient, mut scratch) = (vec![0.0; 7], vec![0.0; 7]);
+                pair.gradient(&states[2], &mut gradient, &mut scratch);
+                let along: f64 = gradient.iter().zip(&ddq).map(|(g, a)| g * a).sum();
+                prop_assert!((motion.rate - rate).abs() < 1e-6 * (1.0 + rate.abs()) + h * curved);
+                prop_assert!((motion.rate - pair.rate(&states[2])).abs() < 1e-13 * scale);
+                let error = (along + motion.bias - second).abs();
+                prop_assert!(error < 2e-4 * scale + 0.5 * curved, "{error} {pair:?}");
+                *met.borrow_mut().entry((kind(pair), distance < 0.0)).or_default() += 1;
+            }
+        });
+        let met = met.into_inner();
+        let count = |slides, flat| met.get(&((slides, flat), false)).copied().unwrap_or(0);
+        let (none, both) = ([false; 2], [true; 2]);
+        // Edges that cross, an edge and a corner, two corners, a corner and a face; the last three from either side.
+        for (slides, flat) in [
+            (both, none),
+            ([true, false], none),
+            ([false, true], none),
+            (none, [true, false]),
+            (none, [false, true]),
+        ] {
+            assert!(count(slides, flat) > 10, "{slides:?} {flat:?} {met:?}");
+        }
+        assert!(met.iter().filter(|((_, inside), _)| *inside).count() > 1, "{met:?}");
     }
 }

@@ -1,6 +1,7 @@
 //! What the search asks of an arm: where its bodies and its tip are, and what the joints do to them.
 
-use crate::math::{Body, Capsule, Vector, cross, perp};
+use crate::geometry::Body;
+use crate::math::{Capsule, Vector, cross, perp};
 use crate::robot::{Limits, Manipulator, Model, PlanarArm, Robot};
 use crate::trajectory::Guided;
 
@@ -16,7 +17,7 @@ pub trait Chain<const D: usize, const M: usize>: Clone {
     /// Column `i` of the tip's Jacobian.
     fn column(&self, i: usize) -> Vector<M>;
     /// What is measured against obstacles.
-    fn bodies(&self) -> impl Iterator<Item = Body<D>>;
+    fn bodies(&self) -> impl Iterator<Item = Body<'_, D>>;
     /// `out` = the torques of `force` at `point` of link `link`.
     fn torque(&self, link: usize, point: &Vector<D>, force: &Vector<D>, out: &mut [f64]);
     /// What the joints can do.
@@ -40,7 +41,7 @@ impl<R: Manipulator<D, M, Pose: Guided<M>> + Clone, const D: usize, const M: usi
         self.jacobian_column(i)
     }
 
-    fn bodies(&self) -> impl Iterator<Item = Body<D>> {
+    fn bodies(&self) -> impl Iterator<Item = Body<'_, D>> {
         Robot::bodies(self)
     }
 
@@ -94,7 +95,7 @@ impl Chain<2, 2> for PlanarChain {
         perp(self.joints[self.links.len()] - self.joints[i])
     }
 
-    fn bodies(&self) -> impl Iterator<Item = Body<2>> {
+    fn bodies(&self) -> impl Iterator<Item = Body<'_, 2>> {
         let ends = self.joints.windows(2).zip(&self.links);
         let capsules = ends.map(|(ends, (_, radius))| Capsule::new(ends[0], ends[1], *radius));
         capsules.enumerate().map(|(link, shape)| Body::new(link, shape))

@@ -6,7 +6,8 @@
 
 use crate::control::distance::OwnPair;
 use crate::interrupt;
-use crate::math::{Body, Vector};
+use crate::geometry::Body;
+use crate::math::Vector;
 use crate::robot::{PlanarState, Robot, SpatialState};
 use crate::world::{CollisionQuery, Solid, World, top_speed};
 use std::collections::VecDeque;
@@ -71,8 +72,7 @@ impl Reach {
         let extent = |link: usize| {
             let origin = robot.joint_position(link);
             let bodies = robot.bodies().filter(|body| body.link == link);
-            let ends = bodies.flat_map(|body| [body.shape.start, body.shape.end()]);
-            ends.map(|end| (end - origin).norm()).fold(0.0, f64::max)
+            bodies.map(|body| body.reach_from(&origin)).fold(0.0, f64::max)
         };
         let mut lever = vec![0.0; n * n];
         for i in 0..n {
@@ -110,7 +110,7 @@ pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
     pub margin: f64,
     /// Signed distance of each link from what is nearest \[m\].
     clearance: Vec<f64>,
-    bodies: Vec<Body<D>>,
+    bodies: Vec<Body<'static, D>>,
     middle: Vec<f64>,
 }
 

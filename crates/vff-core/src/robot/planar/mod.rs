@@ -19,7 +19,8 @@ pub use arm::{Link, PlanarArm};
 pub use reach::{Annulus, Reach};
 
 use super::{Limits, Manipulator, Matrices, Model, Robot, dense};
-use crate::math::{Body, Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
+use crate::geometry::Body;
+use crate::math::{Capsule, PlanarPose, Vector, cross, perp, sin_cos, unit_vectors};
 use factorisation::{ArticulatedInertia, TaskForces};
 use nalgebra::{SMatrix, SVector};
 use std::mem;
@@ -515,11 +516,11 @@ impl Robot<2> for PlanarState {
         self.joints.len()
     }
 
-    fn body(&self, i: usize) -> Body<2> {
+    fn body(&self, i: usize) -> Body<'_, 2> {
         Body::new(i, self.link(i))
     }
 
-    fn bodies(&self) -> impl Iterator<Item = Body<2>> {
+    fn bodies(&self) -> impl Iterator<Item = Body<'_, 2>> {
         let pairs = self.joints.iter().zip(&self.arm.links).enumerate();
         pairs.map(|(i, (joint, link))| Body::new(i, capsule(joint, link)))
     }

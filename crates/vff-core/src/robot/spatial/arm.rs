@@ -3,6 +3,7 @@
 use super::SpatialState;
 use super::algebra::Symmetric;
 use crate::math::rotation::UnitQuaternion;
+use crate::geometry::{Hull, StillBody};
 use crate::math::{Capsule, Vector};
 use crate::robot::Limits;
 use crate::robot::description::{
@@ -22,7 +23,7 @@ pub struct SpatialArm {
     pub(super) tool: Frame,
     pub(super) bodies: Vec<FixedBody>,
     /// Bodies of the base, in the world.
-    pub(super) still: Vec<Capsule<3>>,
+    pub(super) still: Vec<StillBody<3>>,
     /// The pairs of bodies that must not touch, the still ones behind the others: of links that share no joint and are not
     /// to be ignored.
     pub(super) pairs: Vec<[usize; 2]>,
@@ -52,19 +53,19 @@ pub(super) struct Fixed {
     pub alignment: Matrix3<f64>,
 }
 
-/// A capsule, or a sphere where both ends are one, in the aligned frame of its link.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A capsule, a sphere where both ends are one, or a hull with a capsule around it, in the aligned frame of its link.
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct FixedBody {
     pub link: usize,
     pub capsule: Capsule<3>,
+    pub hull: Option<Box<Hull>>,
 }
 
 impl SpatialArm {
     /// Checks a description and prepares it.
     ///
-    /// Axes and quaternions are normalised if their norm is within 1e-6 of 1. Spheres and capsules of links become
-    /// what is measured; those of the base, which does not move, are measured against links alone. Other shapes of the
-    /// base stay in the description.
+    /// Axes and quaternions are normalised if their norm is within 1e-6 of 1. The shapes of links become what is measured; those
+    /// of the base, which does not move, are measured against links alone.
     ///
     /// # Errors
     /// With the path of the first value that is wrong.
@@ -96,16 +97,17 @@ impl SpatialArm {
         let links = description.link_names();
         let (mut bodies, mut still) = (vec![], vec![]);
         for (i, LinkShape { link, shape }) in description.collision.iter().enumerate() {
-            let ends = shape.rounded(&format!("collision[{i}].shape"));
+            let path = format!("collision[{i}].shape");
             // The base comes first.
             if let Some(link) = links[1..].iter().position(|name| name == link) {
-                let (a, b, radius) = ends?;
                 let inward = fixed[link].alignment.transpose();
-                bodies.push(FixedBody { link, capsule: rounded(inward * a, inward * b, radius) });
-            } else if let Ok((a, b, radius)) = ends {
+                let (capsule, hull) = shape.solid(&path, |point| inward * point)?;
+                bodies.push(FixedBody { link, capsule, hull: hull.map(Box::new) });
+            } else {
                 let position = Vector::from(description.mount.position);
-                let placed = |end: Vector<3>| mount.rotate(&end) + position;
-                still.push(rounded(placed(a), placed(b), radius));
+                let (shape, hull) = shape.solid(&path, |point| mount.rotate(&point) + position)?;
+                let placed = |hull| (hull, Matrix3::identity(), Vector::zeros());
+                still.push(StillBody { shape, hull: hull.map(placed) });
             }
         }
         Ok(Self {
@@ -179,14 +181,6 @@ impl SpatialArm {
     pub fn state(self: &Arc<Self>) -> SpatialState {
         SpatialState::new(Arc::clone(self))
     }
-}
-
-/// The capsule between two points, which may be the same: a sphere has no direction, any will do.
-fn rounded(start: Vector<3>, end: Vector<3>, radius: f64) -> Capsule<3> {
-    let along = end - start;
-    let length = along.norm();
-    let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
-    Capsule { start, direction, length, radius }
 }
 
 /// The pairs of bodies on links that share no joint, the lower index first, without those to `ignore`. `links` begins with
@@ -343,28 +337,34 @@ mod tests {
         );
     }
 
-    /// A box or a hull on a link is refused; on the base it is neither measured nor refused, and what is round there does
-    /// not move.
+    /// Links and the base carry what is round, and hulls with a capsule around them; what has no hull is refused.
     #[test]
-    fn links_carry_what_is_round() {
+    fn links_carry_what_is_round_and_hulls() {
         let cube =
             Shape::Box { center: [0.0; 3], size: [0.1; 3], orientation: [1.0, 0.0, 0.0, 0.0] };
+        let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
         let fault = refused(|d| {
-            d.collision = vec![sphere("upper", 0.1), carried("fore", cube.clone())];
-        });
-        assert!(fault.starts_with("collision[1].shape") && fault.contains("spheres and capsules"));
-        let arm = arm(|d| {
             d.collision =
-                vec![carried("base", cube.clone()), sphere("base", 0.2), sphere("fore", 0.1)];
+                vec![sphere("upper", 0.1), carried("fore", Shape::Convex { vertices: vertices.clone() })];
+        });
+        assert!(fault.starts_with("collision[1].shape.vertices: must be points that do not lie"));
+        let arm = arm(|d| {
+            d.collision = vec![
+                carried("base", cube.clone()),
+                sphere("base", 0.2),
+                sphere("fore", 0.1),
+                carried("fore", cube.clone()),
+            ];
         })
         .unwrap();
         let bodies: Vec<_> =
-            arm.bodies.iter().map(|body| (body.link, body.capsule.radius)).collect();
-        assert_eq!(bodies, [(1, 0.1)]);
-        assert_eq!(arm.still.iter().map(|body| body.radius).collect::<Vec<_>>(), [0.2]);
+            arm.bodies.iter().map(|body| (body.link, body.hull.is_some())).collect();
+        assert_eq!(bodies, [(1, false), (1, true)]);
+        let still: Vec<_> = arm.still.iter().map(|body| body.hull.is_some()).collect();
+        assert_eq!(still, [true, false]);
         // The first link is the neighbour of the base.
-        assert_eq!(arm.pairs, [[0, 1]]);
-        assert_eq!(arm.description().collision.len(), 3);
+        assert_eq!(arm.pairs, [[0, 2], [1, 2], [0, 3], [1, 3]]);
+        assert_eq!(arm.description().collision.len(), 4);
     }
 
     /// Neighbours are never measured against each other, and neither are pairs to be ignored, in either order.

@@ -197,11 +197,11 @@ mod tests {
         state.update_positions(&[0.5 * PI, 0.5 * PI]);
         let carried: Vec<_> = state.bodies().collect();
         // The first joint turns x into y; the second turns z about it, into x.
-        let crate::math::Body { link, shape: capsule } = carried[0];
+        let crate::geometry::Body { link, shape: capsule, .. } = carried[0];
         assert_eq!((link, capsule.radius), (1, 0.05));
         assert_close(capsule.start.as_slice(), &[0.0, 1.1, 2.0], 1e-15);
         assert_close(capsule.end().as_slice(), &[0.5, 1.1, 2.0], 1e-15);
-        let crate::math::Body { link, shape: sphere } = carried[1];
+        let crate::geometry::Body { link, shape: sphere, .. } = carried[1];
         assert_eq!((link, sphere.length), (0, 0.0));
         assert_close(sphere.start.as_slice(), &[0.0, 0.1, 2.0], 1e-15);
         assert_close(sphere.end().as_slice(), &[0.0, 0.1, 2.0], 1e-15);

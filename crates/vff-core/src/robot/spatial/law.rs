@@ -3,7 +3,8 @@
 use super::SpatialState;
 use super::cases::{Case, case, planar_twin};
 use crate::control::{Controller, Formulation, Gains, Settings};
-use crate::math::{Body, Pose, ScalarOrVec, Vector};
+use crate::geometry::Body;
+use crate::math::{Pose, ScalarOrVec, Vector};
 use crate::robot::{Manipulator, Model, Robot};
 use crate::testing::assert_close;
 use crate::trajectory::Sample;
@@ -21,9 +22,9 @@ impl CollisionQuery<3> for Nothing {
         0
     }
 
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        _bodies: impl IntoIterator<Item = Body<3>>,
+        _bodies: impl IntoIterator<Item = Body<'a, 3>>,
         _reach: f64,
         _distance: impl FnMut(usize, f64),
         _visit: impl FnMut(&Contact<3>),
@@ -33,7 +34,7 @@ impl CollisionQuery<3> for Nothing {
     fn contact_after(
         &self,
         _index: usize,
-        _body: &Body<3>,
+        _body: &Body<'_, 3>,
         _obstacle: usize,
         _after: f64,
     ) -> Contact<3> {

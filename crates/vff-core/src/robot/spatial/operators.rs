@@ -6,7 +6,8 @@ use super::algebra::{ArticulatedInertia, Spatial};
 use super::state::{Joint, SpatialState};
 use super::task::TaskForces;
 use super::{dense, task};
-use crate::math::{Body, Capsule, Pointing, SpatialPose, Vector};
+use crate::geometry::{Body, Encounter, StillBody, encounter};
+use crate::math::{Pointing, SpatialPose, Vector};
 use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm};
 use nalgebra::{SMatrix, SVector};
 use std::sync::Arc;
@@ -390,17 +391,32 @@ impl Robot<3> for SpatialState {
     }
 
     #[inline]
-    fn body(&self, i: usize) -> Body<3> {
-        let (link, shape) = SpatialState::body(self, i);
-        Body { link, shape }
+    fn body(&self, i: usize) -> Body<'_, 3> {
+        SpatialState::body(self, i)
     }
 
-    fn still_bodies(&self) -> &[Capsule<3>] {
+    fn still_bodies(&self) -> &[StillBody<3>] {
         &self.arm.still
     }
 
     fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]> {
         self.arm.pairs.iter().copied()
+    }
+
+    fn for_each_encounter(
+        &self,
+        pair: [usize; 2],
+        features: bool,
+        visit: &mut dyn FnMut(&Encounter<3>),
+    ) {
+        let forms = pair.map(|i| match self.arm.still.get(i.wrapping_sub(self.body_count())) {
+            None => {
+                let body = SpatialState::body(self, i);
+                (body.shape, body.hull)
+            }
+            Some(still) => (still.shape, still.carried()),
+        });
+        encounter(forms.each_ref(), features, visit);
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {

@@ -2,8 +2,9 @@
 
 use super::SpatialArm;
 use super::algebra::{ArticulatedInertia, Inertia, Spatial};
-use super::arm::{Fixed, Frame};
+use super::arm::{Fixed, FixedBody, Frame};
 use super::task::TaskForces;
+use crate::geometry::{Body, Carried};
 use crate::math::{Capsule, UnitQuaternion, Vector, sin_cos, unit_vectors};
 use crate::robot::Robot;
 use nalgebra::{Matrix3, SMatrix, SVector};
@@ -113,14 +114,20 @@ impl SpatialState {
         self.joints[i].rotation * self.arm.fixed[i].alignment.transpose()
     }
 
-    /// The link of collision body `k`, and where the body is in the world.
+    /// Body `k` in the world.
     #[inline]
-    pub fn body(&self, k: usize) -> (usize, Capsule<3>) {
-        let body = &self.arm.bodies[k];
-        let Joint { rotation, position, .. } = &self.joints[body.link];
-        let Capsule { start, direction, length, radius } = body.capsule;
-        let start = self.arm.base() + position + rotation * start;
-        (body.link, Capsule { start, direction: rotation * direction, length, radius })
+    pub fn body(&self, k: usize) -> Body<'_, 3> {
+        let FixedBody { link, capsule, hull } = &self.arm.bodies[k];
+        let Joint { rotation, position, .. } = &self.joints[*link];
+        let Capsule { start, direction, length, radius } = *capsule;
+        let origin = self.arm.base() + position;
+        let (start, direction) = (origin + rotation * start, rotation * direction);
+        let carried = |hull| Carried { hull, rotation, position: origin };
+        Body {
+            link: *link,
+            shape: Capsule { start, direction, length, radius },
+            hull: hull.as_deref().map(carried),
+        }
     }
 
     /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.

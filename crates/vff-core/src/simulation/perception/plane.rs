@@ -2,7 +2,8 @@
 
 use super::scans::{Ray, Scans};
 use super::{Perceive, PerceptionSettings};
-use crate::math::{Body, Vector, cross, perp};
+use crate::geometry::Body;
+use crate::math::{Vector, cross, perp};
 use crate::robot::Robot;
 use crate::world::plane::{Outline, World};
 use crate::world::{CollisionQuery, Contact, Feature, Positions, Spin};
@@ -106,9 +107,9 @@ impl CollisionQuery<2> for Perception {
 
     /// For every body the nearest of the points to its left and of those to its right, each at rest
     /// (T81); `obstacle` counts the sides.
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<2>>,
+        bodies: impl IntoIterator<Item = Body<'a, 2>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<2>),
@@ -137,7 +138,7 @@ impl CollisionQuery<2> for Perception {
     }
 
     /// The nearest of all points, on whichever side it comes to lie; they stay where they are.
-    fn contact_after(&self, index: usize, body: &Body<2>, obstacle: usize, _: f64) -> Contact<2> {
+    fn contact_after(&self, index: usize, body: &Body<'_, 2>, obstacle: usize, _: f64) -> Contact<2> {
         let capsule = &body.shape;
         let gap = |point: &Vector<2>| (capsule.clamp(point) - point).norm_squared();
         let nearest = self.scans.met().iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)));
@@ -146,7 +147,7 @@ impl CollisionQuery<2> for Perception {
 }
 
 /// The contact of a body with a point at rest on one side of it.
-fn touch(index: usize, body: &Body<2>, side: usize, witness: Vector<2>) -> Contact<2> {
+fn touch(index: usize, body: &Body<'_, 2>, side: usize, witness: Vector<2>) -> Contact<2> {
     let capsule = &body.shape;
     let point = capsule.clamp(&witness);
     let gap = (point - witness).norm();
@@ -160,6 +161,7 @@ fn touch(index: usize, body: &Body<2>, side: usize, witness: Vector<2>) -> Conta
         distance: gap - capsule.radius,
         normal: if gap > 0.0 { (point - witness) / gap } else { aside },
         point,
+        axis: capsule.direction,
         witness,
         velocity: Vector::zeros(),
         acceleration: Vector::zeros(),

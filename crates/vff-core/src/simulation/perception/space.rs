@@ -3,9 +3,10 @@
 use super::scans::{Ray, Scans};
 use super::{Kind, Perceive, PerceptionSettings};
 use crate::interrupt;
-use crate::math::{Body, Capsule, UnitQuaternion, Vector};
+use crate::geometry::Body;
+use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Robot, SpatialState};
-use crate::world::space::{Volume, World, cast_at_body, contact_with_point, perpendicular};
+use crate::world::space::{Volume, World, cast_at_body, contact_with_point, distance_of_point, perpendicular};
 use crate::world::{CollisionQuery, Contact, Pair, Positions};
 use nalgebra::{Matrix3, Rotation3, Unit};
 
@@ -63,7 +64,7 @@ impl SpatialPerception {
 /// Rays in cones that point away from a body: so many cones along it, so many around it.
 #[expect(clippy::cast_precision_loss, reason = "counts of sensors and rays")]
 fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize) -> Vec<Mount> {
-    let (link, capsule) = robot.body(body);
+    let Body { link, shape: capsule, .. } = robot.body(body);
     let axes = robot.link_axes(link);
     let start = axes.tr_mul(&(capsule.start - robot.joint_position(link)));
     let along = axes.tr_mul(&capsule.direction);
@@ -128,12 +129,15 @@ impl Mount {
         let [origin, direction] = self.ray(robot);
         let end = world.cast(origin, direction, range).filter(|end| {
             let own = self.carrier.map(|carrier| carrier.body);
-            let carried =
-                (0..robot.body_count()).filter(|k| Some(*k) != own).map(|k| robot.body(k).1);
-            let hides = |body: Capsule<3>| {
-                cast_at_body(&body, &origin, &direction).is_some_and(|s| 0.0 < s && s < *end)
-            };
-            !carried.chain(robot.still_bodies().iter().copied()).any(hides)
+            let carried = (0..robot.body_count()).filter(|k| Some(*k) != own).map(|k| {
+                let body = robot.body(k);
+                (body.shape, body.hull)
+            });
+            let still = robot.still_bodies().iter().map(|still| (still.shape, still.carried()));
+            !carried.chain(still).any(|(shape, hull)| {
+                let met = cast_at_body(&shape, hull.as_ref(), &origin, &direction);
+                met.is_some_and(|s| 0.0 < s && s < *end)
+            })
         });
         ([origin, direction], end)
     }
@@ -173,9 +177,9 @@ impl CollisionQuery<3> for SpatialPerception {
 
     /// For every body the nearest of all points, then the nearest of those that lie in another direction than the ones
     /// before, each at rest (T112); `obstacle` counts them.
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<3>>,
+        bodies: impl IntoIterator<Item = Body<'a, 3>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<3>),
@@ -185,12 +189,11 @@ impl CollisionQuery<3> for SpatialPerception {
             return;
         }
         for (index, body) in bodies.into_iter().enumerate() {
-            let capsule = &body.shape;
             let mut least = f64::INFINITY;
             near.clear();
             interrupt::spend(16 * scans.met().len());
             for point in scans.met() {
-                let gap = (capsule.clamp(point) - point).norm() - capsule.radius;
+                let gap = distance_of_point(&body, point);
                 least = least.min(gap);
                 if gap < reach {
                     near.push(touch(index, &body, 0, point));
@@ -212,9 +215,8 @@ impl CollisionQuery<3> for SpatialPerception {
     }
 
     /// The nearest of all points, in whatever direction it comes to lie; they stay where they are.
-    fn contact_after(&self, index: usize, body: &Body<3>, obstacle: usize, _: f64) -> Contact<3> {
-        let capsule = &body.shape;
-        let gap = |point: &Vector<3>| (capsule.clamp(point) - point).norm_squared();
+    fn contact_after(&self, index: usize, body: &Body<'_, 3>, obstacle: usize, _: f64) -> Contact<3> {
+        let gap = |point: &Vector<3>| distance_of_point(body, point);
         let nearest = self.scans.met().iter().min_by(|a, b| gap(a).total_cmp(&gap(b)));
         let nowhere = Vector::repeat(f64::INFINITY);
         touch(index, body, obstacle, nearest.unwrap_or(&nowhere))
@@ -223,12 +225,12 @@ impl CollisionQuery<3> for SpatialPerception {
 
 /// The contact of a body with a point at rest.
 fn touch(
-    body: usize,
-    Body { link, shape }: &Body<3>,
+    index: usize,
+    body: &Body<'_, 3>,
     obstacle: usize,
     point: &Vector<3>,
 ) -> Contact<3> {
-    contact_with_point(Pair { body, link: *link, obstacle }, shape, point)
+    contact_with_point(Pair { body: index, link: body.link, obstacle }, body, point)
 }
 
 #[cfg(test)]
@@ -320,7 +322,7 @@ mod tests {
         robot.update(&[1.0, 0.3, -0.8, -1.2, 2.0, 0.4, -2.0], &[0.0; 7]);
         let ray = |k: usize| perception.mounts[k].ray(&robot);
         for body in 0..robot.body_count() {
-            let capsule = robot.body(body).1;
+            let capsule = robot.body(body).shape;
             for place in 0..2 {
                 let first = 6 * body + 3 * place;
                 let along = capsule.direction * ((place as f64 + 0.5) / 2.0 * capsule.length);
@@ -359,7 +361,7 @@ mod tests {
     #[test]
     fn what_is_behind_the_arm_is_hidden() {
         let robot = panda();
-        let (_, upper) = robot.body(1);
+        let upper = robot.body(1).shape;
         let middle = upper.start + upper.direction * (0.5 * upper.length);
         let mut view = camera([middle.x - 2.0, middle.y, middle.z]);
         view.cameras[0].columns = 1;
@@ -390,7 +392,7 @@ mod tests {
     #[test]
     fn a_wall_counts_once() {
         let robot = panda();
-        let capsule = robot.body(2).1;
+        let capsule = robot.body(2).shape;
         let middle = capsule.start + capsule.direction * (0.5 * capsule.length);
         let wall = |axis: usize, gap: f64| {
             let mut normal = [0.0; 3];
@@ -421,7 +423,7 @@ mod tests {
         fn directions_are_apart(
             points in prop::collection::vec([-1.0..1.0, -1.0..1.0, -1.0..1.0], 1..400), reach in 0.05..0.9,
         ) {
-            let (_, capsule) = panda().body(2);
+            let capsule = panda().body(2).shape;
             let mut perception = around(vec![], &PerceptionSettings { rays: 40, ..on_links() });
             let points: Vec<Vector<3>> = points.iter().map(|p| capsule.start + Vector::from(*p)).collect();
             perception.scans.pretend(&points);

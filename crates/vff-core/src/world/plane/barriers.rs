@@ -34,7 +34,7 @@ impl Outline {
         }
         let axis = axis.seen_from(to_glam(state.position));
         let mut visit = |nearest: &Nearest, beyond: f64| {
-            let found = self.contact_of(contact.pair(), nearest, radius, state);
+            let found = self.contact_of(contact.pair(), nearest, link, state);
             visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
         };
         for end in [axis.start, axis.end()] {
@@ -72,7 +72,7 @@ fn end_to_edges(end: Vec2, edges: &[Face]) -> Nearest {
 mod tests {
     use super::super::oracle::*;
     use super::super::{Shape, World};
-    use crate::math::Body;
+    use crate::geometry::Body;
     use crate::world::CollisionQuery;
     use proptest::prelude::*;
     use std::f64::consts::TAU;

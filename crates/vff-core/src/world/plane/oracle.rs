@@ -4,7 +4,8 @@
 //! a convex body is a convex function of the position on it).
 
 use super::{Obstacle, Shape, World, shape};
-use crate::math::{Body, Capsule, Vector, perp};
+use crate::geometry::Body;
+use crate::math::{Capsule, Vector, perp};
 use crate::world::oracle::least;
 use crate::world::{Contact, Motion};
 use proptest::prelude::*;

@@ -119,7 +119,7 @@ impl Solid<2> for Outline {
     #[inline]
     fn contact(&self, pair: Pair, link: &Probe, state: &MotionState<2>) -> Contact<2> {
         let nearest = self.nearest(link.axis.seen_from(to_glam(state.position)));
-        self.contact_of(pair, &nearest, link.radius, state)
+        self.contact_of(pair, &nearest, link, state)
     }
 
     fn barriers(&self) -> usize {
@@ -179,13 +179,13 @@ impl Outline {
         }
     }
 
-    /// The contact of a link of this `radius` \[m\] at these points of its axis and the core.
+    /// The contact of a link at these points of its axis and the core.
     #[inline]
     pub(super) fn contact_of(
         &self,
         Pair { body, link, obstacle }: Pair,
         nearest: &Nearest,
-        radius: f64,
+        Probe { axis, radius }: &Probe,
         state: &MotionState<2>,
     ) -> Contact<2> {
         let Nearest { distance, normal, point, meets } = *nearest;
@@ -197,6 +197,7 @@ impl Outline {
             distance: distance - self.radius - radius,
             normal: from_glam(normal),
             point: from_glam(point),
+            axis: from_glam(axis.forward),
             witness: from_glam(point - normal * (distance - self.radius)),
             velocity: state.velocity,
             acceleration: state.acceleration,

@@ -44,7 +44,8 @@ impl Outline {
 #[cfg(test)]
 mod tests {
     use super::super::{Obstacle, Shape, World};
-    use crate::math::{Body, Capsule, Vector};
+    use crate::geometry::Body;
+    use crate::math::{Capsule, Vector};
     use crate::world::Motion;
     use proptest::prelude::*;
     use std::f64::consts::TAU;

@@ -1,8 +1,8 @@
 //! The distances that must be kept so that features may change hands (T98).
 
-use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, perpendicular, seen_from};
-use super::cuboid::Cuboid;
-use super::volume::{Core, Volume, contact_of};
+use crate::geometry::axis::{Nearest, Probe, beyond, perpendicular, seen_from, to_edge};
+use crate::geometry::{Convex, averted};
+use super::volume::{Core, Volume, axis_of, contact_of};
 use crate::math::Vector;
 use crate::world::{Contact, Feature, MotionState, RELIEF, TOUCHING};
 
@@ -22,8 +22,9 @@ impl Volume {
             return visit(contact);
         }
         let axis = seen_from(link, &state.position);
+        let radii = [self.radius, link.radius];
         let mut visit = |nearest: &Nearest, beyond: f64| {
-            let found = contact_of(contact.pair(), nearest, [self.radius, link.radius], state);
+            let found = contact_of(contact.pair(), nearest, &axis_of(link), radii, state);
             visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
         };
         visit(&self.end(axis.start), 0.0);
@@ -33,53 +34,20 @@ impl Volume {
         }
         visit(&self.end(axis.end()), 0.0);
         match &self.core {
-            Core::Segment(segment) => {
-                for corner in [segment.start, segment.end()] {
-                    let (nearest, beyond) = to_corner(&axis, &corner);
-                    visit(&nearest, beyond);
-                }
-                if let Some((nearest, beyond)) = to_edge(&axis, segment) {
-                    visit(&nearest, beyond);
-                }
-            }
-            Core::Box(cuboid) => {
-                for outward in cuboid.corners() {
-                    let (nearest, beyond) = to_corner(&axis, &cuboid.at(&outward));
-                    visit(&nearest, beyond + cuboid.averted(&nearest, &outward));
-                }
-                for (k, outward) in cuboid.edges() {
-                    let mut start = outward;
-                    start[k] = -1.0;
-                    let length = 2.0 * cuboid.half[k];
-                    let direction = cuboid.axis(k);
-                    let edge = Probe { start: cuboid.at(&start), direction, length, radius: 0.0 };
-                    if let Some((nearest, beyond)) = to_edge(&axis, &edge) {
-                        visit(&nearest, beyond + cuboid.averted(&nearest, &outward));
-                    }
-                }
-            }
-            Core::Hull(hull) => {
-                for corner in &hull.corners {
-                    let (nearest, beyond) = to_corner(&axis, &corner.point);
-                    visit(&nearest, beyond + averted(&nearest, &corner.along));
-                }
-                for edge in &hull.edges {
-                    if let Some((nearest, beyond)) = to_edge(&axis, &edge.line) {
-                        visit(&nearest, beyond + averted(&nearest, &edge.into));
-                    }
-                }
-            }
+            Core::Segment(segment) => beside(&axis, segment, visit),
+            Core::Box(cuboid) => beside(&axis, &**cuboid, visit),
+            Core::Hull(hull) => beside(&axis, &**hull, visit),
             Core::Point(_) | Core::HalfSpace(_) | Core::Cloud(_) => {}
         }
     }
 
     /// An end of a link outside of the core. It counts as opposite a face everywhere: that the normal turns about an edge or a
     /// corner is left out, which is the safe side (T77).
-    fn end(&self, end: Vector<3>) -> Nearest {
+    pub(super) fn end(&self, end: Vector<3>) -> Nearest {
         let offset = match &self.core {
             Core::Point(point) => end - point,
-            Core::Segment(segment) => end - segment.clamp(&end),
-            Core::Box(cuboid) => cuboid.axes * cuboid.excess(&cuboid.axes.tr_mul(&end)),
+            Core::Segment(segment) => segment.offset(&end),
+            Core::Box(cuboid) => cuboid.offset(&end),
             Core::Hull(hull) => hull.offset(&end),
             Core::Cloud(_) => unreachable!("its barriers are its contacts"),
             Core::HalfSpace(normal) => {
@@ -90,6 +58,20 @@ impl Volume {
         let distance = offset.norm();
         Nearest { distance, normal: offset / distance, point: end, feature: Feature::Face }
     }
+}
+
+/// An axis with an inside, and every corner and edge.
+#[inline]
+fn beside(axis: &Probe, core: &impl Convex, mut visit: impl FnMut(&Nearest, f64)) {
+    core.for_each_corner(|corner, onward| {
+        let (nearest, beyond) = to_corner(axis, corner);
+        visit(&nearest, beyond + averted(&nearest, onward));
+    });
+    core.for_each_edge(|edge, onward| {
+        if let Some((nearest, beyond)) = to_edge(axis, edge) {
+            visit(&nearest, beyond + averted(&nearest, onward));
+        }
+    });
 }
 
 /// The line through an axis beside a corner, and how far beyond the ends of the axis that is.
@@ -106,70 +88,12 @@ fn to_corner(axis: &Probe, corner: &Vector<3>) -> (Nearest, f64) {
     (Nearest { distance, normal, point, feature }, beyond(along, axis.length))
 }
 
-/// The lines through an axis and an edge, and how far beyond the ends of both they come nearest; none if they are parallel.
-fn to_edge(axis: &Probe, edge: &Probe) -> Option<(Nearest, f64)> {
-    let offset = axis.start - edge.start;
-    let cross = axis.direction.cross(&edge.direction);
-    let sin_squared = cross.norm_squared();
-    if sin_squared <= PARALLEL * PARALLEL {
-        return None;
-    }
-    let cos = axis.direction.dot(&edge.direction);
-    let s = -offset.cross(&edge.direction).dot(&cross) / sin_squared;
-    let t = edge.direction.dot(&offset) + s * cos;
-    let point = axis.start + axis.direction * s;
-    let between = offset + axis.direction * s - edge.direction * t;
-    let distance = across(&cross, &between);
-    let feature = Feature::Crossing { edge: edge.direction, distance };
-    let nearest = Nearest { distance, normal: across_normal(&cross, &between), point, feature };
-    Some((nearest, beyond(s, axis.length) + beyond(t, edge.length)))
-}
-
-fn beyond(along: f64, length: f64) -> f64 {
-    (-along).max(along - length).max(0.0)
-}
-
-/// How far the core comes towards the axis beside a corner or an edge from which it goes on in these directions, among
-/// others between them: 0 where that is the nearest.
-fn averted(nearest: &Nearest, onward: &[Vector<3>]) -> f64 {
-    let most = onward.iter().map(|way| nearest.normal.dot(way)).fold(0.0, f64::max);
-    nearest.distance * most
-}
-
-impl Cuboid {
-    /// The signs of the coordinates of the corners.
-    fn corners(&self) -> impl Iterator<Item = Vector<3>> {
-        let sign = |bit: u8| if bit == 0 { -1.0 } else { 1.0 };
-        (0..8u8).map(move |i| Vector::<3>::new(sign(i & 1), sign(i & 2), sign(i & 4)))
-    }
-
-    /// Of every edge the axis that it is along, and the signs of its other coordinates.
-    fn edges(&self) -> impl Iterator<Item = (usize, Vector<3>)> {
-        (0..3).flat_map(|k| {
-            self.corners().filter(move |corner| corner[k] < 0.0).map(move |mut corner| {
-                corner[k] = 0.0;
-                (k, corner)
-            })
-        })
-    }
-
-    fn at(&self, signs: &Vector<3>) -> Vector<3> {
-        self.axes * self.half.component_mul(signs)
-    }
-
-    /// How far the box comes towards the axis beside a corner or an edge that is turned away from it: 0 where it is the
-    /// nearest.
-    fn averted(&self, nearest: &Nearest, outward: &Vector<3>) -> f64 {
-        let most = self.axes.tr_mul(&nearest.normal).component_mul(outward).min();
-        nearest.distance * (-most).max(0.0)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::oracle::*;
     use super::super::{Shape, World};
-    use crate::math::{Body, Capsule};
+    use crate::geometry::Body;
+    use crate::math::Capsule;
     use crate::world::{CollisionQuery, Contact, Feature};
     use proptest::prelude::*;
 

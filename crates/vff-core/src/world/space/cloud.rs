@@ -5,11 +5,11 @@
 //! rest, where it is described: as with every solid it is the link that is moved and turned for the query, so that a cloud
 //! that moves and turns costs no more than one that stands.
 
-use super::axis::{Nearest, Probe, perpendicular, seen_from};
-use super::point::{distance_to_point, square_to_point, to_point};
+use crate::geometry::axis::{Nearest, Probe, perpendicular, seen_from};
+use crate::geometry::point::{distance_to_point, square_to_point, to_point};
 use super::runs::{Runs, Sight, around};
 use super::volume::Core;
-use super::volume::contact_of;
+use super::volume::{axis_of, contact_of};
 use super::{Obstacle, Shape, World};
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
@@ -158,7 +158,7 @@ impl Cloud {
                 let (distance, normal) = (f64::INFINITY, perpendicular(&link.direction));
                 let nowhere =
                     Nearest { distance, normal, point: Vector::zeros(), feature: Feature::Face };
-                let found = contact_of(pair, &nowhere, [radius, link.radius], state);
+                let found = contact_of(pair, &nowhere, &axis_of(link), [radius, link.radius], state);
                 Contact { point: link.start, witness: link.start, ..found }
             }
         }
@@ -176,7 +176,7 @@ impl Cloud {
     ) -> Contact<3> {
         let centre = MotionState { position: state.position + self.points[place], ..*state };
         let nearest = to_point(&seen_from(link, &centre.position), &Vector::zeros());
-        contact_of(pair, &nearest, [radius, link.radius], &centre)
+        contact_of(pair, &nearest, &axis_of(link), [radius, link.radius], &centre)
     }
 
     /// The contacts with all balls nearer than `reach` \[m\], in the order in which their points were given.
@@ -356,7 +356,8 @@ pub(super) mod tests {
     use super::super::Volume;
     use super::super::oracle::*;
     use super::*;
-    use crate::math::{Body, Capsule};
+    use crate::geometry::Body;
+    use crate::math::Capsule;
     use crate::world::crowd::LEAST;
     use crate::world::crowd::tests::{motion, point, reach};
     use crate::world::{CollisionQuery, Motion, Solid};

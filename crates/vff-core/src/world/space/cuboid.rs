@@ -1,6 +1,7 @@
 //! An axis and a box.
 
-use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, within};
+use crate::geometry::axis::{Nearest, PARALLEL, Probe, across, across_normal, within};
+use crate::geometry::{Convex, Onward};
 use crate::math::Vector;
 use crate::world::{Feature, TOUCHING};
 use nalgebra::Matrix3;
@@ -192,6 +193,62 @@ impl Cuboid {
             }
         }
         best
+    }
+}
+
+impl Cuboid {
+    /// The signs of the coordinates of the corners.
+    fn corners(&self) -> impl Iterator<Item = Vector<3>> {
+        let sign = |bit: u8| if bit == 0 { -1.0 } else { 1.0 };
+        (0..8u8).map(move |i| Vector::<3>::new(sign(i & 1), sign(i & 2), sign(i & 4)))
+    }
+
+    /// Of every edge the axis that it is along, and the signs of its other coordinates.
+    fn edges(&self) -> impl Iterator<Item = (usize, Vector<3>)> {
+        (0..3).flat_map(|k| {
+            self.corners().filter(move |corner| corner[k] < 0.0).map(move |mut corner| {
+                corner[k] = 0.0;
+                (k, corner)
+            })
+        })
+    }
+
+    fn at(&self, signs: &Vector<3>) -> Vector<3> {
+        self.axes * self.half.component_mul(signs)
+    }
+}
+
+impl Convex for Cuboid {
+    fn nearest(&self, axis: &Probe) -> Nearest {
+        Self::nearest(self, axis)
+    }
+
+    fn offset(&self, point: &Vector<3>) -> Vector<3> {
+        self.axes * self.excess(&self.axes.tr_mul(point))
+    }
+
+    fn for_each_corner(&self, mut visit: impl FnMut(&Vector<3>, Onward<'_>)) {
+        for outward in self.corners() {
+            visit(&self.at(&outward), Onward::Against(&self.axes, outward));
+        }
+    }
+
+    fn for_each_edge(&self, mut visit: impl FnMut(&Probe, Onward<'_>)) {
+        for (k, outward) in self.edges() {
+            let mut start = outward;
+            start[k] = -1.0;
+            let (direction, length) = (self.axis(k), 2.0 * self.half[k]);
+            let edge = Probe { start: self.at(&start), direction, length, radius: 0.0 };
+            visit(&edge, Onward::Against(&self.axes, outward));
+        }
+    }
+
+    fn for_each_face(&self, mut visit: impl FnMut(&Vector<3>, f64)) {
+        for k in 0..3 {
+            let normal = self.axis(k);
+            visit(&normal, self.half[k]);
+            visit(&-normal, self.half[k]);
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! An axis and a half-space through the obstacle's position.
 
-use super::axis::{Nearest, Probe};
+use crate::geometry::axis::{Nearest, Probe};
 use crate::math::Vector;
 use crate::world::Feature;
 

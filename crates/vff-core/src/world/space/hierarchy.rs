@@ -1,6 +1,6 @@
 //! Which of many boxes are near a link: parry's hierarchy of bounding boxes.
 
-use super::axis::Probe;
+use crate::geometry::Probe;
 use crate::math::Vector;
 use crate::world::HORIZON;
 use crate::world::crowd::MARGIN;
@@ -66,7 +66,8 @@ mod tests {
     use super::super::cloud::tests::any_points;
     use super::super::oracle::*;
     use super::super::{Obstacle, Shape, Volume, World};
-    use crate::math::{Body, Capsule};
+    use crate::geometry::Body;
+    use crate::math::Capsule;
     use crate::world::crowd::REGROUP;
     use crate::world::crowd::tests::{check, motion, point, rate, reach, scale, times};
     use crate::world::{CollisionQuery, Motion};

@@ -11,29 +11,25 @@
 //! A file per pair: axis and `point`, `segment`, `cuboid`, `hull`, `half_space`, `cloud` of points. A file per question: `barriers`, `rays`,
 //! `hierarchy` of boxes around obstacles, `runs` of points.
 
-mod axis;
 mod barriers;
+mod carried;
 mod cloud;
 mod cuboid;
 mod half_space;
 mod hierarchy;
-mod hull;
 mod obstacle;
 #[cfg(test)]
-pub(super) mod oracle;
-mod point;
+pub(crate) mod oracle;
 mod rays;
 mod runs;
-mod segment;
 mod shape;
 mod volume;
 
-pub use axis::{Probe, perpendicular};
 pub use cloud::{MOST_POINTS, Points};
 pub use hierarchy::Boxes;
-pub use hull::{HullError, MOST_CORNERS, check_hull, faces_of_hull};
+pub use crate::geometry::{HullError, MOST_CORNERS, Probe, check_hull, faces_of_hull, perpendicular};
+pub use carried::{contact_with_point, distance_of_point};
 pub use obstacle::Obstacle;
-pub use point::contact_with_point;
 pub use rays::cast_at_body;
 pub use shape::Shape;
 pub use volume::Volume;

@@ -4,25 +4,26 @@
 //! the least along it, by search (it is a convex function of the position on it).
 
 use super::{Obstacle, Shape, World};
-use crate::math::{Body, Capsule, Vector};
+use crate::geometry::Body;
+use crate::math::{Capsule, Vector};
 use crate::world::oracle::least;
 use crate::world::{Contact, Motion};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
 
-pub(super) type Vec3 = Vector<3>;
+pub(crate) type Vec3 = Vector<3>;
 
-pub(super) fn vec3(x: f64, y: f64, z: f64) -> Vec3 {
+pub(crate) fn vec3(x: f64, y: f64, z: f64) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
 /// The rotation of an obstacle, by nalgebra's own quaternions.
-pub(super) fn rotation(obstacle: &Obstacle) -> Rotation3<f64> {
+pub(crate) fn rotation(obstacle: &Obstacle) -> Rotation3<f64> {
     let [w, x, y, z] = obstacle.orientation;
     UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).to_rotation_matrix()
 }
 
-pub(super) fn core_radius(shape: &Shape) -> f64 {
+pub(crate) fn core_radius(shape: &Shape) -> f64 {
     match shape {
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } | Shape::Points { radius, .. } => {
             *radius
@@ -32,7 +33,7 @@ pub(super) fn core_radius(shape: &Shape) -> f64 {
 }
 
 /// Distance from `point` to the core, zero inside.
-pub(super) fn distance_to_core(obstacle: &Obstacle, point: &Vec3) -> f64 {
+pub(crate) fn distance_to_core(obstacle: &Obstacle, point: &Vec3) -> f64 {
     core_distance(obstacle)(point)
 }
 
@@ -108,7 +109,7 @@ fn distance_within(sides: &[[Vec3; 3]], p: &Vec3) -> f64 {
 }
 
 /// The most that the core reaches along the unit vector `direction`.
-pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
+pub(crate) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
     let n = rotation(obstacle).inverse() * direction;
     let own = match &obstacle.shape {
         Shape::Sphere { .. } => 0.0,
@@ -124,13 +125,13 @@ pub(super) fn support(obstacle: &Obstacle, direction: &Vec3) -> f64 {
 }
 
 /// The distance between axis and core, 0 where they overlap.
-pub(super) fn searched_distance(link: &Capsule<3>, obstacle: &Obstacle) -> f64 {
+pub(crate) fn searched_distance(link: &Capsule<3>, obstacle: &Obstacle) -> f64 {
     let distance = core_distance(obstacle);
     least(|s| distance(&(link.start + (link.end() - link.start) * s)))
 }
 
 /// Directions that are spread evenly over the sphere (a Fibonacci lattice).
-pub(super) fn directions(count: u32) -> impl Iterator<Item = Vec3> {
+pub(crate) fn directions(count: u32) -> impl Iterator<Item = Vec3> {
     (0..count).map(move |k| {
         let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
         let (sin, cos) = (f64::from(k) * 2.399_963_229_728_653).sin_cos();
@@ -139,40 +140,40 @@ pub(super) fn directions(count: u32) -> impl Iterator<Item = Vec3> {
     })
 }
 
-pub(super) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
+pub(crate) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
     Capsule { start: link.start + by, ..*link }
 }
 
-pub(super) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
+pub(crate) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
     let orientation = [1.0, 0.0, 0.0, 0.0];
     let angular_velocity = [0.0; 3];
     Obstacle { shape, position, orientation, angular_velocity, motion: Motion::default() }
 }
 
-pub(super) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {
+pub(crate) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {
     World::new(vec![obstacle.clone()]).contact(0, &Body::new(0, *link), 0)
 }
 
-pub(super) fn capsule(start: [f64; 3], end: [f64; 3], radius: f64) -> Capsule<3> {
+pub(crate) fn capsule(start: [f64; 3], end: [f64; 3], radius: f64) -> Capsule<3> {
     Capsule::new(start.into(), end.into(), radius)
 }
 
-pub(super) fn three(range: f64) -> impl Strategy<Value = Vec3> {
+pub(crate) fn three(range: f64) -> impl Strategy<Value = Vec3> {
     [-range..range, -range..range, -range..range].prop_map(Vec3::from)
 }
 
-pub(super) fn direction() -> impl Strategy<Value = Vec3> {
+pub(crate) fn direction() -> impl Strategy<Value = Vec3> {
     three(1.0).prop_filter_map("no direction", |v| v.try_normalize(0.1))
 }
 
 /// Capsules, and sometimes a ball.
-pub(in crate::world) fn any_link() -> impl Strategy<Value = Capsule<3>> {
+pub(crate) fn any_link() -> impl Strategy<Value = Capsule<3>> {
     let length = prop_oneof![5 => 0.05..3.0, 1 => Just(0.0)];
     (three(2.0), direction(), length, 0.0..0.3)
         .prop_map(|(start, direction, length, radius)| Capsule { start, direction, length, radius })
 }
 
-pub(super) fn any_orientation() -> impl Strategy<Value = [f64; 4]> {
+pub(crate) fn any_orientation() -> impl Strategy<Value = [f64; 4]> {
     let turned = [-1.0..1.0, -1.0..1.0, -1.0..1.0, -1.0..1.0].prop_filter_map("none", |q| {
         let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
         (norm > 0.1).then(|| q.map(|x| x / norm))
@@ -181,7 +182,7 @@ pub(super) fn any_orientation() -> impl Strategy<Value = [f64; 4]> {
 }
 
 /// Of every kind, numbered.
-pub(super) fn any_shape() -> impl Strategy<Value = (usize, Shape)> {
+pub(crate) fn any_shape() -> impl Strategy<Value = (usize, Shape)> {
     prop_oneof![
         (0.01..0.5).prop_map(|radius| (0, Shape::Sphere { radius })),
         (three(1.0), three(1.0), 0.0..0.4).prop_map(|(a, b, radius)| {
@@ -194,7 +195,7 @@ pub(super) fn any_shape() -> impl Strategy<Value = (usize, Shape)> {
 }
 
 /// Of points of which some lie within, in the same plane as others or on the same line.
-pub(super) fn any_hull() -> impl Strategy<Value = Shape> {
+pub(crate) fn any_hull() -> impl Strategy<Value = Shape> {
     let anywhere = prop::collection::vec(three(0.7), 4..20);
     let lattice = prop::collection::vec([-1i8..2, -1i8..2, -1i8..2], 6..20).prop_map(|points| {
         points.into_iter().map(|p| Vec3::from(p.map(f64::from)) * 0.5).collect()
@@ -215,13 +216,13 @@ pub(super) fn any_hull() -> impl Strategy<Value = Shape> {
     )
 }
 
-pub(in crate::world) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
+pub(crate) fn any_obstacle() -> impl Strategy<Value = Obstacle> {
     (any_shape(), three(1.0), any_orientation()).prop_map(|((_, shape), position, orientation)| {
         Obstacle { orientation, ..fixed(shape, position.into()) }
     })
 }
 
 #[track_caller]
-pub(super) fn assert_near(a: Vec3, b: Vec3) {
+pub(crate) fn assert_near(a: Vec3, b: Vec3) {
     assert!((a - b).norm() < 1e-14, "{a} is not {b}");
 }

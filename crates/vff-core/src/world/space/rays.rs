@@ -2,6 +2,7 @@
 
 use super::cuboid::Cuboid;
 use super::volume::{Core, Volume};
+use crate::geometry::Carried;
 use crate::math::{Capsule, Vector};
 
 impl Volume {
@@ -39,9 +40,17 @@ impl Volume {
     }
 }
 
-/// How far a ray goes from `origin` along the unit vector `direction` until it meets a body \[m\]; 0 inside it.
-pub fn cast_at_body(body: &Capsule<3>, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
-    capsule(body, body.radius, origin, direction)
+/// How far a ray goes from `origin` along the unit vector `direction` until it meets a body, a capsule or the hull that is in
+/// it \[m\]; 0 inside it.
+pub fn cast_at_body(
+    shape: &Capsule<3>,
+    hull: Option<&Carried<'_, 3>>,
+    origin: &Vector<3>,
+    direction: &Vector<3>,
+) -> Option<f64> {
+    let met = capsule(shape, shape.radius, origin, direction)?;
+    let Some(hull) = hull else { return Some(met) };
+    hull.hull.meet_ray(&hull.seen(origin), &hull.rotation.tr_mul(direction))
 }
 
 /// Where |offset + s · direction| = radius first, from outside; 0 inside.

@@ -5,7 +5,7 @@
 //! them, and asks eight boxes at once, in single precision: boxes are rounded outward, and what single precision may lose
 //! is taken off every gap.
 
-use super::axis::Probe;
+use crate::geometry::Probe;
 use crate::math::Vector;
 use crate::world::crowd::MARGIN;
 use std::ops::Range;

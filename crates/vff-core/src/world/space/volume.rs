@@ -1,16 +1,16 @@
 //! What an obstacle in space is to a query: a core swept by a ball.
 
-use super::axis::{Nearest, Probe, seen_from};
+use crate::geometry::axis::{Nearest, Probe, seen_from};
 use super::cloud::Cloud;
 use super::cuboid::Cuboid;
 use super::half_space::to_half_space;
 use super::hierarchy::Boxes;
-use super::hull::Hull;
-use super::point::{distance_to_point, to_point};
-use super::segment::{distance_to_segment, to_segment};
+use crate::geometry::{Carried, Hull, MOST_ROWS};
+use crate::geometry::point::{distance_to_point, to_point};
+use crate::geometry::segment::{distance_to_segment, to_segment};
 use super::{Obstacle, Shape};
 use crate::math::{Capsule, UnitQuaternion, Vector};
-use crate::world::{Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
+use crate::world::{Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
 use std::sync::Arc;
 
 impl Description<3> for Obstacle {
@@ -148,7 +148,7 @@ impl Solid<3> for Volume {
             Core::HalfSpace(normal) => to_half_space(&axis, normal),
             Core::Cloud(cloud) => return cloud.contact(pair, link, self.radius, state),
         };
-        contact_of(pair, &nearest, [self.radius, link.radius], state)
+        contact_of(pair, &nearest, &axis_of(link), [self.radius, link.radius], state)
     }
 
     fn contacts(&self) -> usize {
@@ -196,6 +196,25 @@ impl Solid<3> for Volume {
         self.visit_barriers(contact, link, state, visit);
     }
 
+    fn meet_hull(
+        &self,
+        pair: Pair,
+        hull: &Carried<'_, 3>,
+        around: &Probe,
+        state: &MotionState<3>,
+        asked: Asked,
+        visit: &mut dyn FnMut(&Contact<3>),
+    ) {
+        self.visit_hull(pair, hull, around, state, asked, visit);
+    }
+
+    fn hull_barriers(&self) -> usize {
+        match &self.core {
+            Core::Point(_) | Core::Cloud(_) => self.barriers(),
+            _ => MOST_ROWS,
+        }
+    }
+
     fn extent(&self) -> [Vector<3>; 2] {
         let (middle, half) = match &self.core {
             Core::Hull(hull) => return hull.extent(),
@@ -232,12 +251,19 @@ impl Solid<3> for Volume {
     }
 }
 
-/// The contact at these points of the axis of a link and of a core in this state, which have these radii \[m\], that of the
-/// core first.
+/// The direction of a link's axis; a ball has none.
+#[inline(always)]
+pub(super) fn axis_of(link: &Probe) -> Vector<3> {
+    if link.length > 0.0 { link.direction } else { Vector::zeros() }
+}
+
+/// The contact at these points of the axis of a link, which has this direction, and of a core in this state, which have these
+/// radii \[m\], that of the core first.
 #[inline]
 pub(super) fn contact_of(
     Pair { body, link, obstacle }: Pair,
     nearest: &Nearest,
+    axis: &Vector<3>,
     [around_core, around_axis]: [f64; 2],
     state: &MotionState<3>,
 ) -> Contact<3> {
@@ -250,6 +276,7 @@ pub(super) fn contact_of(
         distance: distance - around_core - around_axis,
         normal,
         point,
+        axis: *axis,
         witness: point - normal * (distance - around_core),
         velocity: state.velocity,
         acceleration: state.acceleration,

@@ -1,6 +1,7 @@
 //! The arm and the obstacles of the tests of look-ahead.
 
-use crate::math::{Body, Vector};
+use crate::geometry::Body;
+use crate::math::Vector;
 use crate::robot::{Manipulator, Model, PlanarArm, PlanarState, Robot, planar::Link};
 use crate::trajectory::Sample;
 use crate::world::plane::{Obstacle, Shape, World};
@@ -47,9 +48,9 @@ impl CollisionQuery<2> for Asked {
         self.world.obstacle_count()
     }
 
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<2>>,
+        bodies: impl IntoIterator<Item = Body<'a, 2>>,
         reach: f64,
         distance: impl FnMut(usize, f64),
         visit: impl FnMut(&Contact<2>),
@@ -57,7 +58,7 @@ impl CollisionQuery<2> for Asked {
         self.world.for_each_contact(bodies, reach, distance, visit);
     }
 
-    fn contact_after(&self, i: usize, body: &Body<2>, j: usize, after: f64) -> Contact<2> {
+    fn contact_after(&self, i: usize, body: &Body<'_, 2>, j: usize, after: f64) -> Contact<2> {
         self.times.set(self.times.get() + 1);
         self.world.contact_after(i, body, j, after)
     }

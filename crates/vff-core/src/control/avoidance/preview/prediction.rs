@@ -1,7 +1,8 @@
 //! The obstacles at later instants, as far as look-ahead asks for them.
 
 use crate::interrupt;
-use crate::math::{Body, Vector};
+use crate::geometry::Body;
+use crate::math::Vector;
 use crate::world::{CollisionQuery, Contact};
 
 /// A pair that is near, as far as the velocity of a roll-out depends on it.
@@ -61,14 +62,14 @@ pub trait Prediction<const D: usize> {
     fn most_contacts(&self) -> usize;
 
     /// Adds to `found` the obstacles nearer than `reach` \[m\] to a body, each once.
-    fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>);
+    fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>);
 
     /// The contact of body number `index` with `obstacle`, predicted for `after` \[s\] from now at its present velocity: the
     /// nearest of theirs. Calls `visit` with those nearer than `reach` \[m\].
     fn predict(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
         reach: f64,
@@ -79,7 +80,7 @@ pub trait Prediction<const D: usize> {
     fn approach(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
         reach: f64,
@@ -96,7 +97,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         self.contact_count()
     }
 
-    fn obstacles_near(&mut self, bodies: &[Body<D>], reach: f64, found: &mut Vec<usize>) {
+    fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>) {
         self.for_each_obstacle_near(bodies.iter().copied(), reach, |obstacle| {
             interrupt::spend(64 + found.len());
             if !found.contains(&obstacle) {
@@ -108,7 +109,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
     fn predict(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
         reach: f64,
@@ -120,7 +121,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
     fn approach(
         &self,
         index: usize,
-        body: &Body<D>,
+        body: &Body<'_, D>,
         obstacle: usize,
         after: f64,
         reach: f64,
@@ -146,9 +147,9 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
         self.obstacles.len()
     }
 
-    fn for_each_contact(
+    fn for_each_contact<'a>(
         &mut self,
-        bodies: impl IntoIterator<Item = Body<D>>,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
         mut distance: impl FnMut(usize, f64),
         mut visit: impl FnMut(&Contact<D>),
@@ -164,7 +165,7 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
         }
     }
 
-    fn contact_after(&self, index: usize, body: &Body<D>, j: usize, after: f64) -> Contact<D> {
+    fn contact_after(&self, index: usize, body: &Body<'_, D>, j: usize, after: f64) -> Contact<D> {
         let [after, unreached] = [self.after + after, f64::NEG_INFINITY];
         self.surroundings.predict(index, body, j, after, unreached, &mut |_| {})
     }

@@ -6,7 +6,8 @@ use super::prediction::{Near, Prediction};
 use crate::control::avoidance::Yielding;
 use crate::control::metric::TaskMetric;
 use crate::interrupt;
-use crate::math::{Body, Pose, dot};
+use crate::geometry::Body;
+use crate::math::{Pose, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 use nalgebra::{SMatrix, SVector};
@@ -52,7 +53,7 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     pub(super) obstacles: Vec<usize>,
     pairs: Vec<Near<D>>,
     /// The bodies one step before, and of every body and obstacle, how much nearer they can come before they matter.
-    bodies: Vec<Body<D>>,
+    bodies: Vec<Body<'static, D>>,
     apart: Vec<Apart>,
     /// Pairs farther apart than this \[m\] do not matter.
     pub(super) reach: f64,
@@ -97,7 +98,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             speed: yielding.joint_speeds(robot),
             obstacles: vec![],
             pairs: vec![],
-            bodies: robot.bodies().collect(),
+            bodies: robot.bodies().map(|body| body.enclosing()).collect(),
             apart: vec![],
             reach: NEAR.max(settings.clearance).max(yielding.margin),
             reference: Vec::with_capacity(settings.steps + 1),
@@ -131,7 +132,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         apart.clear();
         self.reserve(surroundings.count(), surroundings.most_contacts());
         let Self { obstacles, bodies, w, v, inverse_inertia, .. } = self;
-        bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body);
+        bodies.iter_mut().zip(robot.bodies()).for_each(|(kept, body)| *kept = body.enclosing());
         surroundings.obstacles_near(bodies, REACH, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
@@ -205,18 +206,28 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             // No point of the body has gone farther than one of its ends.
             let ends = [now.start - then.start, now.end() - then.end()];
             let way = ends[0].norm_squared().max(ends[1].norm_squared()).sqrt();
-            *before = body;
+            *before = body.enclosing();
             for (&j, apart) in obstacles.iter().zip(&mut apart) {
                 apart.room -= way + apart.drift;
                 if apart.room > 0.0 {
                     continue;
                 }
-                let nearest = surroundings.approach(i, &body, j, after, NEAR, pairs);
+                // Of a hull it is the capsule around it that says how long nothing matters.
+                let nearest = if body.hull.is_some() {
+                    let unreached = f64::NEG_INFINITY;
+                    surroundings.approach(i, before, j, after, unreached, pairs)
+                } else {
+                    surroundings.approach(i, &body, j, after, NEAR, pairs)
+                };
                 let room = nearest.distance - *reach;
                 // What matters now is asked in the next step, however fast it comes.
                 let drift = if room > 0.0 { nearest.speed() * *step } else { 0.0 };
                 *apart = Apart { room, drift };
-                least = least.min(nearest.distance);
+                let mut distance = nearest.distance;
+                if body.hull.is_some() && room <= 0.0 {
+                    distance = surroundings.approach(i, &body, j, after, NEAR, pairs).distance;
+                }
+                least = least.min(distance);
             }
         }
         least

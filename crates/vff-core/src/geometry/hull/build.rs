@@ -69,7 +69,7 @@ pub fn faces_of_hull(points: &[[f64; 3]]) -> Result<Vec<Vec<usize>>, HullError> 
         let here = hull.corners[corner].point;
         points.iter().position(|p| Vector::from(*p) == here)
     };
-    let ring = |face: &Face| {
+    let ring = |face: &Face<3>| {
         // Along the border so that the face lies to the left.
         let after: HashMap<usize, usize> = (face.border.iter())
             .map(|&(edge, side)| {
@@ -92,7 +92,7 @@ impl Hull {
     ///
     /// # Errors
     /// If they lie in one plane, if it has too many corners, or if there are too many of them.
-    pub(in crate::world::space) fn new(points: &[[f64; 3]]) -> Result<Self, HullError> {
+    pub fn new(points: &[[f64; 3]]) -> Result<Self, HullError> {
         if points.len() > MOST_POINTS {
             return Err(HullError::TooMany(points.len()));
         }
@@ -278,9 +278,9 @@ impl<'a> Faces<'a> {
         }
         let corner_of =
             |face: usize| numbers.iter().filter(move |p| self.meeting[**p].contains(&face));
-        let mut corners: Vec<Corner> =
+        let mut corners: Vec<Corner<3>> =
             numbers.iter().map(|&p| Corner { point: given[p], along: vec![] }).collect();
-        let mut faces: Vec<Face> = (self.normals.iter().enumerate())
+        let mut faces: Vec<Face<3>> = (self.normals.iter().enumerate())
             .map(|(i, normal)| {
                 let heights = corner_of(i).map(|&p| normal.dot(&given[p]));
                 let offset = heights.fold(f64::NEG_INFINITY, f64::max);
@@ -321,9 +321,9 @@ impl<'a> Faces<'a> {
 }
 
 impl Hull {
-    /// The same hull turned about the obstacle's position.
+    /// The same hull turned about the origin.
     #[must_use]
-    pub(in crate::world::space) fn turned(mut self, by: &UnitQuaternion) -> Self {
+    pub(crate) fn turned(mut self, by: &UnitQuaternion) -> Self {
         let turn = |v: &mut Vector<3>| *v = by.rotate(v);
         for Corner { point, along } in &mut self.corners {
             turn(point);

@@ -1,7 +1,6 @@
 //! The axis of a link, and where it is nearest to something.
 
-use crate::math::{Capsule, Vector};
-use crate::world::{Feature, TOUCHING};
+use crate::math::{Capsule, Feature, TOUCHING, Vector};
 
 /// A link, made ready for the questions of many obstacles: itself. Its axis is a segment, or a point of length 0.
 pub type Probe = Capsule<3>;
@@ -9,16 +8,16 @@ pub type Probe = Capsule<3>;
 /// The nearest points of an axis and a core. The one on the core is
 /// `point − distance · normal`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Nearest {
-    pub(super) distance: f64,
-    pub(super) normal: Vector<3>,
-    pub(super) point: Vector<3>,
-    pub(super) feature: Feature<3>,
+pub(crate) struct Nearest {
+    pub(crate) distance: f64,
+    pub(crate) normal: Vector<3>,
+    pub(crate) point: Vector<3>,
+    pub(crate) feature: Feature<3>,
 }
 
 /// `along`, cut off at the ends of a segment. Undefined numbers do not panic; the points made of them are undefined.
 #[inline(always)]
-pub(super) fn within(along: f64, length: f64) -> f64 {
+pub(crate) fn within(along: f64, length: f64) -> f64 {
     along.max(0.0).min(length)
 }
 
@@ -31,7 +30,7 @@ pub fn perpendicular(u: &Vector<3>) -> Vector<3> {
 
 /// The link seen from an obstacle at `position`.
 #[inline(always)]
-pub(super) fn seen_from(link: &Probe, position: &Vector<3>) -> Probe {
+pub(crate) fn seen_from(link: &Probe, position: &Vector<3>) -> Probe {
     Probe { start: link.start - position, ..*link }
 }
 
@@ -39,14 +38,14 @@ pub(super) fn seen_from(link: &Probe, position: &Vector<3>) -> Probe {
 /// edge to that of the axis. Their distance is measured along `cross`, whose direction is known better than that of
 /// points that nearly meet; but not so of axes that are nearly parallel.
 #[inline(always)]
-pub(super) fn across(cross: &Vector<3>, between: &Vector<3>) -> f64 {
+pub(crate) fn across(cross: &Vector<3>, between: &Vector<3>) -> f64 {
     let (gap, sin) = (between.norm_squared(), cross.norm_squared());
     if is_better(sin, gap) { (cross.dot(between) / sin.sqrt()).abs() } else { gap.sqrt() }
 }
 
 /// The direction in which [`across`] measures, from the edge to the axis.
 #[inline]
-pub(super) fn across_normal(cross: &Vector<3>, between: &Vector<3>) -> Vector<3> {
+pub(crate) fn across_normal(cross: &Vector<3>, between: &Vector<3>) -> Vector<3> {
     let (gap, sin) = (between.norm_squared(), cross.norm_squared());
     if is_better(sin, gap) {
         cross / sin.sqrt().copysign(cross.dot(between))
@@ -61,4 +60,28 @@ fn is_better(sin_squared: f64, gap_squared: f64) -> bool {
 }
 
 /// Axes at a smaller angle than this \[rad\] count as parallel where the way in which they cross matters.
-pub(super) const PARALLEL: f64 = 1e-7;
+pub(crate) const PARALLEL: f64 = 1e-7;
+
+/// The lines through an axis and an edge, and how far beyond the ends of both they come nearest; none if they are parallel.
+pub(crate) fn to_edge(axis: &Probe, edge: &Probe) -> Option<(Nearest, f64)> {
+    let offset = axis.start - edge.start;
+    let cross = axis.direction.cross(&edge.direction);
+    let sin_squared = cross.norm_squared();
+    if sin_squared <= PARALLEL * PARALLEL {
+        return None;
+    }
+    let cos = axis.direction.dot(&edge.direction);
+    let s = -offset.cross(&edge.direction).dot(&cross) / sin_squared;
+    let t = edge.direction.dot(&offset) + s * cos;
+    let point = axis.start + axis.direction * s;
+    let between = offset + axis.direction * s - edge.direction * t;
+    let distance = across(&cross, &between);
+    let feature = Feature::Crossing { edge: edge.direction, distance };
+    let nearest = Nearest { distance, normal: across_normal(&cross, &between), point, feature };
+    Some((nearest, beyond(s, axis.length) + beyond(t, edge.length)))
+}
+
+/// How far a place on an axis of this length lies beyond its ends \[m\].
+pub(crate) fn beyond(along: f64, length: f64) -> f64 {
+    (-along).max(along - length).max(0.0)
+}

@@ -1,49 +1,49 @@
 //! An axis and a convex polyhedron, the hull of points.
 
 mod build;
+mod enclosing;
 
 pub use build::{HullError, MOST_CORNERS, check_hull, faces_of_hull};
 
 use super::axis::{Nearest, PARALLEL, Probe, within};
 use super::segment::{Feet, between, feet};
-use crate::math::Vector;
-use crate::world::{Feature, TOUCHING};
+use crate::math::{Capsule, Feature, TOUCHING, Vector};
 
-/// A convex polyhedron, relative to the obstacle's position.
-#[derive(Debug, Clone)]
-pub(super) struct Hull {
-    pub(super) corners: Vec<Corner>,
-    pub(super) edges: Vec<Edge>,
+/// The convex hull of points: a polyhedron, at rest in its own frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hull<const D: usize = 3> {
+    pub(crate) corners: Vec<Corner<D>>,
+    pub(crate) edges: Vec<Edge<D>>,
     /// At most as many as there are bits in [`Facing`].
-    faces: Vec<Face>,
+    pub(crate) faces: Vec<Face<D>>,
     /// What rounding may make of a height \[m\].
-    slack: f64,
+    pub(crate) slack: f64,
 }
 
-#[derive(Debug, Clone)]
-pub(super) struct Corner {
-    pub(super) point: Vector<3>,
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Corner<const D: usize> {
+    pub(crate) point: Vector<D>,
     /// Unit vectors along the edges that meet here, away from it.
-    pub(super) along: Vec<Vector<3>>,
+    pub(crate) along: Vec<Vector<D>>,
 }
 
-#[derive(Debug, Clone)]
-pub(super) struct Edge {
-    pub(super) line: Probe,
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Edge<const D: usize> {
+    pub(crate) line: Capsule<D>,
     /// The corners that it leads from and to.
     ends: [usize; 2],
     /// The faces that meet here.
     faces: [usize; 2],
     /// Unit vectors across the edge, into each of them.
-    pub(super) into: [Vector<3>; 2],
+    pub(crate) into: [Vector<D>; 2],
 }
 
-#[derive(Debug, Clone)]
-struct Face {
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Face<const D: usize> {
     /// Unit vector, outward.
-    normal: Vector<3>,
-    /// Of its plane from the obstacle's position \[m\].
-    offset: f64,
+    pub(crate) normal: Vector<D>,
+    /// Of its plane from the origin \[m\].
+    pub(crate) offset: f64,
     /// The edges around it, and which of their faces it is.
     border: Vec<(usize, usize)>,
 }
@@ -68,7 +68,7 @@ enum Part {
     Across(usize, Vector<3>, f64),
 }
 
-impl Face {
+impl Face<3> {
     /// Signed distance of a point from its plane, positive outside.
     #[inline(always)]
     fn height(&self, point: &Vector<3>) -> f64 {
@@ -95,7 +95,7 @@ impl Highest {
 impl Hull {
     /// Signed distance of an axis.
     #[inline(never)]
-    pub(super) fn nearest(&self, axis: &Probe) -> Nearest {
+    pub(crate) fn nearest(&self, axis: &Probe) -> Nearest {
         let Found { distance, part } = self.find(axis);
         match part {
             Part::Edge(i, feet) => between(axis, &self.edges[i].line, &feet),
@@ -116,7 +116,7 @@ impl Hull {
 
     /// The distance of [`nearest`](Self::nearest), bit for bit.
     #[inline(never)]
-    pub(super) fn distance(&self, axis: &Probe) -> f64 {
+    pub(crate) fn distance(&self, axis: &Probe) -> f64 {
         self.find(axis).distance
     }
 
@@ -222,12 +222,32 @@ impl Hull {
         best
     }
 
-    /// From the nearest point of the hull to a point outside.
-    pub(super) fn offset(&self, point: &Vector<3>) -> Vector<3> {
+    /// How many edges it has.
+    pub fn edge_count(&self) -> usize {
+        self.edges.len()
+    }
+
+    fn highest(&self, point: &Vector<3>) -> Highest {
         let heights = self.faces.iter().map(|face| face.height(point)).enumerate();
-        let highest = heights.fold(Highest::NONE, |best, (i, height)| best.or(i, height));
-        if self.is_below(highest.face, point) {
-            return self.faces[highest.face].normal * highest.height;
+        heights.fold(Highest::NONE, |best, (i, height)| best.or(i, height))
+    }
+
+    /// The face that a point is above, with its height \[m\]; none beside all of them, or inside.
+    pub(crate) fn face_below(&self, point: &Vector<3>) -> Option<(&Face<3>, f64)> {
+        let Highest { face, height } = self.highest(point);
+        (height > 0.0 && self.is_below(face, point)).then(|| (&self.faces[face], height))
+    }
+
+    /// The face through which a point inside gets out soonest, with its height \[m\]; none outside.
+    pub(crate) fn way_out_of(&self, point: &Vector<3>) -> Option<(&Face<3>, f64)> {
+        let Highest { face, height } = self.highest(point);
+        (height <= 0.0).then(|| (&self.faces[face], height))
+    }
+
+    /// From the nearest point of the hull to a point outside.
+    pub(crate) fn offset(&self, point: &Vector<3>) -> Vector<3> {
+        if let Some((face, height)) = self.face_below(point) {
+            return face.normal * height;
         }
         let beside = self.edges.iter().map(|edge| point - edge.line.clamp(point));
         beside.fold(Vector::repeat(f64::INFINITY), |best, offset| {
@@ -236,7 +256,7 @@ impl Hull {
     }
 
     /// Where a ray that starts at `origin` gets in, if it does: behind all the faces that it is above, and before it leaves.
-    pub(super) fn meet_ray(&self, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
+    pub(crate) fn meet_ray(&self, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
         let (mut enters, mut leaves) = (0f64, f64::INFINITY);
         for face in &self.faces {
             let (height, fall) = (face.height(origin), -face.normal.dot(direction));
@@ -253,12 +273,12 @@ impl Hull {
     }
 
     /// From the obstacle's position to the farthest corner \[m\].
-    pub(super) fn reach(&self) -> f64 {
+    pub(crate) fn reach(&self) -> f64 {
         self.corners.iter().map(|corner| corner.point.norm()).fold(0.0, f64::max)
     }
 
     /// Opposite corners of a box around it \[m\].
-    pub(super) fn extent(&self) -> [Vector<3>; 2] {
+    pub(crate) fn extent(&self) -> [Vector<3>; 2] {
         let points = || self.corners.iter().map(|corner| corner.point);
         let (none, all) = (Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY));
         [points().fold(none, |low, p| low.inf(&p)), points().fold(all, |high, p| high.sup(&p))]
@@ -267,10 +287,11 @@ impl Hull {
 
 #[cfg(test)]
 mod tests {
-    use super::super::oracle::*;
-    use super::super::{Obstacle, Shape, World};
+    use crate::world::space::oracle::*;
+    use crate::world::space::{Obstacle, Shape, World};
     use super::*;
-    use crate::math::{Body, Capsule};
+    use crate::geometry::Body;
+    use crate::math::Capsule;
     use crate::world::{CollisionQuery, Contact};
     use proptest::prelude::*;
 

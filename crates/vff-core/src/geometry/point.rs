@@ -1,9 +1,7 @@
 //! An axis and a point: the core of a sphere, by far the most frequent query.
 
 use super::axis::{Nearest, Probe, perpendicular, within};
-use super::volume::{Core, Volume};
-use crate::math::{Capsule, Vector};
-use crate::world::{Contact, Feature, MotionState, Pair, Solid, TOUCHING};
+use crate::math::{Feature, TOUCHING, Vector};
 
 /// Where on the axis the nearest point is \[m\], and how it leads there from `centre`.
 #[inline(always)]
@@ -15,7 +13,7 @@ fn foot(axis: &Probe, centre: &Vector<3>) -> (f64, Vector<3>) {
 
 /// Distance to the centre of a sphere: never negative, because only by chance do the two meet.
 #[inline]
-pub(super) fn to_point(axis: &Probe, centre: &Vector<3>) -> Nearest {
+pub(crate) fn to_point(axis: &Probe, centre: &Vector<3>) -> Nearest {
     let (along, offset) = foot(axis, centre);
     let distance = offset.norm();
     let point = centre + offset;
@@ -30,27 +28,21 @@ pub(super) fn to_point(axis: &Probe, centre: &Vector<3>) -> Nearest {
 
 /// Its square \[m²\].
 #[inline(always)]
-pub(super) fn square_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
+pub(crate) fn square_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
     foot(axis, centre).1.norm_squared()
 }
 
 /// The distance of [`to_point`], bit for bit.
 #[inline(always)]
-pub(super) fn distance_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
+pub(crate) fn distance_to_point(axis: &Probe, centre: &Vector<3>) -> f64 {
     foot(axis, centre).1.norm()
-}
-
-/// The contact of a body with a point at rest \[m\].
-pub fn contact_with_point(pair: Pair, body: &Capsule<3>, point: &Vector<3>) -> Contact<3> {
-    let solid = Volume { core: Core::Point(Vector::zeros()), radius: 0.0 };
-    solid.contact(pair, body, &MotionState::at_rest(*point))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Shape;
-    use super::super::oracle::*;
-    use crate::world::Feature;
+    use crate::math::Feature;
+    use crate::world::space::Shape;
+    use crate::world::space::oracle::*;
 
     #[test]
     fn a_sphere_beside_and_beyond_a_link() {

@@ -1,11 +1,10 @@
 //! An axis and a segment: the core of a capsule.
 
 use super::axis::{Nearest, PARALLEL, Probe, across, across_normal, perpendicular, within};
-use crate::math::Vector;
-use crate::world::{Feature, TOUCHING};
+use crate::math::{Feature, TOUCHING, Vector};
 
 /// The nearest points of two segments.
-pub(super) struct Feet {
+pub(crate) struct Feet {
     /// Where they are along each \[m\].
     along: [f64; 2],
     /// From that of the second to that of the first.
@@ -14,14 +13,14 @@ pub(super) struct Feet {
     cross: Vector<3>,
     /// Whether they are the feet of the common perpendicular: neither was cut off at an end.
     crossing: bool,
-    pub(super) distance: f64,
+    pub(crate) distance: f64,
 }
 
 /// The nearest points of the lines, the first cut off at the ends of its segment, the second below its foot and then the
 /// first below that (Ericson, Real-Time Collision Detection, 5.1.9). Where the two are nearly parallel the place is
 /// ill-conditioned, but the distance is not.
 #[inline(always)]
-pub(super) fn feet(a: &Probe, b: &Probe) -> Feet {
+pub(crate) fn feet(a: &Probe, b: &Probe) -> Feet {
     let (u, v, offset) = (&a.direction, &b.direction, a.start - b.start);
     let cross = u.cross(v);
     let (sin_squared, cos) = (cross.norm_squared(), u.dot(v));
@@ -45,13 +44,13 @@ fn is_inside(along: f64, length: f64) -> bool {
 
 /// Distance to a segment: never negative, because only by chance do the two meet.
 #[inline]
-pub(super) fn to_segment(axis: &Probe, core: &Probe) -> Nearest {
+pub(crate) fn to_segment(axis: &Probe, core: &Probe) -> Nearest {
     between(axis, core, &feet(axis, core))
 }
 
 /// The nearest points of an axis and an edge, which have these feet.
 #[inline]
-pub(super) fn between(axis: &Probe, core: &Probe, feet: &Feet) -> Nearest {
+pub(crate) fn between(axis: &Probe, core: &Probe, feet: &Feet) -> Nearest {
     let Feet { along: [s, t], between, cross, crossing, distance } = *feet;
     let point = axis.start + axis.direction * s;
     let edge = core.direction;
@@ -76,14 +75,14 @@ pub(super) fn between(axis: &Probe, core: &Probe, feet: &Feet) -> Nearest {
 
 /// The distance of [`to_segment`], bit for bit.
 #[inline]
-pub(super) fn distance_to_segment(axis: &Probe, core: &Probe) -> f64 {
+pub(crate) fn distance_to_segment(axis: &Probe, core: &Probe) -> f64 {
     feet(axis, core).distance
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Shape;
-    use super::super::oracle::*;
+    use crate::world::space::Shape;
+    use crate::world::space::oracle::*;
     use super::*;
     use crate::math::{Capsule, nearest};
     use parry3d_f64::{math::Pose, math::Vector as Vec3d, query, shape::Segment};

@@ -1,0 +1,105 @@
+//! The parts of a robot that must not touch anything.
+
+use super::Hull;
+use crate::math::{Capsule, Vector};
+use nalgebra::SMatrix;
+
+/// One of them: a capsule or a hull in the world that a link carries. A link may carry any number.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body<'a, const D: usize> {
+    /// Index of the link that carries it, from 0 at the base.
+    pub link: usize,
+    /// Its shape, from the end nearer to the base to the one farther away; of a hull a capsule that holds it. A ball has the
+    /// length 0 and any unit vector as its direction.
+    pub shape: Capsule<D>,
+    /// The hull, if it is one.
+    pub hull: Option<Carried<'a, D>>,
+}
+
+impl<const D: usize> Body<'_, D> {
+    /// A capsule that is carried by `link`.
+    #[inline]
+    pub fn new(link: usize, shape: Capsule<D>) -> Self {
+        Self { link, shape, hull: None }
+    }
+
+    /// The capsule that holds it, which is never farther from anything than the body itself.
+    #[inline]
+    pub fn enclosing(&self) -> Body<'static, D> {
+        Body { link: self.link, shape: self.shape, hull: None }
+    }
+
+    /// How far it reaches from `point`, as far as turning about that moves it: of a capsule its axis \[m\].
+    pub fn reach_from(&self, point: &Vector<D>) -> f64 {
+        let farthest =
+            |most: f64, corner: Vector<D>| most.max((corner - point).norm_squared());
+        let squared = match &self.hull {
+            None => [self.shape.start, self.shape.end()].into_iter().fold(0.0, farthest),
+            Some(hull) => hull.corners().fold(0.0, farthest),
+        };
+        squared.sqrt()
+    }
+}
+
+/// A body of the base, which does not move.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StillBody<const D: usize> {
+    /// As of a [`Body`], in the world.
+    pub shape: Capsule<D>,
+    /// The hull, if it is one, and how it is placed in the world.
+    pub hull: Option<(Hull<D>, SMatrix<f64, D, D>, Vector<D>)>,
+}
+
+impl<const D: usize> StillBody<D> {
+    /// The hull where it is.
+    #[inline]
+    pub fn carried(&self) -> Option<Carried<'_, D>> {
+        let (hull, rotation, position) = self.hull.as_ref()?;
+        Some(Carried { hull, rotation, position: *position })
+    }
+}
+
+/// A hull where it is now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Carried<'a, const D: usize> {
+    /// In its own frame.
+    pub hull: &'a Hull<D>,
+    /// The axes of that frame, one per column.
+    pub rotation: &'a SMatrix<f64, D, D>,
+    /// Its origin \[m\].
+    pub position: Vector<D>,
+}
+
+impl<const D: usize> Carried<'_, D> {
+    /// Where a point of its frame is \[m\].
+    #[inline]
+    pub(crate) fn placed(&self, point: &Vector<D>) -> Vector<D> {
+        self.position + self.rotation * point
+    }
+
+    /// A point as the hull sees it \[m\].
+    #[inline]
+    pub(crate) fn seen(&self, point: &Vector<D>) -> Vector<D> {
+        self.rotation.tr_mul(&(point - self.position))
+    }
+
+    /// Its corners, where they are \[m\].
+    pub(crate) fn corners(&self) -> impl Iterator<Item = Vector<D>> {
+        self.hull.corners.iter().map(|corner| self.placed(&corner.point))
+    }
+
+    /// Its edges, where they are: axes without a radius.
+    pub(crate) fn edges(&self) -> impl Iterator<Item = Capsule<D>> {
+        self.hull.edges.iter().map(|edge| self.edge(&edge.line))
+    }
+
+    /// An edge, where it is.
+    #[inline]
+    pub(crate) fn edge(&self, line: &Capsule<D>) -> Capsule<D> {
+        Capsule {
+            start: self.placed(&line.start),
+            direction: self.rotation * line.direction,
+            ..*line
+        }
+    }
+}

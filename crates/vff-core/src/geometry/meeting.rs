@@ -1,0 +1,278 @@
+//! A hull that a link carries and something convex.
+//!
+//! Apart, the nearest points are a corner of the other above the inside of a face of the hull, or one of them lies on an
+//! edge of the hull (T119). Which pair it is proves itself: along the normal, no point of one is nearer to the other.
+
+use super::axis::{Nearest, PARALLEL, to_edge, within};
+use super::hull::Hull;
+use super::{Carried, Probe};
+use crate::math::{Feature, TOUCHING, Vector};
+
+/// The most rows of a hull and something else: the nearest ones.
+pub(crate) const MOST_ROWS: usize = 32;
+
+/// Something convex without its radius, in the frame in which a hull is measured against it.
+pub(crate) trait Convex {
+    /// Signed distance of an axis from it.
+    fn nearest(&self, axis: &Probe) -> Nearest;
+    /// From its nearest point to a point outside.
+    fn offset(&self, point: &Vector<3>) -> Vector<3>;
+    /// Calls `visit` with its corners, the ends of an axis, or a centre; `onward` are unit vectors along which it goes on
+    /// there, among others between them.
+    fn for_each_corner(&self, visit: impl FnMut(&Vector<3>, Onward<'_>));
+    /// Calls `visit` with its edges. `onward` as there.
+    fn for_each_edge(&self, visit: impl FnMut(&Probe, Onward<'_>));
+    /// Calls `visit` with the outward unit normals of its faces, and their offsets \[m\].
+    fn for_each_face(&self, visit: impl FnMut(&Vector<3>, f64));
+}
+
+/// In which directions something convex goes on beside a corner or an edge.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Onward<'a> {
+    /// In these, and in those between them.
+    Along(&'a [Vector<3>]),
+    /// Along three axes, or against them where the sign is positive; 0 both ways.
+    Against(&'a nalgebra::Matrix3<f64>, Vector<3>),
+}
+
+impl Onward<'_> {
+    /// How much it gains along `normal` per metre at most; 0 where this is the last point along it.
+    #[inline]
+    pub(crate) fn most_along(&self, normal: &Vector<3>) -> f64 {
+        match self {
+            Self::Along(ways) => ways.iter().map(|way| normal.dot(way)).fold(0.0, f64::max),
+            Self::Against(axes, outward) => {
+                (-axes.tr_mul(normal).component_mul(outward).min()).max(0.0)
+            }
+        }
+    }
+}
+
+/// How far something convex comes towards an axis beside a corner or an edge: 0 where that is the nearest \[m\].
+pub(crate) fn averted(nearest: &Nearest, onward: Onward<'_>) -> f64 {
+    nearest.distance * onward.most_along(&nearest.normal)
+}
+
+/// Where a hull and something convex come nearest, in the frame of the latter.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Meeting {
+    /// With the point on the hull; the other one is `point − distance · normal`.
+    pub nearest: Nearest,
+    /// Unit vector along the edge of the hull on which that point lies; zero where it is none.
+    pub axis: Vector<3>,
+}
+
+impl Meeting {
+    const NOWHERE: Self = Self {
+        nearest: Nearest {
+            distance: f64::INFINITY,
+            normal: Vector::<3>::new(0.0, 0.0, 1.0),
+            point: Vector::<3>::new(0.0, 0.0, 0.0),
+            feature: Feature::Face,
+        },
+        axis: Vector::<3>::new(0.0, 0.0, 0.0),
+    };
+
+    /// A corner of the other at `corner`, along `outward`, a face's normal, from the hull.
+    fn above(corner: &Vector<3>, outward: &Vector<3>, distance: f64) -> Self {
+        let (normal, point) = (-outward, corner - outward * distance);
+        let feature = Feature::LinkFace { distance };
+        Self { nearest: Nearest { distance, normal, point, feature }, axis: Vector::zeros() }
+    }
+}
+
+impl Carried<'_, 3> {
+    /// Where it comes nearest to `other`, overlapping or not; NaN where something is undefined.
+    pub(crate) fn meet(&self, other: &impl Convex) -> Meeting {
+        let mut best = Meeting::NOWHERE;
+        for edge in self.edges() {
+            let nearest = other.nearest(&edge);
+            // False where it is undefined.
+            if !(nearest.distance >= best.nearest.distance) {
+                best = Meeting { nearest, axis: edge.direction };
+            }
+        }
+        other.for_each_corner(|corner, _| {
+            if let Some((face, height)) = self.hull.face_below(&self.seen(corner))
+                && height < best.nearest.distance
+            {
+                best = Meeting::above(corner, &(self.rotation * face.normal), height);
+            }
+        });
+        let Nearest { distance, normal, .. } = &best.nearest;
+        if distance.is_nan() {
+            return best;
+        }
+        // Both lie on their own sides of two planes that far apart, or else they overlap.
+        let is_apart = || {
+            let to_hull = self.corners().map(|corner| normal.dot(&corner));
+            let mut to_other = f64::NEG_INFINITY;
+            other.for_each_corner(|corner, _| to_other = to_other.max(normal.dot(corner)));
+            to_hull.fold(f64::INFINITY, f64::min) - to_other >= distance - self.hull.slack
+        };
+        if *distance > TOUCHING && is_apart() { best } else { self.way_out(other) }
+    }
+
+    /// Where it comes nearest to a point, outside and inside.
+    pub(crate) fn meet_point(&self, point: &Vector<3>) -> Meeting {
+        let seen = self.seen(point);
+        if let Some((face, height)) = self.hull.face_below(&seen).or_else(|| self.hull.way_out_of(&seen)) {
+            return Meeting::above(point, &(self.rotation * face.normal), height);
+        }
+        let gap = |edge: &Probe| (edge.clamp(&seen) - seen).norm_squared();
+        let lines = self.hull.edges.iter().map(|edge| &edge.line);
+        let Some(line) = lines.min_by(|a, b| gap(a).total_cmp(&gap(b))) else { return Meeting::NOWHERE };
+        let edge = self.edge(line);
+        Meeting { nearest: super::point::to_point(&edge, point), axis: edge.direction }
+    }
+
+    /// Where it comes nearest to a point outside, as if that were above a face: that the normal turns about an edge or a corner
+    /// is left out, which is the safe side (T77).
+    pub(crate) fn above_face(&self, point: &Vector<3>) -> Meeting {
+        let offset = self.rotation * self.hull.offset(&self.seen(point));
+        let distance = offset.norm();
+        Meeting::above(point, &(offset / distance), distance)
+    }
+
+    /// Calls `visit` with every pair of features that may be the nearest when these change hands, and how far beyond its place
+    /// it is \[m\]: of the corners of both, which count as opposite a face everywhere, and of the edges of both where they cross
+    /// (T98, T119). They must be apart.
+    pub(crate) fn for_each_row(&self, other: &impl Convex, mut visit: impl FnMut(&Meeting, f64)) {
+        for point in self.corners() {
+            let offset = other.offset(&point);
+            let distance = offset.norm();
+            let normal = offset / distance;
+            let nearest = Nearest { distance, normal, point, feature: Feature::Face };
+            visit(&Meeting { nearest, axis: Vector::zeros() }, 0.0);
+        }
+        other.for_each_corner(|corner, _| visit(&self.above_face(corner), 0.0));
+        for own in &self.hull.edges {
+            let (line, into) = (self.edge(&own.line), own.into.map(|way| self.rotation * way));
+            other.for_each_edge(|edge, onward| {
+                if let Some((nearest, beyond)) = to_edge(&line, edge) {
+                    let own = Onward::Along(&into).most_along(&-nearest.normal);
+                    let beyond = beyond + nearest.distance * own + averted(&nearest, onward);
+                    visit(&Meeting { nearest, axis: line.direction }, beyond);
+                }
+            });
+        }
+    }
+
+    /// The shortest translation that frees it from `other`: of all the faces that the difference of the two bodies has, those
+    /// of either and one for each two edges that cross seen from within, that to which the way is shortest.
+    fn way_out(&self, other: &impl Convex) -> Meeting {
+        let mut best = Meeting::NOWHERE;
+        best.nearest.distance = f64::NEG_INFINITY;
+        for face in &self.hull.faces {
+            let outward = self.rotation * face.normal;
+            let offset = face.offset + outward.dot(&self.position);
+            let mut lowest = (f64::INFINITY, Vector::zeros());
+            other.for_each_corner(|corner, _| {
+                let height = outward.dot(corner) - offset;
+                if height < lowest.0 {
+                    lowest = (height, *corner);
+                }
+            });
+            if lowest.0 > best.nearest.distance {
+                best = Meeting::above(&lowest.1, &outward, lowest.0);
+            }
+        }
+        other.for_each_face(|normal, offset| {
+            let heights = self.corners().map(|corner| (normal.dot(&corner) - offset, corner));
+            let lowest = heights.reduce(|a, b| if b.0 < a.0 { b } else { a });
+            if let Some((distance, point)) = lowest.filter(|low| low.0 > best.nearest.distance) {
+                let nearest = Nearest { distance, normal: *normal, point, feature: Feature::Face };
+                best = Meeting { nearest, axis: Vector::zeros() };
+            }
+        });
+        for own in &self.hull.edges {
+            let (line, into) = (self.edge(&own.line), own.into.map(|way| self.rotation * way));
+            let own_ways = Onward::Along(&into);
+            other.for_each_edge(|edge, onward| {
+                let cross = line.direction.cross(&edge.direction);
+                let sin = cross.norm();
+                if sin <= PARALLEL {
+                    return;
+                }
+                // Towards the hull, which ends there in the opposite direction, as the other does in this one.
+                for normal in [cross / sin, cross / -sin] {
+                    if own_ways.most_along(&-normal) > ROUNDING
+                        || onward.most_along(&normal) > ROUNDING
+                        || normal.dot(&(line.start - edge.start)) <= best.nearest.distance
+                    {
+                        continue;
+                    }
+                    // Rounding tilts the normal of edges that are nearly parallel: no further than both reach along it.
+                    let lowest = self.corners().map(|corner| normal.dot(&corner));
+                    let mut highest = f64::NEG_INFINITY;
+                    other.for_each_corner(|corner, _| highest = highest.max(normal.dot(corner)));
+                    let distance = lowest.fold(f64::INFINITY, f64::min) - highest;
+                    if distance > best.nearest.distance {
+                        let offset = line.start - edge.start;
+                        let along = -offset.cross(&edge.direction).dot(&cross) / (sin * sin);
+                        let point = line.start + line.direction * within(along, line.length);
+                        let feature = Feature::Crossing { edge: edge.direction, distance };
+                        let nearest = Nearest { distance, normal, point, feature };
+                        best = Meeting { nearest, axis: line.direction };
+                    }
+                }
+            });
+        }
+        best
+    }
+}
+
+/// What rounding may make of the cosine of a right angle.
+const ROUNDING: f64 = 1e-9;
+
+impl Convex for Hull {
+    fn nearest(&self, axis: &Probe) -> Nearest {
+        Self::nearest(self, axis)
+    }
+
+    fn offset(&self, point: &Vector<3>) -> Vector<3> {
+        Self::offset(self, point)
+    }
+
+    fn for_each_corner(&self, mut visit: impl FnMut(&Vector<3>, Onward<'_>)) {
+        self.corners.iter().for_each(|corner| visit(&corner.point, Onward::Along(&corner.along)));
+    }
+
+    fn for_each_edge(&self, mut visit: impl FnMut(&Probe, Onward<'_>)) {
+        self.edges.iter().for_each(|edge| visit(&edge.line, Onward::Along(&edge.into)));
+    }
+
+    fn for_each_face(&self, mut visit: impl FnMut(&Vector<3>, f64)) {
+        self.faces.iter().for_each(|face| visit(&face.normal, face.offset));
+    }
+}
+
+/// A segment, or a point of length 0.
+impl Convex for Probe {
+    fn nearest(&self, axis: &Probe) -> Nearest {
+        if self.length > 0.0 {
+            super::segment::to_segment(axis, self)
+        } else {
+            super::point::to_point(axis, &self.start)
+        }
+    }
+
+    fn offset(&self, point: &Vector<3>) -> Vector<3> {
+        point - self.clamp(point)
+    }
+
+    fn for_each_corner(&self, mut visit: impl FnMut(&Vector<3>, Onward<'_>)) {
+        visit(&self.start, Onward::Along(&[]));
+        if self.length > 0.0 {
+            visit(&self.end(), Onward::Along(&[]));
+        }
+    }
+
+    fn for_each_edge(&self, mut visit: impl FnMut(&Probe, Onward<'_>)) {
+        if self.length > 0.0 {
+            visit(self, Onward::Along(&[]));
+        }
+    }
+
+    fn for_each_face(&self, _visit: impl FnMut(&Vector<3>, f64)) {}
+}

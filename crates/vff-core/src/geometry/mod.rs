@@ -1,0 +1,20 @@
+//! The shapes that links carry, and where they come nearest to axes and to each other.
+//!
+//! What is here knows neither robots nor obstacles, and does not move: both sides use it. A file per pair: an `axis` (a segment
+//! that a radius is taken away from) and a `point`, a `segment`, a `hull`; a hull and anything convex that it is `meeting`.
+
+pub(crate) mod axis;
+mod body;
+mod encounter;
+mod fewest;
+mod hull;
+mod meeting;
+pub(crate) mod point;
+pub(crate) mod segment;
+
+pub use axis::{Probe, perpendicular};
+pub use body::{Body, Carried, StillBody};
+pub(crate) use fewest::Fewest;
+pub(crate) use meeting::{Convex, MOST_ROWS, Meeting, Onward, averted};
+pub use encounter::{Encounter, encounter};
+pub use hull::{Hull, HullError, MOST_CORNERS, check_hull, faces_of_hull};
