@@ -1,8 +1,8 @@
 //! How long a torque may be held: the sampled bounds of the null space (T31, T34).
 
 use super::{Gains, OperationalSpace};
-use crate::interrupt;
 use crate::geometry::Body;
+use crate::interrupt;
 use crate::math::{Vector, dot};
 use crate::robot::Robot;
 use crate::world::CollisionQuery;

@@ -31,8 +31,7 @@ impl<const D: usize> Body<'_, D> {
 
     /// How far it reaches from `point`, as far as turning about that moves it: of a capsule its axis \[m\].
     pub fn reach_from(&self, point: &Vector<D>) -> f64 {
-        let farthest =
-            |most: f64, corner: Vector<D>| most.max((corner - point).norm_squared());
+        let farthest = |most: f64, corner: Vector<D>| most.max((corner - point).norm_squared());
         let squared = match &self.hull {
             None => [self.shape.start, self.shape.end()].into_iter().fold(0.0, farthest),
             Some(hull) => hull.corners().fold(0.0, farthest),

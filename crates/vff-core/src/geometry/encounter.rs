@@ -1,7 +1,7 @@
 //! Two bodies of one arm, of which one or both are hulls.
 
 use super::{Carried, Convex, Fewest, MOST_ROWS, Meeting, Probe};
-use crate::math::{Capsule, Feature, Nearest, RELIEF, TOUCHING, Vector};
+use crate::math::{Capsule, Feature, Nearest, TOUCHING, Vector};
 
 /// The parts of two bodies that come nearest: an edge of a hull counts as a capsule without a radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,18 +15,24 @@ pub struct Encounter<const D: usize> {
 /// A body: a capsule, or a hull and the capsule around it.
 type Form<'a> = (Capsule<3>, Option<Carried<'a, 3>>);
 
-/// Calls `visit` with the nearest parts of two bodies, or with all those `features` that may be the nearest when these change
-/// hands, the nearest 32. Nothing for two capsules.
-pub fn encounter([a, b]: [&Form<'_>; 2], features: bool, visit: &mut dyn FnMut(&Encounter<3>)) {
+/// Calls `visit` with the nearest parts of two bodies, or with all those `features` nearer than this \[m\] that may be the nearest
+/// when these change hands, the nearest 32. Nothing for two capsules.
+pub fn encounter(
+    [a, b]: [&Form<'_>; 2],
+    features: Option<f64>,
+    visit: &mut dyn FnMut(&Encounter<3>),
+) {
     let axis = |shape: &Capsule<3>| Probe { radius: 0.0, ..*shape };
     match (&a.1, &b.1) {
         (None, None) => {}
         (Some(hull), None) => {
-            let told = |meeting: &Meeting, beyond: f64| told(meeting, beyond, b.0.radius);
+            let told = |meeting: &Meeting, distance: f64| told(meeting, distance, b.0.radius);
+            let features = features.map(|reach| reach + b.0.radius);
             ask(hull, &axis(&b.0), features, told, visit);
         }
         (None, Some(hull)) => {
-            let told = |meeting: &Meeting, beyond: f64| told(meeting, beyond, a.0.radius);
+            let told = |meeting: &Meeting, distance: f64| told(meeting, distance, a.0.radius);
+            let features = features.map(|reach| reach + a.0.radius);
             let visit = &mut |found: &Encounter<3>| visit(&found.seen_from_the_other());
             ask(hull, &axis(&a.0), features, told, visit);
         }
@@ -34,7 +40,8 @@ pub fn encounter([a, b]: [&Form<'_>; 2], features: bool, visit: &mut dyn FnMut(&
             let rotation = other.rotation.tr_mul(hull.rotation);
             let position = other.seen(&hull.position);
             let seen = Carried { hull: hull.hull, rotation: &rotation, position };
-            let told = |meeting: &Meeting, beyond: f64| told(&placed(meeting, other), beyond, 0.0);
+            let told =
+                |meeting: &Meeting, distance: f64| told(&placed(meeting, other), distance, 0.0);
             ask(&seen, other.hull, features, told, visit);
         }
     }
@@ -43,21 +50,18 @@ pub fn encounter([a, b]: [&Form<'_>; 2], features: bool, visit: &mut dyn FnMut(&
 fn ask(
     hull: &Carried<'_, 3>,
     other: &impl Convex,
-    features: bool,
+    features: Option<f64>,
     told: impl Fn(&Meeting, f64) -> Encounter<3>,
     visit: &mut dyn FnMut(&Encounter<3>),
 ) {
     let meeting = hull.meet(other);
-    let whole = told(&meeting, 0.0);
-    if !features || meeting.nearest.distance <= TOUCHING {
-        return visit(&whole);
-    }
-    let mut rows = Fewest::<_, MOST_ROWS>::new(whole);
-    hull.for_each_row(other, |meeting, beyond| {
-        let row = told(meeting, beyond);
-        rows.add(row.nearest.distance, row);
-    });
-    rows.for_each(visit);
+    let distance = meeting.nearest.distance;
+    let Some(reach) = features.filter(|_| distance > TOUCHING) else {
+        return visit(&told(&meeting, distance));
+    };
+    let mut rows = Fewest::<_, MOST_ROWS>::new((meeting, distance));
+    hull.for_each_row(other, reach, |meeting, distance| rows.add(distance, (*meeting, distance)));
+    rows.for_each(|(meeting, distance)| visit(&told(meeting, *distance)));
 }
 
 /// What was found in the frame of a hull, in the world.
@@ -67,14 +71,15 @@ fn placed(meeting: &Meeting, frame: &Carried<'_, 3>) -> Meeting {
     found.axis = turned(&meeting.axis);
     found.nearest.normal = turned(&meeting.nearest.normal);
     found.nearest.point = frame.placed(&meeting.nearest.point);
-    if let Feature::Edge { edge, .. } | Feature::Crossing { edge, .. } = &mut found.nearest.feature {
+    if let Feature::Edge { edge, .. } | Feature::Crossing { edge, .. } = &mut found.nearest.feature
+    {
         *edge = turned(edge);
     }
     found
 }
 
-/// A meeting of a hull, the first, with something of this radius.
-fn told(meeting: &Meeting, beyond: f64, radius: f64) -> Encounter<3> {
+/// A meeting of a hull, the first, with something of this radius; `of_cores` is its distance with relief \[m\].
+fn told(meeting: &Meeting, of_cores: f64, radius: f64) -> Encounter<3> {
     let super::axis::Nearest { distance, normal, point, feature } = meeting.nearest;
     let part = |start, direction, radius| Capsule { start, direction, length: 0.0, radius };
     let (edge, slides, flat) = match feature {
@@ -88,13 +93,7 @@ fn told(meeting: &Meeting, beyond: f64, radius: f64) -> Encounter<3> {
     let points = [point, point - normal * distance];
     Encounter {
         shapes: [part(point, meeting.axis, 0.0), part(points[1], edge, radius)],
-        nearest: Nearest {
-            points,
-            normal,
-            distance: distance - radius + RELIEF * beyond,
-            slides,
-            flat,
-        },
+        nearest: Nearest { points, normal, distance: of_cores - radius, slides, flat },
     }
 }
 

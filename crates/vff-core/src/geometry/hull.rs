@@ -287,11 +287,11 @@ impl Hull {
 
 #[cfg(test)]
 mod tests {
-    use crate::world::space::oracle::*;
-    use crate::world::space::{Obstacle, Shape, World};
     use super::*;
     use crate::geometry::Body;
     use crate::math::Capsule;
+    use crate::world::space::oracle::*;
+    use crate::world::space::{Obstacle, Shape, World};
     use crate::world::{CollisionQuery, Contact};
     use proptest::prelude::*;
 

@@ -1,12 +1,12 @@
 //! A hull that a link carries and something convex.
 //!
 //! Apart, the nearest points are a corner of the other above the inside of a face of the hull, or one of them lies on an
-//! edge of the hull (T119). Which pair it is proves itself: along the normal, no point of one is nearer to the other.
+//! edge of the hull (T122). Which pair it is proves itself: along the normal, no point of one is nearer to the other.
 
 use super::axis::{Nearest, PARALLEL, to_edge, within};
 use super::hull::Hull;
 use super::{Carried, Probe};
-use crate::math::{Feature, TOUCHING, Vector};
+use crate::math::{Feature, RELIEF, TOUCHING, Vector};
 
 /// The most rows of a hull and something else: the nearest ones.
 pub(crate) const MOST_ROWS: usize = 32;
@@ -85,13 +85,6 @@ impl Carried<'_, 3> {
     /// Where it comes nearest to `other`, overlapping or not; NaN where something is undefined.
     pub(crate) fn meet(&self, other: &impl Convex) -> Meeting {
         let mut best = Meeting::NOWHERE;
-        for edge in self.edges() {
-            let nearest = other.nearest(&edge);
-            // False where it is undefined.
-            if !(nearest.distance >= best.nearest.distance) {
-                best = Meeting { nearest, axis: edge.direction };
-            }
-        }
         other.for_each_corner(|corner, _| {
             if let Some((face, height)) = self.hull.face_below(&self.seen(corner))
                 && height < best.nearest.distance
@@ -99,6 +92,28 @@ impl Carried<'_, 3> {
                 best = Meeting::above(corner, &(self.rotation * face.normal), height);
             }
         });
+        // All of an edge lies above a face that both of its ends are above: no nearer than the lower one.
+        let above = |edge: &Probe| {
+            let (a, b) = (edge.start, edge.end());
+            let mut highest = f64::NEG_INFINITY;
+            other.for_each_face(|normal, offset| {
+                highest = highest.max(normal.dot(&a).min(normal.dot(&b)) - offset);
+            });
+            highest
+        };
+        // The one that is likely to be nearest first, so that most of the others are not asked.
+        let lower = |a: (f64, Probe), b: (f64, Probe)| if b.0 < a.0 { b } else { a };
+        let first = self.edges().map(|edge| (above(&edge), edge)).reduce(lower);
+        for edge in first.map(|first| first.1).into_iter().chain(self.edges()) {
+            if above(&edge) >= best.nearest.distance {
+                continue;
+            }
+            let nearest = other.nearest(&edge);
+            // False where it is undefined.
+            if !(nearest.distance >= best.nearest.distance) {
+                best = Meeting { nearest, axis: edge.direction };
+            }
+        }
         let Nearest { distance, normal, .. } = &best.nearest;
         if distance.is_nan() {
             return best;
@@ -116,12 +131,16 @@ impl Carried<'_, 3> {
     /// Where it comes nearest to a point, outside and inside.
     pub(crate) fn meet_point(&self, point: &Vector<3>) -> Meeting {
         let seen = self.seen(point);
-        if let Some((face, height)) = self.hull.face_below(&seen).or_else(|| self.hull.way_out_of(&seen)) {
+        if let Some((face, height)) =
+            self.hull.face_below(&seen).or_else(|| self.hull.way_out_of(&seen))
+        {
             return Meeting::above(point, &(self.rotation * face.normal), height);
         }
         let gap = |edge: &Probe| (edge.clamp(&seen) - seen).norm_squared();
         let lines = self.hull.edges.iter().map(|edge| &edge.line);
-        let Some(line) = lines.min_by(|a, b| gap(a).total_cmp(&gap(b))) else { return Meeting::NOWHERE };
+        let Some(line) = lines.min_by(|a, b| gap(a).total_cmp(&gap(b))) else {
+            return Meeting::NOWHERE;
+        };
         let edge = self.edge(line);
         Meeting { nearest: super::point::to_point(&edge, point), axis: edge.direction }
     }
@@ -134,25 +153,41 @@ impl Carried<'_, 3> {
         Meeting::above(point, &(offset / distance), distance)
     }
 
-    /// Calls `visit` with every pair of features that may be the nearest when these change hands, and how far beyond its place
-    /// it is \[m\]: of the corners of both, which count as opposite a face everywhere, and of the edges of both where they cross
-    /// (T98, T119). They must be apart.
-    pub(crate) fn for_each_row(&self, other: &impl Convex, mut visit: impl FnMut(&Meeting, f64)) {
+    /// Calls `visit` with every pair of features nearer than `reach` \[m\] that may be the nearest when these change hands, and
+    /// its distance with relief for what lies beyond its place: of the corners of both, which count as opposite a face
+    /// everywhere, and of the edges of both where they cross (T98, T122). They must be apart.
+    pub(crate) fn for_each_row(
+        &self,
+        other: &impl Convex,
+        reach: f64,
+        mut visit: impl FnMut(&Meeting, f64),
+    ) {
+        let mut visit = |meeting: &Meeting, distance: f64| {
+            if distance < reach {
+                visit(meeting, distance);
+            }
+        };
         for point in self.corners() {
             let offset = other.offset(&point);
             let distance = offset.norm();
             let normal = offset / distance;
             let nearest = Nearest { distance, normal, point, feature: Feature::Face };
-            visit(&Meeting { nearest, axis: Vector::zeros() }, 0.0);
+            visit(&Meeting { nearest, axis: Vector::zeros() }, distance);
         }
-        other.for_each_corner(|corner, _| visit(&self.above_face(corner), 0.0));
+        other.for_each_corner(|corner, _| {
+            let meeting = self.above_face(corner);
+            visit(&meeting, meeting.nearest.distance);
+        });
         for own in &self.hull.edges {
             let (line, into) = (self.edge(&own.line), own.into.map(|way| self.rotation * way));
             other.for_each_edge(|edge, onward| {
-                if let Some((nearest, beyond)) = to_edge(&line, edge) {
+                if let Some((nearest, beyond)) = to_edge(&line, edge)
+                    && nearest.distance + RELIEF * beyond < reach
+                {
                     let own = Onward::Along(&into).most_along(&-nearest.normal);
                     let beyond = beyond + nearest.distance * own + averted(&nearest, onward);
-                    visit(&Meeting { nearest, axis: line.direction }, beyond);
+                    let meeting = Meeting { nearest, axis: line.direction };
+                    visit(&meeting, nearest.distance + RELIEF * beyond);
                 }
             });
         }

@@ -14,7 +14,7 @@ pub(crate) mod segment;
 
 pub use axis::{Probe, perpendicular};
 pub use body::{Body, Carried, StillBody};
-pub(crate) use fewest::Fewest;
-pub(crate) use meeting::{Convex, MOST_ROWS, Meeting, Onward, averted};
 pub use encounter::{Encounter, encounter};
+pub(crate) use fewest::Fewest;
 pub use hull::{Hull, HullError, MOST_CORNERS, check_hull, faces_of_hull};
+pub(crate) use meeting::{Convex, MOST_ROWS, Meeting, Onward, averted};

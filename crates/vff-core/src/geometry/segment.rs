@@ -81,10 +81,10 @@ pub(crate) fn distance_to_segment(axis: &Probe, core: &Probe) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use crate::world::space::Shape;
-    use crate::world::space::oracle::*;
     use super::*;
     use crate::math::{Capsule, nearest};
+    use crate::world::space::Shape;
+    use crate::world::space::oracle::*;
     use parry3d_f64::{math::Pose, math::Vector as Vec3d, query, shape::Segment};
     use proptest::prelude::*;
 

@@ -362,9 +362,8 @@ impl Shape {
         let hull = |key: &str, points: &[[f64; 3]]| {
             let points: Vec<[f64; 3]> =
                 points.iter().map(|point| placed((*point).into()).into()).collect();
-            let hull = Hull::new(&points).map_err(|error| {
-                fault(format!("{path}.{key}"), DescriptionProblem::Hull(error))
-            })?;
+            let hull = Hull::new(&points)
+                .map_err(|error| fault(format!("{path}.{key}"), DescriptionProblem::Hull(error)))?;
             Ok((hull.enclosing(), Some(hull)))
         };
         match self {

@@ -233,12 +233,12 @@ pub trait Robot<const D: usize> {
     /// The pairs of bodies that must not touch each other, the lower index first; the still ones are counted behind the
     /// others.
     fn body_pairs(&self) -> impl Iterator<Item = [usize; 2]>;
-    /// Calls `visit` with the nearest parts of a pair of these bodies, of which one is a hull, or with all its `features` that
-    /// may be the nearest when these change hands. Nothing where both are capsules.
+    /// Calls `visit` with the nearest parts of a pair of these bodies, of which one is a hull, or with all its `features` nearer
+    /// than this \[m\] that may be the nearest when these change hands. Nothing where both are capsules.
     fn for_each_encounter(
         &self,
         _pair: [usize; 2],
-        _features: bool,
+        _features: Option<f64>,
         _visit: &mut dyn FnMut(&Encounter<D>),
     ) {
     }

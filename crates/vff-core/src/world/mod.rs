@@ -200,7 +200,10 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
 
     /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds, were the obstacle in this state and
     /// turned so.
-    #[expect(clippy::too_many_arguments, reason = "two things, how they are placed, and a question")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "two things, how they are placed, and a question"
+    )]
     #[inline(never)]
     fn meet_hull(
         &self,

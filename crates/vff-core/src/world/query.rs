@@ -185,7 +185,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 let probe = S::probe(&shape);
                 if let Some(hull) = &hull {
                     let pair = Pair { body, link, obstacle: 0 };
-                    let least = least_of_hull(pair, obstacles, 0..obstacles.len(), &probe, hull, limit);
+                    let least =
+                        least_of_hull(pair, obstacles, 0..obstacles.len(), &probe, hull, limit);
                     distance(link, least);
                     if least < reach {
                         for (j, obstacle) in obstacles.iter().enumerate() {
@@ -222,7 +223,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                         Named::Each(all) => &all[..],
                         Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, within),
                     };
-                    least = least_of_hull(pair, obstacles, near.iter().copied(), &probe, hull, limit);
+                    least =
+                        least_of_hull(pair, obstacles, near.iter().copied(), &probe, hull, limit);
                     if least < reach {
                         interrupt::spend(64 * near.len());
                         for &j in near {

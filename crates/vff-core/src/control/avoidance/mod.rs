@@ -204,7 +204,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         let Self { reach, own, bodies, .. } = self;
         let reach = reach.min(barrier::OWN_REACH);
         OwnPair::for_each_within(robot, bodies, reach, |pair| {
-            pair.for_each_feature(robot, |feature| {
+            pair.for_each_feature(robot, reach, |feature| {
                 if feature.nearest.distance < reach {
                     own.push(*feature);
                 }

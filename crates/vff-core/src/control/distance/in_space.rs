@@ -147,7 +147,8 @@ fn features() -> [Kind; 6] {
 #[test]
 fn rates_are_derivatives_of_the_distance() {
     let met = RefCell::new(HashMap::<_, usize>::new());
-    let config = ProptestConfig { max_global_rejects: 200_000, ..ProptestConfig::with_cases(10_000) };
+    let config =
+        ProptestConfig { max_global_rejects: 200_000, ..ProptestConfig::with_cases(10_000) };
     proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), moving in moving())| {
         let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
         let h = 4e-4;

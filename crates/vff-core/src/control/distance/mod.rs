@@ -151,7 +151,7 @@ impl DistanceRate {
     }
 
     /// For a face of the link and a corner of the obstacle: what the link sees move is the corner, so that all is said of the
-    /// place where that is (T119).
+    /// place where that is (T123).
     #[inline(never)]
     fn below_corner<R: Robot<D>, const D: usize>(
         robot: &R,

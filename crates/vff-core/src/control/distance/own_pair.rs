@@ -1,8 +1,8 @@
 //! How the distance of two bodies of the arm itself changes.
 
 use super::DistanceRate;
-use crate::interrupt;
 use crate::geometry::{Body, Encounter, MOST_ROWS};
+use crate::interrupt;
 use crate::math::{Capsule, Nearest, Vector, nearest};
 use crate::robot::Robot;
 
@@ -79,7 +79,7 @@ impl<const D: usize> OwnPair<D> {
     /// Takes what is nearest of two bodies in place of the capsules around them, where one is a hull.
     #[inline(never)]
     fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {
-        robot.for_each_encounter(pair, false, &mut |Encounter { shapes, nearest }| {
+        robot.for_each_encounter(pair, None, &mut |Encounter { shapes, nearest }| {
             interrupt::spend(1024);
             *self =
                 Self { shapes: *shapes, nearest: *nearest, hulls: Some(pair), links: self.links };
@@ -145,7 +145,7 @@ impl<const D: usize> OwnPair<D> {
     }
 
     /// The same beside a face of body `flat`, whose normal turns with its link: for the place of the other's corner, which the
-    /// link of the face sees move (T119).
+    /// link of the face sees move (T123).
     fn beside_face<R: Robot<D>>(&self, robot: &R, flat: usize) -> DistanceRate {
         let Nearest { points, normal, .. } = &self.nearest;
         let corner = points[1 - flat];
@@ -164,16 +164,21 @@ impl<const D: usize> OwnPair<D> {
         }
     }
 
-    /// The distances of all features that may be the least when features change hands: of the ends of each from the other,
+    /// The distances of all features that may be the least when features change hands, of hulls those nearer than `reach` \[m\]: of the ends of each from the other,
     /// and of the insides where these are nearest. Parallel axes are held at both ends that way (T98). Of a hull those of
     /// corners, and of edges where they cross.
-    pub fn for_each_feature<R: Robot<D>>(&self, robot: &R, mut visit: impl FnMut(&Self)) {
+    pub fn for_each_feature<R: Robot<D>>(
+        &self,
+        robot: &R,
+        reach: f64,
+        mut visit: impl FnMut(&Self),
+    ) {
         if let Some(pair) = self.hulls {
             interrupt::spend(1024);
             let visit = &mut |Encounter { shapes, nearest }: &Encounter<D>| {
                 visit(&Self { shapes: *shapes, nearest: *nearest, ..*self });
             };
-            return robot.for_each_encounter(pair, true, visit);
+            return robot.for_each_encounter(pair, Some(reach), visit);
         }
         if self.nearest.slides == [true; 2] {
             visit(self);
@@ -279,7 +284,7 @@ mod tests {
             let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| at(k * h));
             let features = |state: &SpatialState, pair: &OwnPair<3>| {
                 let mut found = vec![];
-                pair.for_each_feature(state, |feature| found.push(*feature));
+                pair.for_each_feature(state, f64::INFINITY, |feature| found.push(*feature));
                 found
             };
             let found = states.each_ref().map(pairs);
@@ -411,7 +416,7 @@ mod tests {
                     continue;
                 }
                 let mut rows = vec![];
-                pair.for_each_feature(&states[2], |row| rows.push(row.nearest.distance));
+                pair.for_each_feature(&states[2], f64::INFINITY, |row| rows.push(row.nearest.distance));
                 prop_assert!(rows.len() <= MOST_ROWS);
                 let least = rows.iter().copied().fold(f64::INFINITY, f64::min);
                 prop_assert!((least - distance).abs() < 1e-11);

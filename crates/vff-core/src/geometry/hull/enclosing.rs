@@ -15,10 +15,10 @@ impl Hull {
         let points: Vec<Vector<3>> = self.corners.iter().map(|corner| corner.point).collect();
         #[expect(clippy::cast_precision_loss, reason = "at most 64")]
         let mean = points.iter().sum::<Vector<3>>() / points.len() as f64;
-        let spread: Matrix3<f64> =
-            points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+        let spread: Matrix3<f64> = points.iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
         let axes = SymmetricEigen::<f64, nalgebra::Const<3>>::new(spread).eigenvectors;
-        let ways = points.iter().enumerate().flat_map(|(i, a)| points[..i].iter().map(move |b| a - b));
+        let ways =
+            points.iter().enumerate().flat_map(|(i, a)| points[..i].iter().map(move |b| a - b));
         let longest = ways.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
         let directions = axes.column_iter().map(|axis| axis.into_owned());
         let directions = directions.chain(longest.map(|way| way.normalize()));
@@ -78,7 +78,9 @@ mod tests {
     #[test]
     fn it_is_slim() {
         let around = |size: [f64; 3]| {
-            let corner = |bits: u8| [0, 1, 2].map(|k: usize| if bits >> k & 1 == 0 { -0.5 } else { 0.5 } * size[k]);
+            let corner = |bits: u8| {
+                [0, 1, 2].map(|k: usize| if bits >> k & 1 == 0 { -0.5 } else { 0.5 } * size[k])
+            };
             let points: Vec<[f64; 3]> = (0..8u8).map(corner).collect();
             Hull::new(&points).unwrap().enclosing()
         };

@@ -5,8 +5,8 @@
 //! is less, the whole half is free; otherwise it is halved again (T119).
 
 use crate::control::distance::OwnPair;
-use crate::interrupt;
 use crate::geometry::Body;
+use crate::interrupt;
 use crate::math::Vector;
 use crate::robot::{PlanarState, Robot, SpatialState};
 use crate::world::{CollisionQuery, Solid, World, top_speed};

@@ -2,8 +2,8 @@
 
 use super::SpatialState;
 use super::algebra::Symmetric;
-use crate::math::rotation::UnitQuaternion;
 use crate::geometry::{Hull, StillBody};
+use crate::math::rotation::UnitQuaternion;
 use crate::math::{Capsule, Vector};
 use crate::robot::Limits;
 use crate::robot::description::{
@@ -344,8 +344,10 @@ mod tests {
             Shape::Box { center: [0.0; 3], size: [0.1; 3], orientation: [1.0, 0.0, 0.0, 0.0] };
         let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
         let fault = refused(|d| {
-            d.collision =
-                vec![sphere("upper", 0.1), carried("fore", Shape::Convex { vertices: vertices.clone() })];
+            d.collision = vec![
+                sphere("upper", 0.1),
+                carried("fore", Shape::Convex { vertices: vertices.clone() }),
+            ];
         });
         assert!(fault.starts_with("collision[1].shape.vertices: must be points that do not lie"));
         let arm = arm(|d| {

@@ -406,7 +406,7 @@ impl Robot<3> for SpatialState {
     fn for_each_encounter(
         &self,
         pair: [usize; 2],
-        features: bool,
+        features: Option<f64>,
         visit: &mut dyn FnMut(&Encounter<3>),
     ) {
         let forms = pair.map(|i| match self.arm.still.get(i.wrapping_sub(self.body_count())) {

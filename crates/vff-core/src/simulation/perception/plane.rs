@@ -138,7 +138,13 @@ impl CollisionQuery<2> for Perception {
     }
 
     /// The nearest of all points, on whichever side it comes to lie; they stay where they are.
-    fn contact_after(&self, index: usize, body: &Body<'_, 2>, obstacle: usize, _: f64) -> Contact<2> {
+    fn contact_after(
+        &self,
+        index: usize,
+        body: &Body<'_, 2>,
+        obstacle: usize,
+        _: f64,
+    ) -> Contact<2> {
         let capsule = &body.shape;
         let gap = |point: &Vector<2>| (capsule.clamp(point) - point).norm_squared();
         let nearest = self.scans.met().iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)));

@@ -2,11 +2,13 @@
 
 use super::scans::{Ray, Scans};
 use super::{Kind, Perceive, PerceptionSettings};
-use crate::interrupt;
 use crate::geometry::Body;
+use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Robot, SpatialState};
-use crate::world::space::{Volume, World, cast_at_body, contact_with_point, distance_of_point, perpendicular};
+use crate::world::space::{
+    Volume, World, cast_at_body, contact_with_point, distance_of_point, perpendicular,
+};
 use crate::world::{CollisionQuery, Contact, Pair, Positions};
 use nalgebra::{Matrix3, Rotation3, Unit};
 
@@ -215,7 +217,13 @@ impl CollisionQuery<3> for SpatialPerception {
     }
 
     /// The nearest of all points, in whatever direction it comes to lie; they stay where they are.
-    fn contact_after(&self, index: usize, body: &Body<'_, 3>, obstacle: usize, _: f64) -> Contact<3> {
+    fn contact_after(
+        &self,
+        index: usize,
+        body: &Body<'_, 3>,
+        obstacle: usize,
+        _: f64,
+    ) -> Contact<3> {
         let gap = |point: &Vector<3>| distance_of_point(body, point);
         let nearest = self.scans.met().iter().min_by(|a, b| gap(a).total_cmp(&gap(b)));
         let nowhere = Vector::repeat(f64::INFINITY);
@@ -224,12 +232,7 @@ impl CollisionQuery<3> for SpatialPerception {
 }
 
 /// The contact of a body with a point at rest.
-fn touch(
-    index: usize,
-    body: &Body<'_, 3>,
-    obstacle: usize,
-    point: &Vector<3>,
-) -> Contact<3> {
+fn touch(index: usize, body: &Body<'_, 3>, obstacle: usize, point: &Vector<3>) -> Contact<3> {
     contact_with_point(Pair { body: index, link: body.link, obstacle }, body, point)
 }
 

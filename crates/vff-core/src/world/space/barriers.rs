@@ -1,8 +1,8 @@
 //! The distances that must be kept so that features may change hands (T98).
 
+use super::volume::{Core, Volume, axis_of, contact_of};
 use crate::geometry::axis::{Nearest, Probe, beyond, perpendicular, seen_from, to_edge};
 use crate::geometry::{Convex, averted};
-use super::volume::{Core, Volume, axis_of, contact_of};
 use crate::math::Vector;
 use crate::world::{Contact, Feature, MotionState, RELIEF, TOUCHING};
 

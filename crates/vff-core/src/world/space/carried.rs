@@ -4,7 +4,7 @@ use super::volume::{Core, Volume, contact_of};
 use crate::geometry::axis::Nearest;
 use crate::geometry::{Body, Carried, Fewest, MOST_ROWS, Meeting, Probe};
 use crate::interrupt;
-use crate::math::{Feature, RELIEF, TOUCHING, Vector};
+use crate::math::{Feature, TOUCHING, Vector};
 use crate::world::{Asked, Contact, MotionState, Pair, Solid};
 
 /// The contact of a hull at this meeting, which is relative to the position of that state.
@@ -96,23 +96,26 @@ impl Volume {
             return;
         }
         let is_apart = contact.distance + self.radius > TOUCHING;
-        if !matches!(asked, Asked::Barriers(_)) || !is_apart || matches!(self.core, Core::Point(_)) {
+        if !matches!(asked, Asked::Barriers(_)) || !is_apart || matches!(self.core, Core::Point(_))
+        {
             return visit(&contact);
         }
         let mut rows = Fewest::<_, MOST_ROWS>::new(contact);
-        let mut add = |meeting: &Meeting, beyond: f64| {
+        let reach = reach + self.radius;
+        let mut add = |meeting: &Meeting, of_cores: f64| {
+            let distance = of_cores - self.radius;
             let found = placed(pair, meeting, self.radius, state);
-            let distance = found.distance + RELIEF * beyond;
-            if distance < reach {
-                rows.add(distance, Contact { distance, ..found });
-            }
+            rows.add(distance, Contact { distance, ..found });
         };
         match &self.core {
-            Core::Segment(segment) => seen.for_each_row(segment, add),
-            Core::Box(cuboid) => seen.for_each_row(&**cuboid, add),
-            Core::Hull(other) => seen.for_each_row(&**other, add),
+            Core::Segment(segment) => seen.for_each_row(segment, reach, add),
+            Core::Box(cuboid) => seen.for_each_row(&**cuboid, reach, add),
+            Core::Hull(other) => seen.for_each_row(&**other, reach, add),
             Core::HalfSpace(_) => seen.corners().for_each(|corner| {
-                add(&Meeting { nearest: self.end(corner), axis: Vector::zeros() }, 0.0);
+                let nearest = self.end(corner);
+                if nearest.distance < reach {
+                    add(&Meeting { nearest, axis: Vector::zeros() }, nearest.distance);
+                }
             }),
             Core::Point(_) | Core::Cloud(_) => {}
         }

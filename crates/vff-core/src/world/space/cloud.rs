@@ -5,12 +5,12 @@
 //! rest, where it is described: as with every solid it is the link that is moved and turned for the query, so that a cloud
 //! that moves and turns costs no more than one that stands.
 
-use crate::geometry::axis::{Nearest, Probe, perpendicular, seen_from};
-use crate::geometry::point::{distance_to_point, square_to_point, to_point};
 use super::runs::{Runs, Sight, around};
 use super::volume::Core;
 use super::volume::{axis_of, contact_of};
 use super::{Obstacle, Shape, World};
+use crate::geometry::axis::{Nearest, Probe, perpendicular, seen_from};
+use crate::geometry::point::{distance_to_point, square_to_point, to_point};
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::world::{Contact, Feature, MotionState, Pair};
@@ -158,7 +158,8 @@ impl Cloud {
                 let (distance, normal) = (f64::INFINITY, perpendicular(&link.direction));
                 let nowhere =
                     Nearest { distance, normal, point: Vector::zeros(), feature: Feature::Face };
-                let found = contact_of(pair, &nowhere, &axis_of(link), [radius, link.radius], state);
+                let found =
+                    contact_of(pair, &nowhere, &axis_of(link), [radius, link.radius], state);
                 Contact { point: link.start, witness: link.start, ..found }
             }
         }

@@ -25,10 +25,12 @@ mod runs;
 mod shape;
 mod volume;
 
+pub use crate::geometry::{
+    HullError, MOST_CORNERS, Probe, check_hull, faces_of_hull, perpendicular,
+};
+pub use carried::{contact_with_point, distance_of_point};
 pub use cloud::{MOST_POINTS, Points};
 pub use hierarchy::Boxes;
-pub use crate::geometry::{HullError, MOST_CORNERS, Probe, check_hull, faces_of_hull, perpendicular};
-pub use carried::{contact_with_point, distance_of_point};
 pub use obstacle::Obstacle;
 pub use rays::cast_at_body;
 pub use shape::Shape;

@@ -1,14 +1,14 @@
 //! What an obstacle in space is to a query: a core swept by a ball.
 
-use crate::geometry::axis::{Nearest, Probe, seen_from};
 use super::cloud::Cloud;
 use super::cuboid::Cuboid;
 use super::half_space::to_half_space;
 use super::hierarchy::Boxes;
-use crate::geometry::{Carried, Hull, MOST_ROWS};
+use super::{Obstacle, Shape};
+use crate::geometry::axis::{Nearest, Probe, seen_from};
 use crate::geometry::point::{distance_to_point, to_point};
 use crate::geometry::segment::{distance_to_segment, to_segment};
-use super::{Obstacle, Shape};
+use crate::geometry::{Carried, Hull, MOST_ROWS};
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use crate::world::{Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
 use std::sync::Arc;

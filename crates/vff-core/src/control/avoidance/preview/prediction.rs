@@ -1,7 +1,7 @@
 //! The obstacles at later instants, as far as look-ahead asks for them.
 
-use crate::interrupt;
 use crate::geometry::Body;
+use crate::interrupt;
 use crate::math::Vector;
 use crate::world::{CollisionQuery, Contact};
 
