@@ -1,8 +1,13 @@
 //! The scenes of an arm in space whose steps are timed one by one.
 
 use crate::scene::{EULER, STEPS, looking};
+use nalgebra::Matrix3;
 use std::fmt::Write as _;
-use vff_core::control::Avoidance;
+use vff_core::control::{Avoidance, SelfCollision};
+use vff_core::geometry::perpendicular;
+use vff_core::math::{Capsule, UnitQuaternion};
+use vff_core::robot::description::Shape;
+use vff_core::robot::models;
 use vff_core::scenario::{AnyScene, Scenario};
 use vff_core::world::Motion;
 
@@ -52,6 +57,34 @@ pub fn barriers(balls: usize) -> Scenario {
 /// The same under `cbf` with its own settings, looking ahead.
 pub fn preview(balls: usize) -> Scenario {
     looking(scene(balls))
+}
+
+/// The same with a box in place of every capsule of the arm: as long, and 1.4 radii wide.
+pub fn of_boxes(mut scenario: Scenario) -> Scenario {
+    let AnyScene::Space(scene) = &mut scenario.scene else { unreachable!("an arm in space") };
+    let mut parts = models::named("panda").expect("it is bundled").collision;
+    for part in &mut parts {
+        if let Shape::Capsule { a, b, radius } = part.shape {
+            let axis = Capsule::<3>::new(a.into(), b.into(), radius);
+            let z = axis.direction;
+            let x = perpendicular(&z);
+            let turn = Matrix3::from_columns(&[x, z.cross(&x), z]);
+            let width = 1.4 * radius;
+            part.shape = Shape::Box {
+                center: (axis.start + z * (0.5 * axis.length)).into(),
+                size: [width, width, axis.length + width],
+                orientation: UnitQuaternion::from_matrix(&turn).to_array(),
+            };
+        }
+    }
+    scene.arm.collision = Some(parts);
+    scenario
+}
+
+/// The same where bodies of the arm must not touch each other.
+pub fn apart(mut scenario: Scenario) -> Scenario {
+    scenario.controller.self_collision = SelfCollision::Avoid;
+    scenario
 }
 
 /// And searching all the time: one more ball is at the base, where no candidate avoids it.

@@ -71,6 +71,10 @@ fn main() {
         ("8 balls, cbf", panda::barriers(8)),
         ("8 balls, cbf + preview", panda::preview(8)),
         ("8 balls, cbf + preview, searching", panda::searching(8)),
+        ("8 balls, cbf, apart", panda::apart(panda::barriers(8))),
+        ("of boxes, 8 balls, cbf", panda::of_boxes(panda::barriers(8))),
+        ("of boxes, 8 balls, cbf + preview", panda::of_boxes(panda::preview(8))),
+        ("of boxes, 8 balls, cbf, apart", panda::apart(panda::of_boxes(panda::barriers(8)))),
     ] {
         table.push((format!("Panda, pose, {what}"), times(&scenario, runs)));
     }

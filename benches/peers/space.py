@@ -1,10 +1,10 @@
 """Other libraries and ours on the same random scenes in space: `python benches/peers/space.py`.
 
 Needs ``pip install ".[peers,tune]"`` and a quarter of an hour; writes docs/peers.md and draws
-docs/figures/peers-space.png. ``--tune`` finds the settings of benches/peers/spatial/tuned.toml first, on
-training seeds, which takes longer. Scenes that are done are kept in target/peers: an interrupted run resumes,
-and several processes can share the work with ``--skip``. ``--quick`` drives 0.1 s of one scene and only
-prints.
+docs/figures/peers-space.png. ``--arms iiwa14 ur5e`` does that for two other arms, without times and figure.
+``--tune`` finds the settings of benches/peers/spatial/tuned*.toml first, on training seeds, which takes
+longer. Scenes that are done are kept in target/peers: an interrupted run resumes, and several processes can
+share the work with ``--skip``. ``--quick`` drives 0.1 s of one scene and only prints.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from peers import spatial  # noqa: E402
 from peers.spatial import tune  # noqa: E402
 from peers.spatial.drive import drive, free  # noqa: E402
 from peers.spatial.figure import draw  # noqa: E402
+from peers.spatial.group import GROUPS, Group  # noqa: E402
 from peers.spatial.page import tables  # noqa: E402
 from peers.spatial.way import Way  # noqa: E402
 from report import write_section  # noqa: E402
@@ -35,27 +36,27 @@ from vffnull._files import replacing  # noqa: E402
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 KEPT = Path(__file__).resolve().parents[2] / "target" / "peers"
-JUDGED, TRAINING, TRIALS = 4, 1, 16  # seeds of every family and task; trials of every way
+TRAINING, TRIALS = 1, 16  # seeds of every family and task; trials of every way
 QUICK = 100  # steps
 TIMED = ("crowd",)  # families of the training scenes whose steps are timed
 Times = dict[str, np.ndarray]
 
 
 def judge(
-    everybody: list[Way], scene: vff.Scenario, most: int | None = None
+    group: Group, everybody: list[Way], scene: vff.Scenario, most: int | None = None
 ) -> tuple[list[dict[str, object]], Times]:
     """The rows of every way on a scene, one after the other, and what all steps took [ns]."""
     span, verdict = evaluation.encounter(free(scene)), vff.feasibility(scene)
-    done = [drive(way, tune.settings_of(way), scene, span, verdict, most) for way in everybody]
+    done = [drive(way, tune.settings_of(way, group.found), scene, span, verdict, most) for way in everybody]
     return [each.row for each in done], {each.row["controller"]: each.taken for each in done}
 
 
-def kept(everybody: list[Way], scene: vff.Scenario) -> list[dict[str, object]]:
+def kept(group: Group, everybody: list[Way], scene: vff.Scenario) -> list[dict[str, object]]:
     """The rows, run unless there is a file of them; remove the files after changing a way."""
     file = KEPT / f"{scene.name}.json"
     if not file.exists():
         begin = perf_counter()
-        rows, _ = judge(everybody, scene)
+        rows, _ = judge(group, everybody, scene)
         KEPT.mkdir(parents=True, exist_ok=True)
         with replacing(file) as draft:
             draft.write_text(json.dumps(rows, default=lambda value: value.item()), encoding="utf-8")
@@ -66,6 +67,9 @@ def kept(everybody: list[Way], scene: vff.Scenario) -> list[dict[str, object]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--arms", nargs="+", default=["panda"], help="; ".join(" ".join(group.arms) for group in GROUPS)
+    )
     parser.add_argument("--quick", action="store_true", help="0.1 s of one scene, nothing written")
     parser.add_argument("--tune", action="store_true", help="find the settings first")
     parser.add_argument("--only", help="tune this way alone, and judge nothing")
@@ -73,38 +77,42 @@ def main() -> None:
     parser.add_argument(
         "--training", type=int, default=TRAINING, help="training seeds of every family and task"
     )
-    parser.add_argument("--seeds", type=int, default=JUDGED, help="evaluation seeds of every family and task")
+    parser.add_argument("--seeds", type=int, help="evaluation seeds of every family and task")
     parser.add_argument(
         "--skip", type=int, default=0, help="seeds to leave to another process; writes no page"
     )
     given = parser.parse_args()
-    everybody, begin = spatial.load(), perf_counter()
+    group = next((each for each in GROUPS if set(each.arms) == set(given.arms)), None)
+    if group is None:
+        parser.error(f"--arms: there are {' and '.join(' '.join(each.arms) for each in GROUPS)}")
+    everybody, begin = spatial.load(group.arms), perf_counter()
     if given.tune or given.only:
         seeds = range(scenes.TRAINING.start, scenes.TRAINING.start + given.training)
         for way in everybody:
             if way.space and given.only in (None, way.name):
-                chosen = tune.drawn(spatial.ARM, seeds, tune.FAMILIES)
-                tune.keep(way.name, tune.tune(way, chosen, given.trials))
+                chosen = tune.drawn(group.arms, seeds, tune.FAMILIES)
+                tune.keep(way.name, tune.tune(way, chosen, given.trials, group.found), group.found)
         if given.only:
             return
     first = scenes.EVALUATION.start + given.skip
-    chosen = tune.drawn(spatial.ARM, range(first, first + given.seeds))
+    chosen = tune.drawn(group.arms, range(first, first + (given.seeds or group.seeds)))
     if given.quick:
         scored, most = [], QUICK
     else:
-        scored, most = [row for scene in chosen for row in kept(everybody, scene)], None
+        scored, most = [row for scene in chosen for row in kept(group, everybody, scene)], None
         if given.skip:
             return
-    timed = tune.drawn(spatial.ARM, scenes.TRAINING[:1], TIMED)
-    parts = [judge(everybody, scene, most) for scene in (timed[:1] if given.quick else timed)]
+    timed = tune.drawn(group.arms, scenes.TRAINING[:1], TIMED) if given.quick or group.timed else []
+    parts = [judge(group, everybody, scene, most) for scene in (timed[:1] if given.quick else timed)]
     names = tuple(way.name for way in everybody)
     outcome = vff.Evaluation.of(scored or [row for rows, _ in parts for row in rows], names)
-    taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names}
-    text = tables(everybody, outcome, taken, tune.found())
+    taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names if parts}
+    text = tables(everybody, outcome, taken, tune.found(group.found))
     print(text)
     if not given.quick:
-        write_section(DOCS / "peers.md", "space", text)
-        draw(outcome, taken, DOCS / "figures" / "peers-space.png")
+        write_section(DOCS / "peers.md", group.section, text)
+        if group.timed:
+            draw(outcome, taken, DOCS / "figures" / "peers-space.png")
     print(f"{perf_counter() - begin:.0f} s")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 import vffnull as vff
 from peers.spatial.task import Array
+from peers.spatial.tune import TASKS
 from peers.spatial.way import Way
 from report import readable, rows
 from vffnull.evaluation.planner import VERDICTS
@@ -24,20 +25,19 @@ BEYOND = 1e-3  # rad
 def tables(
     everybody: list[Way], outcome: vff.Evaluation, taken: Mapping[str, Array], found: Mapping[str, Any]
 ) -> str:
-    """All of them, with what was run."""
+    """All of them, with what was run; nothing of times where none were `taken`."""
     versions = ", ".join(f"{package} {version(package)}" for package in PACKAGES)
+    machine = f"Python {platform.python_version()}; {os.cpu_count()} cores, {platform.machine()}"
     works = "".join(f"- **{way.name}**: {way.work}.\n" for way in everybody)
     return f"""\
 {count(outcome)}
 
 {rates(outcome)}
-{medians(outcome)}
-{costs(outcome, taken)}
-{reasons(outcome)}
+{by_arm(outcome)}{medians(outcome)}
+{costs(outcome, taken)}{reasons(outcome)}
 {works}
 {searched(everybody, found)}
-{versions}, vffnull {vff.__version__}; Python {platform.python_version()}; {os.cpu_count()} cores,
-{platform.machine()}.
+{versions}, vffnull {vff.__version__}; {machine}.
 """
 
 
@@ -46,7 +46,14 @@ def count(outcome: vff.Evaluation) -> str:
     one = outcome.where(controller=outcome.controllers[0])
     verdicts = ", ".join(f"{len(one.where(feasibility=verdict))} {verdict}" for verdict in VERDICTS)
     families = ", ".join(f"{len(one.where(family=family))} {family}" for family in outcome.families)
-    return f"{len(one)} scenes of the evaluation seeds: {families}; escape: {verdicts}."
+    found = arms(outcome)
+    each = "".join(f" {len(one.where(arm=arm))} {arm}," for arm in found)[:-1] + ";" if found[1:] else ""
+    return f"{len(one)} scenes of the evaluation seeds:{each} {families}; escape: {verdicts}."
+
+
+def arms(outcome: vff.Evaluation) -> list[str]:
+    """Those whose scenes were driven."""
+    return list(dict.fromkeys(map(str, outcome.columns["arm"])))
 
 
 def rates(outcome: vff.Evaluation) -> str:
@@ -71,6 +78,25 @@ def rates(outcome: vff.Evaluation) -> str:
         "diverged",
     ]
     return rows(head, body)
+
+
+def by_arm(outcome: vff.Evaluation) -> str:
+    """Collisions, and how often the hand is held, by arm and task; nothing for one arm alone."""
+    found, body = arms(outcome), []
+    if len(found) == 1:
+        return ""
+    kinds = [(arm, task) for arm in found for task in TASKS]
+    for name in outcome.controllers:
+        every = [outcome.where(controller=name, arm=arm, task=task).feasible for arm, task in kinds]
+        hit = [each.rate("collided") for each in every]
+        held = [each.where(feasibility="with tip").rate("success") for each in every]
+        body.append([name, *(f"{each.count} of {each.total}" for each in hit + held)])
+    head = [
+        "where an escape exists",
+        *(f"collisions, {arm}, {task}" for arm, task in kinds),
+        *(f"held, {arm}, {task}" for arm, task in kinds),
+    ]
+    return rows(head, body) + "\n"
 
 
 def medians(outcome: vff.Evaluation) -> str:
@@ -129,6 +155,8 @@ def reasons(outcome: vff.Evaluation) -> str:
 
 def costs(outcome: vff.Evaluation, taken: Mapping[str, Array]) -> str:
     """What a step of control takes, and its ratio to cbf."""
+    if not taken:
+        return ""
     base = np.percentile(taken["cbf"], (50.0, 99.9))
     body = []
     for name in outcome.controllers:
@@ -137,7 +165,7 @@ def costs(outcome: vff.Evaluation, taken: Mapping[str, Array]) -> str:
         ratios = (f"{each:.3g}" for each in here / base)
         body.append([name, *times, *ratios])
     head = ["one step of control", "median", "99.9 %", "multiple of cbf, median", "multiple of cbf, 99.9 %"]
-    return rows(head, body)
+    return rows(head, body) + "\n"
 
 
 def searched(everybody: list[Way], found: Mapping[str, Any]) -> str:

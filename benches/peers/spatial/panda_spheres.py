@@ -6,6 +6,7 @@ chose by hand. The base has none.
 
 from __future__ import annotations
 
+ARMS = ("panda",)  # they have placed spheres on no other
 SPHERES = {
     "panda_link1": [((0.0, 0.0, -0.15), 0.06), ((0.0, -0.065, 0.0), 0.06)],
     "panda_link2": [((0.0, 0.0, 0.065), 0.06), ((0.0, -0.14, 0.0), 0.06)],

@@ -2,7 +2,8 @@
 
 Optuna's TPE minimises `loss`, which counts what the tables count. Its first trial is what the way has by
 default, or what an earlier search has found, which is continued. A run ends when it collides, and a trial
-when it can no longer become the best. What is found stands in ``tuned.toml``.
+when it can no longer become the best. What is found stands in ``tuned.toml``, or in the file of a group
+of arms.
 """
 
 from __future__ import annotations
@@ -27,10 +28,16 @@ FAMILIES = ("crowd", "links-swept", "path-crossed")  # in clutter hardly anybody
 SEED = 1
 
 
-def drawn(arm: str, seeds: Iterable[int], families: Iterable[str] = scenes.FAMILIES) -> list[vff.Scenario]:
-    """A scene of every family and task for each seed."""
+def drawn(
+    arms: Iterable[str], seeds: Iterable[int], families: Iterable[str] = scenes.FAMILIES
+) -> list[vff.Scenario]:
+    """A scene of every arm, family and task for each seed."""
     return [
-        scenes.in_space(family, arm, task, seed) for seed in seeds for family in families for task in TASKS
+        scenes.in_space(family, arm, task, seed)
+        for arm in arms
+        for seed in seeds
+        for family in families
+        for task in TASKS
     ]
 
 
@@ -46,7 +53,7 @@ def loss(row: Mapping[str, Any]) -> float:
     return counted + 0.1 * min(slope, 1.0)
 
 
-def tune(way: Way, chosen: list[vff.Scenario], trials: int) -> dict[str, Any]:
+def tune(way: Way, chosen: list[vff.Scenario], trials: int, file: Path | None = None) -> dict[str, Any]:
     """The best settings of a way, with their loss, and what it took to find them."""
     import optuna
 
@@ -71,7 +78,7 @@ def tune(way: Way, chosen: list[vff.Scenario], trials: int) -> dict[str, Any]:
         print(f"{way.name}, {trial.number + 1} of {trials}: {said}", file=sys.stderr, flush=True)
         return total
 
-    earlier = found().get(way.name, {"trials": 0, "minutes": 0.0, "settings": way.settings})
+    earlier = found(file).get(way.name, {"trials": 0, "minutes": 0.0, "settings": way.settings})
     sampler = optuna.samplers.TPESampler(seed=SEED + earlier["trials"], multivariate=True)
     study = optuna.create_study(sampler=sampler)
     study.enqueue_trial({key: clipped(earlier["settings"][key], each) for key, each in way.space.items()})
@@ -92,22 +99,25 @@ def clipped(value: float, within: Any) -> float:
     return min(max(value, within.low), within.high)
 
 
-def found() -> dict[str, dict[str, Any]]:
-    """What is known, by the names of the ways."""
-    return _core.parse_toml(FOUND.read_text(encoding="utf-8"), FOUND.name) if FOUND.exists() else {}
+def found(file: Path | None = None) -> dict[str, dict[str, Any]]:
+    """What is known, by the names of the ways; in ``tuned.toml`` unless another file is named."""
+    file = file or FOUND
+    return _core.parse_toml(file.read_text(encoding="utf-8"), file.name) if file.exists() else {}
 
 
-def keep(name: str, outcome: Mapping[str, Any]) -> None:
+def keep(name: str, outcome: Mapping[str, Any], file: Path | None = None) -> None:
     """Write what was found for a way beside what is known of the others."""
-    FOUND.write_text(_core.format_toml({**found(), name: dict(outcome)}), encoding="utf-8")
+    file = file or FOUND
+    file.write_text(_core.format_toml({**found(file), name: dict(outcome)}), encoding="utf-8")
 
 
-def settings_of(way: Way) -> Settings:
+def settings_of(way: Way, file: Path | None = None) -> Settings:
     """The settings that a way is judged with."""
     name = way.name if way.space else way.like
     if not name:
         return way.settings
-    known = found()
+    file = file or FOUND
+    known = found(file)
     if name not in known:
-        raise SystemExit(f"{name}: no settings in {FOUND.name}; run with --tune first")
+        raise SystemExit(f"{name}: no settings in {file.name}; run with --tune first")
     return {**known[name]["settings"], **({} if way.space else way.settings)}

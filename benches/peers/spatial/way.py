@@ -9,6 +9,7 @@ from typing import Any
 
 from peers.spatial.spheres import Spheres
 from peers.spatial.task import Array, Task
+from vffnull import scenes
 
 Settings = Mapping[str, Any]
 
@@ -65,6 +66,8 @@ class Way:
         Makes a controller of a task and settings.
     changes : callable, optional
         Instead of it for what the core runs itself: what settings change of a scene.
+    arms : tuple of str
+        The arms that it can drive.
     """
 
     name: str
@@ -74,3 +77,4 @@ class Way:
     prepare: Callable[[Task, Settings], Controller] | None = None
     changes: Callable[[Settings], Settings] | None = None
     like: str = ""
+    arms: tuple[str, ...] = scenes.ARMS

@@ -133,14 +133,14 @@ pub fn overlapping_links(
     let base = arm.description().base.clone();
     let names: Vec<String> = arm.link_names().map(String::from).collect();
     let name = |link: Option<usize>| link.map_or_else(|| base.clone(), |i| names[i].clone());
-    interruptible(py, || {
+    interruptible(py, move || {
         let mut state = arm.state();
-        let mut at = |q: &Vec<f64>| {
-            state.update_positions(q);
+        let at = |q: Vec<f64>| {
+            state.update_positions(&q);
             let links = OwnPair::<3>::overlapping_links(&state);
             links.into_iter().map(|[a, b]| (name(a), name(b))).collect()
         };
-        postures.iter().map(&mut at).collect()
+        postures.into_iter().map(at).collect()
     })
 }
 

@@ -109,8 +109,9 @@ impl Carried<'_, 3> {
                 continue;
             }
             let nearest = other.nearest(&edge);
-            // False where it is undefined.
-            if !(nearest.distance >= best.nearest.distance) {
+            // False where it is undefined, which then is what is found.
+            let is_farther = nearest.distance >= best.nearest.distance;
+            if !is_farther {
                 best = Meeting { nearest, axis: edge.direction };
             }
         }

@@ -185,14 +185,14 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 let probe = S::probe(&shape);
                 if let Some(hull) = &hull {
                     let pair = Pair { body, link, obstacle: 0 };
-                    let least =
-                        least_of_hull(pair, obstacles, 0..obstacles.len(), &probe, hull, limit);
-                    distance(link, least);
-                    if least < reach {
-                        for (j, obstacle) in obstacles.iter().enumerate() {
-                            meet(Pair { obstacle: j, ..pair }, &probe, Some(hull), obstacle, None);
-                        }
-                    }
+                    let found = |pair, obstacle: &_, turn: Option<&_>| {
+                        meet(pair, &probe, Some(hull), obstacle, turn);
+                    };
+                    let limits = [reach, limit];
+                    distance(
+                        link,
+                        near_hull(obstacles, named, *time, pair, &probe, hull, limits, found),
+                    );
                     continue;
                 }
                 let least = least_distance(obstacles.iter(), |obstacle| {
@@ -213,31 +213,15 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             interrupt::spend(256);
             let probe = S::probe(&shape);
             if let Some(hull) = &hull {
-                let mut within = reach;
-                let mut least = f64::INFINITY;
-                // What is nearest to the capsule around it need not be nearest to the hull, but gives a bound.
-                for _ in 0..2 {
-                    let pair = Pair { body, link, obstacle: 0 };
-                    let near = match named {
-                        Named::All => &[],
-                        Named::Each(all) => &all[..],
-                        Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, within),
-                    };
-                    least =
-                        least_of_hull(pair, obstacles, near.iter().copied(), &probe, hull, limit);
-                    if least < reach {
-                        interrupt::spend(64 * near.len());
-                        for &j in near {
-                            let (pair, obstacle) = (Pair { obstacle: j, ..pair }, &obstacles[j]);
-                            meet(pair, &probe, Some(hull), obstacle, obstacle.turn());
-                        }
-                    }
-                    if least <= within || !matches!(named, Named::Crowd(_)) {
-                        break;
-                    }
-                    within = least.min(limit);
-                }
-                distance(link, least);
+                let pair = Pair { body, link, obstacle: 0 };
+                let found = |pair, obstacle: &_, turn: Option<&_>| {
+                    meet(pair, &probe, Some(hull), obstacle, turn);
+                };
+                let limits = [reach, limit];
+                distance(
+                    link,
+                    near_hull(obstacles, named, *time, pair, &probe, hull, limits, found),
+                );
                 continue;
             }
             let near = match named {
@@ -423,29 +407,59 @@ impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
     }
 }
 
-/// The distance between the surface of a hull, which a capsule holds, and the nearest of these obstacles \[m\], where it is less
-/// than `limit`; ∞ if there are none. The capsule is never farther, so that most of the obstacles are asked no more.
+/// The distance between the surface of a hull, which the capsule of `around` holds, and the nearest obstacle \[m\], where it is
+/// below `limit`. If it is below `reach`, `meet` is called with those that may be, in their order.
+///
+/// The capsule is never farther from anything than the hull: most obstacles are asked no more.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the parts of a world that is borrowed, and a question"
+)]
 #[inline(never)]
-fn least_of_hull<S: Solid<D>, const D: usize>(
+fn near_hull<S: Solid<D>, const D: usize>(
+    obstacles: &mut [Placed<S, D>],
+    named: &mut Named<S, D>,
+    time: f64,
     pair: Pair,
-    obstacles: &[Placed<S, D>],
-    asked: impl Iterator<Item = usize>,
     around: &S::Probe,
     hull: &Carried<'_, D>,
-    limit: f64,
+    [reach, limit]: [f64; 2],
+    mut meet: impl FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
 ) -> f64 {
-    let mut least = f64::INFINITY;
-    for j in asked {
-        let obstacle = &obstacles[j];
-        let bound = least.min(limit);
-        // Also where it is undefined.
-        if !(obstacle.distance_below(around, bound) >= bound) {
-            let pair = Pair { obstacle: j, ..pair };
-            let found = obstacle.hull_contact(pair, hull, around, &obstacle.state, obstacle.turn());
-            keep_least(&mut least, found.distance);
+    let is_crowd = matches!(named, Named::Crowd(_));
+    let mut within = reach;
+    loop {
+        let near = match named {
+            Named::All => None,
+            Named::Each(all) => Some(&all[..]),
+            Named::Crowd(crowd) => Some(crowd.near(obstacles, time, around, within)),
+        };
+        let count = near.map_or(obstacles.len(), <[usize]>::len);
+        let asked = || (0..count).map(|k| near.map_or(k, |near| near[k]));
+        let mut least = f64::INFINITY;
+        for j in asked() {
+            let (obstacle, bound) = (&obstacles[j], least.min(limit));
+            // False where it is undefined.
+            let is_farther = obstacle.distance_below(around, bound) >= bound;
+            if !is_farther {
+                let (pair, state) = (Pair { obstacle: j, ..pair }, &obstacle.state);
+                let found = obstacle.hull_contact(pair, hull, around, state, obstacle.turn());
+                keep_least(&mut least, found.distance);
+            }
         }
+        // Of a crowd those nearer to the capsule than `within`, or the nearest one: that of the hull is no farther than this.
+        if is_crowd && least > within && within < limit {
+            within = least.min(limit);
+            continue;
+        }
+        if least < reach {
+            for j in asked() {
+                let obstacle = &obstacles[j];
+                meet(Pair { obstacle: j, ..pair }, obstacle, obstacle.turn());
+            }
+        }
+        return least + 0.0;
     }
-    least + 0.0
 }
 
 /// The distance between the surfaces of a body and the nearest of these obstacles \[m\]; ∞ if there are none.

@@ -69,7 +69,8 @@ impl<const D: usize> OwnPair<D> {
             }
             let mut found = Self::new(pair.map(link), [a, b]);
             // Of hulls these are the capsules around them: what is too far apart for those is for them.
-            if any && !(found.nearest.distance > limit) {
+            let is_far = found.nearest.distance > limit;
+            if any && !is_far {
                 found.enter(robot, pair);
             }
             limit = visit(&found);

@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Robot, SpatialState};
 use crate::world::space::{
-    Volume, World, cast_at_body, contact_with_point, distance_of_point, perpendicular,
+    Volume, World, cast_at_body, cast_at_hull, contact_with_point, distance_of_point, perpendicular,
 };
 use crate::world::{CollisionQuery, Contact, Pair, Positions};
 use nalgebra::{Matrix3, Rotation3, Unit};
@@ -66,9 +66,15 @@ impl SpatialPerception {
 /// Rays in cones that point away from a body: so many cones along it, so many around it.
 #[expect(clippy::cast_precision_loss, reason = "counts of sensors and rays")]
 fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize) -> Vec<Mount> {
-    let Body { link, shape: capsule, .. } = robot.body(body);
-    let axes = robot.link_axes(link);
-    let start = axes.tr_mul(&(capsule.start - robot.joint_position(link)));
+    let Body { link, shape: capsule, hull } = robot.body(body);
+    let (axes, joint) = (robot.link_axes(link), robot.joint_position(link));
+    // From the capsule in to the hull, where one is there.
+    let surface = |origin: Vector<3>, outward: &Vector<3>| {
+        let [from, inward] = [joint + axes * origin, axes * -outward];
+        let way = hull.and_then(|hull| cast_at_hull(&hull, &from, &inward));
+        origin - outward * way.unwrap_or(0.0)
+    };
+    let start = axes.tr_mul(&(capsule.start - joint));
     let along = axes.tr_mul(&capsule.direction);
     let side = perpendicular(&along);
     let sides = settings.sides(3);
@@ -80,6 +86,7 @@ fn around_body(settings: &PerceptionSettings, robot: &SpatialState, body: usize)
             let angle = std::f64::consts::TAU * k as f64 / sides as f64;
             let outward = Rotation3::from_axis_angle(&Unit::new_unchecked(along), angle) * side;
             let origin = start + along * (share * capsule.length) + outward * capsule.radius;
+            let origin = surface(origin, &outward);
             let frame = Matrix3::from_columns(&[along, outward.cross(&along), outward]);
             let rays = cone(settings.rays, settings.field_of_view);
             mounts.extend(rays.map(|ray| Mount { carrier, ray: [origin, frame * ray] }));
@@ -239,6 +246,7 @@ fn touch(index: usize, body: &Body<'_, 3>, obstacle: usize, point: &Vector<3>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::description::{LinkShape, Shape as Form};
     use crate::robot::models;
     use crate::simulation::Camera;
     use crate::world::Motion;
@@ -377,6 +385,67 @@ mod tests {
         assert_eq!(met(&around(at(0.5, 0.5), &view)).len(), 1);
         let large = vec![ball(0.1, [middle.x + 0.35, middle.y, middle.z])];
         assert!(met(&around(large, &on_links())).len() > 1);
+    }
+
+    /// A Panda with a long thin board on its third link, 0.4 m by 0.02 m by 0.4 m, whose capsule is as thick as it is wide.
+    fn with_a_board() -> SpatialState {
+        let mut description = models::named("panda").unwrap();
+        let orientation = [1.0, 0.0, 0.0, 0.0];
+        let shape = Form::Box { center: [0.0; 3], size: [0.4, 0.02, 0.4], orientation };
+        description.collision = vec![LinkShape { link: "panda_link3".into(), shape }];
+        let mut state = Arc::new(description.build().unwrap()).state();
+        state.update(&Q, &[0.0; 7]);
+        state
+    }
+
+    /// Beside a board, and within the capsule around it, a ball is seen that is behind the board from elsewhere; the board's
+    /// sensors sit on it, and points near it are as far from it as they are from a box.
+    #[test]
+    fn a_board_is_no_capsule() {
+        let robot = with_a_board();
+        let Body { shape: capsule, hull, .. } = robot.body(0);
+        let hull = hull.unwrap();
+        assert!(capsule.radius > 0.19);
+        let middle = robot.joint_position(2);
+        let across: Vector<3> = robot.link_axes(2).column(1).into();
+        let along: Vector<3> = robot.link_axes(2).column(0).into();
+        let ball = |gap: f64| ball(0.02, (middle + across * gap).into());
+        let seen = |settings: &PerceptionSettings, gap: f64| {
+            let mut perception = SpatialPerception::new(settings, 7, &robot, 1e-3);
+            perception.start(&robot, &World::new(vec![ball(gap)]));
+            met(&perception)
+        };
+        // Past the board at 10 cm, along it; and through it.
+        let view = |from: Vector<3>, to: Vector<3>| {
+            let z = (to - from).normalize();
+            let x = perpendicular(&z);
+            let turn = Matrix3::from_columns(&[x, z.cross(&x), z]);
+            let orientation = UnitQuaternion::from_matrix(&turn).to_array();
+            let camera = Camera {
+                position: from.into(),
+                orientation,
+                columns: 1,
+                rows: 1,
+                field_of_view: 0.1,
+            };
+            PerceptionSettings { cameras: vec![camera], ..self::camera([0.0; 3]) }
+        };
+        let beside = middle + across * 0.1;
+        assert_eq!(seen(&view(beside - along, beside), 0.1).len(), 1);
+        assert_eq!(seen(&view(middle - across, middle), 0.1).len(), 0);
+        // Sensors.
+        let settings = PerceptionSettings { rays: 1, sensors: 3, around: Some(4), ..on_links() };
+        let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3);
+        for mount in &perception.mounts {
+            let [origin, _] = mount.ray(&robot);
+            let body = Body { link: 2, shape: capsule, hull: Some(hull) };
+            assert!(distance_of_point(&body, &origin).abs() < 1e-12, "{origin}");
+        }
+        let point = middle + across * 0.06;
+        let body = robot.body(0);
+        assert!((distance_of_point(&body, &point) - 0.05).abs() < 1e-12);
+        let found = touch(0, &body, 0, &point);
+        assert!((found.distance - 0.05).abs() < 1e-12 && (found.normal + across).norm() < 1e-12);
     }
 
     /// The contacts of the first body.

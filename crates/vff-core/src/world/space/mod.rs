@@ -32,7 +32,7 @@ pub use carried::{contact_with_point, distance_of_point};
 pub use cloud::{MOST_POINTS, Points};
 pub use hierarchy::Boxes;
 pub use obstacle::Obstacle;
-pub use rays::cast_at_body;
+pub use rays::{cast_at_body, cast_at_hull};
 pub use shape::Shape;
 pub use volume::Volume;
 

@@ -49,7 +49,15 @@ pub fn cast_at_body(
     direction: &Vector<3>,
 ) -> Option<f64> {
     let met = capsule(shape, shape.radius, origin, direction)?;
-    let Some(hull) = hull else { return Some(met) };
+    hull.map_or(Some(met), |hull| cast_at_hull(hull, origin, direction))
+}
+
+/// The same for a hull alone.
+pub fn cast_at_hull(
+    hull: &Carried<'_, 3>,
+    origin: &Vector<3>,
+    direction: &Vector<3>,
+) -> Option<f64> {
     hull.hull.meet_ray(&hull.seen(origin), &hull.rotation.tr_mul(direction))
 }
 

@@ -1,0 +1,38 @@
+"""Arms that are searched and judged together: settings of their own, and a section of docs/peers.md."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Group:
+    """Arms that share settings.
+
+    Attributes
+    ----------
+    arms : tuple of str
+        All of them, in the order in which their scenes are driven.
+    section : str
+        What the marks on the page call it.
+    found : Path
+        Settings that were found on the training scenes of these arms.
+    seeds : int
+        Evaluation seeds of every arm, family and task.
+    timed : bool
+        Whether steps are timed and the figure is drawn.
+    """
+
+    arms: tuple[str, ...]
+    section: str
+    found: Path
+    seeds: int
+    timed: bool = False
+
+
+HERE = Path(__file__).parent
+GROUPS = (
+    Group(("panda",), "space", HERE / "tuned.toml", seeds=4, timed=True),
+    Group(("iiwa14", "ur5e"), "two arms", HERE / "tuned_two_arms.toml", seeds=2),
+)
