@@ -1,7 +1,8 @@
 //! The shapes that links carry, and where they come nearest to axes and to each other.
 //!
-//! What is here knows neither robots nor obstacles, and does not move: both sides use it. A file per pair: an `axis` (a segment
-//! that a radius is taken away from) and a `point`, a `segment`, a `hull`; a hull and anything convex that it is `meeting`.
+//! What is here knows neither robots nor obstacles, and does not move: both sides use it. A file per pair: an `axis`, which is what
+//! remains of a capsule without its radius, and a `point`, a `segment` or a `hull`; a hull and anything convex, their `meeting`; two
+//! bodies of an arm, their `encounter`.
 
 pub(crate) mod axis;
 mod body;

@@ -1,15 +1,15 @@
-//! Obstacles in space: the only directory that names parry3d.
+//! Obstacles in space.
 //!
 //! As in the [plane](super::plane), a link is queried as its axis and an obstacle as its *core*: what remains when the
 //! radius is taken away (sphere → point, capsule → segment, box, hull and half-space → themselves). The radii are subtracted
 //! afterwards. Where the axis itself meets the core, the distance is minus the penetration depth: the shortest
 //! translation of the link that frees it.
 //!
-//! Distances are exact to rounding, all in closed form (T92–T95, T107). parry's general routines are not used, for the
+//! Distances are exact to rounding, all in closed form (T92–T95, T107, T122). parry's general routines are not used, for the
 //! reasons given there; its hierarchy of boxes ([`Boxes`]) finds what is near among many.
 //!
-//! A file per pair: axis and `point`, `segment`, `cuboid`, `hull`, `half_space`, `cloud` of points. A file per question: `barriers`, `rays`,
-//! `hierarchy` of boxes around obstacles, `runs` of points.
+//! A file per pair, where that is not [`geometry`](crate::geometry): axis and `cuboid`, `half_space`, `cloud` of points; a hull that is
+//! `carried` by a link, and any of these. A file per question: `barriers`, `rays`, `hierarchy` of boxes around obstacles, `runs` of points.
 
 mod barriers;
 mod carried;
