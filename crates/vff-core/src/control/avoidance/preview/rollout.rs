@@ -315,9 +315,12 @@ mod tests {
     use super::super::fixtures::{Asked, START, closing, disc, holding, robot};
     use super::*;
     use crate::math::Noise;
-    use crate::robot::PlanarState;
+    use crate::robot::description::Shape as Form;
+    use crate::robot::{Manipulator, PlanarState, Robot, SpatialState, models};
     use crate::world::plane::World;
+    use crate::world::{Motion, space};
     use std::cell::Cell;
+    use std::sync::Arc;
 
     fn rollout(robot: &PlanarState, settings: &PreviewSettings) -> Rollout<PlanarState, 2, 2> {
         Rollout::new(robot, &Yielding::default(), settings, TaskMetric::new::<2>(1.0))
@@ -408,5 +411,51 @@ mod tests {
             candidate.draw(&mut noise, 1.0);
         }
         assert!(asked[0] < asked[1] / 2, "{asked:?}");
+    }
+
+    /// Nor does it of boxes on an arm in space, where the capsules around them say what is far.
+    #[test]
+    fn what_is_left_out_of_boxes_does_not_matter() {
+        let mut description = models::named("panda").unwrap();
+        let center = [0.0, 0.0, -0.05];
+        let cube = Form::Box { center, size: [0.25, 0.03, 0.2], orientation: [1.0, 0.0, 0.0, 0.0] };
+        for part in &mut description.collision {
+            part.shape = cube.clone();
+        }
+        let mut robot = Arc::new(description.build().unwrap()).state();
+        robot.update(&[0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], &[0.0; 7]);
+        let ball = |position: [f64; 3], velocity: [f64; 3]| space::Obstacle {
+            shape: space::Shape::Sphere { radius: 0.05 },
+            position,
+            orientation: [1.0, 0.0, 0.0, 0.0],
+            angular_velocity: [0.0; 3],
+            motion: Motion::Linear { velocity },
+        };
+        let mut world = space::World::new(vec![
+            ball([-0.05, -0.5, 0.6], [0.0, 0.6, 0.0]),
+            ball([0.6, 0.5, 0.4], [-0.2, -0.4, 0.1]),
+            ball([0.2, 0.0, 1.4], [0.0, 0.0, -0.5]),
+        ]);
+        let settings = PreviewSettings::default();
+        let metric = TaskMetric::new::<3>(0.3);
+        let mut rollout =
+            Rollout::<SpatialState, 3, 6>::new(&robot, &Yielding::default(), &settings, metric);
+        let reference = Sample::at_rest(Manipulator::<3, 6>::pose(&robot));
+        rollout.prepare(&settings, &robot, &mut world, &|_| reference);
+        let mut noise = Noise::new(3, 4);
+        let mut candidate = Candidate::idle(7);
+        let mut nearest = f64::INFINITY;
+        for _ in 0..30 {
+            let [few, all] = [NEAR, f64::INFINITY].map(|reach| {
+                rollout.reach = reach;
+                let forecast = rollout.forecast(&candidate, &world, 0.0, &|_, _| false);
+                (forecast.distance.min(NEAR), forecast.error, rollout.q.clone())
+            });
+            assert_eq!(few, all);
+            nearest = nearest.min(few.0);
+            candidate.draw(&mut noise, 1.0);
+        }
+        // Some of it was near.
+        assert!(nearest < 0.5 * NEAR, "{nearest}");
     }
 }
