@@ -65,6 +65,9 @@ SHORTER = {
         "vffnull realtime panda-sweep --rate 1000 --seconds 2 --priority 80 --core 0"
     ),
     "python benches/peers/space.py": "python benches/peers/space.py --quick",
+    "python benches/peers/space.py --arms iiwa14 ur5e": (
+        "python benches/peers/space.py --arms iiwa14 ur5e --quick"
+    ),
     "vffnull evaluate": "vffnull evaluate --count 1",
 }
 # What is not run, and why.

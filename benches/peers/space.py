@@ -106,7 +106,7 @@ def main() -> None:
     parts = [judge(group, everybody, scene, most) for scene in (timed[:1] if given.quick else timed)]
     names = tuple(way.name for way in everybody)
     outcome = vff.Evaluation.of(scored or [row for rows, _ in parts for row in rows], names)
-    taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names if parts}
+    taken = {name: np.concatenate([times[name] for _, times in parts]) for name in names if group.timed}
     text = tables(everybody, outcome, taken, tune.found(group.found))
     print(text)
     if not given.quick:
