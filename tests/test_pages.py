@@ -155,18 +155,6 @@ def test_bodies_in_space_are_seen_where_they_are() -> None:
         assert np.all(reached <= support + 1e-12)
 
 
-def test_segments_in_space_are_nearest_where_nothing_is_nearer() -> None:
-    """Against a fine grid over both segments: never farther, and nearer by no more than the grid allows."""
-    random = np.random.default_rng(7)
-    a, b, c, d = random.normal(size=(4, 40, 3))
-    p, r = geometry.nearest(a, b, c, d)
-    share = np.linspace(0, 1, 201)[:, None, None]
-    first, second = a + share * (b - a), c + share * (d - c)
-    grid = np.linalg.norm(first[:, None] - second[None], axis=-1).min(axis=(0, 1))
-    distance = np.linalg.norm(p - r, axis=1)
-    assert np.all(distance <= grid + 1e-12) and np.all(distance >= grid - 0.02)
-
-
 @pytest.mark.parametrize(
     "shape",
     [

@@ -36,6 +36,7 @@ __all__ = [
     "format_toml",
     "hull",
     "joints_at",
+    "overlapping_links",
     "parse_toml",
     "plan",
     "plant",
@@ -689,7 +690,7 @@ class Terms:
 class Distances:
     """What `distances` returns; P pairs, one per link and obstacle, link by link.
 
-    In space a link has one pair for each of its capsules.
+    In space a link has one pair for each of its shapes.
 
     For a batch of states every array but `link` and `obstacle` has the batch as its first dimension.
     """
@@ -717,7 +718,7 @@ class Distances:
         """Unit vector n̂ from the obstacle towards the link, (P, 2) or (P, 3)."""
     @property
     def point(self) -> _Array:
-        """Nearest point on the axis of the link, (P, 2) or (P, 3) [m]."""
+        """Nearest point on the axis of the link, of a box or hull on its surface, (P, 2) or (P, 3) [m]."""
     @property
     def witness(self) -> _Array:
         """Nearest point on the surface of the obstacle, (P, 2) or (P, 3) [m]."""
@@ -1602,6 +1603,28 @@ def check_arm(arm: _Document) -> dict[str, Any]:
     ------
     vffnull.errors.InputError
         With the path of the first value that is wrong.
+    """
+
+def overlapping_links(arm: _Document, postures: Sequence[Sequence[float]]) -> list[list[tuple[str, str]]]:
+    """Which links of an arm overlap that must not touch: no neighbours, and none of those to be ignored.
+
+    Parameters
+    ----------
+    arm : dict
+        The description.
+    postures : sequence of sequence of float
+        Joint positions.
+
+    Returns
+    -------
+    list of list of (str, str)
+        The names of their links at every posture, from the base.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        With the path of the first value that is wrong, or if a posture has another length than the arm
+        has joints.
     """
 
 def arm_model(name: str) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """The arm for other engines: MJCF for MuJoCo, URDF for Pinocchio and nearly everything else.
 
-An arm in space is written as it is, with its names, capsules, mount and tool; see `vffnull.arms`.
+An arm in space is written as it is, with its names, shapes, mount and tool; see `vffnull.arms`.
 
 An arm in the plane becomes a chain of revolute joints about z with the links' frames at their joints, x along
 the link. Masses, centres of mass and moments of inertia about z are exact; the two other moments of inertia,

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vffnull._document import frozen
 from vffnull._extras import extra
+from vffnull.arms._hulls import PROTRUSION, Hull, simplified
 from vffnull.errors import InputError
 from vffnull.world import Obstacle
 
@@ -27,16 +28,8 @@ __all__ = ["Enclosure", "enclose"]
 
 Array = NDArray[np.float64]
 
-CORNERS = 64
-"""The most that a hull may have (`Obstacle.convex`)."""
-PLANES = CORNERS // 2 + 2
-"""Where three meet in a corner, so many make as many corners as there may be."""
-PROTRUSION = 1e-3
-"""How far the surface may stick out of the hulls [m] before they are refused."""
 SPACING = 1 / 40
 """Of the points of the surface that must lie within the hulls, as a share of its diagonal."""
-WIDER = 1e-7
-"""What a hull with fewer corners is larger than it must be, as a share of its diagonal: above rounding."""
 
 
 @dataclass(frozen=True)
@@ -157,21 +150,6 @@ def enclose(
     )
 
 
-class _Hull:
-    """The convex hull of points: its corners and planes."""
-
-    def __init__(self, points: Array) -> None:
-        made = extra("scipy.spatial", "meshes").ConvexHull(points)
-        self.corners: Array = points[made.vertices]
-        self.planes: Array = made.equations  # normal·x + offset ≤ 0 within
-        self.volume = float(made.volume)
-
-    def outside(self, points: Array) -> Array:
-        """How far points are beyond the plane that they are farthest beyond [m], negative within."""
-        found: Array = (points @ self.planes[:, :3].T + self.planes[:, 3]).max(axis=1)
-        return found
-
-
 CUT = """
 import signal, sys
 import coacd, numpy as np
@@ -218,39 +196,16 @@ def _points_on(surface: Any, spacing: float) -> Array:
     return np.asarray(points, float)
 
 
-def _outside(hulls: Sequence[_Hull], points: Array) -> Array:
+def _outside(hulls: Sequence[Hull], points: Array) -> Array:
     """How far points are outside the hull that they are least outside of [m]."""
     found: Array = np.min([hull.outside(points) for hull in hulls], axis=0)
     return found
 
 
-def _covering(parts: Sequence[Array], points: Array) -> list[_Hull]:
+def _covering(parts: Sequence[Array], points: Array) -> list[Hull]:
     """The hulls of parts, each widened by the points that none contains and it is nearest to."""
-    hulls = [_Hull(part) for part in parts]
+    hulls = [Hull(part) for part in parts]
     beyond = np.array([hull.outside(points) for hull in hulls])
     nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
     wide = (np.vstack([hull.corners, points[nearest == k]]) for k, hull in enumerate(hulls))
-    return [_simplified(_Hull(each)) for each in wide]
-
-
-def _simplified(hull: _Hull) -> _Hull:
-    """The hull, or one that encloses it where it has too many corners.
-
-    Beginning with a box, the plane that cuts off the farthest corner is added until there are as many as
-    there may be.
-    """
-    if len(hull.corners) <= CORNERS:
-        return hull
-    scipy = extra("scipy.spatial", "meshes")
-    middle = hull.corners.mean(axis=0)
-    low, high = hull.corners.min(axis=0), hull.corners.max(axis=0)
-    wider = WIDER * float(np.linalg.norm(high - low))
-    planes = hull.planes - [0.0, 0.0, 0.0, wider]
-    chosen = np.block([[np.eye(3), -high[:, None] - wider], [-np.eye(3), low[:, None] - wider]])
-    while True:
-        corners: Array = scipy.HalfspaceIntersection(chosen, middle).intersections
-        if len(chosen) == PLANES:
-            return _Hull(corners)
-        farthest = corners[np.argmax(hull.outside(corners))]
-        beyond = planes[:, :3] @ farthest + planes[:, 3]
-        chosen = np.vstack([chosen, planes[np.argmax(beyond)]])
+    return [simplified(Hull(each)) for each in wide]

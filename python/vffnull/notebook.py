@@ -171,7 +171,7 @@ def _paint(primitives: Iterable[Primitive], opacity: float) -> list[str]:
     marks: list[str] = []
     for each in primitives:
         match each:
-            case Body(role="link", radius=0.0):
+            case Body(role="link", radius=0.0, corners=corners) if len(corners) <= 2:
                 continue  # the line through the joints shows it
             case Body(role=role):
                 marks.append(_polygon(each.outline(), COLOURS[role], opacity))

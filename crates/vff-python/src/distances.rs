@@ -15,7 +15,7 @@ type Values = Py<PyArrayDyn<f64>>;
 
 /// What `distances` returns; P pairs, one per link and obstacle, link by link.
 ///
-/// In space a link has one pair for each of its capsules.
+/// In space a link has one pair for each of its shapes.
 ///
 /// For a batch of states every array but `link` and `obstacle` has the batch as its first dimension.
 #[pyclass(frozen, get_all, module = "vffnull")]
@@ -34,7 +34,7 @@ pub struct Distances {
     bias: Values,
     /// Unit vector n̂ from the obstacle towards the link, (P, 2) or (P, 3).
     normal: Values,
-    /// Nearest point on the axis of the link, (P, 2) or (P, 3) [m].
+    /// Nearest point on the axis of the link, of a box or hull on its surface, (P, 2) or (P, 3) [m].
     point: Values,
     /// Nearest point on the surface of the obstacle, (P, 2) or (P, 3) [m].
     witness: Values,

@@ -117,7 +117,8 @@ pub fn check_arm<'py>(
 /// Raises
 /// ------
 /// vffnull.errors.InputError
-///     With the path of the first value that is wrong, or if a posture has another length than the arm has joints.
+///     With the path of the first value that is wrong, or if a posture has another length than the arm
+///     has joints.
 #[pyfunction]
 pub fn overlapping_links(
     py: Python<'_>,

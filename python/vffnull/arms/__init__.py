@@ -2,8 +2,8 @@
 
 Everything ends in the same explicit description, the ``[arm]`` table of a scenario that needs no other
 file: joints with their links' masses and inertias, limits, and the shapes that are measured against
-obstacles. `read_urdf` and `read_mjcf` tell, beside the description, what is odd and how tight the capsules
-are.
+obstacles. `read_urdf` and `read_mjcf` tell, beside the description, what is odd and how tight the shapes of
+the links are.
 """
 
 from __future__ import annotations

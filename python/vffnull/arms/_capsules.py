@@ -26,7 +26,7 @@ JOINING = 0.1
 """Share of a link's volume that fewer capsules may cost: the boxes of a finger make one."""
 PROTRUSION = 1e-3
 """How far a vertex may stick out of its capsule [m] before the fit is refused."""
-_CORNERS = 48
+_SIDES = 48
 """Of the prism that stands around a cylinder."""
 
 
@@ -65,11 +65,11 @@ class Solid:
         return cls(name, corners, np.zeros(8), hull=math.prod(size))
 
     @classmethod
-    def cylinder(cls, name: str, radius: float, length: float) -> Solid:
+    def cylinder(cls, name: str, radius: float, length: float, sides: int = _SIDES) -> Solid:
         """A cylinder about the origin, along z, as the prism around it."""
-        angles = np.arange(_CORNERS) * (2 * math.pi / _CORNERS)
-        outside = radius / math.cos(math.pi / _CORNERS)
-        rim = np.column_stack([outside * np.cos(angles), outside * np.sin(angles), np.zeros(_CORNERS)])
+        angles = np.arange(sides) * (2 * math.pi / sides)
+        outside = radius / math.cos(math.pi / sides)
+        rim = np.column_stack([outside * np.cos(angles), outside * np.sin(angles), np.zeros(sides)])
         half = np.array([0.0, 0.0, length / 2])
         points = np.vstack([rim - half, rim + half])
         return cls(name, points, np.zeros(len(points)), hull=math.pi * radius**2 * length)
@@ -89,7 +89,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Fit:
-    """A capsule of a link, and how well it fits.
+    """A shape of a link, and how well it fits.
 
     Attributes
     ----------
@@ -98,15 +98,19 @@ class Fit:
     parts : tuple of str
         What it contains.
     shape : dict
-        ``{"kind": "capsule", "a": …, "b": …, "radius": …}`` in the frame of the link, or a sphere.
+        ``{"kind": "capsule", "a": …, "b": …, "radius": …}`` in the frame of the link, or a sphere; of shapes
+        as in the file also a box or a convex hull.
     volume : float
-        Of the capsule [m³].
+        Of the shape [m³].
     hull_volume : float
         Of the convex hulls of what it contains [m³].
     protrusion : float
         How far a vertex sticks out of it [m]; 0 or less where all are inside.
     vertices : int
         How many were asked.
+    own_volume : float or None
+        Of shapes as in the file the volume of what it contains, hollows left out [m³]; None if that is a
+        mesh whose surface is open, so that it has none.
     """
 
     link: str
@@ -116,10 +120,11 @@ class Fit:
     hull_volume: float
     protrusion: float
     vertices: int
+    own_volume: float | None = None
 
     @property
     def tightness(self) -> float:
-        """Volume of the capsule over that of the hulls inside: 1 is perfect."""
+        """Volume of the shape over that of the hulls inside: 1 is perfect."""
         return self.volume / self.hull_volume if self.hull_volume > 0 else math.inf
 
 

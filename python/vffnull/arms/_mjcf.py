@@ -106,7 +106,7 @@ def read_mjcf(
     Returns
     -------
     Report
-        The document, what is odd, and how tight the capsules are.
+        The document, what is odd, and how tight the shapes of the links are.
     """
     mujoco = _import()
     model, source = _compiled(mujoco, mjcf)
@@ -312,6 +312,11 @@ class _Reader:
                 form = {"kind": "cylinder", "radius": size[0], "length": 2 * size[1]}
             elif kind in (int(kinds.mjGEOM_BOX), int(kinds.mjGEOM_ELLIPSOID)):
                 form = {"kind": "box", "size": [2 * x for x in size]}
+                if kind == int(kinds.mjGEOM_ELLIPSOID):
+                    label = self._name("GEOM", geom) or f"geom {geom}"
+                    self._warnings.append(
+                        f"{label} of {self._body(body)} is an ellipsoid: the box around it is taken"
+                    )
             elif kind == int(kinds.mjGEOM_MESH):
                 mesh = int(model.geom_dataid[geom])
                 label = f"{mesh}:{self._name('MESH', mesh)}"

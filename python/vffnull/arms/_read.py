@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from vffnull import _core
+from vffnull.arms._as_given import Item, as_given, joined, name_of
 from vffnull.arms._frames import frame, matrix
 from vffnull.arms._meshes import MissingMeshError
 from vffnull.arms._report import Report
@@ -97,20 +98,17 @@ def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, sour
         raise InputError(f"collision: expected 'fit', 'file' or 'none', got {collision!r}")
     arm, odd = reading["arm"], list(reading["warnings"])
     fits: list[Fit] = []
-    shapes: list[dict[str, Any]] = []
-    if collision == "fit":
-        fits = _fit(arm, reading["geometry"], mesh)
-        shapes = [{"link": fit.link, "shape": fit.shape} for fit in fits]
-    elif collision == "file":
-        shapes = _as_in_file(reading["geometry"], mesh, odd)
-    arm["collision"] = shapes
+    if collision != "none":
+        geometry = joined(reading["geometry"])
+        fits = _fit(arm, geometry, mesh) if collision == "fit" else _as_in_file(geometry, mesh, odd)
+    arm["collision"] = [{"link": fit.link, "shape": fit.shape} for fit in fits]
     touching = []
     if fits:
         from vffnull.arms._touching import touching as pairs
 
         touching = pairs(arm)
         arm["ignore"] = [list(pair) for pair in arm.get("ignore", [])] + [list(pair) for pair in touching]
-    if collision != "none" and not shapes:
+    if collision != "none" and not fits:
         odd.append("nothing of it collides: obstacles and self-collision will not be noticed")
     return Report(
         source=source,
@@ -118,6 +116,7 @@ def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, sour
         warnings=tuple(odd),
         locked=reading["locked"],
         merged=reading["merged"],
+        collision=collision,
         fits=tuple(fits),
         touching=tuple(touching),
     )
@@ -130,16 +129,11 @@ def tell(report: Report) -> dict[str, Any]:
     return report.document
 
 
-def _name(item: Mapping[str, Any]) -> str:
-    form = item["form"]
-    return f"{item['link']}: {form.get('file', form['kind'])}"
-
-
 def solid_of(item: Mapping[str, Any], mesh: MeshReader) -> Solid:
     """What a piece of geometry is made of, in the frame of its link."""
     from vffnull.arms._capsules import Solid
 
-    form, name = item["form"], _name(item)
+    form, name = item["form"], name_of(item)
     kind = form["kind"]
     if kind == "mesh":
         solid = mesh(form, name)
@@ -164,45 +158,11 @@ def _fit(arm: Mapping[str, Any], geometry: Sequence[Mapping[str, Any]], mesh: Me
     return [fit for link in order for fit in fit_solids(link, solids[link])]
 
 
-def _as_in_file(
-    geometry: Sequence[Mapping[str, Any]], mesh: MeshReader, odd: list[str]
-) -> list[dict[str, Any]]:
-    """The shapes of the file: meshes as hulls, cylinders as the capsule around them."""
-    from vffnull.arms._capsules import fit_solids
-
-    shapes: list[dict[str, Any]] = []
+def _as_in_file(geometry: Sequence[Item], mesh: MeshReader, odd: list[str]) -> list[Fit]:
+    fits = []
     for item in geometry:
-        form, place = item["form"], item["frame"]
-        kind = form["kind"]
-        shape: dict[str, Any]
-        if kind == "box":
-            center, orientation = place["position"], place["orientation"]
-            shape = {"kind": "box", "center": center, "size": form["size"], "orientation": orientation}
-        elif kind == "sphere":
-            shape = {"kind": "sphere", "center": place["position"], "radius": form["radius"]}
-        else:
-            try:
-                solid = solid_of(item, mesh)
-            except MissingMeshError as error:
-                odd.append(f"{error}; it is left out")
-                continue
-            if kind == "mesh":
-                shape = {"kind": "convex", "vertices": _hull_vertices(solid)}
-            elif kind == "capsule":
-                ends = solid.points.tolist()
-                shape = {"kind": "capsule", "a": ends[0], "b": ends[1], "radius": form["radius"]}
-            else:
-                (fit,) = fit_solids(item["on"], [solid])
-                shape = fit.shape
-        shapes.append({"link": item["on"], "shape": shape})
-    return shapes
-
-
-def _hull_vertices(solid: Solid) -> list[list[float]]:
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        vertices = solid.points[ConvexHull(solid.points).vertices]
-    except (QhullError, ValueError) as error:
-        raise InputError(f"{solid.name} is flat: it has no hull; use collision='fit'") from error
-    return [[float(x) for x in vertex] for vertex in vertices]
+        try:
+            fits.append(as_given(item, solid_of(item, mesh)))
+        except MissingMeshError as error:
+            odd.append(f"{error}; it is left out")
+    return fits

@@ -18,7 +18,7 @@ _TURNING = ("rad", "rad/s", "N·m")
 
 @dataclass(frozen=True)
 class Report:
-    """What was read, what is odd about it, and how tight the capsules are.
+    """What was read, what is odd about it, and how tight the shapes of its links are.
 
     Attributes
     ----------
@@ -32,8 +32,10 @@ class Report:
         Joints that do not move, and where they stand [rad or m].
     merged : dict
         For each link of the arm the links of the file that became part of it.
+    collision : {"fit", "file", "none"}
+        Where the shapes of the links come from.
     fits : tuple of Fit
-        The fitted capsules.
+        The fitted capsules, or the shapes as in the file.
     touching : tuple of (str, str)
         Pairs of links that touch in the reference posture, or nearly always, and are therefore not measured.
     """
@@ -43,6 +45,7 @@ class Report:
     warnings: tuple[str, ...]
     locked: Mapping[str, float]
     merged: Mapping[str, Sequence[str]]
+    collision: str
     fits: tuple[Fit, ...]
     touching: tuple[tuple[str, str], ...]
 
@@ -54,6 +57,7 @@ class Report:
             "warnings": list(self.warnings),
             "locked": dict(self.locked),
             "merged": {link: list(parts) for link, parts in self.merged.items()},
+            "collision": self.collision,
             "fits": [
                 {
                     "link": fit.link,
@@ -64,6 +68,7 @@ class Report:
                     "tightness": fit.tightness,
                     "protrusion": fit.protrusion,
                     "vertices": fit.vertices,
+                    "own_volume": fit.own_volume,
                 }
                 for fit in self.fits
             ],
@@ -74,7 +79,7 @@ class Report:
         """The report as text."""
         lines = [self.source, "", describe(self.document)]
         if self.fits:
-            lines += ["", *_fits(self.fits)]
+            lines += ["", *(_as_in_file(self.fits) if self.collision == "file" else _fits(self.fits))]
         for link, parts in self.merged.items():
             if len(parts) > 1:
                 rest = ", ".join(part for part in parts if part != link)
@@ -98,15 +103,43 @@ def _fits(fits: Sequence[Fit]) -> list[str]:
     rows = [("capsule on", "contains", "radius [mm]", "length [mm]", "volume/hull", "outside [mm]")]
     for fit in fits:
         a, b = fit.shape.get("a", (0, 0, 0)), fit.shape.get("b", (0, 0, 0))
-        out = f"{max(fit.protrusion, 0.0) * 1e3:.3g}"
-        parts = [part.rsplit("/", 1)[-1] for part in fit.parts[:2]]
-        if len(fit.parts) > 2:
-            parts.append(f"{len(fit.parts) - 2} more")
-        sizes = (f"{fit.shape['radius'] * 1e3:.1f}", f"{math.dist(a, b) * 1e3:.1f}", f"{fit.tightness:.2f}")
-        rows.append((fit.link, ", ".join(parts), *sizes, out))
+        sizes = (f"{fit.shape['radius'] * 1e3:.1f}", f"{math.dist(a, b) * 1e3:.1f}")
+        rows.append((fit.link, _contained(fit), *sizes, f"{fit.tightness:.2f}", _outside(fit)))
+    return [*_table(rows), *_together("capsules", fits)]
+
+
+def _as_in_file(fits: Sequence[Fit]) -> list[str]:
+    rows = [("shape on", "contains", "is", "volume/hull", "volume/file", "outside [mm]")]
+    for fit in fits:
+        of_file = "–" if fit.own_volume is None else f"{fit.volume / fit.own_volume:.2f}"
+        rows.append(
+            (fit.link, _contained(fit), _form(fit.shape), f"{fit.tightness:.2f}", of_file, _outside(fit))
+        )
+    return [*_table(rows), *_together("shapes", fits)]
+
+
+def _contained(fit: Fit) -> str:
+    parts = [part.rsplit("/", 1)[-1] for part in fit.parts[:2]]
+    if len(fit.parts) > 2:
+        parts.append(f"{len(fit.parts) - 2} more")
+    return ", ".join(parts)
+
+
+def _outside(fit: Fit) -> str:
+    return f"{max(fit.protrusion, 0.0) * 1e3:.3g}"
+
+
+def _form(shape: Mapping[str, Any]) -> str:
+    match shape["kind"]:
+        case "convex":
+            return f"hull of {len(shape['vertices'])} corners"
+        case kind:
+            return str(kind)
+
+
+def _together(what: str, fits: Sequence[Fit]) -> list[str]:
     total, hull = sum(fit.volume for fit in fits), sum(fit.hull_volume for fit in fits)
-    last = f"all capsules together: {total / hull:.2f} times the hulls" if hull > 0 else ""
-    return [*_table(rows), last]
+    return [f"all {what} together: {total / hull:.2f} times the hulls"] if hull > 0 else []
 
 
 def _table(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -28,7 +28,7 @@ def arms(context: click.Context) -> int | None:
     \b
     vffnull arms                                list the bundled arms
     vffnull arms show panda                     joints, limits, masses, and where the numbers come from
-    vffnull arms check robot.urdf --tip tool0   what was read, what is odd, how tight the capsules are
+    vffnull arms check robot.urdf --tip tool0   what was read, what is odd, how tight the shapes are
     """
     if context.invoked_subcommand is None:
         return int(context.invoke(list_arms))
@@ -98,7 +98,7 @@ def show(name: str, as_toml: bool, as_json: bool) -> int:
     type=click.Choice(["fit", "file", "none"]),
     default="fit",
     show_default=True,
-    help="Fitted capsules, shapes as in the file, or none.",
+    help="Few capsules around the links; boxes and hulls as in the file; or none.",
 )
 @click.option(
     "--srdf", type=click.Path(path_type=Path), metavar="FILE", help="Pairs of links that are not measured."
@@ -126,10 +126,11 @@ def check(
     as_toml: bool,
     as_json: bool,
 ) -> int:
-    """Say what a URDF or MJCF (.xml) holds: what was read, what is odd, how tight the capsules are.
+    """Say what a URDF or MJCF (.xml) holds: what was read, what is odd, how tight the shapes are.
 
     \b
     vffnull arms check robot.urdf --tip tool0
+    vffnull arms check robot.urdf --tip tool0 --collision file
     vffnull arms check robot.urdf --tip tool0 --lock finger=0.02 --package ~/ros/src
     """
     options: dict[str, Any] = {

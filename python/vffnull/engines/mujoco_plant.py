@@ -31,7 +31,7 @@ _PATIENCE = 0.1  # s between two reports of progress
 class MuJoCoPlant:
     """The arm of a scenario and its obstacles in MuJoCo, one step of `simulation.dt` at a time.
 
-    In the plane and in space. Links touch obstacles with the capsules that are measured against them, without
+    In the plane and in space. Links touch obstacles with the shapes that are measured against them, without
     friction, and never each other. Obstacles are moved before a step to where
     they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a link
     that is held, a disc at 0.35 m/s sinks in by 14 mm. So are joint stops and dry friction: a joint goes a

@@ -9,7 +9,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -244,10 +243,7 @@ def solid(corners: Array, radius: float) -> Solid:
         axes = (edges / size[:, None]).T
         axes[:, 2] *= np.sign(np.linalg.det(axes))  # of two opposite axes either will do
         return Box(start + edges.sum(axis=0) / 2, axes, size)
-    if geometry.is_surface(corners):
-        return Mesh(corners, np.array([[0, 1, 3], [0, 3, 2]]))
-    fans = [[ring[0], a, b] for ring in _core.hull(corners) for a, b in pairwise(ring[1:])]
-    return Mesh(corners, np.array(fans))
+    return Mesh(corners, geometry.triangles(corners))
 
 
 def _free(name: str, taken: set[str]) -> str:

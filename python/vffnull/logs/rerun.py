@@ -130,9 +130,11 @@ def _solids(rr: Any, frame: Frame, reach: float) -> list[tuple[str, Any]]:
         )
         found.append(("boxes", what))
     for i, each in enumerate(each for each in frame.solids if isinstance(each, Mesh)):
+        corners = each.vertices[each.triangles]
+        out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         what = rr.Mesh3D(
-            vertex_positions=each.vertices,
-            triangle_indices=each.triangles,
+            vertex_positions=corners.reshape(-1, 3),
+            vertex_normals=np.repeat(out / np.linalg.norm(out, axis=1, keepdims=True), 3, axis=0),
             albedo_factor=(*rgb(frame.role), opacity(each)),
         )
         found.append((f"mesh_{i}", what))

@@ -45,7 +45,7 @@ class SpacePicture:
     def __init__(self, result: Result, scene: Scene, rows: Rows, speed: float) -> None:
         self._scene, self._rows = scene, rows
         self._clearance, self._error = result.clearance, tracking.distance(result)
-        sizes = np.linalg.norm(scene.pushes[1][rows], axis=2).max(axis=1, initial=0.0)
+        sizes = scene.strength[rows].max(axis=1, initial=0.0)
         self.strongest = int(sizes.argmax())
         self._scale = _LONGEST * scene.reach / (float(sizes.max()) or 1.0)  # m/N
         self._near = scene.influence or 0.1 * scene.reach
@@ -99,12 +99,10 @@ class SpacePicture:
             match each:
                 case Body(corners=corners, radius=radius) if len(corners) <= 2:
                     shells.append(Solid(corners, radius, np.array(to_rgb(COLOURS["influence"]))))
-                case Arrow(index=index, tail=tail, vector=vector):
-                    length = float(np.linalg.norm(vector))
-                    if length * self._scale > _LEAST * scene.reach:
-                        begin = tail + vector / length * scene.radii[index]  # on the link's surface
+                case Arrow(tail=tail, vector=vector):
+                    if float(np.linalg.norm(vector)) * self._scale > _LEAST * scene.reach:
                         colour = np.array(to_rgb(COLOURS["force"]))
-                        arrows += arrow(begin, vector * self._scale, thin, colour)
+                        arrows += arrow(tail, vector * self._scale, thin, colour)
         shades = [style.by_clearance(away / self._near) for away in self._clearance[row]]
         layers = [*space.layers_at(scene, row, shades=shades), *space.plan_layer(scene, row)]
         found = [*layers, Layer(arrows), *space.path_layers(scene, row, thin)]

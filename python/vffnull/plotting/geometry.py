@@ -8,6 +8,8 @@ radius stays. `outline` draws it so.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 
 STEP = 0.09
 """Between two points of a round outline [rad], at most."""
+_ON = 1e-6
+"""How far beyond a surface a point may be that counts as on it [m]."""
 
 
 def core_in_space(
@@ -179,29 +183,17 @@ def edges_of(corners: Array) -> list[tuple[Array, Array]]:
 
 
 def nearest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """The points of segments ab and cd (…, D) that are nearest to each other, elementwise.
+    """The points of segments ab and cd (…, 2) that are nearest to each other, elementwise.
 
-    Segments of a plane that do not cross are nearest at an end of one of them; those that cross are given
-    the crossing's nearest end, so that there is a direction between the two points. In space they may be
-    nearest in the middle of both.
+    Segments that do not cross are nearest at an end of one of them; those that cross are given the
+    crossing's nearest end, so that there is a direction between the two points.
     """
     candidates = [(p, _onto(p, c, d)) for p in (a, b)] + [(_onto(p, a, b), p) for p in (c, d)]
-    if a.shape[-1] > 2:
-        candidates.append(_between(a, b, c, d))
     shape = np.broadcast_shapes(a.shape, c.shape)
     first = np.stack([np.broadcast_to(on_ab, shape) for on_ab, _ in candidates])
     second = np.stack([np.broadcast_to(on_cd, shape) for _, on_cd in candidates])
     best = np.argmin(np.linalg.norm(first - second, axis=-1), axis=0)[None, ..., None]
     return np.take_along_axis(first, best, 0)[0], np.take_along_axis(second, best, 0)[0]
-
-
-def nearest_of_points(a: Array, b: Array, points: Array) -> tuple[Array, Array]:
-    """The points of a segment ab (3,) and of a cloud (k, 3), k > 0, that are nearest to each other."""
-    along = b - a
-    share = np.clip((points - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
-    on_segment = a + share[:, None] * along
-    best = int(np.argmin(((points - on_segment) ** 2).sum(axis=1)))
-    return on_segment[best], points[best]
 
 
 def is_block(corners: Array) -> bool:
@@ -228,60 +220,75 @@ def edges_in_space(corners: Array) -> tuple[Array, Array]:
     return start, np.stack(edges, axis=-2) if edges else np.zeros((*start.shape[:-1], 0, 3))
 
 
-def nearest_in_space(a: Array, b: Array, corners: Array) -> tuple[Array, Array]:
-    """The points of segments ab (T, 3) and of cores (T, ·, 3) that are nearest to each other.
+def triangles(corners: Array) -> NDArray[np.intp]:
+    """The surface of a hull with corners (·, 3), or of a piece of a plane, as triangles (·, 3) of them.
 
-    For a block the distance is a convex function of the place on the segment, so that its least value is
-    enclosed in an interval that becomes shorter by a third at a time.
+    They are anticlockwise seen from outside.
     """
-    if not is_block(corners[0]):
-        return _nearest_of_hull(a, b, corners)
-    start, edges = edges_in_space(corners)
-    squares = np.maximum((edges**2).sum(-1), 1e-300)
-
-    def onto(p: Array) -> Array:
-        shares = np.clip(((p - start)[..., None, :] * edges).sum(-1) / squares, 0.0, 1.0)
-        found: Array = start + (shares[..., None] * edges).sum(-2)
-        return found
-
-    def away(share: Array) -> Array:
-        p = a + share[..., None] * (b - a)
-        return np.asarray(((p - onto(p)) ** 2).sum(-1))
-
-    shape = np.broadcast_shapes(a.shape, start.shape)[:-1]
-    low, high = np.zeros(shape), np.ones(shape)
-    for _ in range(60):
-        first, second = (2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0
-        left = away(first) < away(second)
-        low, high = np.where(left, low, first), np.where(left, second, high)
-    share = (low + high) / 2.0
-    best = np.argmin(np.stack([away(share), away(0.0 * share), away(0.0 * share + 1.0)]), axis=0)
-    share = np.choose(best, [share, 0.0, 1.0])
-    on_segment = a + share[..., None] * (b - a)
-    return on_segment, onto(on_segment)
+    if is_surface(corners):
+        return np.array([[0, 1, 3], [0, 3, 2]])
+    rings = _core.hull(corners)
+    return np.array([[ring[0], a, b] for ring in rings for a, b in pairwise(ring[1:])])
 
 
-def _nearest_of_hull(a: Array, b: Array, corners: Array) -> tuple[Array, Array]:
-    """The same for a hull: the nearest of its edges, or the foot of an end of the segment within a face."""
-    faces = _core.hull(corners[0])
-    sides = {(i, j) for ring in faces for i, j in zip(ring, [*ring[1:], ring[0]], strict=True) if i < j}
-    starts, ends = (corners[:, list(each)] for each in zip(*sorted(sides), strict=True))
-    on_segment, on_hull = nearest(a[:, None], b[:, None], starts, ends)
-    for ring in faces:
-        around = corners[:, ring]
-        sides_of = np.roll(around, -1, axis=1) - around
-        normal = np.cross(sides_of[:, 0], sides_of[:, 1])
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-        for end in (a, b):
-            height = ((end - around[:, 0]) * normal).sum(-1)
-            foot = end - height[:, None] * normal
-            inward = np.cross(normal[:, None], sides_of)
-            within = (((foot[:, None] - around) * inward).sum(-1) >= 0.0).all(axis=-1) & (height >= 0.0)
-            place = np.where(within[:, None], foot, np.inf)
-            on_segment = np.concatenate([on_segment, np.broadcast_to(end, foot.shape)[:, None]], axis=1)
-            on_hull = np.concatenate([on_hull, place[:, None]], axis=1)
-    best = np.argmin(np.linalg.norm(on_segment - on_hull, axis=-1), axis=1)[:, None, None]
-    return np.take_along_axis(on_segment, best, 1)[:, 0], np.take_along_axis(on_hull, best, 1)[:, 0]
+def slimmer(corners: Array, radius: float, share: float) -> tuple[Array, float]:
+    """A body in space with a share of its radius; or, if it has none, as much smaller where it is thin."""
+    if corners.shape[-2] <= 2:
+        return corners, share * radius
+    middle = corners.mean(axis=-2, keepdims=True)
+    extents = np.linalg.svd(corners - middle, compute_uv=False)
+    less = (1.0 - share) * extents[..., -1] / extents[..., 0]
+    return middle + (1.0 - less[..., None, None]) * (corners - middle), share * radius
+
+
+def way_out(corners: Array, radius: float, start: Array, along: Array) -> Array:
+    """How far it is from places (T, 3) along unit vectors (T, 3) to where these leave a body in space [m].
+
+    The body is all points within a radius of the hull of corners (T, ·, 3), with one of both. Where a place
+    is not in the body, −∞.
+    """
+    if corners.shape[1] <= 2:
+        return _out_of_a_rod(corners, radius, start, along)
+    far = np.full(len(start), np.inf)
+    near = -far
+    for ring in _faces(corners[0].tobytes()):
+        edges = corners[:, ring[1:]] - corners[:, ring[:1]]
+        out = np.cross(edges[:, :-1], edges[:, 1:]).sum(axis=1)
+        out /= np.linalg.norm(out, axis=1, keepdims=True)
+        depth = ((corners[:, ring[0]] - start) * out).sum(axis=1)
+        slope = (along * out).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far = np.where(slope > 0.0, np.minimum(far, depth / slope), far)
+        near = np.maximum(near, -depth)
+    return np.where(near <= _ON, np.maximum(far, 0.0), -np.inf)
+
+
+@lru_cache(maxsize=256)
+def _faces(corners: bytes) -> list[list[int]]:
+    """The faces of a hull with corners (·, 3): links keep theirs."""
+    return _core.hull(np.frombuffer(corners).reshape(-1, 3))
+
+
+def _out_of_a_rod(corners: Array, radius: float, start: Array, along: Array) -> Array:
+    """The same of a rod with round ends: where the last of its two balls and its side is left."""
+    a, b = corners[:, 0], corners[:, -1]
+    found = np.full(len(start), -np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for ball in (a, b):
+            off = ball - start
+            ahead = (off * along).sum(axis=1)
+            over = radius**2 - (off**2).sum(axis=1) + ahead**2
+            found = np.fmax(found, ahead + np.sqrt(over))
+        length = np.linalg.norm(b - a, axis=1, keepdims=True)
+        axis = (b - a) / length
+        off, aside = start - a, along - (along * axis).sum(axis=1, keepdims=True) * axis
+        off = off - (off * axis).sum(axis=1, keepdims=True) * axis
+        square, half = (aside**2).sum(axis=1), (aside * off).sum(axis=1)
+        side = (np.sqrt(half**2 - square * ((off**2).sum(axis=1) - radius**2)) - half) / square
+        height = ((start + side[:, None] * along - a) * axis).sum(axis=1)
+        found = np.fmax(found, np.where((height >= 0.0) & (height <= length[:, 0]), side, -np.inf))
+    away = np.linalg.norm(start - _onto(start, a, b), axis=1) - radius
+    return np.where(away <= _ON, np.maximum(found, 0.0), -np.inf)
 
 
 def distance(place: Array, corners: Array, radius: float) -> float:
@@ -299,13 +306,3 @@ def _onto(p: Array, a: Array, b: Array) -> Array:
     share = np.clip(((p - a) * along).sum(-1) / square, 0.0, 1.0)
     place: Array = a + share[..., None] * along
     return place
-
-
-def _between(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """The nearest points of the lines through ab and cd, each brought back into its segment."""
-    u, v, w = b - a, d - c, a - c
-    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    uw, vw = (u * w).sum(-1), (v * w).sum(-1)
-    share = np.clip((uv * vw - vv * uw) / np.maximum(uu * vv - uv**2, 1e-300), 0.0, 1.0)
-    on_ab = a + share[..., None] * u
-    return on_ab, _onto(on_ab, c, d)

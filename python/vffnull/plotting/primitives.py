@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
-from vffnull._arm import SpatialArm
+from vffnull._arm import SpatialArm, quaternion, rotation
 from vffnull._record import recorded
 from vffnull.errors import InputError
 from vffnull.plotting import geometry
 
 if TYPE_CHECKING:
-    from vffnull._core import Arm
+    from vffnull._core import Arm, Distances
     from vffnull.result import Result
     from vffnull.scenario import Scenario
 
@@ -129,8 +129,8 @@ class Axes:
     length: float
 
 
-_FAR = 1e9
-"""Where there is nothing [m]."""
+_PAIRS = 200_000
+"""Of links and obstacles that are measured at a time."""
 
 Primitive = Body | Cloud | Curve | Arrow | Marks | Axes
 
@@ -152,6 +152,49 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
+class Measured:
+    """An arm in space among obstacles, for the core to measure how near they are.
+
+    Attributes
+    ----------
+    arm : Arm
+        As the core has it.
+    q : (T, n) ndarray
+        Joint positions [rad or m].
+    obstacles : tuple of dict
+        Of the scenario.
+    """
+
+    arm: Any
+    q: Array
+    obstacles: tuple[Mapping[str, Any], ...]
+
+    def pick(self, rows: Rows) -> Measured:
+        """The same at some of its instants."""
+        return Measured(self.arm, self.q[rows], self.obstacles)
+
+    def at(self, rows: Rows, scene: Scene) -> Distances:
+        """Every body and obstacle at some instants of a scene, with the obstacles where they were."""
+        obstacles = [self._moved(i, rows, scene) for i in range(len(self.obstacles))]
+        q = self.q[rows]
+        return _core.distances(self.arm, q, np.zeros_like(q), obstacles, scene.t[rows])
+
+    def _moved(self, index: int, rows: Rows, scene: Scene) -> dict[str, Any]:
+        """An obstacle that moves by the places and orientations that it had."""
+        made = {key: value for key, value in self.obstacles[index].items() if key != "angular_velocity"}
+        places, turns = scene.obstacles[rows, index], scene.rotations[index]
+        made["position"], first = places[0].tolist(), made.get("orientation", (1.0, 0.0, 0.0, 0.0))
+        made["motion"] = {"kind": "waypoints", "times": scene.t[rows].tolist(), "points": places.tolist()}
+        if turns is not None:
+            orientations = quaternion(turns[rows] @ rotation(first))
+            made["orientation"] = orientations[0].tolist()
+            made["motion"]["orientations"] = orientations.tolist()
+        if len(rows) == 1:
+            made["motion"] = {"kind": "static"}
+        return made
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A scene of D dimensions at T instants: an arm with n links among k obstacles.
 
@@ -162,7 +205,7 @@ class Scene:
     joints : (T, n+1, D) ndarray
         The base, the joints, and the tip as the last [m].
     radii : (n,) ndarray
-        Of the links [m]; in space of the thickest part of each.
+        Of the links [m]; in space of the thickest part of each that has one.
     cores : tuple
         Every obstacle as the corners (·, D) [m] of its core, relative to its position, and the radius [m]
         around the core; of a half-space a piece of its surface, of a cloud the block around its points.
@@ -191,6 +234,8 @@ class Scene:
         How every obstacle is turned, compared with its core; None of one that does not turn.
     plan : tuple of Part, optional
         What the links would be made of where a plan has the joints; empty without a plan.
+    measured : Measured, optional
+        What tells in space where the repulsion acts; without it there is none.
     """
 
     t: Array
@@ -210,6 +255,7 @@ class Scene:
     base: Array | None = None
     rotations: tuple[Array | None, ...] = ()
     plan: tuple[Part, ...] = ()
+    measured: Measured | None = None
 
     @classmethod
     def of_result(cls, result: Result) -> Scene:
@@ -233,6 +279,7 @@ class Scene:
             plan=()
             if result.q_plan is None
             else tuple(part for part in cls.of_postures(made_of, result.q_plan).parts if part.index >= 0),
+            measured=Measured(made_of, result.q, tuple(document.get("obstacles", []))) if size == 3 else None,
         )
 
     @classmethod
@@ -348,6 +395,7 @@ class Scene:
             sensed=None if self.sensed is None else self.sensed[rows],
             solids=None if self.solids is None else tuple(each.pick(rows) for each in self.solids),
             plan=tuple(each.pick(rows) for each in self.plan),
+            measured=None if self.measured is None else self.measured.pick(rows),
             turns=None if self.turns is None else self.turns[rows],
             rotations=tuple(None if each is None else each[rows] for each in self.rotations),
         )
@@ -357,8 +405,8 @@ class Scene:
         """Where the repulsion acts on every link (T, n, D) [m], and the forces (T, n, D) [N].
 
         A record holds the force's magnitude; it is drawn at the point of the link's axis nearest to an
-        obstacle, away from that obstacle. With several obstacles near one link this is the direction away
-        from the nearest.
+        obstacle, away from that obstacle; in space, where that would be hidden in the link, beyond it. With
+        several obstacles near one link this is the direction away from the nearest.
         """
         if self.given is not None:
             return self.given
@@ -380,41 +428,26 @@ class Scene:
         return points, directions * self.strength[..., None]
 
     def _pushes_in_space(self) -> tuple[Array, Array]:
-        """The same from the parts of the links; one with corners of its own counts as its middle."""
-        points, directions = self.joints[:, :-1].copy(), np.zeros_like(self.joints[:, :-1])
-        least = np.full(points.shape[:2], np.inf)
-        for part in (each for each in self.parts if each.index >= 0):
-            i = part.index
-            ends = part.corners if part.corners.shape[1] <= 2 else part.corners.mean(axis=1, keepdims=True)
-            for index, (_, radius) in enumerate(self.cores):
-                if self.clouds[index] is None:
-                    core = self.solid(index)
-                    on_link, on_obstacle = geometry.nearest_in_space(ends[:, 0], ends[:, -1], core)
-                else:
-                    on_link, on_obstacle = self._nearest_in_cloud(index, ends, self.strength[:, i] > 0.0)
-                away = on_link - on_obstacle
-                distance = np.linalg.norm(away, axis=-1)
-                gap = distance - radius - part.radius
-                closer = gap < least[:, i]
-                least[:, i] = np.where(closer, gap, least[:, i])
-                points[:, i] = np.where(closer[:, None], on_link, points[:, i])
-                unit = away / np.maximum(distance, 1e-300)[:, None]
-                directions[:, i] = np.where(closer[:, None], unit, directions[:, i])
-        return points, directions * self.strength[..., None]
-
-    def _nearest_in_cloud(self, index: int, ends: Array, pushed: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Where segments (T, ·, 3) and a cloud are nearest to each other, if a link is pushed.
-
-        Elsewhere there is no arrow, and they are very far apart.
-        """
-        on_link = ends[:, 0].copy()
-        on_obstacle = on_link + _FAR
-        for row in np.flatnonzero(pushed):
-            points = self.cloud(index, int(row))
-            if points is not None and len(points):
-                found = geometry.nearest_of_points(ends[row, 0], ends[row, -1], points)
-                on_link[row], on_obstacle[row] = found
-        return on_link, on_obstacle
+        """The same as the core measures it, at the places where the lines of the forces leave the links."""
+        points, forces = self.joints[:, :-1].copy(), np.zeros_like(self.joints[:, :-1])
+        pushed = np.flatnonzero((self.strength > 0.0).any(axis=1))
+        if self.measured is None or not len(pushed):
+            return points, forces
+        pairs = max(1, len(self.parts) * len(self.cores))
+        for rows in np.array_split(pushed, 1 + pairs * len(pushed) // _PAIRS):
+            found = self.measured.at(rows, self)
+            for i in np.unique(found.link):
+                own = np.flatnonzero(found.link == i)
+                best = own[found.distance[:, own].argmin(axis=1)]
+                start, away = (each[np.arange(len(rows)), best] for each in (found.point, found.normal))
+                ways = [
+                    geometry.way_out(part.corners[rows], part.radius, start, away)
+                    for part in self.parts
+                    if part.index == i
+                ]
+                points[rows, i] = start + np.maximum(np.max(ways, axis=0), 0.0)[:, None] * away
+                forces[rows, i] = self.strength[rows, i, None] * away
+        return points, forces
 
     def at(self, row: int, only: Collection[Role] | None = None) -> list[Primitive]:
         """Everything that there is at one instant, or what has one of some roles, in the order of `ROLES`."""

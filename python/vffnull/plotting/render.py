@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull import _core
+from vffnull._hull import hull
 from vffnull.plotting import geometry
 
 Array = NDArray[np.float64]
@@ -314,9 +315,13 @@ def _shadow(solids: Iterable[Solid | Balls], floor: float, axes: Array, xs: Arra
     place = [x * right[i] + y * up[i] + depth * ahead[i] for i in range(2)]
     dark = np.zeros(depth.shape)
     for solid in solids:
-        if isinstance(solid, Balls) or solid.radius <= 0.0 or len(solid.corners) > 2:
+        if isinstance(solid, Balls) or (len(solid.corners) <= 2 and solid.radius <= 0.0):
             continue
         window = _window(_dropped(solid.corners, floor) @ axes[:2].T, 1.2 * solid.radius, xs, ys)
+        if len(solid.corners) > 2:
+            inside = _inside(hull(solid.corners[:, :2]), place[0][window], place[1][window])
+            dark[window] = np.maximum(dark[window], np.clip((inside + 0.15) / 0.5, 0.0, 1.0))
+            continue
         a, b = solid.corners[0, :2], solid.corners[-1, :2]
         along = b - a
         off = [place[i][window] - a[i] for i in range(2)]
@@ -324,6 +329,16 @@ def _shadow(solids: Iterable[Solid | Balls], floor: float, axes: Array, xs: Arra
         away = np.hypot(off[0] - share * along[0], off[1] - share * along[1])
         dark[window] = np.maximum(dark[window], np.clip((1.15 - away / solid.radius) / 0.5, 0.0, 1.0))
     return np.full((*depth.shape, 3), 0.25, dtype=np.float32), depth, 0.2 * dark
+
+
+def _inside(outline: Array, x: Array, y: Array) -> Array:
+    """How far places are within an anticlockwise outline (·, 2), as a share of half of its least width."""
+    least, width = np.full(x.shape, np.inf), np.inf
+    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        inward = np.array([a[1] - b[1], b[0] - a[0]]) / max(float(np.linalg.norm(b - a)), 1e-300)
+        least = np.minimum(least, inward[0] * (x - a[0]) + inward[1] * (y - a[1]))
+        width = min(width, float(((outline - a) @ inward).max()))
+    return np.asarray(least / max(width / 2.0, 1e-300))
 
 
 def _window(flat: Array, radius: float, xs: Array, ys: Array) -> tuple[slice, slice]:

@@ -49,7 +49,7 @@ _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
 _GHOST = 0.45  # opacity of the arm where the plan has it
 SLIM = 0.8
-"""Radii of that arm, compared with its own: it is not seen where the arm is."""
+"""How thick that arm is, compared with its own: it is not seen where the arm is."""
 
 
 def layers_at(
@@ -134,7 +134,7 @@ def plan_solids(scene: Scene, row: int) -> list[Solid]:
     """The arm where the plan has it at an instant; nothing without a plan."""
     shade = _tint(COLOURS["plan"], 0.1)
     bodies = (each for each in scene.at(row, ["plan"]) if isinstance(each, Body))
-    return [Solid(each.corners, SLIM * each.radius, shade) for each in bodies]
+    return [Solid(*geometry.slimmer(each.corners, each.radius, SLIM), shade) for each in bodies]
 
 
 def plan_layer(scene: Scene, row: int) -> list[Layer]:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
 from vffnull._arm import quaternion
 from vffnull.plotting import geometry, style
 from vffnull.plotting.primitives import Part, Scene, geometry_of, travels
@@ -36,8 +35,7 @@ def pack(run: Run) -> dict[str, Any]:
     arm = geometry_of(result.scenario.arm)
     poses = np.eye(4)[None, None] if arm is None else arm.link_poses(result.q[rows])
     points, forces = scene.pushes
-    size = np.linalg.norm(forces, axis=-1, keepdims=True)
-    surface = points + forces / np.maximum(size, 1e-300) * scene.radii[:, None]
+    strongest = float(np.nanmax(scene.strength, initial=0.0)) or 1.0
     reach = scene.reach
     low, high = bounds(scene)
     frames = [_frame(poses[:, i, :3, 3], poses[:, i, :3, :3]) for i in range(poses.shape[1])]
@@ -66,8 +64,8 @@ def pack(run: Run) -> dict[str, Any]:
         "tool": None if scene.turns is None else packed(quaternion(scene.turns)),
         "wanted": None if wanted is None else packed(wanted[rows]),
         "paths": [packed(places) for places in np.moveaxis(scene.obstacles, 1, 0) if travels(places)],
-        "points": packed(surface),
-        "forces": packed(forces * (_LONGEST * reach / (float(np.nanmax(size, initial=0.0)) or 1.0))),
+        "points": packed(points),
+        "forces": packed(forces * (_LONGEST * reach / strongest)),
         "least": 0.02 * reach,
     }
 
@@ -97,7 +95,8 @@ def _link(part: Part, poses: Array, role: str = "link", first: int = 0, slim: fl
     if frame is None and not travels(corners.reshape(len(corners), -1)):
         corners = corners[:1]
     role = "base" if part.index < 0 else role
-    return {"role": role, "index": part.index, "frame": frame, **_shape(corners, slim * part.radius)}
+    made = (corners, part.radius) if slim == 1.0 else geometry.slimmer(corners, part.radius, slim)
+    return {"role": role, "index": part.index, "frame": frame, **_shape(*made)}
 
 
 def _obstacles(scene: Scene, first: int) -> Iterator[dict[str, Any]]:
@@ -110,16 +109,14 @@ def _obstacles(scene: Scene, first: int) -> Iterator[dict[str, Any]]:
             yield found | {"points": packed(some), "radius": radius or 0.002 * scene.reach}
             continue
         if geometry.is_surface(corners):
-            yield found | {"role": "surface", **_shape(corners[None], 0.0, [[0, 1, 3], [0, 3, 2]])}
+            yield found | {"role": "surface", **_shape(corners[None], 0.0)}
             continue
         yield found | _shape(corners[None], radius)
         if scene.influence > 0.0:
             yield found | {"role": "halo", **_shape(corners[None], radius + scene.influence)}
 
 
-def _shape(corners: Array, radius: float, faces: list[list[int]] | None = None) -> dict[str, Any]:
+def _shape(corners: Array, radius: float) -> dict[str, Any]:
     """Corners at every instant at which they are somewhere else, and the triangles of a hull."""
-    if faces is None and corners.shape[1] > 2:
-        rings = _core.hull(corners[0])
-        faces = [[ring[0], *ring[i : i + 2]] for ring in rings for i in range(1, len(ring) - 1)]
-    return {"corners": packed(corners), "count": corners.shape[1], "radius": radius, "faces": faces or []}
+    faces = geometry.triangles(corners[0]).tolist() if corners.shape[1] > 2 else []
+    return {"corners": packed(corners), "count": corners.shape[1], "radius": radius, "faces": faces}

@@ -54,7 +54,7 @@ def live(
         ``"https://hub.example.org"`` behind a proxy or ``"http://localhost:9000"`` through a tunnel.
         Requests of all others are refused.
     meshes : str or path, optional
-        A URDF of the arm, whose visual geometry is drawn in the place of the capsules that are measured
+        A URDF of the arm, whose visual geometry is drawn in the place of the shapes that are measured
         against obstacles; a box of the page shows those. Needs the extra ``vffnull[meshes]``.
     packages : path, list of paths, or dict, optional
         Folders where the URDF's meshes are searched, as in `Arm.from_urdf`.

@@ -87,12 +87,7 @@ impl<const D: usize> Carried<'_, D> {
         self.hull.corners.iter().map(|corner| self.placed(&corner.point))
     }
 
-    /// Its edges, where they are: axes without a radius.
-    pub(crate) fn edges(&self) -> impl Iterator<Item = Capsule<D>> {
-        self.hull.edges.iter().map(|edge| self.edge(&edge.line))
-    }
-
-    /// An edge, where it is.
+    /// An edge, where it is: an axis without a radius.
     #[inline]
     pub(crate) fn edge(&self, line: &Capsule<D>) -> Capsule<D> {
         Capsule {

@@ -60,7 +60,9 @@ fn ask(
         return visit(&told(&meeting, distance));
     };
     let mut rows = Fewest::<_, MOST_ROWS>::new((meeting, distance));
-    hull.for_each_row(other, reach, |meeting, distance| rows.add(distance, (*meeting, distance)));
+    hull.for_each_row(other, &meeting.nearest, reach, |meeting, distance| {
+        rows.add(distance, (*meeting, distance))
+    });
     rows.for_each(|(meeting, distance)| visit(&told(meeting, *distance)));
 }
 

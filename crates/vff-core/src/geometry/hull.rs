@@ -31,7 +31,7 @@ pub(crate) struct Corner<const D: usize> {
 pub(crate) struct Edge<const D: usize> {
     pub(crate) line: Capsule<D>,
     /// The corners that it leads from and to.
-    ends: [usize; 2],
+    pub(crate) ends: [usize; 2],
     /// The faces that meet here.
     faces: [usize; 2],
     /// Unit vectors across the edge, into each of them.

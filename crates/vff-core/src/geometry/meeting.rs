@@ -4,12 +4,15 @@
 //! edge of the hull (T122). Which pair it is proves itself: along the normal, no point of one is nearer to the other.
 
 use super::axis::{Nearest, PARALLEL, to_edge, within};
-use super::hull::Hull;
+use super::hull::{Edge, Hull, MOST_CORNERS};
 use super::{Carried, Probe};
 use crate::math::{Feature, RELIEF, TOUCHING, Vector};
 
 /// The most rows of a hull and something else: the nearest ones.
 pub(crate) const MOST_ROWS: usize = 32;
+
+/// What is farther than the nearest pair by this \[m\] is no row: it cannot be the nearest for some periods of control.
+const WINDOW: f64 = 0.02;
 
 /// Something convex without its radius, in the frame in which a hull is measured against it.
 pub(crate) trait Convex {
@@ -81,52 +84,98 @@ impl Meeting {
     }
 }
 
+/// A plane that something convex lies behind, and touches. What lies before it is no nearer than the plane.
+#[derive(Debug, Clone, Copy)]
+struct Plane {
+    /// Unit vector, away from it.
+    normal: Vector<3>,
+    offset: f64,
+}
+
+impl Plane {
+    /// Everything is before it, infinitely far behind.
+    const NOWHERE: Self = Self { normal: Vector::<3>::new(0.0, 0.0, 0.0), offset: f64::INFINITY };
+
+    fn beside(other: &impl Convex, normal: Vector<3>) -> Self {
+        let mut offset = f64::NEG_INFINITY;
+        other.for_each_corner(|corner, _| offset = offset.max(normal.dot(corner)));
+        Self { normal, offset }
+    }
+}
+
+/// How high the corners of a hull are above a plane \[m\].
+struct Heights {
+    of_corner: [f64; MOST_CORNERS],
+    count: usize,
+}
+
+impl Heights {
+    fn above(plane: &Plane, Carried { hull, rotation, position }: &Carried<'_, 3>) -> Self {
+        let normal = rotation.tr_mul(&plane.normal);
+        let offset = plane.normal.dot(position) - plane.offset;
+        let mut of_corner = [0.0; MOST_CORNERS];
+        for (height, corner) in of_corner.iter_mut().zip(&hull.corners) {
+            *height = normal.dot(&corner.point) + offset;
+        }
+        Self { of_corner, count: hull.corners.len().min(MOST_CORNERS) }
+    }
+
+    /// Of the lower end of an edge.
+    #[inline]
+    fn of(&self, edge: &Edge<3>) -> f64 {
+        let [a, b] = edge.ends.map(|end| self.of_corner[end]);
+        a.min(b)
+    }
+
+    fn least(&self) -> f64 {
+        self.of_corner[..self.count].iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
 impl Carried<'_, 3> {
     /// Where it comes nearest to `other`, overlapping or not; NaN where something is undefined.
     pub(crate) fn meet(&self, other: &impl Convex) -> Meeting {
         let mut best = Meeting::NOWHERE;
+        // The edge that begins where the hull comes farthest towards the other's middle is likely to be near.
+        let (mut sum, mut count) = (Vector::zeros(), 0.0);
+        other.for_each_corner(|corner, _| (sum, count) = (sum + corner, count + 1.0));
+        let towards = self.rotation.tr_mul(&(sum / count - self.position));
+        let ahead = |edge: &&Edge<3>| towards.dot(&edge.line.start);
+        let farther = |a, b| if ahead(&b) > ahead(&a) { b } else { a };
+        let first = self.hull.edges.iter().reduce(farther);
+        let mut plane = Plane::NOWHERE;
+        let mut heights = Heights::above(&plane, self);
+        for edge in first.into_iter().chain(&self.hull.edges) {
+            if heights.of(edge) >= best.nearest.distance {
+                continue;
+            }
+            let line = self.edge(&edge.line);
+            let nearest = other.nearest(&line);
+            // False where it is undefined, which then is what is found.
+            let is_farther = nearest.distance >= best.nearest.distance;
+            if !is_farther {
+                best = Meeting { nearest, axis: line.direction };
+                plane = Plane::beside(other, nearest.normal);
+                heights = Heights::above(&plane, self);
+            }
+        }
+        let lowest = heights.least() + plane.offset;
         other.for_each_corner(|corner, _| {
-            if let Some((face, height)) = self.hull.face_below(&self.seen(corner))
+            if lowest - plane.normal.dot(corner) < best.nearest.distance
+                && let Some((face, height)) = self.hull.face_below(&self.seen(corner))
                 && height < best.nearest.distance
             {
                 best = Meeting::above(corner, &(self.rotation * face.normal), height);
             }
         });
-        // All of an edge lies above a face that both of its ends are above: no nearer than the lower one.
-        let above = |edge: &Probe| {
-            let (a, b) = (edge.start, edge.end());
-            let mut highest = f64::NEG_INFINITY;
-            other.for_each_face(|normal, offset| {
-                highest = highest.max(normal.dot(&a).min(normal.dot(&b)) - offset);
-            });
-            highest
-        };
-        // The one that is likely to be nearest first, so that most of the others are not asked.
-        let lower = |a: (f64, Probe), b: (f64, Probe)| if b.0 < a.0 { b } else { a };
-        let first = self.edges().map(|edge| (above(&edge), edge)).reduce(lower);
-        for edge in first.map(|first| first.1).into_iter().chain(self.edges()) {
-            if above(&edge) >= best.nearest.distance {
-                continue;
-            }
-            let nearest = other.nearest(&edge);
-            // False where it is undefined, which then is what is found.
-            let is_farther = nearest.distance >= best.nearest.distance;
-            if !is_farther {
-                best = Meeting { nearest, axis: edge.direction };
-            }
-        }
-        let Nearest { distance, normal, .. } = &best.nearest;
+        let Nearest { distance, normal, .. } = best.nearest;
         if distance.is_nan() {
             return best;
         }
         // Both lie on their own sides of two planes that far apart, or else they overlap.
-        let is_apart = || {
-            let to_hull = self.corners().map(|corner| normal.dot(&corner));
-            let mut to_other = f64::NEG_INFINITY;
-            other.for_each_corner(|corner, _| to_other = to_other.max(normal.dot(corner)));
-            to_hull.fold(f64::INFINITY, f64::min) - to_other >= distance - self.hull.slack
-        };
-        if *distance > TOUCHING && is_apart() { best } else { self.way_out(other) }
+        let plane = Plane::beside(other, normal);
+        let is_apart = || Heights::above(&plane, self).least() >= distance - self.hull.slack;
+        if distance > TOUCHING && is_apart() { best } else { self.way_out(other) }
     }
 
     /// Where it comes nearest to a point, outside and inside.
@@ -156,19 +205,31 @@ impl Carried<'_, 3> {
 
     /// Calls `visit` with every pair of features nearer than `reach` \[m\] that may be the nearest when these change hands, and
     /// its distance with relief for what lies beyond its place: of the corners of both, which count as opposite a face
-    /// everywhere, and of the edges of both where they cross (T98, T122). They must be apart.
+    /// everywhere, and of the edges of both where they cross (T98, T122). They must be apart, with this `nearest` pair;
+    /// what is farther than that by more than [`WINDOW`] is not next.
     pub(crate) fn for_each_row(
         &self,
         other: &impl Convex,
+        nearest: &Nearest,
         reach: f64,
         mut visit: impl FnMut(&Meeting, f64),
     ) {
+        let reach = reach.min(nearest.distance + WINDOW);
         let mut visit = |meeting: &Meeting, distance: f64| {
             if distance < reach {
                 visit(meeting, distance);
             }
         };
-        for point in self.corners() {
+        // What lies beyond a slab between the two is too far.
+        let plane = Plane::beside(other, nearest.normal);
+        let heights = Heights::above(&plane, self);
+        let rear = heights.least() + plane.offset;
+        let is_opposite = |point: &Vector<3>| rear - plane.normal.dot(point) < reach;
+        for (corner, height) in self.hull.corners.iter().zip(&heights.of_corner) {
+            if *height >= reach {
+                continue;
+            }
+            let point = self.placed(&corner.point);
             let offset = other.offset(&point);
             let distance = offset.norm();
             let normal = offset / distance;
@@ -176,13 +237,20 @@ impl Carried<'_, 3> {
             visit(&Meeting { nearest, axis: Vector::zeros() }, distance);
         }
         other.for_each_corner(|corner, _| {
-            let meeting = self.above_face(corner);
-            visit(&meeting, meeting.nearest.distance);
+            if is_opposite(corner) {
+                let meeting = self.above_face(corner);
+                visit(&meeting, meeting.nearest.distance);
+            }
         });
         for own in &self.hull.edges {
-            let (line, into) = (self.edge(&own.line), own.into.map(|way| self.rotation * way));
+            if heights.of(own) >= reach {
+                continue;
+            }
+            let line = self.edge(&own.line);
+            let into = own.into.map(|way| self.rotation * way);
             other.for_each_edge(|edge, onward| {
-                if let Some((nearest, beyond)) = to_edge(&line, edge)
+                if (is_opposite(&edge.start) || is_opposite(&edge.end()))
+                    && let Some((nearest, beyond)) = to_edge(&line, edge)
                     && nearest.distance + RELIEF * beyond < reach
                 {
                     let own = Onward::Along(&into).most_along(&-nearest.normal);

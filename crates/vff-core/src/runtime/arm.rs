@@ -446,7 +446,7 @@ pub struct DistanceTable {
     pub bias: Vec<f64>,
     /// Unit vector n̂ from the obstacle towards the link.
     pub normal: Vec<f64>,
-    /// Nearest point on the axis of the link \[m\].
+    /// Nearest point on the axis of the link, of a box or hull on its surface \[m\].
     pub point: Vec<f64>,
     /// Nearest point on the surface of the obstacle \[m\].
     pub witness: Vec<f64>,

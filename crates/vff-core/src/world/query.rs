@@ -455,7 +455,10 @@ fn near_hull<S: Solid<D>, const D: usize>(
         if least < reach {
             for j in asked() {
                 let obstacle = &obstacles[j];
-                meet(Pair { obstacle: j, ..pair }, obstacle, obstacle.turn());
+                let is_far = obstacle.distance_below(around, reach) >= reach;
+                if !is_far {
+                    meet(Pair { obstacle: j, ..pair }, obstacle, obstacle.turn());
+                }
             }
         }
         return least + 0.0;

@@ -1,6 +1,7 @@
 """Links and obstacles in space, and how far they are from each other.
 
-Links are capsules (a sphere has both ends in one place), obstacles are spheres, capsules and boxes.
+Links are capsules (a sphere has both ends in one place), as those of all bundled arms, obstacles are spheres,
+capsules and boxes.
 """
 
 from __future__ import annotations

@@ -19,6 +19,10 @@ _FINE = 72
 """The same for directions, of which a body's corners are the farthest points."""
 
 
+_MOST = 64
+"""Corners of hulls that are measured."""
+
+
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Vertices (·, 3) [m] and triangles (·, 3), anticlockwise seen from outside."""
@@ -63,11 +67,14 @@ def solid(corners: Array, radius: float) -> Mesh:
 
 
 def _hull(corners: Array, radius: float) -> Mesh:
-    """The same by directions: the farthest corner along each, and the radius further.
+    """The same of a hull; with a radius by directions: the farthest corner along each, and so much further.
 
     Directions are joined to triangles as they lie on a sphere, so that the surface is closed; of those that
-    meet in a corner, what is left without a radius is nothing.
+    meet in a corner, what is left without a radius is nothing. So are hulls of very many corners made, and
+    pieces of planes, which are seen from both sides.
     """
+    if radius == 0.0 and len(corners) <= _MOST and not geometry.is_surface(corners):
+        return Mesh(corners, geometry.triangles(corners), flat=True)
     heights = np.linspace(-np.pi / 2, np.pi / 2, _FINE // 2 + 1)
     ball = turned(np.stack([np.cos(heights), np.sin(heights)], axis=1), _FINE)
     tilted = _upright(np.array([0.48, 0.29, 0.83]))  # so that no direction is that of a face

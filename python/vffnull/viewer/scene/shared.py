@@ -50,6 +50,8 @@ SPECK = 0.002
 """Radius of a point that has none [reaches]."""
 STEP = 1e-4
 """What moves or turns by less [m, rad] is left where it is."""
+FAINT = 0.02
+"""The greatest force [N] that is not shown."""
 ARRIVED = 0.01
 """How near is there [reaches]."""
 
@@ -396,7 +398,7 @@ class Scene(ABC):
         places = state["obstacles"]
         self._place_arm(state["q"], "arm")
         self._draw_plan(state["q_plan"])
-        for handle, tail, vector in zip(self._forces, state["points"], state["forces"], strict=True):
+        for handle, tail, vector in zip(self._forces, self._tails(state), state["forces"], strict=True):
             self._stretch(handle, tail, vector)
         self._shade(state["clearance"])
         turns = np.tile(np.eye(3), (len(places), 1, 1))
@@ -415,6 +417,11 @@ class Scene(ABC):
         self._draw_more(state)
         if ghost is not None:
             self._place_arm(ghost["q"], "ghost")
+
+    def _tails(self, state: Mapping[str, Any]) -> Array:
+        """Where the arrows of the forces begin (n, D) [m]."""
+        tails: Array = state["points"]
+        return tails
 
     def _draw_more(self, state: Mapping[str, Any]) -> None:  # noqa: B027
         """What else there is."""
@@ -512,7 +519,7 @@ class Scene(ABC):
     def _stretch(self, handle: viser.MeshHandle, tail: Array, vector: Array) -> None:
         """Its length is the logarithm of the force, so that weak ones are seen."""
         size = float(np.linalg.norm(vector))
-        visible = size > 0.02
+        visible = size > FAINT
         if handle.visible != visible:
             handle.visible = visible
         if visible:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,6 +17,7 @@ from vffnull.scenario import Scenario
 from vffnull.viewer.scene.cup import Cup
 from vffnull.viewer.scene.meshes import Mesh, solid, turned
 from vffnull.viewer.scene.shared import (
+    FAINT,
     FORCE,
     PALE,
     STEP,
@@ -277,6 +279,20 @@ class SpaceScene(Scene):
         for node, pose, wxyz in zip(self._nodes[which], poses, turns, strict=True):
             put(node, pose[:3, 3], wxyz)
 
+    def _tails(self, state: Mapping[str, Any]) -> Array:
+        """Beyond the links, where the lines of the forces leave them."""
+        tails, poses = np.array(state["points"]), self._arm.link_poses(state["q"])
+        for i, (force, pose) in enumerate(zip(state["forces"], poses, strict=True)):
+            size = float(np.linalg.norm(force))
+            if size > FAINT:
+                start, along = (tails[i] - pose[:3, 3]) @ pose[:3, :3], force / size @ pose[:3, :3]
+                ways = [
+                    geometry.way_out(corners[None], radius, start[None], along[None])[0]
+                    for corners, radius in self._own[i]
+                ]
+                tails[i] += max(0.0, *ways) * force / size
+        return tails
+
     def _draw_trail(self, tip: Array) -> None:
         """A point of it per step of the hand, so that a hand that rests sends nothing."""
         if not self._places or np.linalg.norm(tip - self._places[-1]) > 4e-3 * self.reach:
@@ -430,17 +446,15 @@ class SpaceScene(Scene):
 
         Other arms are a little thinner, so that they are not seen where they are the same.
         """
-        poses = self._geometry.link_poses(self._start)
         thin = 0.8 if self._dress is None else 0.45  # a robot is thinner than what is measured of it
         pale = which != "arm"
         nodes, links = [], []
-        for i, pose in enumerate(poses):
+        for i in range(len(self._own)):
             name = f"/{which}/{i}"
             nodes.append(self._server.scene.add_frame(name, show_axes=False))
             bodies = [
-                solid((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius * (thin if pale else 1.0))
-                for part in self._still.parts
-                if part.index == i
+                solid(*geometry.slimmer(corners, radius, thin if pale else 1.0))
+                for corners, radius in self._own[i]
             ]
             if self._dress is not None and not pale:
                 bodies = self._looks(self._geometry.link_names[i])
@@ -458,6 +472,19 @@ class SpaceScene(Scene):
             )
         self._nodes[which] = nodes
         return links
+
+    @cached_property
+    def _own(self) -> list[list[Core]]:
+        """What is measured of every link, in its frame."""
+        poses = self._geometry.link_poses(self._start)
+        return [
+            [
+                ((part.corners[0] - pose[:3, 3]) @ pose[:3, :3], part.radius)
+                for part in self._still.parts
+                if part.index == i
+            ]
+            for i, pose in enumerate(poses)
+        ]
 
     def _looks(self, link: str) -> list[Mesh]:
         """The surfaces of a link; of what has no triangles the hull."""

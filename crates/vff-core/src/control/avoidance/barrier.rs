@@ -197,7 +197,7 @@ impl Barrier {
         }
         for pair in near.own {
             let height = pair.nearest.distance - OWN_MARGIN;
-            self.keep_distance(height, pair.motion(robot), |row, scratch| {
+            self.keep_distance(height, pair.cautious(robot), |row, scratch| {
                 pair.gradient(robot, row, scratch);
             });
         }

@@ -1,9 +1,9 @@
 //! How the distance of two bodies of the arm itself changes.
 
-use super::DistanceRate;
+use super::{DistanceRate, FADE};
 use crate::geometry::{Body, Encounter, MOST_ROWS};
 use crate::interrupt;
-use crate::math::{Capsule, Nearest, Vector, nearest};
+use crate::math::{Capsule, Nearest, Vector, nearest, smoothstep};
 use crate::robot::Robot;
 
 /// Two bodies of a robot, or parts of them, where they come nearest.
@@ -143,6 +143,25 @@ impl<const D: usize> OwnPair<D> {
             rate: normal.dot(&velocity),
             bias: normal.dot(&(bias(0) - bias(1))) + sliding,
         }
+    }
+
+    /// The same for a row of a barrier: where edges of hulls are nearly parallel, whose nearest points would run from end to end
+    /// at once, the first of them counts as held (T97); the corners are what has to be kept there.
+    pub fn cautious<R: Robot<D>>(&self, robot: &R) -> DistanceRate {
+        let exact = self.motion(robot);
+        let [a, b] = &self.shapes;
+        if self.hulls.is_none() || self.nearest.slides != [true; 2] {
+            return exact;
+        }
+        let cos = a.direction.dot(&b.direction);
+        let sin = (a.direction - b.direction * cos).norm();
+        let oblique = smoothstep(sin / FADE).powi(2);
+        if oblique >= 1.0 {
+            return exact;
+        }
+        let held = Nearest { slides: [false, true], ..self.nearest };
+        let held = Self { nearest: held, ..*self }.motion(robot);
+        DistanceRate { bias: oblique * exact.bias + (1.0 - oblique) * held.bias, ..exact }
     }
 
     /// The same beside a face of body `flat`, whose normal turns with its link: for the place of the other's corner, which the

@@ -88,7 +88,8 @@ impl Volume {
                 }
             });
         }
-        let contact = placed(pair, &self.meet(&seen), self.radius, state);
+        let meeting = self.meet(&seen);
+        let contact = placed(pair, &meeting, self.radius, state);
         if let Asked::Nearest = asked {
             return visit(&contact);
         }
@@ -108,9 +109,9 @@ impl Volume {
             rows.add(distance, Contact { distance, ..found });
         };
         match &self.core {
-            Core::Segment(segment) => seen.for_each_row(segment, reach, add),
-            Core::Box(cuboid) => seen.for_each_row(&**cuboid, reach, add),
-            Core::Hull(other) => seen.for_each_row(&**other, reach, add),
+            Core::Segment(segment) => seen.for_each_row(segment, &meeting.nearest, reach, add),
+            Core::Box(cuboid) => seen.for_each_row(&**cuboid, &meeting.nearest, reach, add),
+            Core::Hull(other) => seen.for_each_row(&**other, &meeting.nearest, reach, add),
             Core::HalfSpace(_) => seen.corners().for_each(|corner| {
                 let nearest = self.end(corner);
                 if nearest.distance < reach {
