@@ -226,8 +226,9 @@ mod tests {
     use super::super::tests::{Differences, differences};
     use super::*;
     use crate::geometry::{Carried, perpendicular};
-    use crate::robot::description::Shape as Form;
+    use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
     use crate::robot::models;
+    use crate::robot::spatial::cases::link;
     use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, planar::Link};
     use crate::world::Motion;
     use crate::world::space::{Obstacle, Shape as Solid, World};
@@ -476,5 +477,41 @@ mod tests {
             assert!(count(slides, flat) > 10, "{slides:?} {flat:?} {met:?}");
         }
         assert!(met.iter().filter(|((_, inside), _)| *inside).count() > 1, "{met:?}");
+    }
+
+    /// Two square bars, one above the other and askew by 0.02. Where the upper one rocks through the parallel, the nearest points of
+    /// two of their edges run from end to end, and for that moment the exact d̈ is as large as the angle is small. What `cbf` is
+    /// given has no such peak, and the least of it is the distance throughout.
+    #[test]
+    fn nearly_parallel_edges_have_no_peak() {
+        let carried = |name: &str, z: f64, askew: f64| LinkShape {
+            link: name.into(),
+            shape: Form::Box {
+                center: [0.0, 0.0, z],
+                size: [1.0, 0.1, 0.1],
+                orientation: [(0.5 * askew).cos(), 0.0, 0.0, (0.5 * askew).sin()],
+            },
+        };
+        let rocks = Joint { axis: [0.0, 1.0, 0.0], ..link("upper", 1.0) };
+        let description = ArmDescription {
+            joints: vec![link("lower", 1.0), link("between", 1.0), rocks],
+            collision: vec![carried("lower", 0.0, 0.0), carried("upper", 0.25, 0.02)],
+            ..ArmDescription::default()
+        };
+        let arm = Arc::new(description.build().unwrap());
+        let (mut peak, mut most): (f64, f64) = (0.0, 0.0);
+        for k in -2000..=2000 {
+            let mut state = arm.state();
+            state.update(&[0.0, 0.0, 1e-4 * f64::from(k)], &[0.0, 0.0, 1.0]);
+            let pair = pairs(&state)[0];
+            let mut least = f64::INFINITY;
+            pair.for_each_feature(&state, 0.3, |row| {
+                least = least.min(row.nearest.distance);
+                peak = peak.max(row.motion(&state).bias.abs());
+                most = most.max(row.cautious(&state).bias.abs());
+            });
+            assert!((least - pair.nearest.distance).abs() < 1e-11, "{k}");
+        }
+        assert!(peak > 200.0 && most < 10.0, "{peak} {most}");
     }
 }
