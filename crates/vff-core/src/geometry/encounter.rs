@@ -61,7 +61,7 @@ fn ask(
     };
     let mut rows = Fewest::<_, MOST_ROWS>::new((meeting, distance));
     hull.for_each_row(other, &meeting.nearest, reach, |meeting, distance| {
-        rows.add(distance, (*meeting, distance))
+        rows.add(distance, (*meeting, distance));
     });
     rows.for_each(|(meeting, distance)| visit(&told(meeting, *distance)));
 }
