@@ -249,7 +249,7 @@ fn around_a_post_in_space() {
 #[cfg(feature = "models")]
 #[test]
 fn certified_motions_are_free() {
-    certified("");
+    certified("", 400);
 }
 
 /// Nor is anything missed that turns about the axis of a link: boards, whose capsules hardly move.
@@ -268,11 +268,12 @@ fn certified_motions_of_boards_are_free() {
         link = "panda_link7"
         shape = { kind = "box", center = [0.0, 0.0, 0.1], size = [0.25, 0.03, 0.1] }
         "#,
+        120,
     );
 }
 
 #[cfg(feature = "models")]
-fn certified(shapes: &str) {
+fn certified(shapes: &str, motions: u32) {
     let boxes: String = (0..8)
         .map(|k| {
             let angle = 0.8 * f64::from(k);
@@ -295,7 +296,7 @@ fn certified(shapes: &str) {
         arm.limits().joint.iter().map(within).collect()
     };
     let (mut free, mut blocked) = (0, 0);
-    for _ in 0..400 {
+    for _ in 0..motions {
         let (a, b) = (draw(), draw());
         let b: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a + 0.15 * (b - a)).collect();
         let least = (0..=1000)
@@ -314,5 +315,5 @@ fn certified(shapes: &str) {
             assert!(least < 1e-4, "{least}");
         }
     }
-    assert!(free > 40 && blocked > 40, "{free} {blocked}");
+    assert!(free.min(blocked) > motions / 10, "{free} {blocked}");
 }

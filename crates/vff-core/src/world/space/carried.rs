@@ -295,6 +295,10 @@ mod tests {
                 prop_assert!(before.1.len() == MOST_ROWS || after.1.iter().any(|next| same(&next)), "{row:?}");
             }
         }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(150))]
 
         /// In a crowd, and asked for what is near alone, everything is what it is without one, to the last bit.
         #[test]
