@@ -449,15 +449,22 @@ def test_descriptions_that_are_no_arm() -> None:
             vff.Arm._from_dict(changed(change))
 
 
-def test_links_carry_what_is_round() -> None:
-    """A box on a link is refused in a sentence that says what to do; one on the base is kept."""
+def test_links_carry_boxes_and_hulls() -> None:
+    """So does the base; what has no inside is refused in a sentence that says what is wanted."""
     box = {"kind": "box", "center": [0.0] * 3, "size": [0.1] * 3, "orientation": [1.0, 0.0, 0.0, 0.0]}
+    hull = {"kind": "convex", "vertices": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]}
     arm = vff.Arm.named("ur5e")
-    on = {"link": arm.link_names[1], "shape": box}
-    with pytest.raises(InputError, match=r"collision\[0\].shape: links carry spheres and capsules.*fit"):
-        vff.Arm._from_dict(arm.to_dict() | {"collision": [on]})
-    below = {"link": arm.to_dict()["base"], "shape": box}
-    assert vff.Arm._from_dict(arm.to_dict() | {"collision": [below]}).collision == [(below["link"], box)]
+    for link in (arm.link_names[1], arm.to_dict()["base"]):
+        given = [{"link": link, "shape": box}, {"link": link, "shape": hull}]
+        assert vff.Arm._from_dict(arm.to_dict() | {"collision": given}).collision == [
+            (link, box),
+            (link, hull),
+        ]
+    flat = {"kind": "convex", "vertices": [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]]}
+    with pytest.raises(
+        InputError, match=r"collision\[0\].shape.vertices: must be points that do not lie in one plane"
+    ):
+        vff.Arm._from_dict(arm.to_dict() | {"collision": [{"link": arm.link_names[1], "shape": flat}]})
 
 
 def test_what_only_planar_arms_have() -> None:
