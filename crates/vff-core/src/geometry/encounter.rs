@@ -22,19 +22,15 @@ pub fn encounter(
     features: Option<f64>,
     visit: &mut dyn FnMut(&Encounter<3>),
 ) {
-    let axis = |shape: &Capsule<3>| Probe { radius: 0.0, ..*shape };
     match (&a.1, &b.1) {
         (None, None) => {}
         (Some(hull), None) => {
             let told = |meeting: &Meeting, distance: f64| told(meeting, distance, b.0.radius);
             let features = features.map(|reach| reach + b.0.radius);
-            ask(hull, &axis(&b.0), features, told, visit);
+            ask(hull, &Probe { radius: 0.0, ..b.0 }, features, told, visit);
         }
-        (None, Some(hull)) => {
-            let told = |meeting: &Meeting, distance: f64| told(meeting, distance, a.0.radius);
-            let features = features.map(|reach| reach + a.0.radius);
-            let visit = &mut |found: &Encounter<3>| visit(&found.seen_from_the_other());
-            ask(hull, &axis(&a.0), features, told, visit);
+        (None, Some(_)) => {
+            encounter([b, a], features, &mut |found| visit(&found.seen_from_the_other()));
         }
         (Some(hull), Some(other)) => {
             let rotation = other.rotation.tr_mul(hull.rotation);

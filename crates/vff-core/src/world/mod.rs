@@ -236,11 +236,11 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
     ) -> Contact<D> {
-        // Every solid has one.
-        let mut nearest = self.contact(pair, around, state, turn);
-        let visit = &mut |found: &Contact<D>| nearest = *found;
+        let mut nearest = None;
+        let visit = &mut |found: &Contact<D>| nearest = Some(*found);
         self.meet_hull(pair, hull, around, state, turn, Asked::Nearest, visit);
-        nearest
+        // Every solid has one.
+        nearest.unwrap_or_else(|| self.contact(pair, around, state, turn))
     }
 
     /// All of their contacts nearer than `reach` \[m\], were the obstacle in this state and turned so.

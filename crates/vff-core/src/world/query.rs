@@ -376,21 +376,19 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             return take(&contact);
         }
         let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
-        if let Some(hull) = &body.hull {
-            let turn = turn.as_ref();
-            let nearest = placed.hull_contact(pair, hull, &probe, &state, turn);
-            if nearest.distance < reach {
-                let asked = Asked::Contacts(reach);
-                placed.meet_hull(pair, hull, &probe, &state, turn, asked, &mut visit);
-            }
-            return take(&nearest);
-        }
-        let nearest = placed.contact(pair, &probe, &state, turn.as_ref());
+        let turn = turn.as_ref();
+        let nearest = match &body.hull {
+            None => placed.contact(pair, &probe, &state, turn),
+            Some(hull) => placed.hull_contact(pair, hull, &probe, &state, turn),
+        };
         if nearest.distance < reach {
             if placed.solid.contacts() == 1 {
                 visit(&nearest);
+            } else if let Some(hull) = &body.hull {
+                let asked = Asked::Contacts(reach);
+                placed.meet_hull(pair, hull, &probe, &state, turn, asked, &mut visit);
             } else {
-                placed.for_each_contact(pair, &probe, &state, turn.as_ref(), reach, visit);
+                placed.for_each_contact(pair, &probe, &state, turn, reach, visit);
             }
         }
         take(&nearest)

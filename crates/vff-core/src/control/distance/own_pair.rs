@@ -272,6 +272,16 @@ mod tests {
         }
     }
 
+    /// The arm at time t of the motion q + q̇t + ½q̈t².
+    fn moved(arm: &Arc<SpatialArm>, [q, dq, ddq]: [&Vec<f64>; 3], t: f64) -> SpatialState {
+        let mut state = arm.state();
+        let parts = q.iter().zip(dq).zip(ddq);
+        let q: Vec<f64> = parts.map(|((q, dq), a)| q + t * (dq + 0.5 * t * a)).collect();
+        let dq: Vec<f64> = dq.iter().zip(ddq).map(|(dq, a)| dq + t * a).collect();
+        state.update(&q, &dq);
+        state
+    }
+
     /// All pairs of a Panda that must not touch, its base among them.
     fn pairs(state: &SpatialState) -> Vec<OwnPair<3>> {
         let mut found = vec![];
@@ -293,16 +303,8 @@ mod tests {
             ddq in prop::collection::vec(-2.0..2.0, 7),
         ) {
             let arm: Arc<SpatialArm> = Arc::new(models::named("panda").unwrap().build().unwrap());
-            let at = |t: f64| {
-                let mut state = arm.state();
-                let parts = q.iter().zip(&dq).zip(&ddq);
-                let q: Vec<f64> = parts.map(|((q, dq), a)| q + t * (dq + 0.5 * t * a)).collect();
-                let dq: Vec<f64> = dq.iter().zip(&ddq).map(|(dq, a)| dq + t * a).collect();
-                state.update(&q, &dq);
-                state
-            };
             let h = 2e-4;
-            let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| at(k * h));
+            let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| moved(&arm, [&q, &dq, &ddq], k * h));
             let features = |state: &SpatialState, pair: &OwnPair<3>| {
                 let mut found = vec![];
                 pair.for_each_feature(state, f64::INFINITY, |feature| found.push(*feature));
@@ -416,16 +418,8 @@ mod tests {
         let met = RefCell::new(HashMap::<_, usize>::new());
         let seven = || prop::collection::vec(-2.0..2.0, 7);
         proptest!(ProptestConfig::with_cases(600), |(q in seven(), dq in seven(), ddq in seven())| {
-            let at = |t: f64| {
-                let mut state = arm.state();
-                let parts = q.iter().zip(&dq).zip(&ddq);
-                let q: Vec<f64> = parts.map(|((q, dq), a)| q + t * (dq + 0.5 * t * a)).collect();
-                let dq: Vec<f64> = dq.iter().zip(&ddq).map(|(dq, a)| dq + t * a).collect();
-                state.update(&q, &dq);
-                state
-            };
             let h = 2e-4;
-            let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| at(k * h));
+            let states = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|k| moved(&arm, [&q, &dq, &ddq], k * h));
             let found = states.each_ref().map(pairs);
             for (k, (pair, indices)) in found[2].iter().zip(states[2].body_pairs()).enumerate() {
                 let distance = pair.nearest.distance;
