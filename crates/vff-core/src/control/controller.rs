@@ -8,8 +8,9 @@ use super::avoidance::preview::Preview;
 use super::limits::{self, ObjectiveScale, Parts};
 use super::moving_posture::MovingPosture;
 use super::{
-    Avoidance, Energy, Formulation, Gains, Law, OperationalSpace, Power, Projection, StablePeriod,
-    Tank, Torque, VirtualForces, Yielding, extended_jacobian, operational_space, sampling, task,
+    Avoidance, Energy, Formulation, Gains, Law, OperationalSpace, Output, Power, Projection,
+    StablePeriod, Tank, Torque, TorqueRange, VirtualForces, Yielding, extended_jacobian,
+    operational_space, sampling, task,
 };
 use crate::math::{Pose, Vector, dot};
 use crate::robot::Manipulator;
@@ -47,6 +48,9 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     error: Vector<M>,
     /// What gives way where the null space is not enough.
     pub(super) avoider: Option<Box<Avoider<D, M>>>,
+    /// What the drives accept next, where their torque cannot change at once; and whether that is known of the next command.
+    range: Option<Box<TorqueRange>>,
+    is_ranged: bool,
 }
 
 impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
@@ -73,6 +77,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             reference: Sample::at_rest(robot.pose()),
             error: Vector::zeros(),
             avoider: Avoider::new(&gains, &robot),
+            range: gains
+                .command
+                .torque_rate
+                .as_ref()
+                .map(|rate| Box::new(TorqueRange::new((0..n).map(|i| rate.get(i)).collect()))),
+            is_ranged: false,
             robot,
             gains,
         }
@@ -163,6 +173,15 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         &self.error
     }
 
+    /// Lets the next command ask for what `output` can send in the next `period` \[s\] after it has sent `sent` \[N·m, N\], at the
+    /// observed state. Nothing without a limit of the torque rate.
+    pub fn expect(&mut self, output: &mut Output, sent: &[f64], period: f64) {
+        if let Some(range) = &mut self.range {
+            output.write_range(&self.robot, sent, period, range);
+            self.is_ranged = true;
+        }
+    }
+
     /// The torque at the observed and sensed state for this reference.
     pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
         self.follow(reference);
@@ -190,28 +209,35 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 &mut self.law,
             ),
         }
-        // The QP of `cbf` has the torque limits among its rows.
         if self.gains.enforce_limits
-            && self.slack().is_none()
+            && !self.keeps_limits()
             && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
         {
             self.fit_torque(&ddx_c);
         }
     }
 
-    /// Changes that torque where the end effector has to give way.
+    /// Changes that torque where the end effector has to give way, or the drives cannot follow.
     fn give_way(&mut self) {
+        let range = self.range.as_deref().filter(|_| self.is_ranged);
         if let Some(avoider) = &mut self.avoider {
             let Law { bias, torque, .. } = &mut self.law;
-            avoider.act(&self.robot, &self.space, &self.forces, bias, torque);
+            if range.is_some() || avoider.yields() {
+                avoider.act(&self.robot, &self.space, &self.forces, bias, range, torque);
+            }
         }
+        self.is_ranged = false;
     }
 
-    /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37). The QP of `cbf` has the speeds among its rows, and
-    /// finds other joints for the same motion.
+    /// Whether a QP has the limits of torque and speed among its rows, which finds other joints for the same motion.
+    fn keeps_limits(&self) -> bool {
+        self.is_ranged || self.slack().is_some()
+    }
+
+    /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37), or the drives could not follow (T133).
     fn commanded_acceleration(&mut self) -> Vector<M> {
-        let keeps_speeds = self.slack().is_some();
-        let Self { robot, space, gains, reference, .. } = self;
+        let keeps_speeds = self.keeps_limits();
+        let Self { robot, space, gains, reference, parts, .. } = self;
         let error = match &self.avoider {
             Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
             None => self.error,
@@ -232,7 +258,18 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 return ddx_r * share - damping.component_mul(&(space.dx - dx_d * share));
             }
         }
-        task::commanded_acceleration(gains, &ddx_r, error, space.dx - dx_r)
+        let de = space.dx - dx_r;
+        match self.range.as_deref().filter(|_| self.is_ranged) {
+            None => task::commanded_acceleration(gains, &ddx_r, error, de),
+            Some(range) => {
+                let torque = &mut parts.task;
+                let mut build_up = |ddx: &Vector<M>| {
+                    robot.jacobian_tr_mul(&(space.lambda_damped * ddx), torque);
+                    range.build_up(torque)
+                };
+                task::sendable_acceleration(gains, &ddx_r, error, de, &mut build_up)
+            }
+        }
     }
 
     /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).
@@ -294,7 +331,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Whether the end effector may give way.
     pub fn yields(&self) -> bool {
-        self.avoider.is_some()
+        self.avoider.as_ref().is_some_and(|avoider| avoider.yields())
     }
 
     /// By how much the last command violates the barriers at most \[m/s²\]; None without barriers.
@@ -461,6 +498,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         if let Some(preview) = &mut self.preview {
             preview.rest_at_posture_of(&self.reactive.gains);
         }
+    }
+
+    /// [`ReactiveController::expect`].
+    pub fn expect(&mut self, output: &mut Output, sent: &[f64], period: f64) {
+        self.reactive.expect(output, sent, period);
     }
 
     /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.

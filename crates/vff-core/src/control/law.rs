@@ -36,6 +36,17 @@ impl Torque {
         self.null.copy_from_slice(&other.null);
     }
 
+    /// Brings every joint's torque between its `ends` \[N·m, N\], at the cost of the task. What is not a number stays so.
+    pub fn cut_to(&mut self, ends: &[[f64; 2]]) {
+        for (i, [lower, upper]) in ends.iter().enumerate() {
+            let total = self.total[i];
+            let least = if total < *lower { *lower } else { total };
+            let within = if least > *upper { *upper } else { least };
+            self.task[i] += within - total;
+            self.total[i] = within;
+        }
+    }
+
     /// Adds to the part of the task.
     pub fn add_to_task(&mut self, more: impl Fn(usize) -> f64) {
         for (i, (total, task)) in self.total.iter_mut().zip(&mut self.task).enumerate() {

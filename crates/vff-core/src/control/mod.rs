@@ -22,6 +22,7 @@ pub mod sampling;
 pub mod settings;
 pub mod tank;
 pub mod task;
+pub mod torque_range;
 pub mod virtual_forces;
 
 pub use avoidance::Yielding;
@@ -35,4 +36,5 @@ pub use output::{CommandSettings, Gravity, Output};
 pub use sampling::StablePeriod;
 pub use settings::{Avoidance, Formulation, Gains, Projection, SelfCollision, Settings, TaskKind};
 pub use tank::Tank;
+pub use torque_range::TorqueRange;
 pub use virtual_forces::VirtualForces;

@@ -13,3 +13,30 @@ pub fn commanded_acceleration<const M: usize>(
 ) -> Vector<M> {
     ddx_r - gains.damping.component_mul(&de) - gains.stiffness.component_mul(&e)
 }
+
+/// Share of the torque rate that coming back from far away takes up (T133).
+const RETURN: f64 = 0.25;
+
+/// ẍ_c with no more of it than the drives can follow (T133); `build_up` says how long they take to build up the torque of a
+/// task acceleration \[s\].
+///
+/// A large error pulls as its square root, so that the arm comes back as fast as it can brake again. Of a demand that takes
+/// longer to build up than D lets it last, the share is asked for that does not.
+pub fn sendable_acceleration<const M: usize>(
+    gains: &Gains<M>,
+    ddx_r: &Vector<M>,
+    e: Vector<M>,
+    de: Vector<M>,
+    build_up: &mut impl FnMut(&Vector<M>) -> f64,
+) -> Vector<M> {
+    let mut pull = gains.stiffness.component_mul(&e);
+    let pole = gains.stiffness.component_div(&gains.damping).max();
+    let share = (crate::control::torque_range::tune(3, RETURN) / (pole * build_up(&pull))).sqrt();
+    if share < 1.0 {
+        pull *= share;
+    }
+    let demand = -gains.damping.component_mul(&de) - pull;
+    let share = crate::control::torque_range::tune(4, 1.0)
+        * (gains.damping.max() * build_up(&demand)).recip();
+    if share < 1.0 { ddx_r + demand * share } else { ddx_r + demand }
+}

@@ -887,6 +887,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         }
         let wanted = news.is_some() && supervisor.wants_torque();
         if wanted {
+            supervisor.announce(&mut self.controller);
             self.act_for(target);
         }
         let law = &self.controller;

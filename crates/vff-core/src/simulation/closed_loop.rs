@@ -115,13 +115,14 @@ struct ControlStack<S: System<D, M>, const D: usize, const M: usize> {
 
 impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
     /// The torque of the law at (t, q, q̇), with what `perception` has seen of the world, or all of it,
-    /// for the reference that `governor` makes wait.
+    /// for the reference that `governor` makes wait. `announce` tells the controller what can be sent.
     fn torque_at(
         &mut self,
         t: f64,
         [q, dq]: [&[f64]; 2],
         perception: Option<&mut S::Perception>,
         governor: Option<&Governor>,
+        announce: impl FnOnce(&mut Controller<S::State, D, M>),
     ) -> &Torque {
         let Self { controller, world, trajectory } = self;
         world.update(t);
@@ -143,6 +144,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
                 controller.look_ahead(world, reference);
             }
         }
+        announce(controller);
         controller.command(&reference(0.0))
     }
 }
@@ -526,7 +528,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
         stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
             if continuous && !stage.first {
-                stack.torque_at(t + stage.offset, [q, dq], None, None);
+                stack.torque_at(t + stage.offset, [q, dq], None, None, |_| {});
             }
             let controller = &stack.controller;
             let tau = match &mut output {
@@ -576,7 +578,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// The law at an instant of the next plant step, for a plant elsewhere that asks for it continuously \[N·m\].
     pub fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
         let Self { stack, output, plant, .. } = self;
-        stack.torque_at(t, [q, dq], None, None);
+        stack.torque_at(t, [q, dq], None, None, |_| {});
         let controller = &stack.controller;
         let law = &controller.torque().total;
         let Some(sending) = output else { return law };
@@ -672,8 +674,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         if period_begins && let Some(governor) = &mut self.governor {
             governor.begin(t);
         }
-        let torque =
-            self.stack.torque_at(t, seen, self.perception.as_mut(), self.governor.as_ref());
+        let (step, period) = (self.step, self.options.control_period());
+        let output = &mut self.output;
+        let announce = |controller: &mut Controller<S::State, D, M>| {
+            if let Some(sending) = output {
+                sending.announce(controller, step, period);
+            }
+        };
+        let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
+        let torque = self.stack.torque_at(t, seen, perception, governor, announce);
         if period_begins {
             self.held.copy_from(torque);
             self.objective_scale = *self.stack.controller.objective_scale();
@@ -728,7 +737,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             *v += 0.5 * half * ddq;
         }
         let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
-        self.held.copy_from(foresight.torque_at(t + half, [q, dq], perception, governor));
+        let (step, period, output) = (self.step, 2.0 * half, &mut self.output);
+        let announce = |controller: &mut Controller<S::State, D, M>| {
+            if let Some(sending) = output {
+                sending.announce(controller, step, period);
+            }
+        };
+        let state = [q.as_slice(), dq.as_slice()];
+        self.held.copy_from(foresight.torque_at(t + half, state, perception, governor, announce));
         self.objective_scale = *foresight.controller.objective_scale();
         self.null_acceleration = foresight.controller.null_acceleration();
     }

@@ -11,6 +11,8 @@ pub(super) struct Sending {
     pub(super) output: Output,
     /// What is held over the control period \[N·m\].
     pub(super) sent: Vec<f64>,
+    /// What was held over the one before.
+    last: Vec<f64>,
     /// The torque at the joints: of the drives, and of the robot by itself \[N·m\].
     pub(super) acting: Vec<f64>,
     /// The step in which it was sent.
@@ -23,7 +25,7 @@ impl Sending {
         let zeros = || vec![0.0; n];
         gains.command.changes_torque().then(|| {
             let output = Output::new(&gains.command, n);
-            Box::new(Self { output, sent: zeros(), acting: zeros(), sent_at: None })
+            Box::new(Self { output, sent: zeros(), last: zeros(), acting: zeros(), sent_at: None })
         })
     }
 
@@ -31,6 +33,20 @@ impl Sending {
     pub(super) fn start<A: Model<D>, const D: usize>(&mut self, plant: &Plant<A, D>) {
         self.output.begin_at_rest(plant.state());
         self.sent_at = None;
+    }
+
+    /// Lets the next command of `controller` in `step` ask for what can be sent then, for `period` \[s\].
+    pub(super) fn announce<R: Manipulator<D, M> + Clone, const D: usize, const M: usize>(
+        &mut self,
+        controller: &mut Controller<R, D, M>,
+        step: usize,
+        period: f64,
+    ) {
+        let again = self.sent_at == Some(step);
+        let output = &mut self.output;
+        let sent = if again { output.sent_before() } else { output.sent() };
+        self.last.copy_from_slice(sent);
+        controller.expect(output, &self.last, period);
     }
 
     /// Sends the torque `tau` of a controller in `step`, for `period` \[s\]; what was sent in this step before is taken back.

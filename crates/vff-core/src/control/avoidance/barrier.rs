@@ -6,11 +6,14 @@
 //! so that d̈ + 2kḋ + k²(d − margin) ≥ −δ for every pair, and the same for angles and speeds of the joints,
 //!         −τ_max ≤ Mq̈ + Cq̇ + g ≤ τ_max
 //! ```
+//!
+//! Behind a limit of the torque rate the last row says what may be sent next, and the others what must be begun now
+//! (T130–T132). Without pairs, the same keeps the limits of the other ways of giving way.
 
 use super::{Keep, Yielding};
 use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, TaskMetric, Torque};
+use crate::control::{OperationalSpace, TaskMetric, Torque, TorqueRange, torque_range};
 use crate::interrupt;
 use crate::math::dot;
 use crate::robot::Robot;
@@ -53,6 +56,12 @@ fn usual<const D: usize>() -> Usual {
 /// How much more what is to be kept weighs.
 const KEPT: f64 = 10.0;
 
+/// How much more a joint's angle and speed weigh than a distance where the torque rate does not leave room for all.
+const JOINTS: f64 = 100.0;
+
+/// How much faster the three poles of (T131) are than the two of (T67), which react as early.
+pub const THREE_POLES: f64 = 1.5;
+
 /// How near pairs are rows of the QP \[m\] in a space of dimension `D`.
 pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
     settings.activation.unwrap_or(usual::<D>().activation)
@@ -80,6 +89,8 @@ const MOST_VIOLATED: usize = 48;
 pub struct Barrier {
     program: QuadraticProgram,
     nominal: Vec<f64>,
+    /// q̈ at present, behind a limit of the torque rate.
+    present: Vec<f64>,
     /// M, row by row.
     mass: Vec<f64>,
     hessian: Vec<f64>,
@@ -88,6 +99,8 @@ pub struct Barrier {
     normals: Vec<f64>,
     bounds: Vec<f64>,
     softness: Vec<f64>,
+    /// What every joint can be sent \[N·m, N\]; empty if anything.
+    ends: Vec<[f64; 2]>,
     /// Largest speed of every joint \[rad/s\].
     speed: Vec<f64>,
     /// See [`Yielding`].
@@ -113,6 +126,7 @@ impl Barrier {
         let mut this = Self {
             program: QuadraticProgram::new(n, 0, MOST_VIOLATED),
             nominal: zeros(n),
+            present: zeros(n),
             mass: zeros(n * n),
             hessian: zeros(n * n),
             gradient: zeros(n),
@@ -120,6 +134,7 @@ impl Barrier {
             normals: vec![],
             bounds: vec![],
             softness: vec![],
+            ends: Vec::with_capacity(n),
             speed: settings.joint_speeds(robot),
             rate: rate(settings),
             margin: settings.margin,
@@ -150,25 +165,47 @@ impl Barrier {
         weight: &SMatrix<f64, M, M>,
         near: Near<'_, D>,
         bias: &[f64],
+        range: Option<&TorqueRange>,
         torque: &mut Torque,
     ) -> f64 {
         robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
         self.normals.clear();
         self.bounds.clear();
-        self.keep_distances(robot, near);
-        let distances = self.bounds.len();
-        self.keep_joints(robot);
         self.softness.clear();
-        self.softness.resize(self.bounds.len(), 1.0 / self.slack_price);
-        let limits = &robot.limits().torque;
-        let within = |(tau, limit): (&f64, &f64)| tau.abs() <= *limit;
-        if self.bounds.iter().all(|bound| *bound <= 0.0)
-            && torque.total.iter().zip(limits).all(within)
+        let softness = 1.0 / self.slack_price;
+        let distances = match range {
+            None => {
+                self.keep_distances(robot, near);
+                let distances = self.bounds.len();
+                self.keep_joints(robot);
+                self.softness.resize(self.bounds.len(), softness);
+                distances
+            }
+            Some(range) => {
+                robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
+                self.keep_distances_in_time(robot, near, range);
+                let distances = self.bounds.len();
+                self.softness.resize(distances, softness);
+                self.keep_joints_in_time(robot, range);
+                self.softness.resize(self.bounds.len(), softness / torque_range::tune(5, JOINTS));
+                distances
+            }
+        };
+        self.ends.clear();
+        match range {
+            None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
+            Some(TorqueRange { lower, upper, .. }) => {
+                self.ends.extend(lower.iter().zip(upper).map(|(lower, upper)| [*lower, *upper]));
+            }
+        }
+        let inside = |(tau, [lower, upper]): (&f64, &[f64; 2])| (*lower..=*upper).contains(tau);
+        if torque.total.iter().zip(&self.ends).all(inside)
+            && self.bounds.iter().all(|bound| *bound <= 0.0)
         {
             return 0.0;
         }
-        self.weigh(&(weight - space.lambda), robot);
-        self.keep_torques(limits, &torque.total);
+        self.weigh(&(weight - space.lambda_damped), robot);
+        self.keep_torques(&torque.total);
         let outcome = self.program.solve(&Problem {
             hessian: &self.hessian,
             gradient: &self.gradient,
@@ -176,12 +213,17 @@ impl Barrier {
             bounds: &self.bounds,
             softness: &self.softness,
         });
+        let y = self.program.x();
+        let n = y.len();
+        if outcome != Outcome::NotConvex {
+            torque.add_to_task(|i| dot(&self.mass[i * n..(i + 1) * n], y));
+        }
+        if outcome != Outcome::Solved {
+            torque.cut_to(&self.ends);
+        }
         if outcome == Outcome::NotConvex {
             return 0.0; // The state is not finite: the run ends here.
         }
-        let y = self.program.x();
-        let n = y.len();
-        torque.add_to_task(|i| dot(&self.mass[i * n..(i + 1) * n], y));
         let missing = |(a, bound): (&[f64], &f64)| bound - dot(a, y);
         let rows = self.normals.chunks_exact(n).zip(&self.bounds).take(distances);
         rows.map(missing).fold(0.0, f64::max)
@@ -219,6 +261,95 @@ impl Barrier {
         gradient(row, scratch);
         let present = dot(row, nominal) + motion.bias;
         bounds.push(-(present + 2.0 * *k * motion.rate + *k * *k * height));
+    }
+
+    /// The same behind a limit of the torque rate: what must be begun now so that every distance is kept (T131).
+    fn keep_distances_in_time<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        near: Near<'_, D>,
+        range: &TorqueRange,
+    ) {
+        for pair in near.pairs {
+            let motion = DistanceRate::cautious(robot, pair);
+            let height = pair.distance - self.margin;
+            self.keep_distance_in_time(robot, height, motion, range, |row, _| {
+                robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            });
+        }
+        for pair in near.own {
+            let height = pair.nearest.distance - OWN_MARGIN;
+            self.keep_distance_in_time(
+                robot,
+                height,
+                pair.cautious(robot),
+                range,
+                |row, scratch| {
+                    pair.gradient(robot, row, scratch);
+                },
+            );
+        }
+    }
+
+    /// The row of a distance that is so much above what is to be kept \[m\], begun in time.
+    fn keep_distance_in_time<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        height: f64,
+        motion: DistanceRate,
+        range: &TorqueRange,
+        gradient: impl FnOnce(&mut [f64], &mut [f64]),
+    ) {
+        let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
+        interrupt::spend(64 + 8 * nominal.len());
+        let start = normals.len();
+        normals.resize(start + nominal.len(), 0.0);
+        let row = &mut normals[start..];
+        gradient(row, scratch);
+        robot.mass_solve(row, scratch);
+        let jerk = range.jerk(row, scratch);
+        let now = [height, motion.rate, dot(row, present) + motion.bias];
+        let closing = torque_range::CLOSING;
+        let least = range.least_acceleration(
+            now,
+            jerk,
+            closing,
+            torque_range::tune(6, THREE_POLES) * *rate,
+        );
+        bounds.push(least - (dot(row, nominal) + motion.bias));
+    }
+
+    /// The same for the angles and the speeds of the joints (T131, T132).
+    fn keep_joints_in_time<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: &TorqueRange) {
+        let Self { rate, nominal, present, normals, bounds, scratch, hessian, speed, .. } = self;
+        let n = nominal.len();
+        let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
+        let unit = &mut hessian[..n];
+        unit.fill(0.0);
+        for i in 0..n {
+            interrupt::spend(10 * n);
+            unit[i] = 1.0;
+            robot.mass_solve(unit, scratch);
+            let jerk = range.jerk(unit, scratch);
+            unit[i] = 0.0;
+            let next = dq[i] + range.period * present[i];
+            let mut upper = TorqueRange::most_acceleration(speed[i] - next, jerk, *rate);
+            let mut lower = -TorqueRange::most_acceleration(speed[i] + next, jerk, *rate);
+            if let Some([low, high]) = ranges.get(i) {
+                let least = |height, sign: f64| {
+                    let now = [height, sign * dq[i], sign * present[i]];
+                    sign * range.least_acceleration(now, jerk, speed[i], THREE_POLES * *rate)
+                };
+                lower = lower.max(least(q[i] - low, 1.0));
+                upper = upper.min(least(high - q[i], -1.0));
+            }
+            for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
+                let start = normals.len();
+                normals.resize(start + n, 0.0);
+                normals[start + i] = sign;
+                bounds.push(bound);
+            }
+        }
     }
 
     /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
@@ -264,14 +395,14 @@ impl Barrier {
         }
     }
 
-    /// |τ₀ + M y| ≤ τ_max (T70): hard rows, which never contradict each other because M is regular.
-    fn keep_torques(&mut self, limits: &[f64], nominal: &[f64]) {
+    /// lower ≤ τ₀ + M y ≤ upper (T70): hard rows, which never contradict each other because M is regular.
+    fn keep_torques(&mut self, nominal: &[f64]) {
         let n = self.nominal.len();
-        for (i, (limit, tau)) in limits.iter().zip(nominal).enumerate() {
+        for (i, ([lower, upper], tau)) in self.ends.iter().zip(nominal).enumerate() {
             let row = &self.mass[i * n..(i + 1) * n];
             self.normals.extend_from_slice(row);
             self.normals.extend(row.iter().map(|m| -m));
-            self.bounds.extend([-limit - tau, tau - limit]);
+            self.bounds.extend([lower - tau, tau - upper]);
             self.softness.extend([0.0, 0.0]);
         }
     }

@@ -11,7 +11,9 @@ pub mod relaxed;
 
 use super::distance::OwnPair;
 use super::settings::SelfCollision;
-use super::{Avoidance, Gains, OperationalSpace, TaskMetric, Torque, VirtualForces};
+use super::{
+    Avoidance, Gains, OperationalSpace, TaskMetric, Torque, TorqueRange, VirtualForces, limits,
+};
 use crate::geometry::Body;
 use crate::math::Vector;
 use crate::robot::Robot;
@@ -88,7 +90,7 @@ impl Yielding {
     }
 }
 
-/// One of the three strategies, with its workspace.
+/// What changes the torque of the null-space law: one of the three strategies, or limits of what can be sent, with its workspace.
 #[derive(Debug, Clone)]
 pub struct Avoider<const D: usize, const M: usize> {
     settings: Yielding,
@@ -105,30 +107,37 @@ pub struct Avoider<const D: usize, const M: usize> {
     /// The bodies, or capsules around them, gathered where they are measured against each other.
     bodies: Vec<Body<'static, D>>,
     strategy: Strategy,
+    /// The QP: of `cbf`, and for the limits that the others do not know.
+    barrier: Option<Barrier>,
     slack: f64,
 }
 
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "one per controller, boxed with what is around it")]
 enum Strategy {
+    /// The task always wins, as far as the drives let it.
+    Task,
     Relaxed,
     Priority(Priority),
-    Barrier(Barrier),
+    Barrier,
 }
 
 impl<const D: usize, const M: usize> Avoider<D, M> {
-    /// What `gains` ask for on `robot`; nothing if the task always wins.
+    /// What `gains` ask for on `robot`; nothing if the task always wins and the torque may change as fast as it likes.
     pub fn new<R: Robot<D>>(gains: &Gains<M>, robot: &R) -> Option<Box<Self>> {
         let Gains { yielding: settings, singularity, .. } = gains;
         let metric = gains.metric::<D>();
+        let is_limited = gains.enforce_limits && !robot.limits().torque.is_empty();
+        let has_rate = gains.command.torque_rate.is_some();
         let strategy = match gains.avoidance {
-            Avoidance::NullSpace => return None,
+            Avoidance::NullSpace if !has_rate => return None,
+            Avoidance::NullSpace => Strategy::Task,
             Avoidance::Relaxed => Strategy::Relaxed,
             Avoidance::Priority => {
                 Strategy::Priority(Priority::new(robot.dof(), singularity / robot.total_mass()))
             }
-            Avoidance::Cbf => Strategy::Barrier(Barrier::new(robot, settings)),
+            Avoidance::Cbf => Strategy::Barrier,
         };
+        let has_barrier = matches!(strategy, Strategy::Barrier) || is_limited || has_rate;
         let keeps_apart =
             gains.self_collision == SelfCollision::Avoid && gains.avoidance == Avoidance::Cbf;
         let most_own = if keeps_apart { OwnPair::most_features(robot) } else { 0 };
@@ -145,28 +154,38 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             most_own,
             bodies: Vec::with_capacity(if keeps_apart { robot.body_count() } else { 0 }),
             strategy,
+            barrier: has_barrier.then(|| Barrier::new(robot, settings)),
             slack: 0.0,
         }))
     }
 
     /// By how much the last command violates the barriers at most \[m/s²\]; None if there are none.
     pub fn slack(&self) -> Option<f64> {
-        matches!(self.strategy, Strategy::Barrier(_)).then_some(self.slack)
+        matches!(self.strategy, Strategy::Barrier).then_some(self.slack)
+    }
+
+    /// Whether the end effector may give way.
+    pub fn yields(&self) -> bool {
+        !matches!(self.strategy, Strategy::Task)
     }
 
     /// Forgets the pairs and makes room for so many: all may come near later, and nothing must allocate then.
     pub fn reserve(&mut self, count: usize) {
-        let Self { pairs, own, most_own, strategy, .. } = self;
+        let Self { pairs, own, most_own, strategy, barrier, .. } = self;
         pairs.clear();
+        let mut rows = 0;
         match strategy {
-            Strategy::Relaxed => {}
+            Strategy::Task | Strategy::Relaxed => {}
             Strategy::Priority(_) => pairs.reserve(count),
-            Strategy::Barrier(barrier) => {
+            Strategy::Barrier => {
                 pairs.reserve(count);
                 own.clear();
                 own.reserve(*most_own);
-                barrier.reserve(count + *most_own);
+                rows = count + *most_own;
             }
+        }
+        if let Some(barrier) = barrier {
+            barrier.reserve(rows);
         }
     }
 
@@ -174,12 +193,12 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
         let bodies = robot.bodies();
         let most = match self.strategy {
-            Strategy::Barrier(_) => surroundings.barrier_count(),
+            Strategy::Barrier => surroundings.barrier_count(),
             _ => surroundings.contact_count(),
         };
         let hulls = robot.bodies().filter(|body| body.hull.is_some()).count();
         let rows = match self.strategy {
-            Strategy::Barrier(_) if hulls > 0 => {
+            Strategy::Barrier if hulls > 0 => {
                 (robot.body_count() - hulls) * most + hulls * surroundings.hull_barrier_count()
             }
             _ => robot.body_count() * most,
@@ -191,11 +210,11 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         let Self { reach, pairs, strategy, .. } = self;
         let visit = |pair: &Contact<D>| pairs.push(*pair);
         match strategy {
-            Strategy::Relaxed => {}
+            Strategy::Task | Strategy::Relaxed => {}
             Strategy::Priority(_) => {
                 surroundings.for_each_contact(bodies, *reach, |_, _| {}, visit);
             }
-            Strategy::Barrier(_) => surroundings.for_each_barrier(bodies, *reach, visit),
+            Strategy::Barrier => surroundings.for_each_barrier(bodies, *reach, visit),
         }
     }
 
@@ -224,23 +243,32 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         }
     }
 
-    /// Changes the torque of the null-space law into one that gives way.
+    /// Changes the torque of the null-space law into one that gives way, and that can be sent: in `range` behind a limit of the
+    /// torque rate, within the torque limits otherwise.
     pub fn act<R: Robot<D>>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
         forces: &VirtualForces<R::Wrench, D>,
         bias: &[f64],
+        range: Option<&TorqueRange>,
         torque: &mut Torque,
     ) {
-        let Self { settings, weight, pairs, own, strategy, slack, .. } = self;
+        let Self { settings, weight, pairs, own, strategy, barrier, slack, .. } = self;
         match strategy {
+            Strategy::Task | Strategy::Barrier => {}
             Strategy::Relaxed => relaxed::act(settings, robot, space, forces, torque),
-            Strategy::Priority(priority) => priority.act(settings, robot, pairs, bias, torque),
-            Strategy::Barrier(barrier) => {
-                let near = Near { pairs, own };
-                *slack = barrier.act(robot, space, weight, near, bias, torque);
+            Strategy::Priority(priority) => {
+                priority.act(settings, robot, pairs, bias, range, torque);
             }
+        }
+        let Some(barrier) = barrier else { return };
+        if matches!(strategy, Strategy::Barrier) {
+            let near = Near { pairs, own };
+            *slack = barrier.act(robot, space, weight, near, bias, range, torque);
+        } else if range.is_some() || !limits::within(&torque.total, &robot.limits().torque) {
+            let nothing = Near { pairs: &[], own: &[] };
+            barrier.act(robot, space, weight, nothing, bias, range, torque);
         }
     }
 }

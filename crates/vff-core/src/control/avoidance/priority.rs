@@ -1,8 +1,10 @@
 //! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
 
 use super::Yielding;
-use crate::control::Torque;
+use super::barrier::THREE_POLES;
 use crate::control::distance::DistanceRate;
+use crate::control::torque_range::CLOSING;
+use crate::control::{Torque, TorqueRange};
 use crate::interrupt;
 use crate::math::{dot, smoothstep};
 use crate::robot::Robot;
@@ -17,6 +19,8 @@ pub struct Priority {
     gradient: Vec<f64>,
     response: Vec<f64>,
     acceleration: Vec<f64>,
+    /// q̈ at present, behind a limit of the torque rate.
+    present: Vec<f64>,
     scratch: Vec<f64>,
     /// Mobility along n̂ \[1/kg\] below which a point counts as hardly movable.
     threshold: f64,
@@ -30,6 +34,7 @@ impl Priority {
             gradient: zeros(),
             response: zeros(),
             acceleration: zeros(),
+            present: zeros(),
             scratch: zeros(),
             threshold,
         }
@@ -43,13 +48,17 @@ impl Priority {
         robot: &R,
         pairs: &[Contact<D>],
         bias: &[f64],
+        range: Option<&TorqueRange>,
         torque: &mut Torque,
     ) {
         if pairs.is_empty() {
             return;
         }
-        let Self { gradient, response, acceleration, scratch, threshold } = self;
+        let Self { gradient, response, acceleration, present, scratch, threshold } = self;
         robot.accelerate(&torque.total, bias, scratch, acceleration);
+        if let Some(range) = range {
+            robot.accelerate(&range.present, bias, scratch, present);
+        }
         for pair in pairs {
             interrupt::spend(64 + 16 * gradient.len());
             let share =
@@ -57,7 +66,16 @@ impl Priority {
             let motion = DistanceRate::cautious(robot, pair);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
             let k = settings.rate.unwrap_or(RATE);
-            let wanted = -2.0 * k * motion.rate - k * k * (pair.distance - settings.margin);
+            let height = pair.distance - settings.margin;
+            let wanted = match range {
+                None => -2.0 * k * motion.rate - k * k * height,
+                Some(range) => {
+                    robot.mass_solve(gradient, response);
+                    let jerk = range.jerk(gradient, response);
+                    let now = [height, motion.rate, dot(gradient, present) + motion.bias];
+                    range.least_acceleration(now, jerk, CLOSING, THREE_POLES * k)
+                }
+            };
             let missing = wanted - motion.bias - dot(gradient, acceleration);
             if missing <= 0.0 {
                 continue;

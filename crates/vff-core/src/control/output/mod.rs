@@ -9,6 +9,7 @@ mod settings;
 pub mod supervision;
 pub mod tip_speed;
 
+use super::TorqueRange;
 use super::limits::largest_share;
 use crate::robot::Robot;
 use friction::Friction;
@@ -60,6 +61,11 @@ impl Output {
         &self.sent
     }
 
+    /// What was sent before that.
+    pub fn sent_before(&self) -> &[f64] {
+        &self.before[0]
+    }
+
     /// What is to be sent for the torque `tau` of the law at the state of `robot`, where `bias` is C q̇ + g, however fast it
     /// changes \[N·m, N\].
     pub fn convert<R: Robot<D>, const D: usize>(
@@ -82,6 +88,38 @@ impl Output {
             self.wanted.iter_mut().zip(g).for_each(|(wanted, g)| *wanted -= *g);
         }
         &self.wanted
+    }
+
+    /// Writes where the torque of the law may be at the state of `robot` if `sent` is what has been sent until now: what is
+    /// made of it changes no faster than the drives allow in `period` \[s\], and is within the torque limits, gravity that the
+    /// robot adds included or not. Where both cannot be, the rate holds.
+    pub fn write_range<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        sent: &[f64],
+        period: f64,
+        range: &mut TorqueRange,
+    ) {
+        let Self { friction, gravity, rate, scratch: [g, friction_torque], .. } = self;
+        friction_torque.fill(0.0);
+        if let Some(friction) = friction {
+            friction.compensate(robot.velocity(), &[], friction_torque);
+        }
+        match gravity {
+            Gravity::Robot => robot.gravity_torque(g),
+            Gravity::Controller => g.fill(0.0),
+        }
+        range.period = period;
+        for (i, rate) in rate.iter().enumerate() {
+            let most = robot.limits().torque.get(i).copied().unwrap_or(f64::INFINITY);
+            let [low, high] = [sent[i] - rate * period, sent[i] + rate * period];
+            let added = friction_torque[i] - g[i];
+            let least = (-most - g[i].min(0.0)).max(low).min(high);
+            let largest = (most - g[i].max(0.0)).max(low).min(high);
+            range.lower[i] = least - added;
+            range.upper[i] = largest - added;
+            range.present[i] = sent[i] - added;
+        }
     }
 
     /// What the torque `tau` of the law does to the joints of the model, with the tip kept below its speed

@@ -5,8 +5,9 @@
 //! damped as if its velocity decayed from the last one known (T115), then nothing but gravity is sent, then it is lost.
 
 use super::{CommandSettings, Output};
+use crate::control::Controller;
 use crate::math::smoothstep;
-use crate::robot::Robot;
+use crate::robot::{Manipulator, Robot};
 
 /// What a cycle came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -104,6 +105,8 @@ pub struct Supervisor {
     from: Origin,
     origin: Vec<f64>,
     blended: f64,
+    /// What was sent before this cycle.
+    sent: Vec<f64>,
 }
 
 impl Supervisor {
@@ -160,6 +163,7 @@ impl Supervisor {
             from: if measured.is_some() { Origin::Measured } else { Origin::Rest },
             origin,
             blended: 0.0,
+            sent: vec![0.0; n],
         })
     }
 
@@ -204,6 +208,16 @@ impl Supervisor {
             self.q.copy_from_slice(q);
         }
         can_be
+    }
+
+    /// Lets the next command of `controller`, which has observed the state, ask for what can be sent in this cycle.
+    pub fn announce<R: Manipulator<D, M> + Clone, const D: usize, const M: usize>(
+        &mut self,
+        controller: &mut Controller<R, D, M>,
+    ) {
+        self.take_up(controller.robot());
+        self.sent.copy_from_slice(self.output.sent());
+        controller.expect(&mut self.output, &self.sent, self.period);
     }
 
     /// A cycle with a new state, at which `robot` is, and the torque `tau` of the law there, where `bias` is C q̇ + g.
