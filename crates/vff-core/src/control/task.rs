@@ -31,12 +31,11 @@ pub fn sendable_acceleration<const M: usize>(
 ) -> Vector<M> {
     let mut pull = gains.stiffness.component_mul(&e);
     let pole = gains.stiffness.component_div(&gains.damping).max();
-    let share = (crate::control::torque_range::tune(3, RETURN) / (pole * build_up(&pull))).sqrt();
+    let share = (RETURN / (pole * build_up(&pull))).sqrt();
     if share < 1.0 {
         pull *= share;
     }
     let demand = -gains.damping.component_mul(&de) - pull;
-    let share = crate::control::torque_range::tune(4, 1.0)
-        * (gains.damping.max() * build_up(&demand)).recip();
+    let share = (gains.damping.max() * build_up(&demand)).recip();
     if share < 1.0 { ddx_r + demand * share } else { ddx_r + demand }
 }

@@ -23,7 +23,7 @@ const SHARPNESS: f64 = 1.4;
 /// w in (T131): the speed at which obstacles and links close in that barriers reckon with \[m/s\].
 pub const CLOSING: f64 = 1.0;
 /// Share of the torque rate that braking before a speed limit takes up (T132).
-const BRAKING: f64 = 0.5;
+const BRAKING: f64 = 0.25;
 /// In parts of j/k³: a height that is farther below 0 asks for no more than this one.
 const DEEPEST: f64 = 0.3;
 
@@ -50,9 +50,7 @@ impl TorqueRange {
     /// be changed by `jerk` and ḣ is −`closing` at worst (T131). The pole is `fastest` \[1/s\] at most.
     pub fn least_acceleration(&self, now: [f64; 3], jerk: f64, closing: f64, fastest: f64) -> f64 {
         let [h, dh, ddh] = now;
-        let k = (tune(0, SHARPNESS) * (jerk / (closing * tune(1, 1.0))).sqrt())
-            .min(fastest)
-            .min(1.0 / (3.0 * self.period));
+        let k = (SHARPNESS * (jerk / closing).sqrt()).min(fastest).min(1.0 / (3.0 * self.period));
         let h = h.max(-DEEPEST * jerk / (k * k * k));
         ddh - self.period * k * (3.0 * ddh + k * (3.0 * dh + k * h))
     }
@@ -60,7 +58,7 @@ impl TorqueRange {
     /// The largest acceleration with `left` to go to the largest speed: in proportion near it, and farther away as much
     /// as can be taken back at a share of `jerk` (T132).
     pub fn most_acceleration(left: f64, jerk: f64, rate: f64) -> f64 {
-        let jerk = tune(2, BRAKING) * jerk;
+        let jerk = BRAKING * jerk;
         let near = jerk / (rate * rate);
         match left.abs() {
             distance if distance <= near => rate * left,
@@ -69,14 +67,96 @@ impl TorqueRange {
     }
 }
 
-/// TEMPORARY
-pub fn tune(i: usize, d: f64) -> f64 {
-    static V: std::sync::OnceLock<Vec<Option<f64>>> = std::sync::OnceLock::new();
-    V.get_or_init(|| {
-        std::env::var("TR").unwrap_or_default().split(',').map(|x| x.parse().ok()).collect()
-    })
-    .get(i)
-    .copied()
-    .flatten()
-    .unwrap_or(d)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::{Gains, Settings, task};
+    use crate::math::{ScalarOrVec, Vector};
+    use proptest::prelude::*;
+
+    const PERIOD: f64 = 1e-3;
+
+    /// A body on a critically damped spring of 30 rad/s, at rest where a wall comes at `speed` from 1 m away, goes 0.15 m too
+    /// far, waits for a second and leaves; ẍ changes by no more than `jerk` a second. What came nearest \[m\], the largest
+    /// speed \[m/s\], and how far the body is from its place 10 s after that \[m\].
+    fn pushed(jerk: f64, speed: f64) -> [f64; 3] {
+        let (mass, margin) = (6.0, 0.02);
+        let range = TorqueRange { period: PERIOD, ..TorqueRange::new(vec![mass * jerk]) };
+        let gains = Gains::<1>::new(&Settings {
+            stiffness: ScalarOrVec::Uniform(900.0),
+            damping: ScalarOrVec::Uniform(60.0),
+            ..Settings::default()
+        });
+        let (mut x, mut v, mut a) = (0.0_f64, 0.0_f64, 0.0);
+        let mut found = [f64::INFINITY, 0.0_f64, 0.0];
+        let there = 1.15 / speed;
+        for step in 0..(1000.0 * (2.0 * there + 11.0)) as usize {
+            let t = PERIOD * step as f64;
+            let (wall, velocity) = match t {
+                t if t < there => (speed * t - 1.0, speed),
+                t if t < there + 1.0 => (0.15, 0.0),
+                t => ((0.15 - speed * (t - there - 1.0)).max(-1.0), -speed),
+            };
+            let h = [x - wall - margin, v - velocity, a];
+            let mut build_up = |ddx: &Vector<1>| range.build_up(&[mass * ddx[0]]);
+            let [e, de, zero] = [x, v, 0.0].map(Vector::<1>::new);
+            let wanted = task::sendable_acceleration(&gains, &zero, e, de, &mut build_up)[0];
+            let least = range.least_acceleration(h, jerk, CLOSING, 60.0);
+            let most = PERIOD * jerk;
+            a = wanted.max(least).clamp(a - most, a + most);
+            v += PERIOD * a;
+            x += PERIOD * v;
+            found = [found[0].min(x - wall), found[1].max(v.abs()), x.abs()];
+        }
+        found
+    }
+
+    proptest! {
+        /// Nothing oscillates, whatever the rate: the body keeps the distance from a wall of up to twice the speed that
+        /// barriers reckon with, gets no faster than the wall or than it comes back, and comes back.
+        #[test]
+        fn what_is_begun_in_time_is_kept(jerk in 100.0..3000.0, speed in 0.1..2.0) {
+            let [nearest, fastest, left] = pushed(jerk, speed);
+            prop_assert!(nearest > 0.019, "{nearest}");
+            prop_assert!(fastest < 1.1 * speed.max(0.45), "{fastest}");
+            prop_assert!(left < 1e-3, "{left}");
+        }
+
+        /// A joint that is asked for more than its largest speed comes to that speed without passing it.
+        #[test]
+        fn a_speed_is_reached_and_not_passed(jerk in 100.0..5e4, most in 0.5..5.0, torque in 5.0..500.0) {
+            let (mut v, mut a) = (0.0, 0.0);
+            let step = PERIOD * jerk;
+            for _ in 0..4000 {
+                let bound = TorqueRange::most_acceleration(most - v - PERIOD * a, jerk, 40.0);
+                a = bound.min(torque).clamp(a - step, a + step);
+                v += PERIOD * a;
+                prop_assert!(v <= most * (1.0 + 1e-3), "{v} of {most}");
+            }
+            prop_assert!(v > 0.99 * most, "{v} of {most}");
+        }
+    }
+
+    /// The bound is the same from both sides of where its two parts meet, and so is its slope.
+    #[test]
+    fn the_bound_of_a_speed_has_no_corner() {
+        let (jerk, rate) = (400.0, 40.0);
+        let near = BRAKING * jerk / (rate * rate);
+        let at = |left: f64| TorqueRange::most_acceleration(left, jerk, rate);
+        let h = 1e-6 * near;
+        assert!((at(near + h) - at(near) - rate * h).abs() < 1e-5 * rate * h);
+        assert!((at(near) - at(near - h) - rate * h).abs() < 1e-5 * rate * h);
+        assert!((at(near) + at(-near)).abs() < 1e-12);
+    }
+
+    /// Force builds up as fast as the slowest joint lets it.
+    #[test]
+    fn jerk_along_a_gradient() {
+        let range = TorqueRange::new(vec![1000.0, 100.0]);
+        // Along the first joint alone, of 2 kg·m²; along both, where the second one is the slower.
+        assert!((range.jerk(&[0.5, 0.0], &[0.25, 0.0]) - 0.125 / 5e-4).abs() < 1e-9);
+        assert!((range.jerk(&[0.5, 0.1], &[0.25, 0.05]) - 0.13 / 1e-3).abs() < 1e-9);
+        assert!(range.jerk(&[0.0, 0.0], &[0.0, 0.0]) == 0.0);
+        assert!((range.build_up(&[-10.0, 2.0]) - 0.02).abs() < 1e-15);
+    }
 }

@@ -59,6 +59,9 @@ const KEPT: f64 = 10.0;
 /// How much more a joint's angle and speed weigh than a distance where the torque rate does not leave room for all.
 const JOINTS: f64 = 100.0;
 
+/// Share of a joint's largest speed that is kept where the torque rate couples its braking to that of other joints.
+const KEPT_SPEED: f64 = 0.98;
+
 /// How much faster the three poles of (T131) are than the two of (T67), which react as early.
 pub const THREE_POLES: f64 = 1.5;
 
@@ -187,7 +190,7 @@ impl Barrier {
                 let distances = self.bounds.len();
                 self.softness.resize(distances, softness);
                 self.keep_joints_in_time(robot, range);
-                self.softness.resize(self.bounds.len(), softness / torque_range::tune(5, JOINTS));
+                self.softness.resize(self.bounds.len(), softness / JOINTS);
                 distances
             }
         };
@@ -310,12 +313,7 @@ impl Barrier {
         let jerk = range.jerk(row, scratch);
         let now = [height, motion.rate, dot(row, present) + motion.bias];
         let closing = torque_range::CLOSING;
-        let least = range.least_acceleration(
-            now,
-            jerk,
-            closing,
-            torque_range::tune(6, THREE_POLES) * *rate,
-        );
+        let least = range.least_acceleration(now, jerk, closing, THREE_POLES * *rate);
         bounds.push(least - (dot(row, nominal) + motion.bias));
     }
 
@@ -333,8 +331,9 @@ impl Barrier {
             let jerk = range.jerk(unit, scratch);
             unit[i] = 0.0;
             let next = dq[i] + range.period * present[i];
-            let mut upper = TorqueRange::most_acceleration(speed[i] - next, jerk, *rate);
-            let mut lower = -TorqueRange::most_acceleration(speed[i] + next, jerk, *rate);
+            let most = KEPT_SPEED * speed[i];
+            let mut upper = TorqueRange::most_acceleration(most - next, jerk, *rate);
+            let mut lower = -TorqueRange::most_acceleration(most + next, jerk, *rate);
             if let Some([low, high]) = ranges.get(i) {
                 let least = |height, sign: f64| {
                     let now = [height, sign * dq[i], sign * present[i]];
@@ -410,12 +409,12 @@ impl Barrier {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Strategy;
     use super::*;
-    use crate::control::{Avoidance, Controller, Gains};
-    use crate::math::Vector;
+    use crate::control::{Avoidance, Controller, Gains, Output};
+    use crate::math::{ScalarOrVec, Vector};
     use crate::robot::{Manipulator, Model, PlanarState};
     use crate::scenario::Scenario;
+    use crate::simulation::Control;
     use crate::trajectory::Trajectory;
     use crate::world::plane::World;
     use clarabel::algebra::CscMatrix;
@@ -481,28 +480,33 @@ mod tests {
         (controller, World::new(scene.obstacles.clone()), trajectory)
     }
 
-    /// The QPs of a run, also of one whose torque limits act, have the solutions that Clarabel finds.
+    /// The QPs of a run, also of one whose torque limits act, or the limits of their rate, have the solutions that Clarabel
+    /// finds.
     #[test]
     fn the_qps_of_a_run_agree_with_clarabel() {
         let text = include_str!("../../../tests/scenarios/on-path.toml");
-        for torque in [None, Some(40.0)] {
+        for (torque, rate) in [(None, None), (Some(40.0), None), (None, Some(1000.0))] {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
-            scenario.scene.plane_mut().unwrap().arm.torque_limits =
-                torque.map(crate::math::ScalarOrVec::Uniform);
+            scenario.simulation.control = Control::Hold;
+            let [torque, rate] = [torque, rate].map(|limit| limit.map(ScalarOrVec::Uniform));
+            scenario.scene.plane_mut().unwrap().arm.torque_limits.clone_from(&torque);
+            scenario.controller.command.torque_rate.clone_from(&rate);
             let (mut controller, mut world, trajectory) = loop_of(&scenario);
+            let mut output = Output::new(&scenario.controller.command, scenario.q0.len());
+            let mut sent: Option<Vec<f64>> = None;
             let mut run = scenario.prepare().unwrap().run;
             let (mut solved, mut at_limit) = (0, 0);
             while run.step() {
                 let s = run.snapshot();
                 world.update(s.t);
                 controller.observe(s.q, s.dq, &mut world);
+                if let Some(sent) = &sent {
+                    controller.expect(&mut output, sent, 1e-3);
+                }
                 controller.command(&trajectory.at(s.t));
-                let Some(Strategy::Barrier(barrier)) =
-                    controller.avoider.as_ref().map(|a| &a.strategy)
-                else {
-                    panic!("no barrier");
-                };
+                sent = Some(s.torque.total.clone());
+                let barrier = controller.avoider.as_ref().unwrap().barrier.as_ref().unwrap();
                 // A breach by rounding alone, 1e-15, is beyond an interior-point method.
                 if barrier.bounds.iter().all(|b| *b <= 1e-9) {
                     continue;
@@ -518,7 +522,7 @@ mod tests {
                 }
             }
             assert!(solved > 500, "{solved}");
-            assert_eq!(at_limit > 50, torque.is_some(), "{at_limit}");
+            assert_eq!(at_limit > 50, torque.or(rate).is_some(), "{at_limit}");
         }
     }
 

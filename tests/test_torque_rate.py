@@ -1,0 +1,109 @@
+"""What is sent changes no faster than the drives allow, and every other limit holds behind that (T130 to T134)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+from vffnull import scenes
+
+IN_SPACE = [name for name in vff.scenarios() if "model" in vff.Scenario.load(name)["arm"]]
+WAYS = ("null_space", "relaxed", "priority", "cbf")
+RATES = (400.0, 1000.0)  # N·m/s; the second is a Franka's
+
+
+def behind_a_rate(scene: str | vff.Scenario, rate: float, changes: dict[str, Any]) -> vff.Result:
+    """A run behind a torque rate, every step of it recorded, and that no limit was exceeded on the way."""
+    command = {"controller.command.torque_rate": rate, "simulation.record_every": 1}
+    result = vff.simulate(scene, command | changes)
+    arm = result.scenario.arm
+    sent = result.tau_applied
+    assert sent is not None and np.isfinite(sent).all()
+    if changes.get("controller.command.gravity") == "robot":
+        sent = sent - np.array([arm.gravity_torque(q) for q in result.q])
+    period = np.diff(result.t).max() * changes.get("simulation.control_every", 1)
+    assert np.abs(np.diff(sent, axis=0)).max() <= rate * period * (1 + 1e-9)
+    if arm.torque_limits is not None:
+        assert (np.abs(sent) <= arm.torque_limits * (1 + 1e-9)).all()
+    if arm.velocity_limits is not None:
+        assert (np.abs(result.dq) <= (1.01 if rate >= 1000 else 1.02) * arm.velocity_limits).all()
+    return result
+
+
+@pytest.mark.parametrize("name", IN_SPACE)
+@pytest.mark.parametrize("way", WAYS)
+def test_no_limit_is_exceeded_in_bundled_scenes(name: str, way: str) -> None:
+    """Torque, its rate and speed; and nothing is hit that is not hit without a rate, or by `cbf` at all."""
+    free = vff.simulate(name, {"controller.avoidance": way})
+    for rate in RATES:
+        result = behind_a_rate(name, rate, {"controller.avoidance": way})
+        if way == "cbf":
+            assert result.status == "completed"
+            assert result.metrics["min_clearance"] > 0.012
+        elif way != "relaxed" and free.metrics["min_clearance"] > 0.02:
+            assert result.metrics["min_clearance"] > 0.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"measurement.velocity_noise": 0.002, "measurement.position_noise": 1e-5},
+        {"measurement.delay": 0.004},
+        {"plant.coulomb_friction": 1.0},
+        {"simulation.control": "predictor"},
+        {"simulation.dt": 0.004},
+        {"simulation.dt": 0.0005, "simulation.control_every": 2},
+        {"controller.command.gravity": "robot"},
+        {"controller.command.tip_speed": 0.3},
+        {"controller.command.coulomb_friction": 0.8, "plant.coulomb_friction": 1.0},
+        {"controller.tank": {"capacity": 2.0}},
+        {"controller.self_collision": "avoid"},
+        {"controller.yielding.preview": {}},
+        {"controller.governor": {}},
+        {"controller.projection": "none"},
+        {"controller.formulation": "extended_jacobian"},
+    ],
+    ids=lambda changes: "+".join(changes),
+)
+@pytest.mark.parametrize("name", ["ur5e-crossed", "panda-pointing"])
+def test_limits_hold_with_other_options(name: str, changes: dict[str, Any]) -> None:
+    result = behind_a_rate(name, 1000.0, {"controller.avoidance": "cbf"} | changes)
+    assert result.status == "completed"
+    assert result.metrics["min_clearance"] > 0.0
+
+
+@pytest.mark.parametrize("name", ["on-path", "sweep-through", "crowd"])
+@pytest.mark.parametrize("way", WAYS)
+def test_limits_hold_in_the_plane(name: str, way: str) -> None:
+    changes: dict[str, Any] = {"controller.avoidance": way, "simulation.control": "hold", "simulation.dt": 0.001}
+    changes |= {"arm.torque_limits": 60.0, "arm.velocity_limits": 3.0, "duration": 4.0}
+    behind_a_rate(name, 2000.0, changes)
+
+
+@pytest.mark.parametrize("way", ["relaxed", "priority"])
+def test_ways_that_are_no_program_keep_the_torque_limits(way: str) -> None:
+    """What gives way is added after the objectives are scaled: a joint of 150 N·m was sent 1664."""
+    for name in IN_SPACE:
+        result = vff.simulate(name, {"controller.avoidance": way, "controller.field.gain": 2000.0})
+        limits = result.scenario.arm.torque_limits
+        if limits is not None:
+            assert (np.abs(result.tau) <= limits * (1 + 1e-9)).all()
+
+
+def test_torque_limits_hold_beside_a_singularity() -> None:
+    """The cost of the program is convex there, too: it was not, and 4 times the limit of a joint was sent."""
+    scene = scenes.in_space("path-crossed", "ur5e", "pose", 1)
+    result = vff.simulate(scene, {"controller.avoidance": "cbf", "simulation.record_every": 1})
+    assert result.metrics["min_manipulability"] < 1e-4
+    assert (np.abs(result.tau) <= result.scenario.arm.torque_limits * (1 + 1e-9)).all()
+
+
+def test_a_rate_that_is_never_needed_changes_little() -> None:
+    """With room to spare the three poles do what the two do."""
+    free = vff.simulate("ur5e-crossed", {"simulation.record_every": 1})
+    wide = behind_a_rate("ur5e-crossed", 1e7, {})
+    assert wide.metrics["min_clearance"] == pytest.approx(free.metrics["min_clearance"], abs=2e-3)
+    assert np.linalg.norm(wide.error[-1, :3]) < 1e-3
