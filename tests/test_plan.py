@@ -248,6 +248,12 @@ def test_files_of_others_are_refused(found: vff.Plan, tmp_path: Path) -> None:
     }
     for name, change in changes.items():
         np.savez(tmp_path / f"{name}.npz", **{**inside, **change})
+    np.savez(tmp_path / "nudged.npz", **{**inside, "q": inside["q"] + 1e-9})
+    with pytest.raises(InputError, match=r"nudged\.npz: damaged: its digest"):
+        vff.Plan.load(tmp_path / "nudged.npz")
+    header = {key: value for key, value in json.loads(str(inside["vffnull_plan"])).items() if key != "digest"}
+    np.savez(tmp_path / "older.npz", **{**inside, "vffnull_plan": np.array(json.dumps(header))})
+    assert repr(vff.Plan.load(tmp_path / "older.npz")) == repr(found)
     for name in ("cut", "text", *changes):
         with pytest.raises(InputError):
             vff.Plan.load(tmp_path / f"{name}.npz")
