@@ -8,6 +8,7 @@ from __future__ import annotations
 import copy
 import math
 import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -88,6 +89,14 @@ def broken(name: str, value: Any) -> dict[str, Any]:
     return document
 
 
+def test_numbers_beyond_all_reason_are_no_traceback() -> None:
+    """What is odd about them cannot be told; how the run ends can."""
+    scenario = broken("controller.null_damping", 1e-320)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        assert vff.simulate(scenario).status in list(vff.Status)
+
+
 def test_the_valid_one_is_valid() -> None:
     result = vff.simulate(valid())
     assert result.status == "completed", result.message
@@ -105,6 +114,12 @@ def only_one_of_ours(call: Callable[[], object]) -> VffNullError:
 
 WRONG = [
     # key, value, path in the message, what the message says
+    ("controller", [], "controller", "expected a table, got a list"),
+    ("controller", ["position"], "controller", "expected a table, got a list"),
+    ("controller.field", [], "controller.field", "table"),
+    ("plant", [], "plant", "expected a table, got a list"),
+    ("simulation", [], "simulation", "expected a table, got a list"),
+    ("arm", [], "arm", "table"),
     ("duration", 0.0, "duration", "greater than 0"),
     ("duration", -1.0, "duration", "greater than 0"),
     ("duration", NAN, "duration", "finite"),

@@ -284,6 +284,20 @@ def test_a_plan_stays_within_the_joint_limits() -> None:
         vff.simulate({**GAP, "arm": limits, "reference": reference})
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_between_joint_limits_is_a_reference(seed: int) -> None:
+    """From one end of joints to the other, and one stays at its end: no rounding leads beyond."""
+    ends = np.random.default_rng(seed).uniform(0.1, 0.9, (2, 4))
+    ends[1, 1] = ends[0, 1]
+    lower, upper = np.sort(ends, axis=0) + [[0.0] * 4, [0.0, 0.3, 0.0, 0.0]]
+    limited = {**GAP["arm"], "joint_limits": np.stack([lower, upper], axis=1).tolist()}
+    scene = {**GAP, "q0": ends[0].tolist(), "obstacles": [], "arm": limited}
+    made = vff.plan(scene, ends[1])
+    assert made.status == "found"
+    assert (made.q >= lower).all() and (made.q <= upper).all()
+    vff.Scenario.from_dict({**scene, "reference": made.reference})
+
+
 def test_a_posture_needs_something_to_pull_to() -> None:
     stiff = {**GAP["controller"], "posture_stiffness": 5.0}
     with pytest.raises(ScenarioError, match="posture"):
