@@ -6,10 +6,12 @@ ARCHITECTURE.md: errors are for bad input, outcomes are values, and no panic rea
 from __future__ import annotations
 
 import copy
+import json
 import math
 import re
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -853,3 +855,14 @@ def test_text_that_no_encoding_has(call: Callable[[], object]) -> None:
 )
 def test_whole_numbers_out_of_range(call: Callable[[], object], name: str) -> None:
     assert str(only_one_of_ours(call)).startswith(name)
+
+
+def test_xml_has_no_place_for_control_characters() -> None:
+    """What is written can be read."""
+    panda = vff.Arm.named("panda").to_dict()
+    link = panda["joints"][2]["link"]
+    named = json.loads(json.dumps(panda).replace(f'"{link}"', '"a\\u0001b"'))
+    arm = vff.Scenario.from_dict({**vff.Scenario.load("panda-sweep").to_dict(), "arm": named}).arm
+    for write in (arm.to_urdf, arm.to_mjcf, partial(vff.Arm.uniform(2).to_urdf, "a\x01b")):
+        with pytest.raises(InputError, match=r"name 'a\\x01b': XML has no place for control characters"):
+            write()

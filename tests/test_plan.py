@@ -289,7 +289,8 @@ def test_a_plan_between_joint_limits_is_a_reference(seed: int) -> None:
     """From one end of joints to the other, and one stays at its end: no rounding leads beyond."""
     ends = np.random.default_rng(seed).uniform(0.1, 0.9, (2, 4))
     ends[1, 1] = ends[0, 1]
-    lower, upper = np.sort(ends, axis=0) + [[0.0] * 4, [0.0, 0.3, 0.0, 0.0]]
+    lower, upper = np.sort(ends, axis=0)
+    upper[1] += 0.3
     limited = {**GAP["arm"], "joint_limits": np.stack([lower, upper], axis=1).tolist()}
     scene = {**GAP, "q0": ends[0].tolist(), "obstacles": [], "arm": limited}
     made = vff.plan(scene, ends[1])
