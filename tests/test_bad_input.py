@@ -6,9 +6,12 @@ ARCHITECTURE.md: errors are for bad input, outcomes are values, and no panic rea
 from __future__ import annotations
 
 import copy
+import json
 import math
 import re
+import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +91,14 @@ def broken(name: str, value: Any) -> dict[str, Any]:
     return document
 
 
+def test_numbers_beyond_all_reason_are_no_traceback() -> None:
+    """What is odd about them cannot be told; how the run ends can."""
+    scenario = broken("controller.null_damping", 1e-320)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        assert vff.simulate(scenario).status in list(vff.Status)
+
+
 def test_the_valid_one_is_valid() -> None:
     result = vff.simulate(valid())
     assert result.status == "completed", result.message
@@ -105,6 +116,12 @@ def only_one_of_ours(call: Callable[[], object]) -> VffNullError:
 
 WRONG = [
     # key, value, path in the message, what the message says
+    ("controller", [], "controller", "expected a table, got a list"),
+    ("controller", ["position"], "controller", "expected a table, got a list"),
+    ("controller.field", [], "controller.field", "table"),
+    ("plant", [], "plant", "expected a table, got a list"),
+    ("simulation", [], "simulation", "expected a table, got a list"),
+    ("arm", [], "arm", "table"),
     ("duration", 0.0, "duration", "greater than 0"),
     ("duration", -1.0, "duration", "greater than 0"),
     ("duration", NAN, "duration", "finite"),
@@ -838,3 +855,14 @@ def test_text_that_no_encoding_has(call: Callable[[], object]) -> None:
 )
 def test_whole_numbers_out_of_range(call: Callable[[], object], name: str) -> None:
     assert str(only_one_of_ours(call)).startswith(name)
+
+
+def test_xml_has_no_place_for_control_characters() -> None:
+    """What is written can be read."""
+    panda = vff.Arm.named("panda").to_dict()
+    link = panda["joints"][2]["link"]
+    named = json.loads(json.dumps(panda).replace(f'"{link}"', '"a\\u0001b"'))
+    arm = vff.Scenario.from_dict({**vff.Scenario.load("panda-sweep").to_dict(), "arm": named}).arm
+    for write in (arm.to_urdf, arm.to_mjcf, partial(vff.Arm.uniform(2).to_urdf, "a\x01b")):
+        with pytest.raises(InputError, match=r"name 'a\\x01b': XML has no place for control characters"):
+            write()

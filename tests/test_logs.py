@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -124,6 +125,35 @@ def test_cut_files(ending: str, short: vff.Result, tmp_path: Path) -> None:
     if ending == ".csv":  # the worst place: exactly between two lines
         path.write_bytes(path.read_bytes().rpartition(b"\n")[0] + b"\n")
     with pytest.raises(InputError, match="run"):
+        vff.Result.load(path)
+
+
+@pytest.mark.parametrize("ending", LOSSLESS)
+def test_damaged_files(ending: str, short: vff.Result, tmp_path: Path) -> None:
+    """One wrong bit, anywhere, gives no other result."""
+    path, random = short.save(tmp_path / f"run{ending}"), np.random.default_rng(3)
+    whole = path.read_bytes()
+    for at in random.integers(len(whole), size=60):
+        damaged = bytearray(whole)
+        damaged[at] ^= 1 << random.integers(8)
+        path.write_bytes(damaged)
+        try:
+            again = vff.Result.load(path)
+        except InputError as error:
+            assert str(path) in str(error)
+        else:
+            assert_same(again, short)
+
+
+def test_files_of_older_versions_have_no_digest(short: vff.Result, tmp_path: Path) -> None:
+    path = short.save(tmp_path / "run.csv")
+    text = path.read_text(encoding="utf-8")
+    older = re.sub(r', "digest": "\w{16}"', "", text, count=1)
+    assert older != text
+    path.write_text(older, encoding="utf-8")
+    assert_same(vff.Result.load(path), short)
+    path.write_text(text.replace('"wall_time": ', '"wall_time": 1'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"run\.csv: damaged: its digest is not that of what it holds"):
         vff.Result.load(path)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 import trimesh
 
 import vffnull as vff
+from vffnull.arms import _meshes
 from vffnull.arms._hulls import CORNERS
 from vffnull.errors import InputError
 from vffnull.meshes import Enclosure, enclose
@@ -130,6 +132,36 @@ def test_what_is_no_mesh(tmp_path: Path) -> None:
     broken.write_text("solid nothing")
     with pytest.raises(InputError, match=r"broken\.stl"):
         enclose(broken)
+
+
+def test_more_than_fits_into_memory_is_refused_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the size of the file, by what an STL says that it has, and by what an archive unpacks to."""
+    large = tmp_path / "large.stl"
+    with large.open("wb") as file:
+        file.write(bytes(80) + (10_000_000).to_bytes(4, "little"))
+        file.truncate(84 + 50 * 10_000_000)  # without a byte on the disk
+    with pytest.raises(
+        InputError, match=r"large\.stl has 10000000 triangles; at most 1000000 are read: simplify"
+    ):
+        enclose(large)
+    with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("part.stl", bytes(3 << 20))
+    monkeypatch.setattr(_meshes, "MOST_BYTES", 2 << 20)
+    with pytest.raises(InputError, match=r"bomb\.zip has 3 MB; at most 2 MB are read"):
+        enclose(tmp_path / "bomb.zip")
+    (tmp_path / "part.obj.gz").write_bytes(b"")
+    with pytest.raises(InputError, match=r"part\.obj\.gz is packed; unpack it first"):
+        enclose(tmp_path / "part.obj.gz")
+
+
+def test_a_triangle_of_no_vertex(tmp_path: Path) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "wrong.ply").write_text(f"{head}{faces}0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n")
+    with pytest.raises(InputError, match=r"wrong\.ply has a triangle with vertex 7; there are 3"):
+        enclose(tmp_path / "wrong.ply")
 
 
 def test_cutting_ends_at_ctrl_c(tmp_path: Path) -> None:

@@ -248,6 +248,12 @@ def test_files_of_others_are_refused(found: vff.Plan, tmp_path: Path) -> None:
     }
     for name, change in changes.items():
         np.savez(tmp_path / f"{name}.npz", **{**inside, **change})
+    np.savez(tmp_path / "nudged.npz", **{**inside, "q": inside["q"] + 1e-9})
+    with pytest.raises(InputError, match=r"nudged\.npz: damaged: its digest"):
+        vff.Plan.load(tmp_path / "nudged.npz")
+    header = {key: value for key, value in json.loads(str(inside["vffnull_plan"])).items() if key != "digest"}
+    np.savez(tmp_path / "older.npz", **{**inside, "vffnull_plan": np.array(json.dumps(header))})
+    assert repr(vff.Plan.load(tmp_path / "older.npz")) == repr(found)
     for name in ("cut", "text", *changes):
         with pytest.raises(InputError):
             vff.Plan.load(tmp_path / f"{name}.npz")
@@ -276,6 +282,21 @@ def test_a_plan_stays_within_the_joint_limits() -> None:
     reference = {"kind": "plan", "times": [0.0, 1.0], "points": points}
     with pytest.raises(ScenarioError, match=r"reference\.points\[1\]\[0\]: must be within the limits"):
         vff.simulate({**GAP, "arm": limits, "reference": reference})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_plan_between_joint_limits_is_a_reference(seed: int) -> None:
+    """From one end of joints to the other, and one stays at its end: no rounding leads beyond."""
+    ends = np.random.default_rng(seed).uniform(0.1, 0.9, (2, 4))
+    ends[1, 1] = ends[0, 1]
+    lower, upper = np.sort(ends, axis=0)
+    upper[1] += 0.3
+    limited = {**GAP["arm"], "joint_limits": np.stack([lower, upper], axis=1).tolist()}
+    scene = {**GAP, "q0": ends[0].tolist(), "obstacles": [], "arm": limited}
+    made = vff.plan(scene, ends[1])
+    assert made.status == "found"
+    assert (made.q >= lower).all() and (made.q <= upper).all()
+    vff.Scenario.from_dict({**scene, "reference": made.reference})
 
 
 def test_a_posture_needs_something_to_pull_to() -> None:

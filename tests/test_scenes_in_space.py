@@ -77,7 +77,7 @@ def test_scenes_are_the_same_for_ever() -> None:
 FINGERPRINTS = {
     "links-swept": "b28bab6f4d2e4171",
     "path-crossed": "c43a714eadc67244",
-    "clutter": "98ee04fe04097cbf",
+    "clutter": "097840a0da5df3dd",
     "crowd": "02b69b85ed92f97d",
 }
 

@@ -6,6 +6,7 @@ import copy
 import json
 import os
 import re
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -475,6 +476,7 @@ def test_a_directory_that_is_taken(undisturbed: Path, tmp_path: Path) -> None:
     place = tmp_path / "older"
     Study(DOCUMENT).run(place)
     text = (place / "study.json").read_text(encoding="utf-8")
+    text = re.sub(r',\s*"signature": "\w+"', "", text)
     (place / "study.json").write_text(text.replace(f'"vffnull": "{vff.__version__}"', '"vffnull": "0.0.1"'))
     with pytest.raises(InputError, match=r"was begun with vffnull 0\.0\.1, and this is"):
         Study(DOCUMENT).run(place, resume=True)
@@ -553,6 +555,54 @@ def test_object_stores(address: str, undisturbed: Path, tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"process 12 on there is writing there.*remove memory://"):
             study.run(place, resume=True)
         system.rm(root, recursive=True)
+
+
+@pytest.mark.parametrize("name", [".lock", ".drafts", "runs", "study.json"])
+@pytest.mark.parametrize("hard", [False, True])
+def test_links_in_a_folder_are_not_followed(name: str, hard: bool, undisturbed: Path, tmp_path: Path) -> None:
+    """A dataset of other people cannot have a file of ours written or removed."""
+    if hard and name != ".lock":
+        pytest.skip("a folder cannot be a hard link, and a file that is one is replaced")
+    place, ours = tmp_path / "results", tmp_path / "ours"
+    shutil.copytree(undisturbed, place)
+    if (place / name).is_dir():
+        shutil.move(place / name, ours)
+    elif name == ".drafts":
+        ours.mkdir()
+        (ours / "precious").write_text("kept")
+    else:
+        (place / name).unlink(missing_ok=True)
+        ours.write_text("kept")
+    os.link(ours, place / name) if hard else (place / name).symlink_to(ours)
+    before = {path: path.read_bytes() for path in [ours, *ours.rglob("*")] if path.is_file()}
+    with pytest.raises(InputError, match=f"results: {name} is a link"):
+        Study(DOCUMENT).run(place, resume=True)
+    assert {path: path.read_bytes() for path in [ours, *ours.rglob("*")] if path.is_file()} == before
+
+
+def test_damage_is_named_when_a_dataset_is_read(undisturbed: Path, tmp_path: Path) -> None:
+    """One wrong bit, anywhere, gives no other number."""
+    place = tmp_path / "results"
+    shutil.copytree(undisturbed, place)
+    part = sorted((place / "runs").iterdir())[1]
+    whole, random = part.read_bytes(), np.random.default_rng(5)
+    for at in random.integers(len(whole), size=20):
+        damaged = bytearray(whole)
+        damaged[at] ^= 1 << random.integers(8)
+        part.write_bytes(damaged)
+        for look in (len, Dataset.counts, Dataset.table):
+            with pytest.raises(InputError, match=f"{part.name} is damaged; .* --resume"):
+                look(Dataset.open(place))
+    manifest = (place / "study.json").read_text(encoding="utf-8")
+    (place / "study.json").write_text(manifest.replace('"runs": 16', '"runs": 17'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"study\.json is damaged"):
+        Dataset.open(place)
+    older = json.loads(manifest)
+    del older["signature"]  # of an older version
+    (place / "study.json").write_text(json.dumps(older), encoding="utf-8")
+    Study(DOCUMENT).run(place, resume=True)
+    assert part.read_bytes() == whole
+    assert Dataset.open(place).table().equals(Dataset.open(undisturbed).table())
 
 
 def test_a_store_that_shows_half_files_gets_them_renamed(

@@ -7,6 +7,7 @@ description.
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
 __all__ = [
     "SpatialArm",
     "arm_of",
+    "cos_sin",
     "frame",
     "is_spatial",
+    "product",
     "quaternion",
     "rotation",
 ]
@@ -148,14 +151,13 @@ class SpatialArm:
                 move[..., :3, 3] = value[..., None] * axis
             else:
                 move[..., :3, :3] = _turns(axis, value)
-            place = place @ fixed @ move
+            place = product(product(place, fixed), move)
             found.append(place)
         return np.stack(found, axis=-3)
 
     def tool_poses(self, q: ArrayLike) -> Array:
         """Where the end effector's frame is, homogeneous (…, 4, 4), at joint positions (…, n)."""
-        poses: Array = self.link_poses(q)[..., -1, :, :] @ self._tool
-        return poses
+        return product(self.link_poses(q)[..., -1, :, :], self._tool)
 
     def forward_kinematics(self, q: ArrayLike) -> Array:
         """Origins of the joints; the last row is the tip.
@@ -173,7 +175,7 @@ class SpatialArm:
         import numpy as np
 
         poses = self.link_poses(q)
-        tip = poses[..., -1:, :, :] @ self._tool
+        tip = product(poses[..., -1:, :, :], self._tool)
         origins: Array = np.concatenate([poses, tip], axis=-3)[..., :3, 3]
         return origins
 
@@ -241,12 +243,33 @@ def quaternion(matrix: Array) -> Array:
     return found
 
 
+def product(a: Array, b: Array) -> Array:
+    """The products (…, m, n) of matrices (…, m, k) and (…, k, n), the same bits on every processor.
+
+    Random scenes are made with it: BLAS, behind ``@``, has other sums for every kind of processor.
+    """
+    found: Array = a[..., :, :1] * b[..., :1, :]
+    for k in range(1, a.shape[-1]):
+        found = found + a[..., :, k, None] * b[..., k, None, :]
+    return found
+
+
+def cos_sin(angles: ArrayLike) -> tuple[Array, Array]:
+    """Cosines and sines (…) of angles (…) [rad] by the C library: NumPy's depend on the processor."""
+    import numpy as np
+
+    return (
+        np.asarray(np.frompyfunc(math.cos, 1, 1)(angles), dtype=float),
+        np.asarray(np.frompyfunc(math.sin, 1, 1)(angles), dtype=float),
+    )
+
+
 def _turns(axis: Array, angles: Array) -> Array:
     """Rotation matrices (…, 3, 3) about a unit axis by angles (…) [rad]: Rodrigues' formula."""
     import numpy as np
 
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    s, c = np.sin(angles)[..., None, None], np.cos(angles)[..., None, None]
-    matrices: Array = np.eye(3) + s * cross + (1.0 - c) * (cross @ cross)
+    c, s = (part[..., None, None] for part in cos_sin(angles))
+    matrices: Array = np.eye(3) + s * cross + (1.0 - c) * product(cross, cross)
     return matrices

@@ -1,15 +1,21 @@
-"""Files that are there whole or not at all."""
+"""Files that are there whole or not at all, and as they were written."""
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-__all__ = ["replacing"]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["digest", "replacing"]
 
 _LONGEST_ENDING = 16
 
@@ -58,6 +64,29 @@ def replacing(path: Path, folder: Path | None = None) -> Iterator[Path]:
         if error.errno is None or not about_draft:
             raise
         raise OSError(error.errno, error.strerror, os.fspath(path)) from None
+
+
+def digest(text: str, arrays: Iterable[NDArray[np.float64]]) -> str:
+    """What a file carries of its text and its numbers, so that damage is noticed.
+
+    Parameters
+    ----------
+    text : str
+        All that is not in arrays.
+    arrays : iterable of ndarray
+        Of any shape.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits of SHA-256.
+    """
+    import numpy as np
+
+    found = hashlib.sha256(text.encode(errors="surrogatepass"))
+    for array in arrays:
+        found.update(np.where(np.isnan(array), np.nan, array).tobytes())  # text has one NaN alone
+    return found.hexdigest()[:16]
 
 
 def _ending(target: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +32,13 @@ def oddities(document: Document) -> list[str]:
     document : dict
         The scenario, which has been checked.
     """
-    return [*_stiff_friction(document), *_stiff_posture(document)]
+    import numpy as np
+
+    found = []
+    for look in (_stiff_friction, _stiff_posture):
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):  # numbers beyond all reason
+            found += look(document)
+    return found
 
 
 def _stiff_friction(document: Document) -> list[str]:

@@ -176,7 +176,7 @@ class Result(Outcome):
         Raises
         ------
         vffnull.errors.InputError
-            If the file was not written by `save`, or by a version with another format.
+            If the file was not written by `save`, or by a version with another format, or is damaged.
         FileNotFoundError
             If there is no such file.
         ImportError

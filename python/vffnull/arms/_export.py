@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,12 +14,13 @@ import numpy as np
 
 from vffnull import _core
 from vffnull.arms._frames import roll_pitch_yaw
-from vffnull.errors import ScenarioError, ScenarioWarning
+from vffnull.errors import InputError, ScenarioError, ScenarioWarning
 from vffnull.world import Obstacle, checked
 
-__all__ = ["to_mjcf", "to_urdf"]
+__all__ = ["text_of", "to_mjcf", "to_urdf"]
 
 _IDENTITY = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
+_NO_TEXT = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FAR = 1e9  # rad or m; where a joint ends that has an end on its other side alone
 _MOST_POINTS = 1000
 _TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
@@ -97,7 +99,7 @@ def to_urdf(arm: Mapping[str, Any]) -> str:
             element, "dynamics", damping=_text([joint["damping"]]), friction=_text([joint["friction"]])
         )
         parent = joint["link"]
-    return _xml(robot)
+    return text_of(robot)
 
 
 def _urdf_link(robot: ET.Element, name: str, joint: Mapping[str, Any] | None, arm: Mapping[str, Any]) -> None:
@@ -225,7 +227,7 @@ def to_mjcf(arm: Mapping[str, Any], obstacles: Iterable[Obstacle | Mapping[str, 
             motor.set("forcerange", _text([-limit, limit]))
     for k, solid in enumerate(solids or (), start=1):
         _mjcf_obstacle(world, asset, f"obstacle_{k}", solid)
-    return _xml(root)
+    return text_of(root)
 
 
 def _mjcf_geoms(
@@ -313,6 +315,17 @@ def _text(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def _xml(root: ET.Element) -> str:
+def text_of(root: ET.Element) -> str:
+    """A document as text.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If a name has characters that XML has no place for.
+    """
+    for element in root.iter():
+        for key, value in element.items():
+            if _NO_TEXT.search(value):
+                raise InputError(f"{element.tag} {key} {value!r}: XML has no place for control characters")
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,13 @@ __all__ = ["MissingMeshError", "Packages", "find", "read"]
 
 Packages = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
+MOST_BYTES = 128 << 20
+"""Of a file of a mesh, unpacked: what trimesh makes of it takes twenty times as much."""
+
+MOST_TRIANGLES = 1_000_000
+"""Of a mesh: its hulls take kilobytes for each."""
+
+_PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz")
 _METRES = {"meters": 1.0, "meter": 1.0, "millimeters": 1e-3, "centimeters": 1e-2, "inches": 0.0254}
 
 
@@ -107,8 +115,9 @@ def read(path: Path, name: str, scale: Sequence[float]) -> Solid:
     ImportError
         If trimesh is not installed.
     vffnull.errors.InputError
-        If the file holds no triangles, or cannot be read.
+        If the file holds no triangles, or too much, or cannot be read.
     """
+    _check_size(path)
     try:
         import trimesh
     except ImportError as error:
@@ -126,6 +135,38 @@ def read(path: Path, name: str, scale: Sequence[float]) -> Solid:
         raise InputError(f"mesh {path} cannot be read: {error or type(error).__name__}") from error
     if len(triangles) == 0:
         raise InputError(f"mesh {path} holds no triangles")
+    if len(triangles) > MOST_TRIANGLES:
+        raise _too_many(path, len(triangles))
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        wrong = triangles.max() if triangles.min() >= 0 else triangles.min()
+        raise InputError(f"mesh {path} has a triangle with vertex {wrong}; there are {len(points)}")
     if not np.all(np.isfinite(points)):
         raise InputError(f"mesh {path} has vertices that are not finite")
     return Solid.mesh(name, points * (unit * np.asarray(scale, float)), triangles)
+
+
+def _check_size(path: Path) -> None:
+    """Refuse what would take all memory, before it does."""
+    size = path.stat().st_size
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+    elif any(ending in _PACKED for ending in path.suffixes):
+        raise InputError(f"mesh {path} is packed; unpack it first")
+    if path.suffix.lower() == ".stl":
+        with path.open("rb") as file:
+            triangles = int.from_bytes(file.read(84)[80:], "little")
+        if size == 84 + 50 * triangles and triangles > MOST_TRIANGLES:
+            raise _too_many(path, triangles)
+    if size > MOST_BYTES:
+        raise InputError(
+            f"mesh {path} has {size / 2**20:.0f} MB; at most {MOST_BYTES >> 20} MB are read: "
+            "simplify it, in Blender or MeshLab for instance"
+        )
+
+
+def _too_many(path: Path, triangles: int) -> InputError:
+    return InputError(
+        f"mesh {path} has {triangles} triangles; at most {MOST_TRIANGLES} are read: simplify it, "
+        "in Blender or MeshLab for instance"
+    )

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from vffnull import arms
 from vffnull._core import Arm
+from vffnull.arms._export import text_of
 from vffnull.world import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
@@ -48,6 +49,8 @@ def to_mjcf(
     ------
     vffnull.errors.ScenarioError
         If an obstacle is none where the arm is, in the plane or in space.
+    vffnull.errors.InputError
+        If a name has control characters, which XML has no place for.
     """
     document = arm.to_dict()
     if arm.dimension == 3:
@@ -97,7 +100,7 @@ def to_mjcf(
         motor = SubElement(motors, "motor", name=f"joint_{i + 1}", joint=f"joint_{i + 1}")
         if limits is not None:
             motor.set("ctrlrange", _numbers(-limits[i], limits[i]))
-    return _text(root)
+    return text_of(root)
 
 
 def to_urdf(arm: Arm, name: str | None = None) -> str:
@@ -163,7 +166,7 @@ def to_urdf(arm: Arm, name: str | None = None) -> str:
             limit = SubElement(joint, "limit", effort=_numbers(effort), velocity=_numbers(speed))
             if ranges is not None:
                 limit.attrib |= {"lower": _numbers(ranges[i][0]), "upper": _numbers(ranges[i][1])}
-    return _text(root)
+    return text_of(root)
 
 
 def _called(document: dict[str, Any], name: str | None) -> dict[str, Any]:
@@ -216,8 +219,3 @@ def _largest(document: dict[str, object], limits: str, n: int) -> list[float] | 
 def _numbers(*values: float) -> str:
     """Numbers with every digit, so that another engine simulates the same arm."""
     return " ".join(repr(float(value)) for value in values)
-
-
-def _text(root: Element) -> str:
-    indent(root)
-    return tostring(root, encoding="unicode") + "\n"

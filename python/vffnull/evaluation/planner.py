@@ -22,13 +22,14 @@ the plant; torques are not looked at.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from vffnull import _core
-from vffnull._arm import arm_of, is_spatial, quaternion, rotation
+from vffnull._arm import arm_of, cos_sin, is_spatial, product, quaternion, rotation
 from vffnull.errors import InputError
 from vffnull.evaluation.geometry.motion import Array
 from vffnull.evaluation.geometry.plane import Kinematics, World
@@ -138,7 +139,7 @@ def _is_clear_in_space(scene: Mapping[str, Any], motion: Array, hold: bool) -> b
     if task == "pointing":
         cosine = (tip[:, :3, 2] * due[:, :3, 2]).sum(axis=1)
     else:
-        cosine = 0.5 * (np.einsum("kij,kij->k", tip[:, :3, :3], due[:, :3, :3]) - 1.0)
+        cosine = 0.5 * ((tip[:, :3, :3] * due[:, :3, :3]).sum(axis=(1, 2)) - 1.0)
     turned = 0.0 if task == "position" else np.arccos(np.clip(cosine, -1.0, 1.0)).max()
     return not hold or bool(far <= TIP and turned <= ANGLE)
 
@@ -214,7 +215,7 @@ def reference_poses(reference: Mapping[str, Any], start: Array, times: Array) ->
             pose[:3, 3] = start[:3, 3] + at if relative else at
         if orientation in reference:
             turn = rotation(reference[orientation])
-            pose[:3, :3] = turn @ start[:3, :3] if relative else turn
+            pose[:3, :3] = product(turn, start[:3, :3]) if relative else turn
         return pose
 
     if reference["kind"] == "setpoint":
@@ -226,16 +227,16 @@ def reference_poses(reference: Mapping[str, Any], start: Array, times: Array) ->
     share = travelled(times / reference["duration"])
     poses = np.tile(begin, (len(times), 1, 1))
     poses[:, :3, 3] += share[:, None] * (end[:3, 3] - begin[:3, 3])
-    between = quaternion(end[:3, :3] @ begin[:3, :3].T)
-    half = np.arctan2(np.linalg.norm(between[1:]), between[0])
-    axis = between[1:] / np.sin(half) if half > 0.0 else between[1:]
-    part = np.concatenate([np.cos(share * half)[:, None], np.sin(share * half)[:, None] * axis], axis=1)
-    poses[:, :3, :3] = rotation(part) @ begin[:3, :3]
+    between = quaternion(product(end[:3, :3], begin[:3, :3].T))
+    half = math.atan2(np.linalg.norm(between[1:], axis=-1), between[0])
+    axis = between[1:] / math.sin(half) if half > 0.0 else between[1:]
+    c, s = (each[:, None] for each in cos_sin(share * half))
+    poses[:, :3, :3] = product(rotation(np.concatenate([c, s * axis], axis=1)), begin[:3, :3])
     return poses
 
 
 def travelled(share: Array) -> Array:
     """The travelled fraction of a line from rest to rest, over the fraction of its time."""
     s = np.clip(share, 0.0, 1.0)
-    fraction: Array = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    fraction: Array = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
     return fraction

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def write(result: Outcome, path: Path) -> None:
     """Write a result as an Arrow IPC file (Feather V2), to be mapped into memory."""
     ipc = extra("pyarrow.ipc", "io")
-    content = table(result)
+    content = table(result, signed=True)
     with ipc.new_file(str(path), content.schema) as file:
         file.write_table(content)
 
@@ -31,14 +31,14 @@ def read(path: Path) -> tuple[header.Header, header.Arrays]:
     return parts(content, path)
 
 
-def table(result: Outcome) -> pyarrow.Table:
-    """The record as a table; the schema's metadata carries the header under ``vffnull``."""
+def table(result: Outcome, signed: bool = False) -> pyarrow.Table:
+    """The record as a table; the schema's metadata carries the header, maybe signed, under ``vffnull``."""
     arrow = extra("pyarrow", "io")
     fields, values = [arrow.field("t", arrow.from_numpy_dtype(result.t.dtype), metadata=TIME)], [result.t]
     for column, line in result.layout.lines(result):
         fields.append(arrow.field(column.name, arrow.from_numpy_dtype(line.dtype), metadata=about(column)))
         values.append(line)
-    schema = arrow.schema(fields, metadata={"vffnull": header.pack(result)})
+    schema = arrow.schema(fields, metadata={"vffnull": header.pack(result, signed)})
     return arrow.table([arrow.array(line) for line in values], schema=schema)
 
 

@@ -25,7 +25,7 @@ def write(result: Outcome, path: Path) -> None:
     found = list(result.layout.lines(result))
     rows = np.column_stack([result.t, *(line for _, line in found)])
     with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(f"{_MARK}{header.pack(result)}\n")
+        file.write(f"{_MARK}{header.pack(result, signed=True)}\n")
         file.write(",".join(["# unit: s", *(column.unit for column, _ in found)]) + "\n")
         file.write(",".join(["t", *(column.name for column, _ in found)]) + "\n")
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())

@@ -1,7 +1,8 @@
 """What belongs to a result beside its arrays, as one JSON text that every kind of file carries.
 
 A file is other people's input. `unpack` validates the whole header, the shapes of the arrays included, before
-a reader makes anything of the data; `restore` compares the arrays with it.
+a reader makes anything of the data; `restore` compares the arrays with it, and both with the digest. Files of
+older versions have none, and are read without.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from vffnull._files import digest
 from vffnull._outcome import Metrics, Outcome, Replan, Status
 from vffnull._record import QUANTITIES, Layout, recorded
 from vffnull.errors import InputError, VffNullError
@@ -43,12 +45,17 @@ class Header:
     """The number of recorded instants."""
     shapes: dict[str, Shape]
     """The shape of every array at one instant."""
+    text: str = ""
+    """All of it as text, without the digest."""
+    digest: str | None = None
+    """The digest of text and arrays; files of older versions have none."""
 
 
-def pack(result: Outcome) -> str:
+def pack(result: Outcome, signed: bool = False) -> str:
     """The header of a result, with the type and the shape at one instant of every array.
 
-    It also has the unit of every column, for kinds of files that have no place of their own for it.
+    It also has the unit of every column, for kinds of files that have no place of their own for it, and, if
+    it is signed, the digest of everything.
     """
     values = {name: getattr(result, name) for name in _beside(type(result))}
     values |= {"scenario": result.scenario.to_dict(), "metrics": dict(result.metrics)}
@@ -56,7 +63,11 @@ def pack(result: Outcome) -> str:
     arrays = {name: [array.dtype.str, array.shape[1:]] for name, array in recorded(result).items()}
     units = {"t": "s"} | {column.name: column.unit for column, _ in result.layout.lines(result)}
     about = {"instants": len(result.t), "arrays": arrays, "units": units}
-    return json.dumps({"format": _FORMAT, **values, **about}, ensure_ascii=False)
+    found = {"format": _FORMAT, **values, **about}
+    if signed:
+        there = {"t": result.t, **recorded(result)}
+        found["digest"] = digest(_text(found), [there[name] for name in ("t", *arrays)])
+    return _text(found)
 
 
 def unpack(text: str | bytes, source: Path) -> Header:
@@ -70,6 +81,7 @@ def unpack(text: str | bytes, source: Path) -> Header:
     try:
         found = json.loads(text)
         written, version = int(found["format"]), str(found["version"])
+        signature, text = found.pop("digest", None), _text(found)
     except (KeyError, ValueError, TypeError, RecursionError, OverflowError):
         raise foreign(source) from None
     if written != _FORMAT:
@@ -93,7 +105,7 @@ def unpack(text: str | bytes, source: Path) -> Header:
         values["plant"] = entries.text("plant")
     if "replans" in found:
         values["replans"] = entries.replans()
-    return Header(version, values, entries.instants(), entries.shapes(scenario))
+    return Header(version, values, entries.instants(), entries.shapes(scenario), text, signature)
 
 
 def restore(kind: type[Kind], header: Header, arrays: Arrays, source: Path) -> Kind:
@@ -120,6 +132,8 @@ def restore(kind: type[Kind], header: Header, arrays: Arrays, source: Path) -> K
                 f"{source}: {name}: expected {_DTYPE} of shape {expected}, "
                 f"got {array.dtype} of shape {array.shape}"
             )
+    if header.digest not in (None, digest(header.text, [arrays[name] for name in ("t", *header.shapes)])):
+        raise InputError(f"{source}: damaged: its digest is not that of what it holds")
     t = arrays["t"]
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise InputError(f"{source}: t: times must be finite and increase")
@@ -280,6 +294,10 @@ class _Entries:
 
     def _fault(self, name: str, what: str) -> NoReturn:
         raise InputError(f"{self.source}: not a header of a result: {name}: {what}") from None
+
+
+def _text(found: Mapping[str, Any]) -> str:
+    return json.dumps(found, ensure_ascii=False)
 
 
 def _beside(kind: type[Outcome]) -> list[str]:

@@ -21,7 +21,7 @@ def write(result: Outcome, path: Path) -> None:
     """Write a result; its header is the text under the name ``vffnull``."""
     with path.open("wb") as file:
         arrays: dict[str, Any] = recorded(result)
-        np.savez(file, vffnull=np.array(header.pack(result)), t=result.t, **arrays)
+        np.savez(file, vffnull=np.array(header.pack(result, signed=True)), t=result.t, **arrays)
 
 
 def read(path: Path) -> tuple[header.Header, header.Arrays]:

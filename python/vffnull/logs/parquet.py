@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def write(result: Outcome, path: Path) -> None:
     """Write a result; the bytes of smooth doubles are split before compression, which saves a third."""
     parquet = extra("pyarrow.parquet", "io")
-    content = arrow.table(result)
+    content = arrow.table(result, signed=True)
     parquet.write_table(
         content, str(path), compression="zstd", use_dictionary=False, use_byte_stream_split=True
     )

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
-from vffnull._files import replacing
+from vffnull._files import digest, replacing
 from vffnull.errors import InputError
 
 __all__ = ["Plan", "PlanStatus"]
@@ -165,6 +165,7 @@ class Plan:
         header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
         header |= {name: getattr(self, name) for name in _NUMBERS}
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
+        header["digest"] = digest(json.dumps(header), arrays.values())
         with replacing(path) as draft, draft.open("wb") as file:
             np.savez(file, vffnull_plan=np.array(json.dumps(header)), **arrays)
         return path
@@ -176,7 +177,7 @@ class Plan:
         Raises
         ------
         vffnull.errors.InputError
-            If the file holds no plan.
+            If the file holds no plan, or is damaged.
         OSError
             If it cannot be read.
         """
@@ -190,6 +191,9 @@ class Plan:
                     f"{path}: a plan in format {str(header['format'])[:20]}; "
                     f"this version reads format {_FORMAT}"
                 )
+            signature = header.pop("digest", None)  # files of older versions have none
+            if signature not in (None, digest(json.dumps(header), arrays.values())):
+                raise InputError(f"{path}: damaged: its digest is not that of what it holds")
             values: dict[str, Any] = {name: type_(header[name]) for name, type_ in _types().items()}
             plan = cls(status=PlanStatus(header["status"]), **values, **arrays)
         except InputError:

@@ -95,13 +95,12 @@ class Factor:
         if self.values is not None:
             return np.minimum(np.floor(shares * len(self.values)), len(self.values) - 1)
         if self.whole and self.log:
-            spread = np.exp(math.log(self.low) + shares * (math.log(self.high + 1) - math.log(self.low)))
+            spread = _geometric(self.low, self.high + 1, shares)
             return np.clip(np.floor(spread), self.low, self.high)
         if self.whole:
             return np.minimum(self.low + np.floor(shares * (self.high - self.low + 1)), self.high)
         if self.log:
-            spread = np.exp(math.log(self.low) + shares * (math.log(self.high) - math.log(self.low)))
-            return np.clip(spread, self.low, self.high)
+            return np.clip(_geometric(self.low, self.high, shares), self.low, self.high)
         return self.low + shares * (self.high - self.low)
 
     def grid(self, levels: int) -> NDArray[np.float64]:
@@ -109,8 +108,12 @@ class Factor:
         if self.values is not None:
             return np.arange(len(self.values), dtype=float)
         count = self.levels or levels
-        spaced = np.geomspace if self.log else np.linspace
-        found = spaced(self.low, self.high, count) if count > 1 else np.array([self.low])
+        if self.log and count > 1:
+            low, high = math.log10(self.low), math.log10(self.high)
+            between = [10.0**each for each in np.linspace(low, high, count)[1:-1].tolist()]
+            found = np.array([self.low, *between, self.high])
+        else:
+            found = np.linspace(self.low, self.high, count)
         return np.unique(np.round(found)) if self.whole else found
 
     def value(self, coordinate: float) -> Any:
@@ -146,6 +149,15 @@ class Factor:
             "whole": self.whole,
         }
         return found if self.levels is None else found | {"levels": self.levels}
+
+
+def _geometric(low: float, high: float, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What is at shares of a range, evenly in the logarithm.
+
+    By the C library: the last bits of `np.exp` depend on the processor.
+    """
+    at = math.log(low) + shares * (math.log(high) - math.log(low))
+    return np.asarray(np.frompyfunc(math.exp, 1, 1)(at), dtype=float)
 
 
 def read_factor(content: object, path: str) -> Factor:

@@ -11,6 +11,7 @@ import numpy as np
 from vffnull import _core
 from vffnull._document import Document
 from vffnull._extras import extra
+from vffnull._files import digest
 from vffnull.errors import InputError
 from vffnull.studies.document import Plan
 from vffnull.studies.parts import schema_of
@@ -21,6 +22,7 @@ __all__ = ["MANIFEST", "begun", "manifest_of", "read_manifest", "versions"]
 
 MANIFEST = "study.json"
 _FORMAT = 1
+_SIGNATURE = "signature"  # the digest of all the rest
 _LOOKED_AT = 1024  # points, to tell whether a design is the same
 _BITS = ("vffnull", "pyarrow")
 """Packages whose versions decide on the bits of parts."""
@@ -80,7 +82,10 @@ def read_manifest(store: Store) -> Document | None:
     try:
         found: Any = json.loads(text)
         known = found["format"] == _FORMAT
-    except (ValueError, KeyError, TypeError):
+        signature = found.pop(_SIGNATURE, None)  # datasets of older versions have none
+        if signature not in (None, digest(json.dumps(found), ())):
+            raise ValueError
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(f"{store.place}: {MANIFEST} is damaged, or no manifest of a study") from None
     if not known:
         raise InputError(
@@ -99,7 +104,8 @@ def begun(plan: Plan, store: Store) -> bool:
     """
     mine, there = manifest_of(plan), read_manifest(store)
     if there is None:
-        text = json.dumps(mine, indent=1, ensure_ascii=False)
+        signed = mine | {_SIGNATURE: digest(json.dumps(mine), ())}
+        text = json.dumps(signed, indent=1, ensure_ascii=False)
         store.write(MANIFEST, text.encode())
         return False
     if there["digest"] != mine["digest"]:

@@ -23,10 +23,24 @@ from vffnull.studies.document import FIXED, Block, Plan
 if TYPE_CHECKING:
     import pyarrow
 
-__all__ = ["KINDS", "Kind", "Part", "about", "encoded", "named", "runs_part", "schema_of", "wanted"]
+__all__ = [
+    "KINDS",
+    "READERS",
+    "Kind",
+    "Part",
+    "about",
+    "encoded",
+    "named",
+    "runs_part",
+    "schema_of",
+    "wanted",
+]
 
 Kind = Literal["runs", "records"]
 KINDS: tuple[Kind, ...] = ("runs", "records")
+
+READERS = 8
+"""Files that are verified at a time."""
 
 _NAME = re.compile(r"part-(\d{7,})-([0-9a-f]{16})\.parquet")
 

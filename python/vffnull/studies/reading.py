@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from vffnull._extras import extra
 from vffnull.errors import InputError
 from vffnull.studies.document import Plan, read_plan
 from vffnull.studies.manifest import MANIFEST, read_manifest
-from vffnull.studies.parts import Kind, named
+from vffnull.studies.parts import READERS, Kind, named
 from vffnull.studies.store import Store, opened
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class Runs:
         self._store, self.manifest = store, manifest
         self.place = store.place
         self._plan: Plan | None = None
+        self._sound: set[str] = set()
 
     @classmethod
     def open(cls, place: str | os.PathLike[str]) -> Self:
@@ -56,7 +58,7 @@ class Runs:
         Raises
         ------
         vffnull.errors.InputError
-            If there is no dataset of a study.
+            If there is no dataset of a study, or if its manifest is damaged.
         ImportError
             Without the extra ``vffnull[study]``.
         """
@@ -125,7 +127,7 @@ class Runs:
         Raises
         ------
         vffnull.errors.InputError
-            If there is no such column, or if the study keeps no records.
+            If there is no such column, if the study keeps no records, or if a part is damaged.
         """
         kind: Kind = "records" if records else "runs"
         if records and self.plan.records is None:
@@ -137,7 +139,10 @@ class Runs:
                 listed = ", ".join(data.schema.names)
                 raise InputError(f"{name}: there is no such column; there are {listed}")
         order = ["run", "t"] if records else ["run"]
-        table = data.to_table(list(dict.fromkeys([*names, *order])))
+        try:
+            table = data.to_table(list(dict.fromkeys([*names, *order])))
+        except (extra("pyarrow", "study").ArrowInvalid, OSError) as error:
+            raise InputError(f"{self.place}: its parts cannot be read: {error}") from None
         return table.sort_by([(each, "ascending") for each in order]).select(names)
 
     def column(self, name: str) -> NDArray[Any]:
@@ -173,8 +178,19 @@ class Runs:
         return dict(sorted((str(each["values"]), int(each["counts"])) for each in values))
 
     def _files(self, kind: Kind) -> list[str]:
-        """The parts of a kind; one for each block, also while a damaged one is replaced."""
-        found = {part.block: part for name in self._store.names(kind) if (part := named(kind, name))}
+        """The sound parts of a kind; one for each block, also while a damaged one is replaced."""
+        parts = [part for name in self._store.names(kind) if (part := named(kind, name))]
+        new = [part for part in parts if part.path not in self._sound]
+        with ThreadPoolExecutor(READERS) as pool:
+            sound = pool.map(lambda part: part.fits(self._store.read(part.path)), new)
+            self._sound.update(part.path for part, fine in zip(new, sound, strict=True) if fine)
+        found = {part.block: part for part in parts if part.path in self._sound}
+        for part in parts:
+            if part.block not in found:
+                raise InputError(
+                    f"{self.place}: {part.path} is damaged; `vffnull study run` with --resume computes its "
+                    "runs again"
+                )
         return [found[number].path for number in sorted(found)]
 
     def _dataset(self, kind: Kind) -> Any:

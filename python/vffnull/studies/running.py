@@ -14,13 +14,12 @@ from vffnull._progress import Counter
 from vffnull.errors import InputError
 from vffnull.studies.document import Block, Plan
 from vffnull.studies.manifest import begun
-from vffnull.studies.parts import KINDS, Part, named, wanted
+from vffnull.studies.parts import KINDS, READERS, Part, named, wanted
 from vffnull.studies.places import Done, Site
 from vffnull.studies.store import Store
 
 __all__ = ["Begun", "begin", "carry_out", "verified"]
 
-_READERS = 8  # files that are verified at a time
 _CHUNK = 1024
 
 Tell = Callable[[str], None]
@@ -66,7 +65,7 @@ def verified(plan: Plan, store: Store) -> Begun:
     """Find the blocks of which all parts are there; what is damaged, or there twice, is removed."""
     whole: dict[str, dict[int, Part]] = {kind: {} for kind in KINDS}
     damaged = 0
-    with ThreadPoolExecutor(_READERS) as pool:
+    with ThreadPoolExecutor(READERS) as pool:
         try:
             for kind in wanted(plan):
                 listed = [part for name in store.names(kind) if (part := named(kind, name))]

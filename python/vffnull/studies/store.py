@@ -1,6 +1,7 @@
 """Where a dataset stands: a folder of this machine, or any store that fsspec knows.
 
-A file is there whole or not at all, and one client at a time writes.
+A file is there whole or not at all, and one client at a time writes. Datasets come from other people, too:
+nothing in a folder may be a link, which would lead out of it.
 """
 
 from __future__ import annotations
@@ -114,6 +115,10 @@ def _taken(place: str, holder: bytes, more: str) -> InputError:
     return InputError(f"{place}: {by} is writing there; one client at a time{more}")
 
 
+def _leads_elsewhere(place: str, name: str) -> InputError:
+    return InputError(f"{place}: {name} is a link; what a dataset has stands in its own folder")
+
+
 class _Folder:
     """A folder of this machine, or of a file system that machines share."""
 
@@ -122,20 +127,28 @@ class _Folder:
         self.place = str(self._root)
         self._shown = str(root)
 
+    def _at(self, path: str) -> Path:
+        """A place in the folder."""
+        found = self._root
+        for part in path.split("/"):
+            found /= part
+            if found.is_symlink():
+                raise _leads_elsewhere(self._shown, found.relative_to(self._root).as_posix())
+        return found
+
     def names(self, folder: str) -> list[str]:
         try:
-            with os.scandir(self._root / folder) as found:
+            with os.scandir(self._at(folder)) as found:
                 return sorted(each.name for each in found if not each.name.startswith("."))
         except FileNotFoundError:
             return []
 
     def read(self, path: str) -> bytes:
-        return (self._root / path).read_bytes()
+        return self._at(path).read_bytes()
 
     def write(self, path: str, data: bytes) -> None:
-        target = self._root / path
+        target, drafts = self._at(path), self._at(_DRAFTS)
         target.parent.mkdir(parents=True, exist_ok=True)
-        drafts = self._root / _DRAFTS
         drafts.mkdir(exist_ok=True)
         with replacing(target, drafts) as draft, draft.open("wb") as file:
             file.write(data)
@@ -143,10 +156,10 @@ class _Folder:
             os.fsync(file.fileno())  # a full disk may say so only now
 
     def remove(self, path: str) -> None:
-        (self._root / path).unlink(missing_ok=True)
+        self._at(path).unlink(missing_ok=True)
 
     def tidy(self) -> None:
-        drafts = self._root / _DRAFTS
+        drafts = self._at(_DRAFTS)
         with suppress(OSError):
             for each in drafts.iterdir():
                 each.unlink(missing_ok=True)
@@ -156,8 +169,10 @@ class _Folder:
     def locked(self, token: str) -> Iterator[None]:
         """The lock is the system's and ends with the process, however that ends."""
         self._root.mkdir(parents=True, exist_ok=True)
-        number = os.open(self._root / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+        number = os.open(self._at(LOCK), os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
         try:
+            if os.fstat(number).st_nlink > 1:
+                raise _leads_elsewhere(self._shown, LOCK)
             try:
                 _lock(number)
             except OSError as error:
@@ -177,7 +192,7 @@ class _Folder:
             return False
 
     def arrow(self, folder: str) -> tuple[str, Any]:
-        return str(self._root / folder), None
+        return str(self._at(folder)), None
 
 
 def _lock(number: int) -> None:

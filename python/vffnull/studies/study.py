@@ -221,8 +221,8 @@ class Study:
         Raises
         ------
         vffnull.errors.InputError
-            If the directory holds another study, or this one without `resume`; if another client is writing
-            there; if a worker has other versions.
+            If the directory holds another study, or this one without `resume`, or links; if another client
+            is writing there; if a worker has other versions.
         OSError
             If a part cannot be written: a full disk, for instance. What is there stays, and can be resumed.
         ConnectionError

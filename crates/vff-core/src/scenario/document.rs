@@ -145,6 +145,21 @@ impl<'de> Deserializer<'de> for Node<'de> {
         }
     }
 
+    /// A list is no table, though serde's derived code would take its values for the fields in turn.
+    fn deserialize_struct<V: de::Visitor<'de>>(
+        self,
+        _name: &'static str,
+        _fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, ScenarioError> {
+        match self {
+            Self::Other(Value::Array(_)) => {
+                Err(Error::invalid_type(Unexpected::Other("a list"), &visitor))
+            }
+            _ => self.deserialize_any(visitor),
+        }
+    }
+
     fn deserialize_option<V: de::Visitor<'de>>(
         self,
         visitor: V,
@@ -190,7 +205,7 @@ impl<'de> Deserializer<'de> for Node<'de> {
 
     forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit
-        unit_struct seq tuple_struct map struct identifier ignored_any
+        unit_struct seq tuple_struct map identifier ignored_any
     }
 }
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._arm import quaternion, rotation
+from vffnull._arm import cos_sin, product, quaternion, rotation
 
 __all__ = ["Array", "Motion", "Turning"]
 
@@ -40,7 +40,7 @@ class Motion:
         if motion["kind"] == "linear":
             away = times[:, None] * np.asarray(motion["velocity"], dtype=float)
         if motion["kind"] == "sinusoid":
-            swing = np.sin(motion["angular_frequency"] * times + motion.get("phase", 0.0))
+            _, swing = cos_sin(motion["angular_frequency"] * times + motion.get("phase", 0.0))
             away = swing[:, None] * np.asarray(motion["amplitude"], dtype=float)
         positions: Array = self.position + away
         return positions
@@ -67,22 +67,23 @@ class Turning:
         if not len(self._orientations):
             if not self._rate.any():
                 return self._start[None]
-            return _rotations(times[:, None] * self._rate) @ self._start
+            return product(_rotations(times[:, None] * self._rate), self._start)
         turns = rotation(self._orientations)
         if len(turns) == 1:
             return turns
         k = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(turns) - 2)
         share = np.clip((times - self._times[k]) / (self._times[k + 1] - self._times[k]), 0.0, 1.0)
-        between = quaternion(turns[k + 1] @ np.swapaxes(turns[k], 1, 2))  # w ≥ 0: the shorter way
+        between = quaternion(product(turns[k + 1], np.swapaxes(turns[k], 1, 2)))  # w ≥ 0: the shorter way
         length = np.linalg.norm(between[:, 1:], axis=1)
         angle = 2.0 * np.arctan2(length, between[:, 0])
         axis = between[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
-        return _rotations((share * angle)[:, None] * axis) @ turns[k]
+        return product(_rotations((share * angle)[:, None] * axis), turns[k])
 
 
 def _rotations(vectors: Array) -> Array:
     """The matrices (k, 3, 3) of rotation vectors (k, 3) [rad]."""
     angle = np.linalg.norm(vectors, axis=1, keepdims=True)
     axis = vectors / np.where(angle > 0.0, angle, 1.0)
-    made: Array = rotation(np.concatenate([np.cos(0.5 * angle), np.sin(0.5 * angle) * axis], axis=1))
+    c, s = cos_sin(0.5 * angle)
+    made: Array = rotation(np.concatenate([c, s * axis], axis=1))
     return made

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vffnull._arm import cos_sin, product
 from vffnull.evaluation.geometry.motion import Array, Motion
 
 __all__ = ["Kinematics", "World"]
@@ -35,7 +37,7 @@ class Kinematics:
     def joints(self, q: Array) -> Array:
         """Positions of all joints and the tip, (…, n + 1, 2) [m]."""
         angle = np.cumsum(q, axis=-1)
-        links = self.lengths[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        links = self.lengths[:, None] * np.stack(cos_sin(angle), axis=-1)
         start = np.zeros((*q.shape[:-1], 1, 2))
         return np.concatenate([start, np.cumsum(links, axis=-2)], axis=-2)
 
@@ -128,8 +130,9 @@ def _corners(obstacle: Mapping[str, Any]) -> tuple[Array, float]:
         corners = [[-x, -y], [x, -y], [x, y], [-x, y]]
     else:
         corners = shape["vertices"]
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return np.asarray(corners, dtype=float) @ turn.T, float(shape.get("radius", 0.0))
+    c, s = math.cos(angle), math.sin(angle)
+    turned = product(np.asarray(corners, dtype=float), np.array([[c, s], [-s, c]]))
+    return turned, float(shape.get("radius", 0.0))
 
 
 def _share(point: Array, a: Array, b: Array) -> Array:

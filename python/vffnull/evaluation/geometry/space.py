@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vffnull._arm import SpatialArm
+from vffnull._arm import SpatialArm, product
 from vffnull.evaluation.geometry.motion import Array, Motion, Turning
 
 __all__ = ["Bodies", "Things", "box_to_segments", "segment_to_segments"]
@@ -65,7 +65,7 @@ class Bodies:
         """Ends of all axes at joint positions (k, n): (k, b, 2, 3) [m]."""
         base = np.broadcast_to(self.arm.mount, (len(q), 1, 4, 4))
         poses = np.concatenate([self.arm.link_poses(q), base], axis=1)[:, self.link]  # -1 is the last
-        turned = np.einsum("kbij,bej->kbei", poses[..., :3, :3], self._ends)
+        turned = product(self._ends, np.swapaxes(poses[..., :3, :3], -1, -2))
         found: Array = turned + poses[..., None, :3, 3]
         return found
 
@@ -117,7 +117,7 @@ class Things:
         ):
             turns = turning(times)
             # In the obstacle's frame.
-            local = (ends - motion(times)[:, None, None]) @ (turns[0] if len(turns) == 1 else turns[:, None])
+            local = product(ends - motion(times)[:, None, None], turns[:, None])
             if shape["kind"] == "box":
                 found[..., i] = box_to_segments(0.5 * np.asarray(shape["size"], dtype=float), local)
             else:

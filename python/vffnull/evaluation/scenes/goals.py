@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vffnull._arguments import whole
+from vffnull._arm import cos_sin
 from vffnull.errors import InputError
 from vffnull.evaluation.scenes.common import EVALUATION, Array, Document, Draw, rounded
 from vffnull.evaluation.scenes.plane import random
@@ -155,8 +156,7 @@ def _folded(draw: Draw) -> Array:
 
 
 def _tip(q: Array) -> Array:
-    angles = np.cumsum(q)
-    return np.array([np.cos(angles).sum(), np.sin(angles).sum()])
+    return np.array([part.sum() for part in cos_sin(np.cumsum(q))])
 
 
 def _wall(middle: Array, along: float, length: float, thick: float) -> Document:
@@ -206,7 +206,7 @@ def _plane_gap(draw: Draw) -> _Made | None:
         for side in (-1, 1)
     ]
     goal = (away + draw.uniform(0.6, 1.6)) * ahead + (shift + draw.sign() * draw.uniform(0.5, 1.2)) * aside
-    before = float(_tip(q) @ ahead) < away - 0.3
+    before = float((_tip(q) * ahead).sum()) < away - 0.3
     return (q, goal, walls) if before and _blocked(_tip(q), goal, walls) else None
 
 
@@ -237,15 +237,15 @@ def _plane_post(draw: Draw) -> _Made | None:
     end = _folded(draw)
     end[0] = q[0] + draw.sign() * draw.uniform(1.6, 2.8)
     half = np.cumsum(0.5 * (q + end))
-    joints = np.cumsum(np.stack([np.cos(half), np.sin(half)], axis=1), axis=0)
+    joints = np.cumsum(np.stack(cos_sin(half), axis=1), axis=0)
     post: Document = {
         "shape": {"kind": "circle", "radius": draw.uniform(0.2, 0.4)},
         "position": rounded(joints[draw.whole(1, 2)]),
     }
     goal = _tip(end)
-    if np.linalg.norm(goal - post["position"]) < 0.8 or np.linalg.norm(post["position"]) < 0.8:
+    if math.dist(goal, post["position"]) < 0.8 or math.hypot(*post["position"]) < 0.8:
         return None
-    if np.linalg.norm(goal - _tip(q)) < 2.0:
+    if math.dist(goal, _tip(q)) < 2.0:
         return None
     return (q, goal, [post]) if _is_clear("plane", q, goal, [post]) else None
 
@@ -290,7 +290,7 @@ def _plane_door(draw: Draw) -> _Made | None:
 
     walls, _ = _two_gaps(draw, piece, aside, post, gaps, length)
     goal = (away + draw.uniform(0.6, 1.4)) * ahead + (shift + 0.4 * draw.uniform(-1.0, 1.0) * post) * aside
-    before = float(_tip(q) @ ahead) < away - 0.3
+    before = float((_tip(q) * ahead).sum()) < away - 0.3
     return (q, goal, walls) if before and _blocked(_tip(q), goal, walls[:3]) else None
 
 

@@ -149,7 +149,7 @@ def _posture(draw: Draw, arm: Kinematics) -> tuple[Array, Array]:
     while True:
         q = np.array([draw.uniform(-math.pi, math.pi)] + [draw.uniform(-1.2, 1.2) for _ in range(arm.n - 1)])
         joints = arm.joints(q)
-        reach = float(np.linalg.norm(joints[-1])) / arm.n
+        reach = float(np.linalg.norm(joints[-1], axis=-1)) / arm.n
         apart = np.linalg.norm(joints[:, None] - joints[None], axis=2)
         far = np.abs(np.subtract.outer(np.arange(arm.n + 1), np.arange(arm.n + 1))) >= 2
         if 0.4 <= reach <= 0.8 and apart[far].min() >= 0.8:

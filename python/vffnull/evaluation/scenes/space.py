@@ -10,7 +10,7 @@ import numpy as np
 
 from vffnull import _core
 from vffnull._arguments import whole
-from vffnull._arm import rotation
+from vffnull._arm import product, rotation
 from vffnull.errors import InputError
 from vffnull.evaluation.geometry.space import Bodies, Things
 from vffnull.evaluation.planner import travelled
@@ -233,9 +233,13 @@ def _following(
                 position, orientation = arm.pose(q)
                 astray = np.zeros(6)
                 astray[:3] = start + share * along - position
-                now, due = rotation(orientation), rotation(_turned(share * turn)) @ begin
+                now, due = rotation(orientation), product(rotation(_turned(share * turn)), begin)
                 astray[3:] = 0.5 * np.cross(now.T, due.T).sum(axis=0)
-                q = q + np.linalg.pinv(arm.jacobian(q)[rows]) @ astray[rows]
+                J = arm.jacobian(q)[rows]
+                pull = _solved(product(J, J.T), astray[rows, None])
+                if pull is None:
+                    return None
+                q = q + product(J.T, pull)[:, 0]
             if np.abs(astray[rows]).max() > 1e-3 or not _usable(arm, bodies, rows, q):
                 return None
             arrived = share == 1.0
@@ -254,8 +258,28 @@ def _usable(arm: _core.Arm, bodies: Bodies, rows: slice, q: Array) -> bool:
         return False
     length = np.repeat([1.0, bodies.reach / 6.0], 3)[rows, None]
     J = length * arm.jacobian(q)[rows]
-    mobility = J @ np.linalg.solve(arm.mass_matrix(q), J.T)
-    return bool(np.linalg.eigvalsh(mobility)[0] * arm.masses.sum() > _DAMPED)
+    lift = _solved(arm.mass_matrix(q), J.T)
+    if lift is None:
+        return False
+    least = _DAMPED / arm.masses.sum() * np.eye(len(J))
+    return _solved(product(J, lift) - least, J) is not None
+
+
+def _solved(matrix: Array, right: Array) -> Array | None:
+    """The solution of a symmetric system by elimination; none if the matrix is not positive definite.
+
+    Written out, as LAPACK's last bits depend on the processor.
+    """
+    n = len(matrix)
+    rows = np.hstack([matrix, right])
+    for k in range(n):
+        if not rows[k, k] > 0.0:
+            return None
+        rows[k] /= rows[k, k]
+        rows[k + 1 :] -= rows[k + 1 :, k, None] * rows[k]
+    for k in reversed(range(n)):
+        rows[:k] -= rows[:k, k, None] * rows[k]
+    return rows[:, n:]
 
 
 def _apart(bodies: Bodies, motion: Array) -> bool:
@@ -266,7 +290,7 @@ def _apart(bodies: Bodies, motion: Array) -> bool:
 
 def _turned(turn: Array) -> Array:
     """The quaternion of a rotation vector."""
-    angle = float(np.linalg.norm(turn))
+    angle = float(np.linalg.norm(turn, axis=-1))  # not over all axes, which BLAS does
     axis = turn / angle if angle else turn
     return np.append(math.cos(0.5 * angle), math.sin(0.5 * angle) * axis)
 
@@ -368,7 +392,7 @@ def _through(draw: Draw, target: Array, along: Array) -> tuple[Array, Document]:
 def _shelf(scene: _Scene, draw: Draw) -> list[Document]:
     """Boards about the end of the hand's path, open towards the base."""
     end = scene.on_path(DURATION)
-    away = math.atan2(end[1], end[0]) + draw.uniform(-0.4, 0.4)
+    away = round(math.atan2(end[1], end[0]) + draw.uniform(-0.4, 0.4), 12)
     orientation = rounded(_turned(np.array([0.0, 0.0, away])), 17)
     outward, aside = (
         np.array([math.cos(away), math.sin(away), 0.0]),
@@ -411,7 +435,10 @@ def _body(draw: Draw, size: float, position: Array, motion: Document | None) -> 
         }
     elif kind == 3:
         sides = np.abs(draw.direction_in_space()) + 0.3
-        obstacle["shape"] = {"kind": "box", "size": rounded(2.0 * size * sides / np.linalg.norm(sides))}
+        obstacle["shape"] = {
+            "kind": "box",
+            "size": rounded(2.0 * size * sides / np.linalg.norm(sides, axis=-1)),
+        }
         turn = draw.uniform(0.0, math.pi) * draw.direction_in_space()
         obstacle["orientation"] = rounded(_turned(turn), 17)
     if motion is not None:

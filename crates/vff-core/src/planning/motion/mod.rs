@@ -559,7 +559,11 @@ where
         };
         for t in spline.times() {
             spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
-            plan.q.extend_from_slice(&state[0]);
+            // Its knots are within the limits but for rounding.
+            plan.q.extend(state[0].iter().enumerate().map(|(i, q)| {
+                let [lower, upper] = ranges_of(self.arm.limits(), i);
+                q.clamp(lower, upper)
+            }));
             plan.dq.extend_from_slice(&state[1]);
             plan.ddq.extend_from_slice(&state[2]);
         }

@@ -37,6 +37,9 @@ pub enum UrdfError {
     /// More elements than any robot needs.
     #[error("the {0} has more than {limit} elements and texts", limit = super::parse::MAX_NODES)]
     TooManyElements(Xml),
+    /// More attributes than any element needs.
+    #[error("an element of the {0} has more than {limit} attributes", limit = super::parse::MAX_ATTRIBUTES)]
+    TooManyAttributes(Xml),
     /// Not XML; the message shows line and column.
     #[error("the {format} is not well-formed XML: {message}")]
     Malformed {

@@ -10,10 +10,16 @@ use roxmltree::{Document, Node, ParsingOptions};
 /// The most nodes of an XML document that are read.
 pub const MAX_NODES: u32 = 500_000;
 
+/// The most attributes of an element: the parser compares them with each other.
+pub const MAX_ATTRIBUTES: usize = 1000;
+
 /// XML without a document type.
 pub(super) fn document(format: Xml, text: &str) -> Result<Document<'_>, UrdfError> {
     if text.len() > MAX_BYTES {
         return Err(UrdfError::TooLong { format, given: text.len() });
+    }
+    if is_crowded(text) {
+        return Err(UrdfError::TooManyAttributes(format));
     }
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     Document::parse_with_options(text.trim_start_matches('\u{feff}').trim_start(), options).map_err(
@@ -25,6 +31,38 @@ pub(super) fn document(format: Xml, text: &str) -> Result<Document<'_>, UrdfErro
             error => UrdfError::Malformed { format, message: error.to_string() },
         },
     )
+}
+
+/// Whether an element has more attributes than are read.
+fn is_crowded(text: &str) -> bool {
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start..];
+        let unread = [("<!--", "-->"), ("<![CDATA[", "]]>")];
+        if let Some((_, close)) = unread.iter().find(|(open, _)| rest.starts_with(open)) {
+            rest = rest.split_once(close).map_or("", |(_, after)| after);
+            continue;
+        }
+        let (mut quote, mut count, mut end) = (None, 0, rest.len());
+        for (i, byte) in rest.bytes().enumerate() {
+            match (quote, byte) {
+                (Some(open), _) if open != byte => {}
+                (Some(_), _) => quote = None,
+                (None, b'"' | b'\'') => quote = Some(byte),
+                (None, b'=') => count += 1,
+                (None, b'>') => {
+                    end = i + 1;
+                    break;
+                }
+                _ => {}
+            }
+        }
+        if count > MAX_ATTRIBUTES {
+            return true;
+        }
+        rest = &rest[end..];
+    }
+    false
 }
 
 /// The `<robot>` of a document.

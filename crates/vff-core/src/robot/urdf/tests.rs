@@ -224,6 +224,11 @@ fn deep_and_long_documents_end_in_a_sentence() {
     assert!(fault(&deep, &Options::default()).contains("not well-formed"));
     let many = format!("<robot>{}</robot>", "<a/>".repeat(600_000));
     assert!(fault(&many, &Options::default()).contains("more than 500000"));
+    let attributes: String = (0..100_000).map(|i| format!(" a{i}='='")).collect();
+    let wide = format!("<robot><!-- <{attributes}> --><link{attributes}/></robot>");
+    assert!(fault(&wide, &Options::default()).contains("more than 1000 attributes"));
+    let commented = format!("<robot><!-- <{attributes}> --><a b='{attributes}'/></robot>");
+    assert!(fault(&commented.replace("='='", "="), &Options::default()).contains("no links"));
     let mut long = String::from("<robot><link name='0'/>");
     for i in 1..20_000 {
         long += &format!(

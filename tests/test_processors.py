@@ -1,0 +1,88 @@
+"""What has a seed is the same on every processor: no last bit of BLAS, LAPACK or NumPy's kernels decides.
+
+OpenBLAS and NumPy choose their kernels by the processor; environment variables let them take those
+of another one.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from waiting import HANG
+
+# Digests of scenes of every generator, and of designs of every kind with every kind of factor.
+PRINTED = """
+import hashlib, json, sys
+from vffnull import scenes
+from vffnull.evaluation.scenes.goals import to_a_goal
+from vffnull.studies import Study
+
+def document(scene):
+    return {key: scene[key] for key in ("q0", "arm", "controller", "reference", "obstacles")}
+
+made = {}
+for family in scenes.FAMILIES:
+    made[family] = [document(scenes.random(family, n, 1_000_000)) for n in (4, 9)]
+for family, arm, task in (
+    ("links-swept", "iiwa14", "pose"),
+    ("path-crossed", "ur5e", "position"),
+    ("clutter", "panda", "position"),
+    ("clutter", "ur5e", "pose"),
+    ("crowd", "panda", "pointing"),
+):
+    made[family, arm, task] = document(scenes.in_space(family, arm, task, 1_000_001))
+for family in ("post", "door"):
+    for arm in ("plane", "panda"):
+        made[family, arm] = document(to_a_goal(family, arm, 1_000_000))
+factors = [
+    {"key": "controller.field.gain", "range": [0.01, 3.0], "scale": "log", "levels": 7},
+    {"key": "controller.stiffness", "range": [20, 900], "scale": "log", "whole": True, "levels": 7},
+    {"key": "controller.damping", "range": [5.0, 60.0], "levels": 3},
+]
+for kind in ("grid", "latin-hypercube", "sobol", "saltelli", "random"):
+    design = {"kind": kind} | ({} if kind == "grid" else {"count": 64})
+    plan = Study({"scenario": "sweep-through", "factors": factors, "design": design, "seed": 3})._plan
+    made[kind] = plan.design.rows(0, plan.points).tolist()
+print(json.dumps({
+    str(key): hashlib.sha256(json.dumps(value).encode()).hexdigest()[:16] for key, value in made.items()
+}))
+"""
+
+
+def printed(**environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", PRINTED],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=HANG,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def here() -> str:
+    """With the kernels of this processor."""
+    return printed(OPENBLAS_NUM_THREADS="1")
+
+
+FEATURES = " ".join(np.show_config(mode="dicts")["SIMD Extensions"]["found"])
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"OPENBLAS_CORETYPE": "Haswell", "OPENBLAS_NUM_THREADS": "2"},
+        {"OPENBLAS_CORETYPE": "SkylakeX"},
+        {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": FEATURES},
+    ],
+    ids=lambda environment: environment["OPENBLAS_CORETYPE"],
+)
+def test_another_processor(environment: dict[str, str], here: str) -> None:
+    assert printed(**environment) == here
