@@ -77,8 +77,8 @@ mod tests {
     const PERIOD: f64 = 1e-3;
 
     /// A body on a critically damped spring of 30 rad/s, at rest where a wall comes at `speed` from 1 m away, goes 0.15 m too
-    /// far, waits for a second and leaves; ẍ changes by no more than `jerk` a second. What came nearest \[m\], the largest
-    /// speed \[m/s\], and how far the body is from its place 10 s after that \[m\].
+    /// far, waits for a second and leaves; ẍ changes by no more than `jerk` a second. What came nearest, how far the body
+    /// goes past its place on the way back, and how far it is from there 10 s later \[m\].
     fn pushed(jerk: f64, speed: f64) -> [f64; 3] {
         let (mass, margin) = (6.0, 0.02);
         let range = TorqueRange { period: PERIOD, ..TorqueRange::new(vec![mass * jerk]) };
@@ -88,7 +88,7 @@ mod tests {
             ..Settings::default()
         });
         let (mut x, mut v, mut a) = (0.0_f64, 0.0_f64, 0.0);
-        let mut found = [f64::INFINITY, 0.0_f64, 0.0];
+        let mut found = [f64::INFINITY, 0.0, 0.0];
         let there = 1.15 / speed;
         for step in 0..(1000.0 * (2.0 * there + 11.0)) as usize {
             let t = PERIOD * step as f64;
@@ -106,19 +106,19 @@ mod tests {
             a = wanted.max(least).clamp(a - most, a + most);
             v += PERIOD * a;
             x += PERIOD * v;
-            found = [found[0].min(x - wall), found[1].max(v.abs()), x.abs()];
+            found = [found[0].min(x - wall), found[1].max(-x), x.abs()];
         }
         found
     }
 
     proptest! {
         /// Nothing oscillates, whatever the rate: the body keeps the distance from a wall of up to twice the speed that
-        /// barriers reckon with, gets no faster than the wall or than it comes back, and comes back.
+        /// barriers reckon with, and comes back without going too far.
         #[test]
         fn what_is_begun_in_time_is_kept(jerk in 100.0..3000.0, speed in 0.1..2.0) {
-            let [nearest, fastest, left] = pushed(jerk, speed);
+            let [nearest, too_far, left] = pushed(jerk, speed);
             prop_assert!(nearest > 0.019, "{nearest}");
-            prop_assert!(fastest < 1.1 * speed.max(0.45), "{fastest}");
+            prop_assert!(too_far < 1e-4, "{too_far}");
             prop_assert!(left < 1e-3, "{left}");
         }
 

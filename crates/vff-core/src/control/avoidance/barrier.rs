@@ -485,7 +485,7 @@ mod tests {
     #[test]
     fn the_qps_of_a_run_agree_with_clarabel() {
         let text = include_str!("../../../tests/scenarios/on-path.toml");
-        for (torque, rate) in [(None, None), (Some(40.0), None), (None, Some(1000.0))] {
+        for (torque, rate) in [(None, None), (Some(40.0), None), (None, Some(300.0))] {
             let mut scenario = Scenario::from_toml(text).unwrap();
             scenario.controller.avoidance = Avoidance::Cbf;
             scenario.simulation.control = Control::Hold;
@@ -522,7 +522,8 @@ mod tests {
                 }
             }
             assert!(solved > 500, "{solved}");
-            assert_eq!(at_limit > 50, torque.or(rate).is_some(), "{at_limit}");
+            let often = if rate.is_some() { 10 } else { 50 }; // demands are shaped for the rate
+            assert_eq!(at_limit > often, torque.or(rate).is_some(), "{at_limit}");
         }
     }
 
