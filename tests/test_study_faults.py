@@ -145,6 +145,17 @@ def test_ctrl_c(endless: Path) -> None:
     assert begin(plan, store, resume=True) == Begun(frozenset({0}), 0)
 
 
+def test_a_client_that_is_terminated(endless: Path) -> None:
+    """As by Ctrl-C: no draft is left behind, and the exit code says what it was."""
+    process = client(endless)
+    wait_for(lambda: (endless / "results" / "study.json").exists() or process.poll() is not None)
+    process.terminate()
+    _, error = process.communicate(timeout=HANG)
+    assert process.returncode == 143, error
+    assert "--resume" in error and "Traceback" not in error
+    assert not list((endless / "results").rglob(".drafts/*"))
+
+
 def test_a_full_disk(folder: Path, undisturbed: dict[str, bytes]) -> None:
     """The system refuses a part: a sentence, an exit code, and no half of anything."""
     smallest = max(len(data) for name, data in undisturbed.items() if name.startswith("runs/"))
@@ -282,7 +293,9 @@ sys.meta_path.insert(0, Hidden())
 """
 
 
-def test_a_cluster_that_falls_apart(folder: Path, undisturbed: dict[str, bytes]) -> None:
+def test_a_cluster_that_falls_apart(
+    folder: Path, undisturbed: dict[str, bytes], capfd: pytest.CaptureFixture[str]
+) -> None:
     """A worker without the package is refused by name; a killed scheduler is told; no part is lost."""
     (folder / "hidden.py").write_text(HIDDEN, encoding="utf-8")
     told = folder / "scheduler.json"
@@ -322,6 +335,7 @@ def test_a_cluster_that_falls_apart(folder: Path, undisturbed: dict[str, bytes])
 
         with pytest.raises(ConnectionError, match=f"the scheduler {address} is gone"):
             Study(DOCUMENT).run(folder / "results", scheduler=address, progress=kill)
+        assert "Traceback" not in capfd.readouterr().err  # the error says it
     finally:
         for process in processes:
             process.kill()

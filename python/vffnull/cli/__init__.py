@@ -6,6 +6,7 @@ import difflib
 import io
 import os
 import shlex
+import signal
 import sys
 import threading
 from collections.abc import Iterable
@@ -22,6 +23,7 @@ from vffnull.cli.arms import arms
 from vffnull.cli.common import (
     FINE,
     INTERRUPTED,
+    TERMINATED,
     WRONG_INPUT,
     complete_scenario,
     echo_json,
@@ -46,8 +48,9 @@ __all__ = ["main"]
 
 
 def main() -> NoReturn:
-    """Run the command line and exit: 0 fine, 2 wrong input, 3 the run failed, 130 interrupted."""
+    """Run the command line and exit: 0 fine, 2 wrong input, 3 failed, 130 interrupted, 143 terminated."""
     _set_up()
+    terminated = _heard_as_ctrl_c(signal.SIGTERM)
     try:
         code = _commands.main(prog_name="vffnull", standalone_mode=False)
         sys.stdout.flush()
@@ -66,11 +69,28 @@ def main() -> NoReturn:
     except (VffNullError, ImportError) as error:
         say(f"error: {error}", "red")
         code = WRONG_INPUT
-    if code == INTERRUPTED and threading.active_count() > 1:  # nobody needs what they compute
+    if code == INTERRUPTED and terminated:
+        code = TERMINATED
+    if code in (INTERRUPTED, TERMINATED) and threading.active_count() > 1:  # nobody needs what they compute
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(INTERRUPTED)
+        os._exit(code)
     sys.exit(code or FINE)
+
+
+def _heard_as_ctrl_c(number: int) -> list[int]:
+    """Let a signal end the command as Ctrl-C does, with nothing left half done; the list gets it."""
+    came: list[int] = []
+
+    def handler(number: int, _frame: object) -> None:
+        came.append(number)
+        if not callable(signal.getsignal(signal.SIGINT)):  # a shell's job in the background does not hear it
+            raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGINT)
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(number, handler)
+    return came
 
 
 def _set_up() -> None:

@@ -23,7 +23,7 @@ from vffnull.logs import READABLE
 from vffnull.result import Result, Status
 from vffnull.scenario import Scenario, prepare, scenarios, shown, source_of
 
-FINE, WRONG_INPUT, FAILED, INTERRUPTED = 0, 2, 3, 130
+FINE, WRONG_INPUT, FAILED, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 
 
 def complete_scenario(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -79,10 +80,22 @@ def site(
             ) from None
         except OSError as error:
             raise ConnectionError(f"no scheduler answers at {scheduler}: {error}") from None
-        with client:
+        with _silent("distributed"), _silent("distributed.client"), client:
             yield _checked(client, tell)
     else:
         yield _checked(scheduler, tell)
+
+
+@contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """Keep one of Dask's logs to itself: what ends a study is said by our errors."""
+    log = logging.getLogger(name)
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
 
 
 def _checked(client: Any, tell: Callable[[str], None]) -> Cluster:
