@@ -95,7 +95,9 @@ def _title(results: list[Result], names: list[str]) -> str:
     if len(results) == 1:
         return results[0].scenario.name or "A run"
     return (
-        f"{len(names)} runs of {results[0].scenario.name}" if _same_scenario(results) else " · ".join(names)
+        f"{len(names)} runs of {results[0].scenario.name or 'a scenario'}"
+        if _same_scenario(results)
+        else " · ".join(names)
     )
 
 
