@@ -254,14 +254,29 @@ impl<'a> Index<'a> {
 enum Role {
     Tool,
     Any,
+    /// A finger, a sensor, or what is only drawn.
     Finger,
 }
 
 impl Role {
     fn of(name: &str) -> Self {
-        const FINGERS: [&str; 10] = [
-            "finger", "thumb", "knuckle", "jaw", "pad", "camera", "sensor", "imu", "optical",
+        const FINGERS: [&str; 16] = [
+            "finger",
+            "thumb",
+            "knuckle",
+            "jaw",
+            "pad",
+            "camera",
+            "sensor",
+            "imu",
+            "accelerometer",
+            "gyro",
+            "range",
+            "sonar",
+            "optical",
             "screen",
+            "visual",
+            "collision",
         ];
         const TOOLS: [&str; 7] = ["tool", "tcp", "hand", "gripper", "effector", "flange", "eef"];
         let name = name.to_lowercase();
