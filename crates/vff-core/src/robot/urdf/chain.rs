@@ -280,10 +280,9 @@ impl Role {
         ];
         const TOOLS: [&str; 7] = ["tool", "tcp", "hand", "gripper", "effector", "flange", "eef"];
         let name = name.to_lowercase();
-        let has = |word: &&str| name.contains(*word);
         match () {
-            () if FINGERS.iter().any(|word| has(&word)) => Self::Finger,
-            () if TOOLS.iter().any(|word| has(&word)) => Self::Tool,
+            () if FINGERS.iter().any(|word| name.contains(*word)) => Self::Finger,
+            () if TOOLS.iter().any(|word| name.contains(*word)) => Self::Tool,
             () if name.split(|c: char| !c.is_alphanumeric()).any(|word| word == "ee") => Self::Tool,
             () => Self::Any,
         }
