@@ -128,7 +128,7 @@ def test_validate(tmp_path: Path) -> None:
 
 
 def test_run_prints_a_table() -> None:
-    done = vffnull("run", "paper-1", "--set", "duration=0.5")
+    done = vffnull("run", "paper-1")
     for text in ("paper-1", "completed", "min_clearance", "max_error_tail", "N·m"):
         assert text in done.stdout
     assert vffnull("run", "paper-1", "--set", "duration=0.5", "--quiet").stdout == ""
@@ -337,7 +337,7 @@ def test_results_from_a_file_or_from_a_scenario(tmp_path: Path) -> None:
     vffnull("run", "sweep-through", "--set", "duration=0.1", "--save", file, "-q")
     printed = vffnull("report", file, tmp_path / "run.html", "--json").stdout
     assert json.loads(printed) == {
-        "runs": [{"scenario": "sweep-through", "status": "completed"}],
+        "runs": [{"scenario": "sweep-through", "status": "completed", "verdict": "completed"}],
         "files": [str(tmp_path / "run.html")],
     }
     assert "run.gif" in vffnull("animate", file, tmp_path / "run.gif", "--fps", "10").stdout

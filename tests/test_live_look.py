@@ -183,7 +183,8 @@ def robot(tmp_path: Path) -> tuple[Path, dict[str, Any], Any]:
     bar.export(folder / "bar.stl")
     path = folder / "robot.urdf"
     path.write_text(URDF, encoding="utf-8")
-    arm = vff.Arm.from_urdf(path, tip="finger").to_dict()
+    with pytest.warns(vff.errors.ScenarioWarning, match="no shape on `hand`: nothing avoids it"):
+        arm = vff.Arm.from_urdf(path, tip="finger").to_dict()
     return path, arm, bar
 
 

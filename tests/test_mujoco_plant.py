@@ -190,7 +190,7 @@ def test_obstacles_move_in_mujoco_as_in_the_core() -> None:
 
 @pytest.mark.parametrize(
     ("name", "depth", "told"),
-    [("sweep-through", 0.14, "first contact at t = 3.58"), ("panda-sweep", 0.05, "first contact at t = ")],
+    [("sweep-through", 0.14, "first at t = 3.58"), ("panda-sweep", 0.05, "first at t = ")],
 )
 def test_contact_pushes_the_arm(name: str, depth: float, told: str) -> None:
     """With the field off disc or ball goes through our arm, which never notices; MuJoCo's gives way."""
@@ -199,7 +199,7 @@ def test_contact_pushes_the_arm(name: str, depth: float, told: str) -> None:
     assert np.ptp(pushed.q, axis=0).max() > 0.1
     assert through.metrics.intrusion_depth > depth
     assert 0 < pushed.metrics.intrusion_depth < 0.02
-    assert pushed.status == "collided" and told in pushed.message
+    assert pushed.status == "collided" and told in str(pushed.headline)
     assert pushed.metrics.collision_time == pytest.approx(through.metrics.collision_time, abs=1e-3)
 
 

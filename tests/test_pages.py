@@ -220,8 +220,48 @@ def test_assumptions_are_those_of_the_run(short: vff.Result, tmp_path: Path) -> 
     }
     result = vff.simulate("sweep-through", {"duration": 0.1, **real})
     text = squeezed(Page(result.report(tmp_path / "real.html")).text)
-    assert "with friction, torque sources that lag" in text and "wrong in masses; see [plant]" in text
+    assert "with friction, torque sources that lag" in text
+    assert "model has not: dry friction of up to 0.1 N·m and other masses of its links." in text
     assert "reads angles and speeds with delay" in text and "share no joint avoid one another" in text
+
+
+RUBBING = """<robot name="rubs"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+    <inertia ixx="0.03" iyy="0.03" izz="0.01"/></inertial>
+    <collision><origin xyz="0 0 0.2"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <link name="lower"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="50" velocity="3"/><dynamics damping="0.5" friction="0.1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/>
+    <dynamics damping="0.2"/></joint></robot>"""
+
+
+def test_assumptions_know_what_an_arm_brings_along(tmp_path: Path) -> None:
+    """Friction of the file, a payload, a link that nothing avoids, and stops that were taken away."""
+    with pytest.warns(vff.errors.ScenarioWarning, match="no shape on `lower`: nothing avoids it"):
+        arm = vff.Arm.from_urdf(RUBBING).to_dict()
+    document: dict[str, Any] = {
+        "duration": 0.01,
+        "q0": [0.3, 0.8],
+        "arm": arm,
+        "reference": {"kind": "setpoint"},
+        "plant": {"payload": {"mass": 0.7}},
+        "controller": {"command": {"viscous_friction": 0.15}},
+    }
+    text = squeezed(Page(vff.simulate(document).report(tmp_path / "rubs.html")).text)
+    assert "revolute joints with friction" in text and "model of the arm is exact" not in text
+    assert (
+        "model has not: viscous friction of up to 0.5 N·m·s/rad (up to 0.15 compensated), "
+        "dry friction of up to 0.1 N·m and a payload of 0.7 kg." in text
+    )
+    assert "Joints stop at their limits" in text
+    assert "lower: no shape, so nothing avoids it, and no contact is noticed." in text
+    free = {"plant": {"joint_stops": False, "viscous_friction": 0.0, "coulomb_friction": 0.0}}
+    text = squeezed(Page(vff.simulate({**document, **free}).report(tmp_path / "free.html")).text)
+    assert "without friction" in text and "model of the arm is exact" in text
+    assert "Joints pass their limits as if there were no stops." in text
 
 
 def test_report_of_a_diverged_run(tmp_path: Path) -> None:

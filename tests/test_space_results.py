@@ -378,6 +378,7 @@ def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "lever.toml"
 
 
+@pytest.mark.filterwarnings("ignore:no shape on `hand`")
 def test_an_arm_in_a_urdf_beside_the_scenario(written: Path) -> None:
     """What is loaded is explicit: the file may vanish, and everything can still be saved, sent and run."""
     scenario = vff.Scenario.load(written)
@@ -402,6 +403,7 @@ def test_an_arm_in_a_urdf_beside_the_scenario(written: Path) -> None:
     assert_same(result, direct)
 
 
+@pytest.mark.filterwarnings("ignore:no shape on `hand`")
 def test_keys_beside_the_urdf(written: Path) -> None:
     ball = {"kind": "sphere", "center": [0, 0, 0.1], "radius": 0.1}
     changes = {

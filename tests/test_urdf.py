@@ -168,6 +168,55 @@ def test_what_is_odd_is_warned_of() -> None:
     assert _core.check_arm(arm) == arm
 
 
+GRIPPER = """<link name="jaw"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial></link>
+  <joint name="jointGripper" type="revolute"><parent link="tool"/><child link="jaw"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="1" effort="5" velocity="1"/></joint></robot>"""
+
+
+def test_a_gripper_that_has_become_a_joint_is_told_and_left_out_by_its_tip() -> None:
+    text = without_mesh().replace("</robot>", GRIPPER)
+    told = '`jointGripper`, by its name a gripper\'s, is joint 3 of the arm; tip = "tool" leaves it out'
+    report = arms.read_urdf(text, collision="none")
+    assert report.warnings == (told,) and f"odd: {told}" in str(report)
+    assert len(report.document["joints"]) == 3
+    left_out = arms.read_urdf(text, tip="tool", collision="none")
+    assert len(left_out.document["joints"]) == 2 and "by its name" not in str(left_out)
+
+
+def test_links_without_shapes_are_told() -> None:
+    report = arms.read_urdf(without_mesh().replace("</robot>", GRIPPER))
+    assert "no shape on `jaw`: nothing avoids it" in report.warnings
+    assert not any("no shape" in each for each in arms.read_urdf(without_mesh()).warnings)
+
+
+def test_possible_tips_are_ranked() -> None:
+    """Names of tools first, then those with most joints on the way, fingers and cameras last."""
+    ends = {
+        "camera_link": "lower",
+        "pin": "base",
+        "left_finger": "tool",
+        "right_hand": "base",
+        "long": "lower",
+    }
+    more = "".join(
+        f'<link name="{end}"/><joint name="to_{end}" type="fixed"><parent link="{on}"/><child link="{end}"/></joint>'
+        for end, on in ends.items()
+    )
+    told = "leads to 5 ends, likely ones first: `right_hand`, `long`, `pin`, `camera_link`, `left_finger`; name one"
+    with pytest.raises(InputError, match=told):
+        arms.read_urdf(without_mesh().replace("</robot>", f"{more}</robot>"))
+
+
+def test_rotors_that_outweigh_their_links_are_told() -> None:
+    told = str(arms.read_urdf(without_mesh(), armature=[0.01, 4.0], collision="none"))
+    assert "armature" in told and "0.01 kg·m²" in told and "4 kg·m²" in told
+    heavy = next(line for line in told.splitlines() if line.startswith("armature is most"))
+    assert (
+        "elbow 9" in heavy and "shoulder" not in heavy and heavy.endswith("a push hardly moves these links")
+    )
+    assert "armature" not in str(arms.read_urdf(without_mesh(), collision="none"))
+
+
 def test_neighbours_of_neighbours_that_touch_are_ignored() -> None:
     text = without_mesh().replace('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.01"/>')
     text = text.replace('<sphere radius="0.1"/>', '<sphere radius="0.5"/>')

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
@@ -26,9 +26,11 @@ __all__ = [
     "cos_sin",
     "frame",
     "is_spatial",
+    "listed",
     "product",
     "quaternion",
     "rotation",
+    "unshaped",
 ]
 
 _KEYS = ("model", "urdf", "joints")
@@ -191,6 +193,22 @@ class SpatialArm:
     def __repr__(self) -> str:
         name = self._document.get("name") or "an arm"
         return f"<Arm {name}: {self.n} joints in space, from {self.base} to {self.tip}>"
+
+
+def unshaped(arm: Mapping[str, Any]) -> list[str]:
+    """The links that joints move and nothing avoids, for they have no shape, of an arm in space."""
+    if not is_spatial(arm):
+        return []
+    if "joints" not in arm:
+        arm = _core.arm_model(arm["model"]) | dict(arm)
+    there = {body["link"] for body in arm.get("collision", ())}
+    links = [joint.get("link") or joint["name"] for joint in arm["joints"]]
+    return [link for link in links if link not in there]
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words as text: a, b and c."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def frame(placed: Mapping[str, Any]) -> Array:

@@ -783,6 +783,8 @@ class LiveState(TypedDict):
     """The longest computation of a period so far [s]."""
     min_clearance: float
     """Since the start or the last reset [m]; inf without obstacles."""
+    metrics: dict[str, float | int | None]
+    """What `METRICS` names, since the start or the last reset; there is no tail."""
     recording: bool
     t: float
     q: _Array

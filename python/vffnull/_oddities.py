@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
-from vffnull._arm import arm_of, is_spatial
+from vffnull._arm import arm_of
 from vffnull._document import Document
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["oddities"]
+__all__ = ["friction", "oddities"]
 
 _FASTEST = 2.0  # Euler's limit for a decay rate times the step; that of Runge and Kutta is 2.8
 
@@ -49,12 +50,12 @@ def _stiff_friction(document: Document) -> list[str]:
     """
     import numpy as np
 
-    friction = np.broadcast_to(np.asarray(_viscous(document), dtype=float), len(document["q0"]))
-    if not friction.any():
+    viscous = friction(document, "viscous_friction")
+    if not viscous.any():
         return []
     arm = _core.plant(document)
     # Symmetric, with the eigenvalues of M⁻¹B: how fast friction alone stops the arm.
-    root = np.sqrt(friction)
+    root = np.sqrt(viscous)
     rates, modes = np.linalg.eigh(root[:, None] * np.linalg.inv(arm.mass_matrix(document["q0"])) * root)
     numerics = document.get("simulation", {})
     step, rate = numerics.get("dt", 1e-3), float(rates[-1])
@@ -71,20 +72,36 @@ def _stiff_friction(document: Document) -> list[str]:
     ]
 
 
-def _viscous(document: Document) -> Any:
-    """Viscous friction of the joints, one number for all or one for each [N·m·s/rad or N·s/m]."""
-    given, arm = document.get("plant", {}).get("viscous_friction"), document["arm"]
-    if given is not None or not is_spatial(arm):
-        return given or 0.0
-    if "joints" in arm:
-        return [joint.get("damping", 0.0) for joint in arm["joints"]]
-    return _damping(arm["model"])
+def friction(document: Mapping[str, Any], key: str) -> Array:
+    """Friction of the plant's joints, (n,), where it is not given that of the arm.
+
+    Parameters
+    ----------
+    document : Mapping
+        The scenario, which has been checked.
+    key : str
+        ``"viscous_friction"`` [N·m·s/rad or N·s/m] or ``"coulomb_friction"`` [N·m or N].
+    """
+    import numpy as np
+
+    given, arm = (document.get("plant") or {}).get(key), document["arm"]
+    if given is None:
+        given = _own(arm["model"], key) if "model" in arm else _rubbing(arm.get("joints", ()), key)
+    return np.broadcast_to(np.asarray(given or 0.0, dtype=float), len(document["q0"]))
+
+
+_KEYS = {"viscous_friction": "damping", "coulomb_friction": "friction"}
+"""What they are called in the description of an arm."""
+
+
+def _rubbing(joints: Iterable[Mapping[str, Any]], key: str) -> tuple[float, ...]:
+    return tuple(joint.get(_KEYS[key], 0.0) for joint in joints)
 
 
 @cache
-def _damping(model: str) -> tuple[float, ...]:
+def _own(model: str, key: str) -> tuple[float, ...]:
     """That of a bundled arm."""
-    return tuple(joint.get("damping", 0.0) for joint in _core.arm_model(model)["joints"])
+    return _rubbing(_core.arm_model(model)["joints"], key)
 
 
 def _stiff_posture(document: Document) -> list[str]:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from vffnull._headline import Headline
+
     Array = NDArray[np.float64]
 
 __all__ = ["Metrics", "Outcome", "Replan", "ScenarioData", "Status", "readable"]
@@ -28,7 +30,7 @@ class Status(str, Enum):
     """How a run ended. A status equals its plain string: ``result.status == "completed"``."""
 
     COMPLETED = "completed"
-    """To its end, and no link ever touched an obstacle."""
+    """To its end, and no link ever touched an obstacle; `Outcome.headline` says what else happened."""
     COLLIDED = "collided"
     """To its end, but a link touched an obstacle on the way."""
     DIVERGED = "diverged"
@@ -226,6 +228,13 @@ class Outcome:
             f"<Result of {self.scenario.name or 'a scenario'}: {self.status} at {self.end_time:g} s, "
             f"{len(self.t)} instants>"
         )
+
+    @property
+    def headline(self) -> Headline:
+        """What is to be known first: contact, limits, a lost reference; the worst comes first."""
+        from vffnull._headline import headline
+
+        return headline(self)
 
     @property
     def layout(self) -> Layout:

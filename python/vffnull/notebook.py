@@ -99,7 +99,7 @@ def result(shown: Result) -> str:
     """The arm passing the obstacles, from early (faint) to late, and the main metrics."""
     scene = Scene.of_result(drawable(shown))
     drawing = _picture(scene, scene.instants(_INSTANTS), scene.frame())
-    about = f"{shown.status}: {shown.message}"
+    about = str(shown.headline)
     main = {name: shown.metrics.get(name) for name in _MAIN}
     return _card(drawing, shown.scenario.name or "Result", about, _measures(main, shown.layout))
 

@@ -2,7 +2,7 @@
 
 use crate::convert::{self, array2, named_document, read_vector};
 use crate::errors::{self, InputError};
-use crate::run::{arrays, prepared};
+use crate::run::{arrays, measured, prepared};
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -16,7 +16,7 @@ use vff_core::runtime::PointsError;
 use vff_core::runtime::live::{self, LoopStats, State};
 use vff_core::runtime::points::make;
 use vff_core::scenario::Scenario;
-use vff_core::simulation::{RecordTooLarge, ReplanCounts};
+use vff_core::simulation::{Metric, RecordTooLarge, ReplanCounts, Value};
 
 /// A scenario that runs at 1 kHz against the wall clock, on a thread of its own, while people interfere.
 ///
@@ -73,6 +73,7 @@ struct Shown {
     state: State,
     stats: LoopStats,
     min_clearance: f64,
+    metrics: Vec<(&'static Metric, Value)>,
     recording: bool,
     /// Coordinates of a point.
     dimension: usize,
@@ -96,6 +97,7 @@ impl Shown {
             state: live.state().clone(),
             stats: live.stats(),
             min_clearance: live.min_clearance(),
+            metrics: live.metrics(),
             recording: live.is_recording(),
             dimension: s.dimension,
             points,
@@ -134,6 +136,7 @@ impl Shown {
         dict.set_item("missed", self.stats.missed)?;
         dict.set_item("worst", self.stats.worst)?;
         dict.set_item("min_clearance", self.min_clearance)?;
+        dict.set_item("metrics", measured(py, &self.metrics)?)?;
         dict.set_item("recording", self.recording)?;
         dict.set_item("t", self.t)?;
         dict.set_item("q_plan", self.q_plan.map(|q| PyArray1::from_vec(py, q)))?;

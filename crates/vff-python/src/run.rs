@@ -13,7 +13,7 @@ use std::num::NonZero;
 use std::thread::available_parallelism;
 use std::time::Instant;
 use vff_core::runtime::batch::{Batch, BatchError, Rollout};
-use vff_core::simulation::{Array, Record, Replanned, Status, Value};
+use vff_core::simulation::{Array, Metric, Record, Replanned, Status, Value};
 use vff_core::{
     interrupt,
     planning::feasibility,
@@ -183,24 +183,32 @@ pub fn assess_feasibility<'py>(
 /// An outcome as Python values.
 pub fn to_dict(py: Python<'_>, rollout: Rollout) -> PyResult<Bound<'_, PyDict>> {
     let Rollout { outcome, warnings, wall_time } = rollout;
-    let metrics = PyDict::new(py);
-    for (metric, value) in &outcome.metrics {
-        match value {
-            Value::Number(number) => metrics.set_item(metric.name, number)?,
-            Value::Count(count) => metrics.set_item(metric.name, count)?,
-            Value::None => metrics.set_item(metric.name, py.None())?,
-        }
-    }
     let result = PyDict::new(py);
     result.set_item("status", outcome.status.name())?;
     result.set_item("message", outcome.message)?;
     result.set_item("end_time", outcome.end_time)?;
     result.set_item("wall_time", wall_time)?;
     result.set_item("warnings", warnings)?;
-    result.set_item("metrics", metrics)?;
+    result.set_item("metrics", measured(py, &outcome.metrics)?)?;
     result.set_item("replans", replans(py, &outcome.replans)?)?;
     result.set_item("record", arrays(py, outcome.record)?)?;
     Ok(result)
+}
+
+/// Metrics as Python values, by name.
+pub fn measured<'py>(
+    py: Python<'py>,
+    metrics: &[(&'static Metric, Value)],
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for (metric, value) in metrics {
+        match value {
+            Value::Number(number) => dict.set_item(metric.name, number)?,
+            Value::Count(count) => dict.set_item(metric.name, count)?,
+            Value::None => dict.set_item(metric.name, py.None())?,
+        }
+    }
+    Ok(dict)
 }
 
 /// Searches for another plan, as Python values.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from vffnull import _core
+from vffnull._arm import listed, unshaped
 from vffnull.arms._as_given import Item, as_given, joined, name_of
 from vffnull.arms._frames import frame, matrix
 from vffnull.arms._meshes import MissingMeshError
@@ -110,6 +111,11 @@ def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, sour
         arm["ignore"] = [list(pair) for pair in arm.get("ignore", [])] + [list(pair) for pair in touching]
     if collision != "none" and not fits:
         odd.append("nothing of it collides: obstacles and self-collision will not be noticed")
+    elif fits and (bare := unshaped(arm)):
+        odd.append(
+            f"no shape on {listed([f'`{link}`' for link in bare])}: nothing avoids "
+            f"{'it' if len(bare) == 1 else 'them'}"
+        )
     return Report(
         source=source,
         document=_core.check_arm(arm),

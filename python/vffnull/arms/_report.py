@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from vffnull._arm import arm_of, listed
+
 if TYPE_CHECKING:
     from vffnull.arms._capsules import Fit
 
@@ -77,7 +79,7 @@ class Report:
 
     def __str__(self) -> str:
         """The report as text."""
-        lines = [self.source, "", describe(self.document)]
+        lines = [self.source, "", describe(self.document), *_heavy(self.document)]
         if self.fits:
             lines += ["", *(_as_in_file(self.fits) if self.collision == "file" else _fits(self.fits))]
         for link, parts in self.merged.items():
@@ -150,13 +152,14 @@ def _table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def describe(arm: Mapping[str, Any]) -> str:
-    """An arm's joints, masses and limits as a table, with its friction where it has any."""
+    """An arm's joints, masses and limits as a table, with its rotors and friction where it has any."""
     joints = arm["joints"]
     n = len(joints)
     limits = arm.get("joint_limits") or [[-math.inf, math.inf]] * n
     velocity = arm.get("velocity_limits") or [math.inf] * n
     torque = arm.get("torque_limits") or [math.inf] * n
-    rubs = tuple(key for key in ("damping", "friction") if any(joint.get(key) for joint in joints))
+    extras = ("armature", "damping", "friction")
+    rubs = tuple(key for key in extras if any(joint.get(key) for joint in joints))
     rows = [("joint", "kind", "lower", "upper", "speed", "torque", *rubs, "link", "mass [kg]")]
     for i, joint in enumerate(joints):
         units = _UNITS.get(joint["kind"], _TURNING)
@@ -175,8 +178,35 @@ def _resistance(joint: Mapping[str, Any], keys: Sequence[str]) -> list[tuple[str
     """What resists the motion of a joint, with its units."""
     _, speed, force = _UNITS.get(joint["kind"], _TURNING)
     length = speed.partition("/")[0]
-    units = {"damping": f"{force}·s/{length}", "friction": force}
+    inertia = "kg" if joint["kind"] == "prismatic" else "kg·m²"
+    units = {"armature": inertia, "damping": f"{force}·s/{length}", "friction": force}
     return [(key, units[key]) for key in keys]
+
+
+_SHARE = 0.5
+"""From which share on rotors are most of the inertia at a joint."""
+
+
+def _heavy(arm: Mapping[str, Any]) -> list[str]:
+    """Joints whose links hardly yield to a push, because their rotors are heavier than they are."""
+    import numpy as np
+
+    rotors = np.array([joint.get("armature", 0.0) for joint in arm["joints"]])
+    if not rotors.any():
+        return []
+    ends = np.array(arm.get("joint_limits") or np.zeros((len(rotors), 2)), dtype=float)
+    middle = np.where(np.isfinite(ends).all(axis=1), ends.mean(axis=1), 0.0)
+    shares = rotors / np.diag(arm_of(arm).mass_matrix(middle))
+    heavy = [
+        f"{joint['name']} {100 * share:.0f} %"
+        for joint, share in zip(arm["joints"], shares, strict=True)
+        if share > _SHARE
+    ]
+    return (
+        [f"armature is most of the inertia at {listed(heavy)}: a push hardly moves these links"]
+        if heavy
+        else []
+    )
 
 
 def _quantity(value: float, unit: str) -> str:

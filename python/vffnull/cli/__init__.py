@@ -21,6 +21,7 @@ from vffnull._validation import faults
 from vffnull.cli import results
 from vffnull.cli.arms import arms
 from vffnull.cli.common import (
+    COLOURS,
     FINE,
     INTERRUPTED,
     TERMINATED,
@@ -41,7 +42,7 @@ from vffnull.cli.realtime import realtime
 from vffnull.cli.study import study
 from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE, check_path
-from vffnull.result import Result, Status
+from vffnull.result import Result
 from vffnull.scenario import document_of, read, scenarios, shown
 
 __all__ = ["main"]
@@ -175,7 +176,7 @@ for _command in (
     "--save", "save_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the result; see below."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of a table.")
-@click.option("--strict", is_flag=True, help="Exit with 3 also if a link touched an obstacle.")
+@click.option("--strict", is_flag=True, help="Exit with 3 unless all is well; see below.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but warnings and errors.")
 def run(
     scenario: str,
@@ -200,7 +201,9 @@ def run(
 
     --save writes .npz or .csv; with extras also .parquet, .arrow, .mcap or .rrd, by the ending of FILE.
 
-    Exit codes: 0 fine, 2 wrong input, 3 the run diverged (or collided, under --strict), 130 interrupted.
+    Exit codes: 0 fine, 2 wrong input, 3 the run diverged, 130 interrupted. Under --strict also 3 after
+    contact with obstacles or among the arm's own links, a joint at its stop, a limit of torque or speed
+    exceeded, a barrier broken, or a reference that is not held at the end: whatever the headline tells of.
     """
     ready = prepared(scenario, assignments)
     if save_to is not None:  # find out before the run, not after it
@@ -218,7 +221,7 @@ def run(
     elif not quiet:
         _print(result, files)
         click.echo(f"\n{_next(scenario, assignments, save_to)}")
-    return exit_code(result.status, strict)
+    return exit_code(result, strict)
 
 
 @_commands.command("list")
@@ -294,7 +297,8 @@ def _report(result: Result, files: Iterable[Path]) -> dict[str, Any]:
     return {
         "scenario": result.scenario.name,
         "status": result.status.value,
-        "message": result.message,
+        "verdict": result.headline.verdict,
+        "message": "; ".join(result.headline.lines),
         "end_time": result.end_time,
         "version": result.version,
         "metrics": dict(result.metrics),
@@ -317,8 +321,10 @@ def _print(result: Result, files: list[Path]) -> None:
     scenario = result.scenario
     title = click.style(scenario.name or "scenario", bold=True)
     click.echo(f"{title}: {scenario.description}" if scenario.description else title)
-    colour = {Status.COMPLETED: "green", Status.COLLIDED: "yellow"}.get(result.status, "red")
-    click.echo(f"{click.style(str(result.status), fg=colour)}: {result.message}")
+    headline = result.headline
+    click.echo(f"{click.style(headline.verdict, fg=COLOURS[headline.severity])}: {headline.lines[0]}")
+    for line in headline.lines[1:]:
+        click.echo(f"  {line}")
     click.echo(f"computed in {result.wall_time * 1e3:.3g} ms\n")
     click.echo(result.metrics)
     if files:

@@ -24,6 +24,7 @@ from vffnull.result import Result, Status
 from vffnull.scenario import Scenario, prepare, scenarios, shown, source_of
 
 FINE, WRONG_INPUT, FAILED, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
+COLOURS = {"good": "green", "odd": "yellow", "bad": "red"}
 
 
 def complete_scenario(_context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
@@ -128,12 +129,12 @@ def run_or_load(source: str, assignments: tuple[str, ...], quiet: bool) -> Resul
     return Result.load(source)
 
 
-def exit_code(status: Status, strict: bool = False) -> int:
+def exit_code(result: Result, strict: bool = False) -> int:
     """What the shell is told about a run."""
-    if status is Status.INTERRUPTED:
+    if result.status is Status.INTERRUPTED:
         return INTERRUPTED
-    failed = status in (Status.DIVERGED, Status.FAILED) or (strict and status is Status.COLLIDED)
-    return FAILED if failed else FINE
+    failed = result.status in (Status.DIVERGED, Status.FAILED)
+    return FAILED if failed or (strict and result.headline.severity != "good") else FINE
 
 
 def interactive() -> bool:

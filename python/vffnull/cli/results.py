@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from vffnull.cli.common import complete_scenario, echo_json, exit_code, interactive, run_or_load, set_option
-from vffnull.result import Result, Status
+from vffnull.result import Result
 
 __all__ = ["animate", "compare", "report"]
 
@@ -95,11 +95,12 @@ def compare(sources: tuple[str, ...], file: Path, as_json: bool, quiet: bool) ->
 
 def _end(results: list[Result], path: Path, as_json: bool, quiet: bool) -> int:
     """Say what was written; the exit code is that of the run that went worst."""
-    statuses = [result.status for result in results]
     if as_json:
-        about = [{"scenario": run.scenario.name, "status": run.status.value} for run in results]
+        about = [
+            {"scenario": run.scenario.name, "status": run.status.value, "verdict": run.headline.verdict}
+            for run in results
+        ]
         echo_json({"runs": about, "files": [str(path)]})
     elif not quiet:
         click.echo(f"wrote {path} ({path.stat().st_size / 1e6:.2g} MB)")
-    worst = (Status.INTERRUPTED, Status.DIVERGED, *statuses)
-    return exit_code(next(status for status in worst if status in statuses))
+    return max(map(exit_code, results))

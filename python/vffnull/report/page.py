@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from vffnull.plotting import replans, style
 from vffnull.plotting.primitives import COLOURS, drawable
 from vffnull.plotting.style import prefixed
 from vffnull.report import figures, motion, space
+from vffnull.report.assumptions import assumptions
 from vffnull.report.figures import Run
 from vffnull.report.frame import fill
 
@@ -65,7 +66,7 @@ def render(results: list[Result], names: list[str]) -> str:
         metrics=list(_metrics(results)),
         differences=list(_differences(results)),
         scenarios=[(name, str(run.scenario)) for run, name in zip(results, names, strict=True)],
-        assumptions=list(dict.fromkeys(line for run in results for line in _assumptions(run))),
+        assumptions=list(dict.fromkeys(line for run in results for line in assumptions(run))),
         warnings=[message for run in results for message in run.warnings],
         version=results[0].version,
         versions=sorted({run.version for run in results}),
@@ -94,7 +95,9 @@ def _title(results: list[Result], names: list[str]) -> str:
     if len(results) == 1:
         return results[0].scenario.name or "A run"
     return (
-        f"{len(names)} runs of {results[0].scenario.name}" if _same_scenario(results) else " · ".join(names)
+        f"{len(names)} runs of {results[0].scenario.name or 'a scenario'}"
+        if _same_scenario(results)
+        else " · ".join(names)
     )
 
 
@@ -140,74 +143,3 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
             yield from _flat(inner, f"{path}.{i}")
     else:
         yield path, value
-
-
-_LAWS = {
-    "continuous": "the law acts at every instant, also inside a step of the integrator: an ideal controller",
-    "hold": "the law acts once per control period, and its torque is held until the next",
-    "predictor": "the law acts once per control period on the state expected in the middle of it",
-}
-
-
-def _assumptions(result: Result) -> list[str]:
-    """What the run takes for granted, so that nobody has to guess."""
-    document = result.scenario.to_dict()
-    simulation, controller = document.get("simulation", {}), document.get("controller", {})
-    dt, control = simulation.get("dt", 1e-3), simulation.get("control", "hold")
-    integrator = {"semi_implicit_euler": "semi-implicit Euler"}.get(
-        simulation.get("integrator"), "Runge–Kutta 4"
-    )
-    law = _LAWS.get(control, control)
-    if result.plant == "core":
-        plant = f"The plant is integrated by {integrator} with steps of {dt:g} s; {law}."
-        contact = "the arm passes through them without a contact force"
-    else:
-        plant = f"MuJoCo moves the arm with steps of {dt:g} s; {law}."
-        contact = "contacts push the arm, by MuJoCo's soft model"
-    known = (
-        "of the obstacles what its range sensors have met, at rest"
-        if result.sensed is not None
-        else "position and velocity of every obstacle"
-    )
-    differs = _set(document, "plant")
-    friction = [name for name in differs if name.endswith("friction")]
-    model = [name for name in differs if name not in (*friction, "joint_stops")]
-    drives = "torque sources that lag" if _set(document, "actuator") else "ideal torque sources"
-    state = _set(document, "measurement")
-    links = {
-        "ignore": "Links do not avoid one another, and clearance is between links and obstacles only.",
-        "report": "Links do not avoid one another; their clearance is measured.",
-    }.get(controller.get("self_collision", "ignore"), "Links that share no joint avoid one another.")
-    space = result.layout.dimension == 3
-    joints = "joints that turn or slide" if result.layout.slides else "revolute joints"
-    where = "in space" if space else "in the plane"
-    return [
-        f"Rigid links {where}, {joints} {'with' if friction else 'without'} friction, {drives}.",
-        plant,
-        f"The controller's model of the arm is wrong in {_listed(model)}; see [plant]."
-        if model
-        else "The controller's model of the arm is exact, but for the friction."
-        if friction
-        else "The controller's model of the arm is exact.",
-        f"The controller reads angles and speeds with {_listed(state)}; see [measurement]."
-        if state
-        else "The controller reads angles and speeds exactly and at once.",
-        f"The controller knows {known}.",
-        f"Obstacles move as the scenario says and do not feel the arm; {contact}.",
-        links,
-        "Clearance is signed: below zero a link is inside an obstacle. Metrics use every step of the plant.",
-        *(["Links are drawn as the bodies that are measured against obstacles."] if space else []),
-        "Arrows show the recorded magnitude of the repulsion on a link, at its point nearest to an obstacle.",
-    ]
-
-
-def _set(document: Mapping[str, Any], table: str) -> list[str]:
-    """The keys of a table that are given something other than nothing."""
-    given = document.get(table) or {}
-    return [name for name, value in given.items() if np.any(np.asarray(value) != 0)]
-
-
-def _listed(names: list[str]) -> str:
-    """Keys as words: a, b and c."""
-    words = [name.replace("_", " ") for name in names]
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

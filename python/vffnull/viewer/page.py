@@ -16,6 +16,8 @@ import viser
 from numpy.typing import ArrayLike, NDArray
 
 from vffnull import _core
+from vffnull._headline import Finding, findings
+from vffnull._record import Layout
 from vffnull.errors import VffNullError
 from vffnull.scenario import Scenario
 from vffnull.viewer.guard import guarding
@@ -511,11 +513,17 @@ class LivePage:
                 now = time.monotonic()
                 if now - read_at > READ:
                     read_at = now
-                    self._panel.read({**state, **self._scene.readings()})
+                    self._panel.read({**state, **self._scene.readings(), "found": self._found(state)})
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._drain()
             self._count(now)
             self._over.wait(max(0.0, due - time.monotonic()))
+
+    def _found(self, state: Mapping[str, Any]) -> list[Finding]:
+        """What has happened since the start or the last reset; where the tip is now is shown beside it."""
+        facts = {name: value for name, value in state["metrics"].items() if not name.startswith("end_")}
+        layout = Layout.of(self._scenario.to_dict())
+        return list(findings(facts, self._scenario.arm, layout.slides))
 
     def _drain(self) -> None:
         """Write what has been recorded; a disk that is full ends the recording, not the page."""

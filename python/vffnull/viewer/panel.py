@@ -31,7 +31,7 @@ WAYS = {
     "by barriers (QP)": "cbf",
 }
 """How the page calls what `controller.avoidance` may be."""
-ALARM, CALM = "#c81428", "#0a7d55"
+ALARM, WARN, CALM = "#c81428", "#8a5a00", "#0a7d55"
 
 
 class Page(Protocol):
@@ -467,9 +467,15 @@ def numbers(state: Mapping[str, Any]) -> str:
             f"The loop has stopped: {escape(state['message'])}. <b>Reset</b> brings back "
             "the scenario and its own settings.</div>"
         )
+    found = "".join(
+        f'<div style="margin-top:4px;color:{ALARM if each.severity == "bad" else WARN}">'
+        f"<b>{escape(each.verdict)}</b>: {escape(each.text)}</div>"
+        for each in state.get("found", ())
+    )
     return (
         f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
-        f'<table style="width:100%;border-collapse:collapse">{cells}</table></div>'
+        f'<table style="width:100%;border-collapse:collapse">{cells}</table>'
+        f'<div id="vff-found">{found}</div></div>'
     )
 
 

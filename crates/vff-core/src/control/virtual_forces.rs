@@ -25,6 +25,8 @@ pub struct VirtualForces<W, const D: usize> {
     /// The bodies, or capsules around them, gathered where they are measured against each other.
     bodies: Vec<Body<'static, D>>,
     self_clearance: f64,
+    /// Which links are that near to each other; none for the base.
+    nearest_pair: [Option<usize>; 2],
     potential: f64,
     obstacle_power: f64,
     approach_power: f64,
@@ -46,6 +48,7 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
             scratch: vec![0.0; n],
             bodies: Vec::with_capacity(bodies),
             self_clearance: f64::INFINITY,
+            nearest_pair: [None; 2],
             potential: 0.0,
             obstacle_power: 0.0,
             approach_power: 0.0,
@@ -92,6 +95,11 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
     /// measured.
     pub fn self_clearance(&self) -> f64 {
         self.self_clearance
+    }
+
+    /// The links of these bodies; none for the base, or where nothing is measured.
+    pub fn nearest_pair(&self) -> [Option<usize>; 2] {
+        self.nearest_pair
     }
 
     /// Sums the field over all pairs (T26): nearest-only would jump when another pair becomes nearest.
@@ -207,7 +215,9 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let mut bodies = std::mem::take(&mut self.bodies);
         OwnPair::for_each_within(robot, &mut bodies, f64::INFINITY, |pair| {
             let distance = pair.nearest.distance;
-            self.self_clearance = self.self_clearance.min(distance);
+            if distance < self.self_clearance {
+                (self.self_clearance, self.nearest_pair) = (distance, pair.links);
+            }
             if distance < reach {
                 self.part(robot, space, field, pair);
             }

@@ -253,7 +253,7 @@ pub struct DescriptionError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DescriptionProblem {
     /// An axis or quaternion of another length than 1.
-    #[error("must have length 1 (within {UNIT_TOLERANCE:e}), has {0}")]
+    #[error("must have length 1 (within {UNIT_TOLERANCE}), has {0}")]
     NotUnit(f64),
     /// Infinite or not a number.
     #[error("must be finite, got {0}")]

@@ -707,7 +707,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     where
         S: Prepared<D, M>,
     {
-        let (arm, trajectory) = scenario.arm_and_reference::<S, D, M>(scene)?;
+        let (arm, trajectory, _) = scenario.arm_and_reference::<S, D, M>(scene)?;
         let mut this = Self::new(&arm, scenario.controller.clone());
         this.surround(scene.obstacles.clone())?;
         this.trajectory = Some(trajectory);

@@ -9,7 +9,7 @@ use crate::control::Settings;
 use crate::math::UnitQuaternion;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
 use crate::simulation::pace::wait_until;
-use crate::simulation::{Record, RecordTooLarge, Snapshot};
+use crate::simulation::{Metric, Metrics, Record, RecordTooLarge, Snapshot, Value};
 use crate::world::space::Points;
 use std::mem;
 use std::sync::atomic::AtomicBool;
@@ -77,8 +77,8 @@ pub struct Live {
     aims: bool,
     /// How the target is being turned, if it is.
     turned: Option<DragTurn>,
-    /// Smallest clearance since the start or the last reset \[m\].
-    min_clearance: f64,
+    /// Of the control periods since the start or the last reset.
+    metrics: Metrics,
     record: Option<Record>,
     dropped: u64,
     stats: LoopStats,
@@ -102,9 +102,9 @@ impl Live {
             target: DragTarget::at(vec![0.0; ready.run.snapshot().dimension]),
             aims: false,
             turned: None,
+            metrics: unmeasured(&ready.run),
             run: ready.run,
             state: State::Running,
-            min_clearance: f64::INFINITY,
             record: None,
             dropped: 0,
             stats: LoopStats { rate: 0.0, periods: 0, missed: 0, worst: 0.0 },
@@ -126,7 +126,7 @@ impl Live {
         let Live { run, drags, notes, .. } = Self::new(&self.scenario)?;
         (self.run, self.drags, self.notes) = (run, drags, notes);
         (self.state, self.aims, self.turned) = (State::Running, false, None);
-        self.min_clearance = f64::INFINITY;
+        self.metrics = unmeasured(&self.run);
         let count = self.snapshot().obstacles.count();
         self.record = self.record.take().filter(|record| record.sizes.obstacles == count);
         self.observe();
@@ -164,7 +164,12 @@ impl Live {
 
     /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.
     pub fn min_clearance(&self) -> f64 {
-        self.min_clearance
+        self.metrics.min_clearance().0
+    }
+
+    /// What has been measured since the start or the last reset, of every control period. There is no tail.
+    pub fn metrics(&self) -> Vec<(&'static Metric, Value)> {
+        self.metrics.values()
     }
 
     /// Takes over the settings of a `[controller]` table.
@@ -362,9 +367,9 @@ impl Live {
 
     /// Takes note of the present instant.
     fn observe(&mut self) {
-        let Self { run, record, min_clearance, stats, dropped, .. } = self;
+        let Self { run, record, metrics, stats, dropped, .. } = self;
         let snapshot = run.snapshot();
-        *min_clearance = snapshot.clearance.iter().copied().fold(*min_clearance, f64::min);
+        metrics.update(&snapshot);
         if let Some(record) = record
             && stats.periods.is_multiple_of(RECORD_EVERY)
         {
@@ -399,6 +404,11 @@ impl Live {
         let problem = Problem::Other(format!("there is none, only {count} obstacles"));
         Err(ScenarioError::new(format!("obstacles[{j}]"), problem))
     }
+}
+
+/// Metrics of a run without an end.
+fn unmeasured(run: &AnyRun) -> Metrics {
+    Metrics::new(run.sizes()[0], f64::INFINITY, PERIOD.as_secs_f64(), run.limits().clone())
 }
 
 /// Whoever panicked while it held the lock left nothing half done: [`Live::tick`] catches its own.

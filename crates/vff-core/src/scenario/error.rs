@@ -79,7 +79,7 @@ pub enum Problem {
     /// The reference leaves what the arm can reach.
     #[error(
         "leaves the reach of the arm at t = {time:.4} s: the point ({x:.4}, {y:.4}) m is {distance:.4} m \
-         from the base, reachable is {inner:.4} to {outer:.4} m"
+         from the base, reachable is {inner:.4} to {outer:.4} m (`unreachable`: \"refuse\" or \"warn\")"
     )]
     Unreachable {
         /// The first time at which it does \[s\].
@@ -98,7 +98,7 @@ pub enum Problem {
     /// The arm cannot follow the reference.
     #[error(
         "cannot be reached from t = {time:.4} s on: within its joint limits the arm then stays as far as \
-         {position:.4} m{} away",
+         {position:.4} m{} away (`unreachable`: \"refuse\" or \"warn\")",
         .angle.map_or_else(String::new, |angle| format!(" and {angle:.4} rad"))
     )]
     OutOfReach {

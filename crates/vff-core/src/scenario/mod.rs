@@ -24,6 +24,7 @@ pub use plane::{ArmSpec, PlanarScene, PlantSpec};
 pub(crate) use prepare::unusable;
 pub use scene::{AnyScene, Described, ObstacleOf, Prepared, Scene};
 pub use space::{SpatialArmSpec, SpatialPlantSpec, SpatialScene};
+pub use tables::WhereUnreachable;
 pub use warnings::sampling_bounds;
 
 use crate::control::Settings;
@@ -73,6 +74,8 @@ pub struct Scenario {
     pub actuator: Option<ActuatorSettings>,
     /// How a plan is watched over that the reference is; none if it is followed whatever happens.
     pub replan: Option<ReplanSettings>,
+    /// What becomes of it if the arm cannot follow the reference.
+    pub unreachable: WhereUnreachable,
     /// Where the random numbers come from.
     pub seed: u64,
 }
@@ -120,7 +123,7 @@ fn check_in<S: Described<D>, const D: usize>(
         Part::Arm => S::arm(&read(document)?).map(drop),
         Part::Obstacle => read_obstacle::<S, D>(document).map(drop),
         Part::Motion => validate::motion::<D>(&read(document)?),
-        _ => read::<S::Reference>(document).map(drop),
+        _ => read::<S::Reference>(&tables::reference(document)?.0).map(drop),
     }
 }
 

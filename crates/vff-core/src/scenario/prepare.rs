@@ -1,7 +1,7 @@
 //! A scenario made ready to run: everything that needs more than one value is checked here.
 
 use super::scene::{Described, Prepared, Scene};
-use super::{Problem, Scenario, ScenarioError, numbers, validate};
+use super::{Problem, Scenario, ScenarioError, WhereUnreachable, numbers, validate};
 use crate::control::{Gains, Gravity};
 use crate::leader::led_by;
 use crate::robot::{Limits, Manipulator, Model, Robot};
@@ -37,9 +37,9 @@ fn joints(
     JointSpline::new(times, points).map_err(|error| unusable(&error))
 }
 
-/// Which arm, and where its end effector has to be.
+/// Which arm, where its end effector has to be, and what is odd about that.
 type ArmAndReference<S, const D: usize, const M: usize> =
-    (Arc<<S as Setting<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>);
+    (Arc<<S as Setting<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>, Option<String>);
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.
@@ -97,6 +97,7 @@ impl Scenario {
         scene: &Scene<S, D>,
     ) -> Result<ArmAndReference<S, D, M>, ScenarioError> {
         let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
+        validate::angles(&self.q0, &*arm)?;
         let mut state = arm.state();
         let rest = vec![0.0; arm.dof()];
         state.update(&self.q0, self.dq0.as_deref().unwrap_or(&rest));
@@ -108,10 +109,16 @@ impl Scenario {
                 .map_err(|error| unusable(&error))?,
         };
         // Joints within their limits reach where they put the end effector.
-        if trajectory.joints().is_none() {
-            S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration)?;
+        let odd = match trajectory.joints() {
+            Some(_) => None,
+            None => {
+                S::reachable(&arm, &trajectory, &self.q0, &self.simulation, self.duration).err()
+            }
+        };
+        match (odd, self.unreachable) {
+            (Some(error), WhereUnreachable::Refuse) => Err(error),
+            (odd, _) => Ok((arm, trajectory, odd.map(|error| error.to_string()))),
         }
-        Ok((arm, trajectory))
     }
 
     /// The closed loop at t = 0 for a task of dimension `M`, and what is odd about it, in sentences.
@@ -122,7 +129,7 @@ impl Scenario {
         &self,
         scene: &Scene<S, D>,
     ) -> Result<(ClosedLoop<S, D, M>, Vec<String>), ScenarioError> {
-        let (arm, trajectory) = self.arm_and_reference::<S, D, M>(scene)?;
+        let (arm, trajectory, odd) = self.arm_and_reference::<S, D, M>(scene)?;
         let dq0 = self.dq0.clone().unwrap_or_else(|| vec![0.0; arm.dof()]);
         let gains =
             Gains::<M>::new(&self.controller).of_arm(&self.controller, &*arm).with_seed(self.seed);
@@ -132,8 +139,8 @@ impl Scenario {
         let stops = reality.plant.stops.clone();
         let start = [self.q0.clone(), dq0];
         let closed_loop = ClosedLoop::new(&arm, gains, world, trajectory, options, reality, start);
-        let warnings = self.warnings(&scene.obstacles, &closed_loop, &stops);
-        Ok((closed_loop, warnings))
+        let warnings = self.warnings(scene, &closed_loop, &stops);
+        Ok((closed_loop, odd.into_iter().chain(warnings).collect()))
     }
 
     /// What the record of a whole run takes \[bytes\].

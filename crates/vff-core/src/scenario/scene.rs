@@ -51,6 +51,11 @@ pub trait Described<const D: usize>:
     /// With the dotted path of the first fault.
     fn validate_obstacle(obstacle: &ObstacleOf<Self, D>) -> Result<(), ScenarioError>;
 
+    /// Quaternions as they were given, with their dotted paths; none in the plane.
+    fn orientations(_: &Scene<Self, D>) -> Vec<(String, [f64; 4])> {
+        vec![]
+    }
+
     /// Sensors on the bodies of `robot`, which is sampled as `options` say; the same seed gives the same noise.
     ///
     /// # Errors

@@ -45,9 +45,42 @@ pub(super) struct Tables<S: Described<D>, const D: usize> {
     seed: u64,
 }
 
+/// What becomes of a scenario whose reference the arm cannot follow: a key that all references share.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WhereUnreachable {
+    /// It is not run.
+    #[default]
+    Refuse,
+    /// It is run, with a warning.
+    Warn,
+}
+
+/// The key in `[reference]`.
+pub(super) const UNREACHABLE: &str = "unreachable";
+
+/// A table `[reference]` without that key, and what it says; a plan, which joints follow, does not have it.
+pub(super) fn reference(table: &Table) -> Result<(Table, WhereUnreachable), ScenarioError> {
+    let mut rest = table.clone();
+    let is_plan = table.get("kind").and_then(Value::as_str) == Some("plan");
+    let choice = if is_plan { None } else { rest.remove(UNREACHABLE) };
+    let choice = choice.as_ref().map(document::read_value).transpose();
+    let choice = choice.map_err(|error| error.inside(UNREACHABLE))?;
+    Ok((rest, choice.unwrap_or_default()))
+}
+
 /// Reads a scenario, whose arm says of how many dimensions it is.
 pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
     validate::finite(document)?;
+    let given = document.get("reference").and_then(Value::as_table);
+    if let Some(given) = given.filter(|given| given.contains_key(UNREACHABLE)) {
+        let (rest, unreachable) = reference(given).map_err(|error| error.inside("reference"))?;
+        if rest.len() < given.len() {
+            let mut document = document.clone();
+            document.insert("reference".into(), Value::Table(rest));
+            return Ok(Scenario { unreachable, ..read(&document)? });
+        }
+    }
     match dimension_of(Part::Scenario, document) {
         2 => document::read::<Tables<Plane, 2>>(document)
             .map(|tables| tables.into_scenario(|scene| AnyScene::Plane(Box::new(scene)))),
@@ -99,6 +132,7 @@ impl<S: Described<D>, const D: usize> Tables<S, D> {
             perception: self.perception,
             actuator: self.actuator,
             replan: self.replan,
+            unreachable: WhereUnreachable::default(),
             seed: self.seed,
         }
     }

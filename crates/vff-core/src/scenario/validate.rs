@@ -16,7 +16,7 @@ use crate::control::{
 use crate::field::{Field, FieldKind};
 use crate::interrupt;
 use crate::math::{ScalarOrVec, UnitQuaternion, memory};
-use crate::robot::Limits;
+use crate::robot::{Limits, Model};
 use crate::simulation::{
     ActuatorSettings, Camera, Control, MAX_READINGS, MAX_STEPS, Measurement, MeasurementSettings,
     Options, PerceptionKind, PerceptionSettings, ReplanSettings,
@@ -445,6 +445,21 @@ pub fn replan(settings: &ReplanSettings) -> Validated {
     number("margin", settings.margin, positive)?;
     number("horizon", settings.horizon, not_negative)?;
     number("speed", settings.speed, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
+}
+
+/// Angles that only degrees could mean: beyond the limits of a joint by far, and within them if they were degrees.
+pub fn angles<const D: usize>(q0: &[f64], arm: &impl Model<D>) -> Validated {
+    for (i, (q, [lower, upper])) in q0.iter().zip(&arm.limits().joint).enumerate() {
+        let meant = q.to_radians();
+        if !arm.slides(i) && q.abs() > 2.0 * PI && (q < lower || upper < q) {
+            let problem = format!(
+                "{q} rad is beyond the limits of the joint, {lower} to {upper}: are these degrees? In radians \
+                 it is {meant:.4}"
+            );
+            return Err(ScenarioError::new(format!("q0[{i}]"), Problem::Other(problem)));
+        }
+    }
+    Ok(())
 }
 
 /// What a controller needs of the limits of its arm.

@@ -1,20 +1,24 @@
 //! What is allowed but probably not meant.
 
 use super::Scenario;
-use super::scene::ObstacleOf;
+use super::scene::{Described, ObstacleOf, Scene};
 use crate::control::Settings;
+use crate::math::Vector;
+use crate::robot::Model;
 use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
-use crate::world::{World, top_speed};
+use crate::world::{Description, World, top_speed};
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant \[rad\].
-    pub(super) fn warnings<S: System<D, M>, const D: usize, const M: usize>(
+    pub(super) fn warnings<S: Described<D> + System<D, M>, const D: usize, const M: usize>(
         &self,
-        obstacles: &[ObstacleOf<S, D>],
+        scene: &Scene<S, D>,
         closed_loop: &ClosedLoop<S, D, M>,
         stops: &[[f64; 2]],
     ) -> Vec<String> {
         let mut warnings = self.oddities(&closed_loop.snapshot(), stops);
+        warnings.extend(far_obstacles::<S, D>(&scene.obstacles, &**closed_loop.arm()));
+        warnings.extend(S::orientations(scene).iter().filter_map(misread));
         if self.simulation.control != Control::Continuous {
             let period = self.simulation.control_period();
             warnings.extend(
@@ -22,7 +26,7 @@ impl Scenario {
                     .into_iter()
                     .map(|warning| format!("controller.{warning}")),
             );
-            warnings.extend(self.field_bound(obstacles, closed_loop));
+            warnings.extend(self.field_bound(&scene.obstacles, closed_loop));
         }
         warnings
     }
@@ -98,6 +102,36 @@ impl Scenario {
             )
         })
     }
+}
+
+/// Obstacles so far from the arm that only millimetres could mean them.
+fn far_obstacles<S: Described<D>, const D: usize>(
+    obstacles: &[ObstacleOf<S, D>],
+    arm: &S::Arm,
+) -> Vec<String> {
+    const FAR: f64 = 50.0;
+    let reach = arm.reach();
+    let far = |(j, obstacle): (usize, &ObstacleOf<S, D>)| {
+        let away = Vector::from(obstacle.position()).norm();
+        (away > FAR * reach).then(|| {
+            format!(
+                "obstacles[{j}].position: {away:.4} m away, where the arm reaches {reach:.3} m: are these \
+                 millimetres?"
+            )
+        })
+    };
+    obstacles.iter().enumerate().filter_map(far).collect()
+}
+
+/// A quaternion that is half a turn about z, as the identity is written where w comes last.
+#[expect(clippy::float_cmp, reason = "as it was written")]
+fn misread((path, quaternion): &(String, [f64; 4])) -> Option<String> {
+    (*quaternion == [0.0, 0.0, 0.0, 1.0]).then(|| {
+        format!(
+            "{path}: [0, 0, 0, 1] is half a turn about z; quaternions are [w, x, y, z], and no rotation is \
+             [1, 0, 0, 0]"
+        )
+    })
 }
 
 /// Gains of a task of dimension `m` that a torque held over the control period `h` \[s\] makes unstable (T31, T32).

@@ -498,6 +498,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             tank: controller.tank().map(Tank::level),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
+            nearest_pair: forces.nearest_pair(),
             slack: controller.slack(),
             yields: controller.yields(),
             manipulability: controller.manipulability(),

@@ -51,6 +51,8 @@ pub const METRICS: &[Metric] = &[
     metric("rms_error_tail", "m", "RMS distance to the reference in the last 20 % of the run"),
     metric("max_error_tail", "m", "largest distance to the reference in the last 20 % of the run"),
     metric("max_orientation_error_tail", "rad", "the same for the orientation of a pose task"),
+    metric("end_error", "m", "distance to the reference at the end"),
+    metric("end_orientation_error", "rad", "the same for the orientation of a pose task"),
     metric("settling_time", "s", "from then on within 2 % of the first error, or 1 mm if larger"),
     metric("max_repulsion", "N", "largest repulsive force on a link"),
     metric("max_repulsion_time", "s", "when it occurred"),
@@ -70,15 +72,24 @@ pub const METRICS: &[Metric] = &[
     metric("singular_steps", "", "steps with a damped task force near a singularity"),
     metric("min_manipulability", "m²", "smallest √det(J Jᵀ), in space in m³; 0 in a singularity"),
     metric("min_self_clearance", "m", "smallest distance of two links that share no joint"),
+    metric("min_self_clearance_time", "s", "when it occurred"),
+    metric("min_self_clearance_link", "", "at which link, counted from 0; none for the base"),
+    metric("min_self_clearance_other", "", "and at which other one"),
     metric("self_collision_time", "s", "first contact of two such links"),
+    metric("self_intrusion_time", "s", "total time with two such links inside each other"),
     metric("limited_steps", "", "steps in which limits took something from an objective"),
     metric(
         "joint_limit_violation",
         "rad",
         "largest excess over the arm's joint limits; in m of a joint that slides",
     ),
+    metric("joint_limit_time", "s", "when a joint first stood at its limits or beyond"),
+    metric("joint_limit_joint", "", "which joint went furthest, counted from 0"),
     metric("velocity_limit_ratio", "", "largest joint speed relative to the arm's velocity limits"),
+    metric("velocity_limit_joint", "", "of which joint, counted from 0"),
     metric("torque_limit_ratio", "", "largest torque relative to the arm's torque limits"),
+    metric("torque_limit_joint", "", "of which joint, counted from 0"),
+    metric("steps", "", "steps of the plant, the start among them"),
     metric("replans", "", "plans that were taken over on the way, with replan only"),
     metric(
         "times_stuck",
@@ -120,6 +131,25 @@ impl Effort {
     }
 }
 
+/// The largest value relative to its limit, and the joint that it belongs to.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ratio {
+    most: f64,
+    joint: usize,
+}
+
+impl Ratio {
+    #[inline(always)]
+    fn take_in(&mut self, values: &[f64], limits: &[f64]) {
+        for (joint, (value, limit)) in values.iter().zip(limits).enumerate() {
+            let ratio = value.abs() / limit;
+            if ratio > self.most {
+                *self = Self { most: ratio, joint };
+            }
+        }
+    }
+}
+
 /// Running sums of a run.
 #[derive(Debug, Clone)]
 pub struct Metrics {
@@ -136,6 +166,7 @@ pub struct Metrics {
     sum_error: [f64; 2],
     max_error: [f64; 2],
     max_orientation_error: Option<f64>,
+    end_error: [Option<f64>; 2],
     settling_bound: f64,
     last_outside: Option<f64>,
     settled: bool,
@@ -158,11 +189,16 @@ pub struct Metrics {
     singular_steps: usize,
     min_manipulability: f64,
     min_self_clearance: Option<f64>,
+    min_self_clearance_time: f64,
+    nearest_pair: [Option<usize>; 2],
     self_collision_time: Option<f64>,
+    self_intrusion_samples: usize,
     limited_steps: Option<usize>,
     joint_limit_violation: f64,
-    velocity_limit_ratio: f64,
-    torque_limit_ratio: f64,
+    /// When a joint first stood at its limits or beyond \[s\], and the one that went furthest.
+    stopped: Option<(f64, usize)>,
+    velocity_limit_ratio: Ratio,
+    torque_limit_ratio: Ratio,
     replans: Option<ReplanCounts>,
 }
 
@@ -183,6 +219,7 @@ impl Metrics {
             sum_error: [0.0; 2],
             max_error: [0.0; 2],
             max_orientation_error: None,
+            end_error: [None; 2],
             settling_bound: 0.0,
             last_outside: None,
             settled: false,
@@ -205,11 +242,15 @@ impl Metrics {
             singular_steps: 0,
             min_manipulability: f64::INFINITY,
             min_self_clearance: None,
+            min_self_clearance_time: 0.0,
+            nearest_pair: [None; 2],
             self_collision_time: None,
+            self_intrusion_samples: 0,
             limited_steps: None,
             joint_limit_violation: 0.0,
-            velocity_limit_ratio: 0.0,
-            torque_limit_ratio: 0.0,
+            stopped: None,
+            velocity_limit_ratio: Ratio::default(),
+            torque_limit_ratio: Ratio::default(),
             replans: None,
         }
     }
@@ -250,9 +291,13 @@ impl Metrics {
         }
         if let Some(distance) = s.self_clearance {
             let least = self.min_self_clearance.get_or_insert(f64::INFINITY);
-            *least = least.min(distance);
+            if distance < *least {
+                *least = distance;
+                (self.min_self_clearance_time, self.nearest_pair) = (s.t, s.nearest_pair);
+            }
             if distance <= 0.0 {
                 self.self_collision_time.get_or_insert(s.t);
+                self.self_intrusion_samples += 1;
             }
         }
         let force = s.force.iter().fold(0.0, |most, force| larger(most, *force));
@@ -273,6 +318,7 @@ impl Metrics {
             let worst = self.max_orientation_error.get_or_insert(0.0);
             *worst = worst.max(norm(orientation));
         }
+        self.end_error = [Some(error), (!orientation.is_empty()).then(|| norm(orientation))];
         if self.samples == 0 {
             self.settling_bound = (0.02 * error).max(1e-3);
         }
@@ -308,15 +354,17 @@ impl Metrics {
         if self.samples >= 2 {
             self.sum_jerk += jerk;
         }
-        for (q, [lower, upper]) in s.q.iter().zip(&self.limits.joint) {
-            self.joint_limit_violation = self.joint_limit_violation.max(lower - q).max(q - upper);
+        for (i, (q, [lower, upper])) in s.q.iter().zip(&self.limits.joint).enumerate() {
+            let excess = larger(lower - q, q - upper);
+            if excess >= 0.0 {
+                let (_, furthest) = self.stopped.get_or_insert((s.t, i));
+                if excess > self.joint_limit_violation {
+                    (self.joint_limit_violation, *furthest) = (excess, i);
+                }
+            }
         }
-        for (dq, limit) in s.dq.iter().zip(&self.limits.velocity) {
-            self.velocity_limit_ratio = self.velocity_limit_ratio.max(dq.abs() / limit);
-        }
-        for (tau, limit) in s.torque.total.iter().zip(&self.limits.torque) {
-            self.torque_limit_ratio = self.torque_limit_ratio.max(tau.abs() / limit);
-        }
+        self.velocity_limit_ratio.take_in(s.dq, &self.limits.velocity);
+        self.torque_limit_ratio.take_in(&s.torque.total, &self.limits.torque);
     }
 
     /// The balance of T17.
@@ -360,7 +408,9 @@ impl Metrics {
         let seen = self.min_clearance < f64::INFINITY;
         let when_seen = |value| if seen { value } else { Value::None };
         #[expect(clippy::cast_precision_loss, reason = "counts of steps")]
-        let intrusion_time = self.intrusion_samples as f64 * self.dt;
+        let time = |samples: usize| number(samples as f64 * self.dt);
+        let count = |value: Option<usize>| value.map_or(Value::None, Value::Count);
+        let own = self.min_self_clearance.filter(|d| *d < f64::INFINITY);
         let settling = match (self.settled, self.last_outside) {
             (false, _) => Value::None,
             (true, None) => number(0.0),
@@ -372,7 +422,7 @@ impl Metrics {
             when_seen(number(self.min_clearance_time)),
             when_seen(Value::Count(self.min_clearance_link)),
             optional(self.collision_time),
-            number(intrusion_time),
+            time(self.intrusion_samples),
             number((-self.min_clearance).max(0.0)),
             number(self.tail_start),
             rms(self.sum_error[0], transient),
@@ -380,6 +430,8 @@ impl Metrics {
             rms(self.sum_error[1], tail),
             given(tail > 0, self.max_error[1]),
             optional(self.max_orientation_error),
+            optional(self.end_error[0]),
+            optional(self.end_error[1]),
             settling,
             number(self.max_repulsion),
             optional(self.max_repulsion_time),
@@ -392,17 +444,26 @@ impl Metrics {
             // The balance is that of the null-space law.
             given(!self.yields, self.passivity_residual),
             optional(self.max_slack),
-            if self.max_slack.is_some() { Value::Count(self.slack_steps) } else { Value::None },
+            count(self.max_slack.map(|_| self.slack_steps)),
             Value::Count(self.singular_steps),
             number(self.min_manipulability),
-            optional(self.min_self_clearance.filter(|d| *d < f64::INFINITY)),
+            optional(own),
+            own.map_or(Value::None, |_| number(self.min_self_clearance_time)),
+            count(self.nearest_pair[0]),
+            count(self.nearest_pair[1]),
             optional(self.self_collision_time),
-            self.limited_steps.map_or(Value::None, Value::Count),
+            own.map_or(Value::None, |_| time(self.self_intrusion_samples)),
+            count(self.limited_steps),
             given(!self.limits.joint.is_empty(), self.joint_limit_violation),
-            given(!self.limits.velocity.is_empty(), self.velocity_limit_ratio),
-            given(!self.limits.torque.is_empty(), self.torque_limit_ratio),
-            self.replans.map_or(Value::None, |counts| Value::Count(counts.taken)),
-            self.replans.map_or(Value::None, |counts| Value::Count(counts.stuck)),
+            optional(self.stopped.map(|(t, _)| t)),
+            count(self.stopped.map(|(_, joint)| joint)),
+            given(!self.limits.velocity.is_empty(), self.velocity_limit_ratio.most),
+            count((!self.limits.velocity.is_empty()).then_some(self.velocity_limit_ratio.joint)),
+            given(!self.limits.torque.is_empty(), self.torque_limit_ratio.most),
+            count((!self.limits.torque.is_empty()).then_some(self.torque_limit_ratio.joint)),
+            Value::Count(self.samples),
+            count(self.replans.map(|counts| counts.taken)),
+            count(self.replans.map(|counts| counts.stuck)),
         ];
         debug_assert_eq!(values.len(), METRICS.len());
         METRICS.iter().zip(values).collect()

@@ -157,7 +157,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
             self.record.end_with_finite_row();
         }
         let end_time = self.closed_loop.time();
-        let (clearance, link) = self.metrics.min_clearance();
         let (status, message) = if self.diverged {
             let message = format!(
                 "the state left the finite range after t = {end_time} s: the torque is too stiff \
@@ -166,14 +165,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
             (Status::Diverged, message)
         } else if !self.is_over() {
             (Status::Interrupted, format!("interrupted at t = {end_time} s"))
-        } else if let Some(t) = self.metrics.collision_time() {
-            let message = format!(
-                "link {link} was up to {:.4} m inside an obstacle; first contact at t = {t} s",
-                -clearance
-            );
-            (Status::Collided, message)
         } else {
-            (Status::Completed, format!("reached its end at t = {end_time} s without contact"))
+            let collided = self.metrics.collision_time().is_some();
+            let status = if collided { Status::Collided } else { Status::Completed };
+            (status, format!("reached its end at t = {end_time} s"))
         };
         let metrics = self.metrics.values();
         let replans = self.closed_loop.replans().to_vec();

@@ -62,6 +62,8 @@ pub struct Snapshot<'a> {
     pub tank: Option<f64>,
     /// Smallest surface distance of two links that share no joint \[m\]; `None` where not measured.
     pub self_clearance: Option<f64>,
+    /// Which links these are; none for the base.
+    pub nearest_pair: [Option<usize>; 2],
     /// √det(J Jᵀ) \[m²\].
     pub manipulability: f64,
     /// By how much the barriers are broken at most \[m/s²\]; `None` without barriers (`cbf`).

@@ -42,7 +42,7 @@ pub enum Motion<const D: usize> {
         /// In the plane, angle at each instant \[rad\]; at a constant rate from one to the next. Empty: none.
         #[serde(default)]
         angles: Vec<f64>,
-        /// In space, orientation at each instant: quaternions \[w, x, y, z\] of norm 1 within 10⁻⁶; about one axis at a
+        /// In space, orientation at each instant: quaternions \[w, x, y, z\] of norm 1 within 1 %; about one axis at a
         /// constant rate from one to the next, the shorter way. Empty: none.
         #[serde(default)]
         orientations: Vec<[f64; 4]>,

@@ -64,7 +64,7 @@ pub(super) struct FixedBody {
 impl SpatialArm {
     /// Checks a description and prepares it.
     ///
-    /// Axes and quaternions are normalised if their norm is within 1e-6 of 1. The shapes of links become what is measured; those
+    /// Axes and quaternions are normalised if their norm is within 1 % of 1. The shapes of links become what is measured; those
     /// of the base, which does not move, are measured against links alone.
     ///
     /// # Errors
@@ -293,11 +293,11 @@ mod tests {
         );
         assert_eq!(
             refused(|d| d.joints[1].axis = [0.0, 2.0, 0.0]),
-            "joints[1].axis: must have length 1 (within 1e-6), has 2"
+            "joints[1].axis: must have length 1 (within 0.01), has 2"
         );
         assert_eq!(
             refused(|d| d.joints[1].orientation = [0.0; 4]),
-            "joints[1].orientation: must have length 1 (within 1e-6), has 0"
+            "joints[1].orientation: must have length 1 (within 0.01), has 0"
         );
         assert!(refused(|d| d.tool.orientation[1] = 0.1).starts_with("tool.orientation"));
         assert!(refused(|d| d.mount.orientation[2] = 0.1).starts_with("mount.orientation"));
@@ -386,7 +386,7 @@ mod tests {
         assert_eq!(build(&[["d", "a"], ["base", "b"]]), [[0, 2], [1, 3], [3, 4]]);
     }
 
-    /// Rounded digits are no fault: norms within 1e-6 are made 1.
+    /// Rounded digits are no fault: norms within 1 % are made 1.
     #[test]
     fn nearly_unit_is_normalised() {
         let arm = arm(|d| {

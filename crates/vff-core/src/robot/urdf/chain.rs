@@ -8,6 +8,7 @@ use super::srdf::disabled_pairs;
 use super::tree::{Geometry, Kind, Link, Tree, TreeJoint};
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// What the reader is asked for.
@@ -189,6 +190,13 @@ impl<'a> Index<'a> {
         match leaves[..] {
             [tip] => Ok(tip),
             _ => {
+                let joints = |leaf: &usize| {
+                    let chain = self.chain(base, *leaf).unwrap_or_default();
+                    chain.iter().filter(|joint| self.tree.joints[**joint].moves().is_some()).count()
+                };
+                leaves.sort_by_cached_key(|leaf| {
+                    (Role::of(&self.tree.links[*leaf].name), Reverse(joints(leaf)))
+                });
                 let base = self.tree.links[base].name.clone();
                 Err(UrdfError::WhichTip { base, leaves: self.names(leaves) })
             }
@@ -238,6 +246,52 @@ impl<'a> Index<'a> {
             at = self.joint(&format!("joint `{name}`, <mimic>"), &mimic.joint)?;
         }
         Err(UrdfError::MimicCycle(self.tree.joints[joint].name.clone()))
+    }
+}
+
+/// What the name of a link or joint lets one expect, the likeliest tip first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Role {
+    Tool,
+    Any,
+    /// A finger, a sensor, or what is only drawn.
+    Finger,
+}
+
+impl Role {
+    fn of(name: &str) -> Self {
+        const FINGERS: [&str; 16] = [
+            "finger",
+            "thumb",
+            "knuckle",
+            "jaw",
+            "pad",
+            "camera",
+            "sensor",
+            "imu",
+            "accelerometer",
+            "gyro",
+            "range",
+            "sonar",
+            "optical",
+            "screen",
+            "visual",
+            "collision",
+        ];
+        const TOOLS: [&str; 7] = ["tool", "tcp", "hand", "gripper", "effector", "flange", "eef"];
+        let name = name.to_lowercase();
+        match () {
+            () if FINGERS.iter().any(|word| name.contains(*word)) => Self::Finger,
+            () if TOOLS.iter().any(|word| name.contains(*word)) => Self::Tool,
+            () if name.split(|c: char| !c.is_alphanumeric()).any(|word| word == "ee") => Self::Tool,
+            () => Self::Any,
+        }
+    }
+
+    /// Whether a joint opens and closes a gripper, by its name.
+    fn grips(joint: &str) -> bool {
+        let joint = joint.to_lowercase();
+        ["grip", "finger", "jaw", "knuckle", "thumb"].iter().any(|word| joint.contains(word))
     }
 }
 
@@ -355,6 +409,7 @@ impl Tree {
             return Err(UrdfError::NoJoints { base: name(base), tip: name(tip) });
         }
         self.tell_locked(&index, &chain, &locked, options, &mut warnings);
+        self.tell_gripper(&chain, &moving, &mut warnings);
         if base != index.root {
             warnings.push(format!(
                 "what is above `{}` in the file is left out: the arm begins there",
@@ -369,6 +424,21 @@ impl Tree {
         }
         let merged = carriers.into_iter().map(|carrier| (carrier.name, carrier.links)).collect();
         Ok(Reading { arm: arm.checked()?, geometry, locked, merged, warnings })
+    }
+
+    /// Says where a joint of a gripper has become one of the arm's.
+    fn tell_gripper(&self, chain: &[usize], moving: &BTreeSet<usize>, warnings: &mut Vec<String>) {
+        let moving: Vec<_> = chain.iter().filter(|joint| moving.contains(joint)).collect();
+        let grips = |joint: &&&usize| Role::grips(&self.joints[***joint].name);
+        if let Some(at) = moving.iter().position(|joint| grips(&joint)).filter(|at| *at > 0) {
+            let joint = &self.joints[*moving[at]];
+            warnings.push(format!(
+                "`{}`, by its name a gripper's, is joint {} of the arm; tip = \"{}\" leaves it out",
+                joint.name,
+                at + 1,
+                joint.parent
+            ));
+        }
     }
 
     /// Says which joints were locked, and where that is odd.

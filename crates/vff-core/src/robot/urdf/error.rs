@@ -102,7 +102,7 @@ pub enum UrdfError {
         given: f64,
     },
     /// An axis or quaternion of another length than 1.
-    #[error("{place}: must have length 1 (within {UNIT_TOLERANCE:e}), has {norm}")]
+    #[error("{place}: must have length 1 (within {UNIT_TOLERANCE}), has {norm}")]
     NotUnit {
         /// Where.
         place: String,
@@ -167,7 +167,7 @@ pub enum UrdfError {
     #[error("the robot has no links")]
     Empty,
     /// No single end to choose.
-    #[error("which tip? `{base}` leads to {} ends: {}; name one, or any link on the way", leaves.len(), list(leaves))]
+    #[error("which tip? `{base}` leads to {} ends, likely ones first: {}; name one, or any link on the way", leaves.len(), list(leaves))]
     WhichTip {
         /// Where the chain begins.
         base: String,

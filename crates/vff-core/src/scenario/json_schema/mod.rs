@@ -8,7 +8,7 @@ mod trace;
 
 use super::SCHEMA;
 use super::tables::SPATIAL_KEYS;
-use super::tables::Tables;
+use super::tables::{Tables, UNREACHABLE, WhereUnreachable};
 use crate::simulation::{Plane, Space};
 use serde_json::{Map, Value, json};
 use text::{Row, Rows, SPACE};
@@ -48,12 +48,26 @@ fn schema_of_scenario() -> Result<Value, Fault> {
 /// here, links have two sides, and there are no cameras.
 fn in_the_plane() -> Result<Kind, Fault> {
     let spatial = ["orientations", "around", "cameras"];
-    Ok(spatial.into_iter().fold(trace::<Tables<Plane, 2>>()?, Kind::without))
+    with_shared(spatial.into_iter().fold(trace::<Tables<Plane, 2>>()?, Kind::without))
 }
 
 /// The keys in space, where that is an orientation.
 fn in_space() -> Result<Kind, Fault> {
-    Ok(trace::<Tables<Space, 3>>()?.without("angles"))
+    with_shared(trace::<Tables<Space, 3>>()?.without("angles"))
+}
+
+/// Adds to every reference, but to a plan, the key that they share.
+fn with_shared(mut scenario: Kind) -> Result<Kind, Fault> {
+    let choice = trace::<WhereUnreachable>()?;
+    let Kind::Table(keys) = &mut scenario else { return Ok(scenario) };
+    for key in keys.iter_mut().filter(|key| key.name == "reference") {
+        let Kind::Choice { variants, .. } = &mut key.kind else { continue };
+        for (_, kind) in variants.iter_mut().filter(|(name, _)| *name != "plan") {
+            let Kind::Table(keys) = kind else { continue };
+            keys.push(Key { name: UNREACHABLE, kind: choice.clone(), required: Required::No });
+        }
+    }
+    Ok(scenario)
 }
 
 /// What may stand at `path`.
@@ -118,16 +132,19 @@ fn table(keys: &[Key], path: &str, rows: &Rows, variant: Option<&str>) -> Value 
     })
 }
 
-/// The row of a key: in space that of its own, or the same as in the plane. A field over the angle to the joint limits has
+/// The row of a key: in space that of its own, or the same as in the plane. What all references share has one row. A field over the angle to the joint limits has
 /// the keys of any field.
 fn row_of<'a>(path: &str, rows: &'a Rows) -> Option<&'a Row> {
     if let Some(row) = rows.get(path) {
         return Some(row);
     }
     let path = path.strip_prefix(SPACE).unwrap_or(path);
-    rows.get(path).or_else(|| {
-        let key = path.strip_prefix("controller.joint_limit_field.")?;
-        rows.get(&format!("controller.field.{key}"))
+    rows.get(path).or_else(|| match path.strip_prefix("controller.joint_limit_field.") {
+        Some(key) => rows.get(&format!("controller.field.{key}")),
+        None if path.starts_with("reference.") && path.ends_with(UNREACHABLE) => {
+            rows.get(&format!("reference.{UNREACHABLE}"))
+        }
+        None => None,
     })
 }
 
@@ -213,7 +230,10 @@ mod tests {
         let explained = |path: &str| row_of(path, &rows).is_some() || is_table(path);
         let silent: Vec<_> = found.iter().filter(|path| !explained(path)).collect();
         assert!(silent.is_empty(), "not in schema.md: {silent:?}");
-        let unknown: Vec<_> = rows.keys().filter(|path| !found.contains(*path)).collect();
+        let read: Vec<_> = found.iter().filter_map(|path| row_of(path, &rows)).collect();
+        let is_read = |row: &Row| read.iter().any(|other| std::ptr::eq(*other, row));
+        let unknown: Vec<_> =
+            rows.iter().filter(|(_, row)| !is_read(row)).map(|(path, _)| path).collect();
         assert!(unknown.is_empty(), "only in schema.md: {unknown:?}");
     }
 

@@ -55,6 +55,17 @@ impl Described<3> for Space {
         validate::turning(spins, "orientations", orientations, orientation)
     }
 
+    fn orientations(scene: &SpatialScene) -> Vec<(String, [f64; 4])> {
+        let mount =
+            scene.arm.mount.map(|mount| ("arm.mount.orientation".into(), mount.orientation));
+        let obstacles = scene.obstacles.iter().enumerate();
+        let obstacles = obstacles
+            .map(|(j, obstacle)| (format!("obstacles[{j}].orientation"), obstacle.orientation));
+        let reference = scene.reference.orientation();
+        let reference = reference.map(|given| ("reference.orientation".into(), given));
+        mount.into_iter().chain(obstacles).chain(reference).collect()
+    }
+
     fn perception(
         settings: &PerceptionSettings,
         robot: &SpatialState,

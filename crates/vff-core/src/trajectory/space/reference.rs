@@ -141,6 +141,21 @@ pub enum SpatialReference {
 }
 
 impl SpatialReference {
+    /// The orientation that it is given, where that is one.
+    pub(crate) fn orientation(&self) -> Option<[f64; 4]> {
+        match self {
+            Self::Setpoint { orientation, .. }
+            | Self::Polynomial { orientation, .. }
+            | Self::Line { orientation, .. }
+            | Self::Circle { orientation, .. }
+            | Self::Lissajous { orientation, .. } => *orientation,
+            Self::Waypoints { orientations, .. } | Self::Table { orientations, .. } => {
+                orientations.as_ref()?.first().copied()
+            }
+            Self::Plan { .. } => None,
+        }
+    }
+
     /// The knots of the plan that it is, if it is one.
     pub(super) fn plan(&self) -> Option<Knots<'_>> {
         match self {

@@ -13,7 +13,7 @@ pub struct Obstacle {
     /// Initial position \[m\]: where the origin of the own frame lies. Default (0, 0, 0).
     #[serde(default)]
     pub position: [f64; 3],
-    /// Orientation of the own frame at t = 0: a quaternion \[w, x, y, z\] of norm 1 within 10⁻⁶. Default: none.
+    /// Orientation of the own frame at t = 0: a quaternion \[w, x, y, z\] of norm 1 within 1 %. Default: none.
     #[serde(default = "identity")]
     pub orientation: [f64; 4],
     /// Angular velocity with which it turns about its position \[rad/s\], world axes. Default: none.

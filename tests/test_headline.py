@@ -1,0 +1,142 @@
+"""What a run is said to be, in the terminal, the report, a comparison, a notebook and the live page."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import vffnull as vff
+from vffnull._headline import findings
+from vffnull.viewer.panel import numbers
+from waiting import HANG
+
+# A UR5e draws its hand to its shoulder: 6 cm into itself.
+FOLDING: dict[str, Any] = {
+    "duration": 2.5,
+    "q0": [0.0, -1.57, 1.57, -1.57, -1.57, 0.0],
+    "arm": {"model": "ur5e"},
+    "controller": {"stiffness": 400.0, "damping": 40.0, "null_damping": 6.0, "self_collision": "report"},
+    "reference": {"kind": "line", "end": [0.1, -0.13, 0.6], "duration": 2.0},
+    "simulation": {"integrator": "semi_implicit_euler"},
+}
+
+
+@pytest.fixture(scope="module")
+def folded() -> vff.Result:
+    return vff.simulate(FOLDING)
+
+
+def test_links_inside_each_other_come_first(folded: vff.Result) -> None:
+    """Named, with how deep, since when and for how long: as the record has it."""
+    told = folded.headline
+    assert (told.verdict, told.severity, folded.status) == ("hit itself", "bad", "completed")
+    inside = folded.self_clearance < 0.0
+    since, depth = folded.t[inside.argmax()], -1e3 * folded.self_clearance.min()
+    assert f"were up to {depth:.3g} mm inside each other, first at t = {since:.4g} s" in told.lines[0]
+    assert told.lines[0].endswith(f"for {1e-3 * inside.sum():.3g} s in all")
+    pair = told.lines[0].split(" were ")[0].split(" and ")
+    names = folded.scenario.arm.link_names
+    assert pair[0] == names[folded.metrics.min_self_clearance_link]
+    assert set(pair) <= {*names, "the base"} and len(set(pair)) == 2
+    row = int(folded.self_clearance.argmin())
+    assert folded.metrics.min_self_clearance_time == folded.t[row]
+
+
+def test_what_is_not_measured_is_not_claimed() -> None:
+    """Without obstacles, without a look at own links, and with both."""
+    short: dict[str, Any] = {"duration": 0.1, "obstacles": []}
+    alone = vff.simulate("panda-sweep", short)
+    assert alone.headline.lines == ("reached its end at t = 0.1 s",)
+    looked = vff.simulate("panda-sweep", {**short, "controller.self_collision": "report"})
+    assert looked.headline.lines == ("reached its end at t = 0.1 s without contact of its own links",)
+    among = vff.simulate("panda-sweep", {"duration": 0.1})
+    assert among.headline.lines == ("reached its end at t = 0.1 s without contact with an obstacle",)
+    both = vff.simulate("panda-sweep", {"duration": 0.1, "controller.self_collision": "report"})
+    assert both.headline.lines == ("reached its end at t = 0.1 s without contact",)
+    assert {run.headline.severity for run in (alone, looked, among, both)} == {"good"}
+
+
+def test_limits_and_stops_are_told() -> None:
+    """Torque, speed and stops by joint, and no word of what held."""
+    stopped = vff.simulate("planner-bench-reach-3")
+    assert stopped.headline.verdict == "at a stop" and stopped.headline.severity == "odd"
+    limits = stopped.scenario.arm.joint_limits
+    reached = (stopped.q <= limits[:, 0]) | (stopped.q >= limits[:, 1])
+    assert f"joint {reached.any(axis=0).argmax()} came to its stop" in stopped.headline.lines[0]
+    assert stopped.metrics.joint_limit_time == pytest.approx(
+        stopped.t[reached.any(axis=1).argmax()], abs=0.01
+    )
+
+    passed = vff.simulate("planner-bench-reach-3", {"plant.joint_stops": False})
+    assert "beyond its limits" in passed.headline.lines[0]
+
+    weak = {"arm.torque_limits": 5.0, "arm.velocity_limits": 0.3, "controller.enforce_limits": False}
+    result = vff.simulate("paper-1", weak)
+    strongest, fastest = abs(result.tau).max(axis=0).argmax(), abs(result.dq).max(axis=0).argmax()
+    assert result.headline.verdict == "over limits"
+    assert f"the torque of joint {strongest} came to " in result.headline.lines[0]
+    assert f"the speed of joint {fastest} came to " in result.headline.lines[1]
+    assert result.metrics.torque_limit_ratio == pytest.approx(abs(result.tau).max() / 5.0, rel=1e-3)
+
+
+def test_a_reference_that_is_lost_is_told() -> None:
+    far = {"kind": "setpoint", "point": [1.4, 0.0, 0.4], "unreachable": "warn"}
+    with pytest.warns(vff.errors.ScenarioWarning, match="cannot be reached"):
+        result = vff.simulate("panda-sweep", {"reference": far})
+    missed = 1e3 * float((result.error[-1, :3] ** 2).sum() ** 0.5)
+    assert result.metrics.end_error == pytest.approx(1e-3 * missed)
+    assert any(line.startswith(f"the end effector is {missed:.3g} mm off") for line in result.headline.lines)
+
+
+def test_barriers_that_broke_are_told() -> None:
+    result = vff.simulate("ur5e-crossed", {"simulation.record_every": 1})
+    broken = f"barriers were broken in {result.metrics.slack_steps} of {result.metrics.steps} steps"
+    assert result.headline.lines[0].startswith(broken) and result.headline.severity == "odd"
+    assert result.metrics.steps == len(result.t)
+
+
+def test_a_run_that_stops_early_says_why_first() -> None:
+    stiff = {"simulation.control": "hold", "controller.stiffness": 1e7, "simulation.dt": 0.02}
+    with pytest.warns(vff.errors.ScenarioWarning):
+        result = vff.simulate("sweep-through", stiff)
+    assert (result.headline.verdict, result.headline.severity) == ("diverged", "bad")
+    assert result.headline.lines[0] == result.message
+
+
+def command(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    line = [sys.executable, "-m", "vffnull", *map(str, arguments)]
+    return subprocess.run(line, capture_output=True, text=True, timeout=HANG, cwd=cwd)
+
+
+def test_all_say_the_same(folded: vff.Result, tmp_path: Path) -> None:
+    """Terminal, JSON, report, comparison and notebook; ``--strict`` ends with 3."""
+    folded.scenario.save(tmp_path / "folding.toml")
+    printed = command("run", "folding.toml", "--strict", cwd=tmp_path)
+    assert printed.returncode == 3 and f"hit itself: {folded.headline.lines[0]}" in printed.stdout
+    as_json = command("run", "folding.toml", "--json", cwd=tmp_path)
+    assert as_json.returncode == 0
+    assert json.loads(as_json.stdout)["verdict"] == "hit itself"
+    assert folded.headline.lines[0] in json.loads(as_json.stdout)["message"]
+    for page in (folded.report(tmp_path / "a.html"), vff.compare([folded, folded], tmp_path / "b.html")):
+        text = page.read_text(encoding="utf-8")
+        assert '<span class="badge bad">hit itself</span>' in text and folded.headline.lines[0] in text
+    assert folded.headline.lines[0] in folded._repr_html_()
+
+
+def test_files_of_a_run_say_the_same(folded: vff.Result, tmp_path: Path) -> None:
+    assert vff.Result.load(folded.save(tmp_path / "run.npz")).headline == folded.headline
+
+
+def test_the_page_says_it_too() -> None:
+    """The core measures it in a loop that goes on, and the read-out tells it."""
+    live = vff._core.Live(FOLDING)
+    assert live.snapshot()["metrics"]["self_collision_time"] is None
+    facts = {**live.snapshot()["metrics"], "self_collision_time": 1.0, "min_self_clearance": -0.02}
+    found = list(findings(facts, vff.simulate(FOLDING | {"duration": 0.01}).scenario.arm))
+    text = numbers({**live.snapshot(), "found": found})
+    assert "<b>hit itself</b>" in text and "20 mm inside each other" in text
