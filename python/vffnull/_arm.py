@@ -31,7 +31,7 @@ __all__ = [
     "rotation",
 ]
 
-_KEYS = ("model", "urdf", "joints")
+_KEYS = ("model", "urdf", "mjcf", "joints")
 
 
 def is_spatial(arm: Mapping[str, Any]) -> bool:
