@@ -48,11 +48,11 @@ def faults(document: Document) -> list[str]:
         dimension = 3 if is_spatial(arm) else 2
     obstacles = given.get("obstacles")
     if isinstance(obstacles, list) and all(isinstance(each, dict) for each in obstacles):
-        wrong = [
+        judged = [
             _check("obstacle", each, f"obstacles[{i}]", dimension)[0] for i, each in enumerate(obstacles)
         ]
-        found += [fault for each in wrong for fault in each]
-        given["obstacles"] = [each for each, bad in zip(obstacles, wrong, strict=True) if not bad]
+        found += [fault for part in judged for fault in part]
+        given["obstacles"] = [each for each, bad in zip(obstacles, judged, strict=True) if not bad]
     sound = False
     if isinstance(arm, dict):
         wrong, sound = _check("arm", arm, "arm", dimension)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -123,7 +122,7 @@ def _bent(document: Mapping[str, Any], arm: Any) -> list[float]:
 
 def _mobility(arm: Any, q: Array) -> float:
     J = np.asarray(arm.jacobian(q))[:3]
-    return math.prod(np.linalg.svd(J, compute_uv=False)[: min(3, arm.n)].tolist())
+    return float(np.prod(np.linalg.svd(J, compute_uv=False)[: min(3, arm.n)]))
 
 
 def _reach(arm: Any) -> float:
