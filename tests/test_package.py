@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata
 import importlib.util
+import inspect
 import json
 import math
+import pickle
 import re
 import struct
 import subprocess
@@ -224,6 +227,37 @@ def test_the_installed_package_is_tested() -> None:
     assert {path.stem for path in (installed / "scenarios").glob("*.toml")} == set(vff.scenarios())
 
 
+def test_mistyped_parameters_are_told_what_was_meant() -> None:
+    with pytest.raises(vff.errors.InputTypeError, match="'stifness'; did you mean 'stiffness'"):
+        vff.ControlSettings(stifness=3.0)  # type: ignore[call-arg]
+    with pytest.raises(vff.errors.InputTypeError, match="did you mean 'obstacles'"):
+        vff.Scenario(obstacle=[])  # type: ignore[call-arg]
+
+
+def test_a_scenario_takes_every_table_and_one_obstacle() -> None:
+    tables = json.loads(vff._core.schema_json())["properties"]
+    assert set(tables) == set(inspect.signature(vff.Scenario).parameters)
+    arm = vff.Arm.uniform(3)
+    reference = {"kind": "plan", "times": [0.0, 1.0], "points": [[0.5] * 3, [0.6] * 3]}
+    ball = vff.Obstacle.circle([5, 5], 0.1)
+    law = {"posture_stiffness": 20.0}
+    made = vff.Scenario(
+        arm=arm, q0=[0.5] * 3, duration=1.0, reference=reference, obstacles=ball, replan={}, controller=law
+    )
+    assert made["replan"] == {} and len(made["obstacles"]) == 1
+
+
+def test_every_field_of_the_settings_answers_help() -> None:
+    for owner in (vff.ControlSettings, vff.Field):
+        for each in dataclasses.fields(owner):
+            assert len(inspect.getdoc(getattr(owner, each.name)) or "") > 20
+    settings = vff.ControlSettings(stiffness=3.0, field=vff.Field.khatib(1.0, 2.0))
+    assert pickle.loads(pickle.dumps(settings)) == settings == dataclasses.replace(settings)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        settings.stiffness = 2.0  # type: ignore[misc]
+    assert vff.arms.names() and "packages" in (vff.Arm.from_urdf.__doc__ or "")
+
+
 def test_version() -> None:
     assert importlib.metadata.version("vffnull") == vff.__version__ == vff._core.__version__
 
@@ -431,6 +465,6 @@ def test_every_public_name_is_in_the_api_index() -> None:
     pages = {page.stem: page.read_text(encoding="utf-8") for page in (ROOT / "docs" / "api").glob("*.rst")}
     index = pages.pop("index").split()
     assert [name for name in vff.__all__ if name not in elsewhere and name not in index] == []
-    modules = {"errors", "scenes"}  # documented whole
+    modules = {"arms", "errors", "scenes"}  # documented whole
     described = set(re.findall(r"auto(?:class|function):: (\w+)", "\n".join(pages.values())))
     assert set(vff.__all__) - elsewhere - modules - described == set()

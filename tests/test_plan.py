@@ -221,6 +221,20 @@ def test_arguments_of_no_use_are_named(arguments: dict[str, Any], error: type[Ex
         vff.plan(GAP, **arguments)
 
 
+def test_what_is_in_the_way_is_named() -> None:
+    """Two links of the arm, an obstacle that passes, and a message that a file keeps."""
+    folded = [0.0, 1.2, 0.0, -3.0, 0.0, -0.01, 0.0]
+    hand = {**vff.Scenario.load("panda-sweep").to_dict(), "obstacles": []}
+    hand["controller"]["self_collision"] = "avoid"
+    own = vff.plan(hand, folded)
+    assert own.status == "goal blocked" and "`panda_" in own.message and "have to be kept" in own.message
+    passed = vff.plan("panda-shelf")
+    assert "obstacle 4 passes within the horizon of 1 s" in passed.message
+    assert "horizon" in passed.message and vff.plan("panda-shelf", horizon=0.0).message.startswith(
+        "a motion of"
+    )
+
+
 def test_files_keep_every_bit(found: vff.Plan, tmp_path: Path) -> None:
     path = found.save(tmp_path / "plan.npz")
     back = vff.Plan.load(path)

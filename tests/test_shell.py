@@ -161,6 +161,80 @@ def test_no_consequence_is_taken_for_a_fault(changes: dict[str, object], expecte
     assert all(any(each.startswith(start) for start in expected) for each in found), found
 
 
+def test_faults_hide_no_others(tmp_path: Path) -> None:
+    """A wrong arm, a wrong number of joints and a mistyped key leave the rest to be looked at."""
+    text = """
+    duraton = 3.0
+    q0 = [0.1, 0.2]
+    arm = { lengths = [1, 1, -1], masses = [1, 1, 1], gravty = 3 }
+    controller = { stifness = -3, posture = [1] }
+    reference = { kind = "line", ende = [1, 2], duration = -1 }
+    plant = { masses = [1], bar = 2 }
+    measurement = { position_noise = -2 }
+    replan = { latency = -1 }
+    """
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    found = [each.removeprefix(f"{path}: ") for each in vffnull("validate", path, code=2).stderr.splitlines()]
+    expected = (
+        "arm: unknown key `gravty`",
+        "arm.lengths[2]: ",
+        "controller: unknown key `stifness`",
+        "controller.stiffness: ",
+        "controller.posture: ",
+        "unknown key `duraton`",
+        "q0: expected 3",
+        "reference: unknown key `ende`",
+        "reference.duration: ",
+        "plant: unknown key `bar`",
+        "plant.masses: ",
+        "measurement.position_noise: ",
+        "replan.latency: ",
+        "replan: needs",
+    )
+    assert all(any(each.startswith(start) for each in found) for start in expected), found
+    assert all(any(each.startswith(start) for start in expected) for each in found), found
+
+
+def test_validate_prints_no_warning_of_pythons(tmp_path: Path) -> None:
+    """What is odd in the file of an arm is one of the warnings; if it cannot be read, the rest is judged."""
+    (tmp_path / "robot.urdf").write_text(vff.Arm.named("panda").to_urdf(), encoding="utf-8")
+    path = tmp_path / "mine.toml"
+    text = 'duration = 1\nq0 = [0, -0.8, 0, -2.4, 0, 1.6, 0.8]\nreference.kind = "setpoint"\n[arm]\n'
+    path.write_text(f'{text}urdf = "robot.urdf"\ntip = "panda_link7"\n', encoding="utf-8")
+    said = vffnull("validate", path).stderr
+    assert "ScenarioWarning" not in said and all(f"{path}: warning: " in line for line in said.splitlines())
+    path.write_text(f'seed = -1\n{text}urdf = "missing.urdf"\n', encoding="utf-8")
+    said = vffnull("validate", path, code=2).stderr
+    assert "missing.urdf" in said and "seed: " in said and len(said.splitlines()) == 2, said
+
+
+def test_what_a_study_is_and_fewer_runs_of_it() -> None:
+    assert vffnull("study", "show", "disturbances").stdout.startswith("# How well the null space hides")
+    said = vffnull("study", "run", "disturbances", "--runs", "200", "--dry-run").stdout
+    assert "112 runs" in said  # 8 points of 14 runs: a power of two
+    assert "takes 14" in vffnull("study", "run", "disturbances", "--runs", "3", "--dry-run", code=2).stderr
+
+
+def test_one_picture(tmp_path: Path) -> None:
+    vffnull("run", "paper-1", *SHORT, "--plot", tmp_path / "run.png")
+    assert [each.name for each in tmp_path.iterdir()] == ["run.png"]
+    assert vff.simulate("paper-1", {"duration": 0.1}).plot(tmp_path / "x.svg") == [tmp_path / "x.svg"]
+
+
+def test_films_of_a_size_and_from_a_side(tmp_path: Path) -> None:
+    from PIL import Image
+
+    short = ("--set", "duration=0.2", "--fps", "5")
+    for view in ("left", "30,60"):
+        vffnull("animate", "panda-sweep", tmp_path / "a.gif", "--size", "200", "--view", view, *short)
+        with Image.open(tmp_path / "a.gif") as film:
+            assert film.width == 200 and getattr(film, "n_frames", 0) == 2
+    said = vffnull("animate", "panda-sweep", tmp_path / "a.gif", "--view", "above", code=2).stderr
+    assert "front, left, back, right, top" in said
+    assert "size" in vffnull("animate", "panda-sweep", tmp_path / "a.gif", "--size", "9", code=2).stderr
+
+
 def test_sound_scenarios_have_no_faults() -> None:
     for name in vff.scenarios():
         document = vff.Scenario.load(name).to_dict()

@@ -42,7 +42,7 @@ from vffnull.scenario import Scenario, scenarios
 from vffnull.world import Motion, Obstacle
 
 if TYPE_CHECKING:
-    from vffnull import scenes
+    from vffnull import arms, scenes
     from vffnull._drive import Drive, DriveReport, DriveState, drive
     from vffnull._realtime import RealTimeReport, realtime
     from vffnull._timing import Histogram
@@ -87,6 +87,7 @@ __all__ = [
     "VffNullError",
     "VirtualArm",
     "__version__",
+    "arms",
     "compare",
     "distances",
     "drive",
@@ -130,8 +131,8 @@ def __getattr__(name: str) -> Any:
     """What is loaded when it is asked for."""
     import importlib
 
-    if name == "scenes":
-        return importlib.import_module("vffnull.scenes")
+    if name in ("arms", "scenes"):
+        return importlib.import_module(f"vffnull.{name}")
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

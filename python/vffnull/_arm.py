@@ -33,7 +33,7 @@ __all__ = [
     "unshaped",
 ]
 
-_KEYS = ("model", "urdf", "joints")
+_KEYS = ("model", "urdf", "mjcf", "joints")
 
 
 def is_spatial(arm: Mapping[str, Any]) -> bool:

@@ -1,4 +1,4 @@
-"""Arms of scenarios that stand in other files: ``[arm] urdf = "robot.urdf"``.
+"""Arms of scenarios that stand in other files: ``[arm] urdf = "robot.urdf"``, ``mjcf = "robot.xml"``.
 
 They are read once, before the core sees the scenario. It holds the explicit description that comes out, so
 that it can be saved, sent and run again without the file.
@@ -18,7 +18,9 @@ from vffnull.errors import InputError, InputTypeError, ScenarioError
 __all__ = ["anchored", "explicit"]
 
 _READ = ("tip", "base", "locked", "tool", "mount", "gravity", "srdf", "packages", "armature", "fix_inertia")
-"""What the reader of a URDF is told."""
+"""What the reader of a URDF is told, and that of an MJCF, which names its meshes itself."""
+
+_FILES = ("urdf", "mjcf")
 
 _CHANGED = ("name", "payload", "reach", "joint_limits", "velocity_limits", "torque_limits", "ignore")
 """What replaces what was read, or is added to it."""
@@ -27,9 +29,9 @@ _CHANGED = ("name", "payload", "reach", "joint_limits", "velocity_limits", "torq
 def anchored(document: Document, folder: Path) -> Document:
     """The document itself, the files that its arm names relative to a folder named from there."""
     arm = document.get("arm")
-    if not isinstance(arm, dict) or "urdf" not in arm:
+    if not isinstance(arm, dict) or arm.keys().isdisjoint(_FILES):
         return document
-    for key in ("urdf", "srdf"):
+    for key in (*_FILES, "srdf"):
         if isinstance(arm.get(key), str) and not _is_text(arm[key]):
             arm[key] = _from(folder, arm[key])
     match arm.get("packages"):
@@ -57,7 +59,7 @@ def explicit(document: Document) -> Document:
     """
     arm = document.get("arm") if isinstance(document, dict) else None
     if isinstance(arm, dict):
-        if "urdf" in arm:
+        if not arm.keys().isdisjoint(_FILES):
             document["arm"] = _read(arm)
         elif ("model" in arm or "joints" in arm) and isinstance(arm.get("collision"), str):
             document["arm"] = _without_word(arm)
@@ -77,31 +79,32 @@ def _without_word(arm: Mapping[str, Any]) -> Document:
 
 
 def _read(arm: Mapping[str, Any]) -> Document:
-    """The explicit description of an arm in a URDF."""
-    for key in ("model", "joints"):
-        if key in arm:
+    """The explicit description of an arm in a URDF or an MJCF."""
+    kind = "urdf" if "urdf" in arm else "mjcf"
+    for key in ("model", "joints", "mjcf"):
+        if key in arm and key != kind:
             raise ScenarioError(
-                f"arm.{key}: the URDF says which arm it is: give `urdf` or `{key}`", f"arm.{key}"
+                f"arm.{key}: the {kind.upper()} says which arm it is: give `{kind}` or `{key}`", f"arm.{key}"
             )
-    if strange := sorted(set(arm) - {"urdf", "collision", *_READ, *_CHANGED}):
-        allowed = ", ".join(f"`{key}`" for key in ("urdf", "collision", *_READ, *_CHANGED))
-        raise ScenarioError(f"arm: unknown key `{strange[0]}` beside `urdf`; allowed: {allowed}", "arm")
-    from vffnull.arms import from_urdf
+    reads = tuple(key for key in _READ if kind == "urdf" or key != "packages")
+    if strange := sorted(set(arm) - {kind, "collision", *reads, *_CHANGED}):
+        allowed = ", ".join(f"`{key}`" for key in (kind, "collision", *reads, *_CHANGED))
+        raise ScenarioError(f"arm: unknown key `{strange[0]}` beside `{kind}`; allowed: {allowed}", "arm")
+    from vffnull import arms
 
     shapes = arm.get("collision", "fit")
-    asked = {key: arm[key] for key in _READ if key in arm}
+    asked = {key: arm[key] for key in reads if key in arm}
     how: Any = shapes if isinstance(shapes, str) else "none"
     try:
-        found = from_urdf(arm["urdf"], collision=how, **asked)
+        found = (arms.from_urdf if kind == "urdf" else arms.from_mjcf)(arm[kind], collision=how, **asked)
         changes = {key: arm[key] for key in _CHANGED if key in arm}
         if not isinstance(shapes, str):
             changes["collision"] = shapes
         changes["ignore"] = [*found.get("ignore", []), *changes.get("ignore", [])]
         return _core.check_arm(found | changes)
     except (InputError, InputTypeError) as error:
-        text = str(error)
-        text = text.removeprefix("urdf: ")
-        raise ScenarioError(f"arm.urdf: {text}", "arm.urdf") from None
+        text = str(error).removeprefix(f"{kind}: ").replace("use from_mjcf", "`[arm] mjcf = …` reads it")
+        raise ScenarioError(f"arm.{kind}: {text}", f"arm.{kind}") from None
 
 
 def _from(folder: Path, path: Any) -> Any:

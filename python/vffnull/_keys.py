@@ -62,7 +62,7 @@ def nearest(name: str, document: Mapping[str, Any]) -> list[str]:
     Those that the document has come first.
     """
     arm = document.get("arm")
-    space = isinstance(arm, Mapping) and not arm.keys().isdisjoint(("model", "urdf", "joints"))
+    space = isinstance(arm, Mapping) and not arm.keys().isdisjoint(("model", "urdf", "mjcf", "joints"))
     every = [each for each in dict.fromkeys([*written(document), *known(space)]) if each != name]
     last = name.rpartition(".")[2]
     words = [each.rpartition(".")[2] for each in every]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
+from vffnull._helpful import documented, suggesting
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 __all__ = ["ControlSettings", "Field"]
 
 
+@suggesting
+@documented
 @dataclass(frozen=True, repr=False)
 class Field:
     """A virtual force field round every obstacle; made by `khatib`, `cubic` or `bounded`.
@@ -128,6 +131,8 @@ class Field:
         return f"Field.{self.kind}({rest})"
 
 
+@suggesting
+@documented
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ControlSettings:
     """Settings of the control law. What is left None is up to the core: see ``vffnull schema``.

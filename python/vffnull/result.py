@@ -303,7 +303,8 @@ class Result(Outcome):
         Parameters
         ----------
         directory : str or path, optional
-            Where to write the figures; made if it does not exist.
+            Where to write the figures; made if it does not exist. With the ending of a picture, ``run.png``,
+            ``.pdf`` or ``.svg``, the file that ``overview`` alone is written to.
         format : {"png", "pdf", "svg"}, optional
             What kind of files to write.
 
@@ -330,6 +331,8 @@ class Result(Outcome):
         *,
         fps: float = 25.0,
         speed: float = 1.0,
+        size: int | None = None,
+        view: str | tuple[float, float] | None = None,
         progress: bool | _progress.Progress | None = None,
     ) -> Film: ...
 
@@ -340,6 +343,8 @@ class Result(Outcome):
         *,
         fps: float = 25.0,
         speed: float = 1.0,
+        size: int | None = None,
+        view: str | tuple[float, float] | None = None,
         progress: bool | _progress.Progress | None = None,
     ) -> Path: ...
 
@@ -350,6 +355,8 @@ class Result(Outcome):
         *,
         fps: float = 25.0,
         speed: float = 1.0,
+        size: int | None = None,
+        view: str | tuple[float, float] | None = None,
         progress: bool | _progress.Progress | None = None,
     ) -> Path | Film:
         """Show the arm in motion: obstacles and how far their fields reach, forces, the tip's trail, time.
@@ -368,6 +375,11 @@ class Result(Outcome):
             Frames per second of the film. GIF counts in hundredths of a second: 50, 25, 20, 10 are exact.
         speed : float, optional
             Seconds of the run per second of the film.
+        size : int, optional
+            How wide it is [dots], from 160 to 3840; 648 in the plane and 600 in space by default.
+        view : str or (float, float), optional
+            From where a scene in space is seen: ``"front"``, ``"back"``, ``"left"``, ``"right"``, ``"top"``,
+            or azimuth and elevation [degrees].
         progress : bool or callable, optional
             True shows a progress bar; a callable gets the number of frames done and of all.
 
@@ -379,7 +391,7 @@ class Result(Outcome):
         Raises
         ------
         vffnull.errors.InputError
-            If the path ends otherwise, or if `fps` or `speed` is not positive.
+            If the path ends otherwise, or if `fps`, `speed`, `size` or `view` is out of range.
         ImportError
             If a film needs the extra ``vffnull[video]`` and it is missing.
         """
@@ -387,17 +399,27 @@ class Result(Outcome):
             from tempfile import TemporaryDirectory
 
             with TemporaryDirectory() as folder:
-                return Film(self._film(Path(folder) / "run.gif", fps, speed, progress).read_bytes())
-        return self._film(Path(path), fps, speed, progress)
+                written = self._film(Path(folder) / "run.gif", fps, speed, size, view, progress)
+                return Film(written.read_bytes())
+        return self._film(Path(path), fps, speed, size, view, progress)
 
-    def _film(self, path: Path, fps: float, speed: float, progress: bool | _progress.Progress | None) -> Path:
+    def _film(
+        self,
+        path: Path,
+        fps: float,
+        speed: float,
+        size: int | None,
+        view: str | tuple[float, float] | None,
+        progress: bool | _progress.Progress | None,
+    ) -> Path:
         from vffnull.plotting.animation import animate, frames
 
         _progress.check(progress)
+        how: Any = {"fps": fps, "speed": speed, "size": size, "view": view}
         if progress is not True:
-            return animate(self, path, fps=fps, speed=speed, progress=progress or None)
+            return animate(self, path, **how, progress=progress or None)
         with _progress.bar(len(frames(self, fps, speed)), delay=1.0, counts=".0f frames") as report:
-            return animate(self, path, fps=fps, speed=speed, progress=report)
+            return animate(self, path, **how, progress=report)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write everything about the run into one HTML file that needs nothing else, not even a network.

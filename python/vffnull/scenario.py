@@ -14,6 +14,7 @@ from vffnull._arm import arm_of
 from vffnull._arm_files import anchored, explicit
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
 from vffnull._files import replacing
+from vffnull._helpful import suggesting
 from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ __all__ = [
 _BUNDLED = Path(__file__).with_name("scenarios")
 
 
+@suggesting
 class Scenario:
     """A scenario, ready to run. It cannot be changed; `replace` makes another one.
 
@@ -41,7 +43,7 @@ class Scenario:
     ----------
     arm : Arm or dict
         The arm; ``{"model": "panda"}`` is a bundled one, ``{"urdf": "robot.urdf", "tip": "tool0"}`` is read,
-        and the scenario holds what was read.
+        ``{"mjcf": "robot.xml"}`` too, and the scenario holds what was read.
     q0 : (n,) array_like
         Joint angles at the start [rad].
     duration : float
@@ -50,7 +52,7 @@ class Scenario:
         What the end effector has to follow, for instance ``{"kind": "setpoint", "point": [2.8, 1.6]}``.
     controller : ControlSettings or dict, optional
         The control law's settings.
-    obstacles : iterable of Obstacle or dict, optional
+    obstacles : Obstacle, dict, or iterable of them, optional
         What stands in the way.
     simulation : dict, optional
         Step size, integrator, sampling of the controller, recording.
@@ -69,6 +71,9 @@ class Scenario:
         Lag of the drives; by default the torque acts as commanded.
     seed : int, optional
         Where the random numbers come from; 0 by default.
+    replan : dict, optional
+        Searches for another plan where the reference is one that leads nowhere any more; ``{}`` takes every
+        default.
 
     Raises
     ------
@@ -101,7 +106,7 @@ class Scenario:
         duration: float,
         reference: Mapping[str, Any],
         controller: HasDocument | Mapping[str, Any] | None = None,
-        obstacles: Iterable[HasDocument | Mapping[str, Any]] = (),
+        obstacles: HasDocument | Mapping[str, Any] | Iterable[HasDocument | Mapping[str, Any]] = (),
         simulation: Mapping[str, Any] | None = None,
         name: str | None = None,
         description: str | None = None,
@@ -111,7 +116,9 @@ class Scenario:
         perception: Mapping[str, Any] | None = None,
         actuator: Mapping[str, Any] | None = None,
         seed: int | None = None,
+        replan: Mapping[str, Any] | None = None,
     ) -> None:
+        several = [obstacles] if isinstance(obstacles, HasDocument | Mapping) else list(obstacles)
         self._document = plain(
             {
                 "name": name,
@@ -122,12 +129,13 @@ class Scenario:
                 "arm": arm,
                 "controller": controller,
                 "reference": reference,
-                "obstacles": list(obstacles) or None,
+                "obstacles": several or None,
                 "simulation": simulation,
                 "plant": plant,
                 "measurement": measurement,
                 "perception": perception,
                 "actuator": actuator,
+                "replan": replan,
                 "seed": seed,
             }
         )

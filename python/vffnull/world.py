@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
 from vffnull._document import Document, frozen, plain
+from vffnull._helpful import suggesting
 from vffnull._hull import hull
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 
@@ -119,6 +120,7 @@ def _motion(kind: str, **parameters: object) -> Motion:
     return Motion(kind, tuple((name, frozen(value)) for name, value in parameters.items()))
 
 
+@suggesting
 @dataclass(frozen=True)
 class Obstacle:
     """A solid body.

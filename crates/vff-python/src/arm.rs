@@ -205,9 +205,46 @@ impl Arm {
 
     /// An arm in space from a URDF.
     ///
+    /// Parameters
+    /// ----------
+    /// path_or_text : str or path
+    ///     A file, or the text itself.
+    /// tip : str, optional
+    ///     The link where the chain ends; the only link without children by default.
+    /// base : str, optional
+    ///     The link where it begins; the root by default.
+    /// locked : dict, optional
+    ///     Joints that do not move and where they stand [rad or m]. Joints off the chain are locked
+    ///     anyway, at 0 unless they are named here.
+    /// tool : (3,) array_like, (position, quaternion), or dict, optional
+    ///     A frame in that of the link `tip`, where the end effector is [m]; quaternions are [w, x, y, z].
+    /// mount : the same, optional
+    ///     Where the base stands in the world.
+    /// gravity : (3,) array_like, optional
+    ///     In the world [m/s²].
+    /// collision : {"fit", "file", "none"}, optional
+    ///     Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
+    ///     nothing.
+    /// srdf : str or path, optional
+    ///     A file, or the text: pairs of links that it switches off are not measured against each other.
+    /// packages : path, list of paths, or dict, optional
+    ///     Folders in which meshes are searched, or the folder of each package by its name.
+    /// armature : float or (n,) array_like, optional
+    ///     Inertia of the rotors as seen by the joints [kg·m²]; URDF has none.
+    /// fix_inertia : bool, optional
+    ///     Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
+    ///     instead of refused.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If the text is no URDF, or what is asked for is no arm; the message says which link or joint.
+    /// ImportError
+    ///     If meshes have to be read and the extra ``meshes`` is not installed.
+    ///
     /// See Also
     /// --------
-    /// vffnull.arms.from_urdf : reads the description, with all parameters explained.
+    /// vffnull.arms.read_urdf : the same, and what is odd, how tight the shapes are.
     #[staticmethod]
     #[pyo3(
         signature = (path_or_text, *arguments, **options),
@@ -223,9 +260,47 @@ impl Arm {
 
     /// An arm in space from an MJCF or a ``mujoco.MjModel``.
     ///
+    /// Armature, joint damping and dry friction are taken over. Bodies become links, hinges revolute (or
+    /// continuous, where they have no range) and slides prismatic joints.
+    ///
+    /// Parameters
+    /// ----------
+    /// path_or_model : str, path or mujoco.MjModel
+    ///     A file, the text itself, or a model.
+    /// tip : str, optional
+    ///     The body or site where the chain ends; the only body without children by default.
+    /// base : str, optional
+    ///     The body where it begins; ``world`` by default.
+    /// locked : dict, optional
+    ///     Joints that do not move and where they stand [rad or m]. Joints off the chain are locked
+    ///     anyway, at 0 unless they are named here.
+    /// tool : (3,) array_like, (position, quaternion), or dict, optional
+    ///     A frame in that of `tip`, where the end effector is [m]; quaternions are [w, x, y, z].
+    /// mount : the same, optional
+    ///     Where the base stands in the world.
+    /// gravity : (3,) array_like, optional
+    ///     In the world [m/s²]; the model's by default.
+    /// collision : {"fit", "file", "none"}, optional
+    ///     Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
+    ///     nothing.
+    /// srdf : str or path, optional
+    ///     A file, or the text: pairs of links that it switches off are not measured against each other.
+    /// armature : float or (n,) array_like, optional
+    ///     Inertia of the rotors as seen by the joints [kg·m²]; the model's by default.
+    /// fix_inertia : bool, optional
+    ///     Whether impossible inertia tensors are replaced by the nearest possible ones, with a warning,
+    ///     instead of refused.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If MuJoCo cannot compile the model, or what is asked for is no arm.
+    /// ImportError
+    ///     If MuJoCo is not installed.
+    ///
     /// See Also
     /// --------
-    /// vffnull.arms.from_mjcf : reads the description, with all parameters explained.
+    /// vffnull.arms.read_mjcf : the same, and what is odd, how tight the shapes are.
     #[staticmethod]
     #[pyo3(
         signature = (path_or_model, *arguments, **options),

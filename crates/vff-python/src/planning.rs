@@ -35,7 +35,8 @@ use vff_core::trajectory::JointSpline;
 /// Returns
 /// -------
 /// dict
-///     ``status``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``gap``, ``samples``, ``nodes``.
+///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``gap``,
+///     ``samples``, ``nodes``.
 ///
 /// Raises
 /// ------
@@ -62,6 +63,7 @@ pub fn plan<'py>(
     })?;
     let found = PyDict::new(py);
     found.set_item("status", plan.status.name())?;
+    found.set_item("message", plan.message)?;
     found.set_item("t", PyArray1::from_vec(py, plan.times))?;
     for (name, numbers) in [("q", plan.q), ("dq", plan.dq), ("ddq", plan.ddq)] {
         let rows = numbers.len() / n;

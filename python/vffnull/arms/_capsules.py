@@ -26,6 +26,12 @@ JOINING = 0.1
 """Share of a link's volume that fewer capsules may cost: the boxes of a finger make one."""
 PROTRUSION = 1e-3
 """How far a vertex may stick out of its capsule [m] before the fit is refused."""
+WAY = 2
+"""Which way of fitting this is; another one does not take the fits of this one for its own."""
+LOOSE = 2.0
+"""How many times the volume of the hulls inside a capsule may have, if it wastes more than `SLIGHT`."""
+SLIGHT = 1e-3
+"""What a capsule may waste however loose it is [m³]."""
 _SIDES = 48
 """Of the prism that stands around a cylinder."""
 
@@ -142,6 +148,14 @@ class _Piece:
     @property
     def volume(self) -> float:
         return volume(*self.capsule)
+
+    @property
+    def loose(self) -> bool:
+        return _is_loose(self.volume, self.hull)
+
+
+def _is_loose(capsules: float, hull: float) -> bool:
+    return capsules > LOOSE * hull and capsules - hull > SLIGHT
 
 
 def volume(a: Array, b: Array, radius: float) -> float:
@@ -356,10 +370,17 @@ def _quick(points: Array) -> float:
 
 
 def _split(solid: Solid, origin: int) -> list[_Piece]:
-    """One, two or three capsules for one solid."""
+    """One, two or three capsules for one solid; one that is loose where more are, too."""
     whole = _piece(solid.name, origin, solid.points, solid.radii, solid.hull, 3)
     if np.any(solid.radii):
         return [whole]
+    pieces = _parts(whole, solid)
+    together = sum(piece.volume for piece in pieces)
+    return [whole] if _is_loose(together, whole.hull) else pieces
+
+
+def _parts(whole: _Piece, solid: Solid) -> list[_Piece]:
+    """One, two or three capsules for one solid."""
     triangles = solid.triangles if len(solid.triangles) else _hull_triangles(solid.points)
     halves = _halves(whole, solid.points, triangles) if len(triangles) else None
     if halves is None:
@@ -383,10 +404,14 @@ def _hull_triangles(points: Array) -> NDArray[np.int64]:
 
 
 def _merge(pieces: list[_Piece]) -> list[_Piece]:
-    """Join capsules of one link, those first that cost least, while all together stay within `JOINING`."""
-    pieces = list(pieces)
+    """Join capsules of one link, those first that cost least, while all together stay within `JOINING`.
+
+    None is joined with another that makes it loose, and one that is, is left alone.
+    """
+    alone = [piece for piece in pieces if piece.loose]
+    pieces = [piece for piece in pieces if not piece.loose]
     limit = (1 + JOINING) * sum(piece.volume for piece in pieces)
-    known: dict[tuple[int, int], _Piece] = {}
+    known: dict[tuple[int, int], _Piece | None] = {}
     # Pieces that are gone stay alive, so that no other gets their id.
     gone: list[_Piece] = []
     while True:
@@ -395,23 +420,43 @@ def _merge(pieces: list[_Piece]) -> list[_Piece]:
             if first.origin & second.origin:
                 continue
             key = (id(first), id(second))
+            apart = first.volume + second.volume
             if key not in known:
-                known[key] = _joined(first, second)
-            cost = known[key].volume - first.volume - second.volume
-            if best is None or cost < best[0]:
-                best = (cost, first, second, known[key])
+                known[key] = _joined(first, second, limit - sum(piece.volume for piece in pieces) + apart)
+            both = known[key]
+            if both is None or (both.loose and both.volume > apart):
+                continue
+            if best is None or both.volume - apart < best[0]:
+                best = (both.volume - apart, first, second, both)
         if best is None or best[0] + sum(piece.volume for piece in pieces) > limit:
-            return pieces
+            return [*alone, *pieces]
         _, first, second, both = best
         gone += [first, second]
         pieces = [each for each in pieces if each is not first and each is not second] + [both]
 
 
-def _joined(first: _Piece, second: _Piece) -> _Piece:
+def _joined(first: _Piece, second: _Piece, most: float) -> _Piece | None:
+    """One capsule for both; None where their hull alone is larger than that may be."""
     points, radii = np.vstack([first.points, second.points]), np.append(first.radii, second.radii)
-    spanning, thick, _ = _hull(points, radii)
+    spanning, thick, least = _hull(points, radii)
+    if least > most:
+        return None
     parts, origin = first.parts + second.parts, first.origin | second.origin
     return _Piece(parts, origin, spanning, thick, first.hull + second.hull, least_capsule(spanning, thick))
+
+
+def _as_hull(link: str, piece: _Piece) -> Fit | None:
+    """The hull of what a capsule fits badly, if that is smaller; balls have none."""
+    if np.any(piece.radii) or piece.hull <= 0.0:
+        return None
+    from vffnull.arms._hulls import Hull, simplified
+
+    hull = simplified(Hull(piece.points))
+    if hull.volume > piece.volume / LOOSE:
+        return None
+    shape = {"kind": "convex", "vertices": hull.corners.tolist()}
+    out = float(hull.outside(piece.points).max())
+    return Fit(link, piece.parts, shape, hull.volume, piece.hull, out, len(piece.points))
 
 
 def fit_solids(link: str, solids: Iterable[Solid]) -> list[Fit]:
@@ -428,7 +473,8 @@ def fit_solids(link: str, solids: Iterable[Solid]) -> list[Fit]:
     -------
     list of Fit
         One capsule for each solid, two or three where that saves a third of the volume; and one for
-        several solids while that makes the link no more than a tenth larger.
+        several solids while that makes the link no more than a tenth larger. A convex hull where a capsule
+        has more than twice the volume of what is in it, as around a plate, and wastes more than a litre.
 
     Raises
     ------
@@ -442,6 +488,9 @@ def fit_solids(link: str, solids: Iterable[Solid]) -> list[Fit]:
     pieces = _merge([piece for i, solid in enumerate(solids) for piece in _split(solid, i)])
     fits = []
     for piece in pieces:
+        if piece.loose and (tight := _as_hull(link, piece)) is not None:
+            fits.append(tight)
+            continue
         a, b, radius = piece.capsule
         out = protrusion(piece.points, piece.radii, a, b, radius)
         if out > PROTRUSION:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from vffnull import _core
+from vffnull import _core, _progress
 from vffnull._arm import listed, unshaped
 from vffnull.arms._as_given import Item, as_given, joined, name_of
 from vffnull.arms._frames import frame, matrix
@@ -160,8 +162,22 @@ def _fit(arm: Mapping[str, Any], geometry: Sequence[Mapping[str, Any]], mesh: Me
     solids: dict[str, list[Solid]] = defaultdict(list)
     for item in geometry:
         solids[item["on"]].append(solid_of(item, mesh))
+    from vffnull.arms._kept import keep, kept, key_of
+
     order = [arm["base"], *(joint["link"] for joint in arm["joints"])]
-    return [fit for link in order for fit in fit_solids(link, solids[link])]
+    seen = sys.stderr is not None and sys.stderr.isatty()
+    fits: list[Fit] = []
+    with _progress.bar(len(order), 1.0, ".0f links fitted") if seen else nullcontext() as told:
+        for done, link in enumerate(order, start=1):
+            key = key_of(link, solids[link])
+            found = kept(key)
+            if found is None:
+                found = fit_solids(link, solids[link])
+                keep(key, found)
+            fits += found
+            if told is not None:
+                told(done, len(order))
+    return fits
 
 
 def _as_in_file(geometry: Sequence[Item], mesh: MeshReader, odd: list[str]) -> list[Fit]:

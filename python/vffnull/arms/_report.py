@@ -104,6 +104,11 @@ def _pairs(pairs: Sequence[Sequence[str]]) -> str:
 def _fits(fits: Sequence[Fit]) -> list[str]:
     rows = [("capsule on", "contains", "radius [mm]", "length [mm]", "volume/hull", "outside [mm]")]
     for fit in fits:
+        if fit.shape["kind"] == "convex":
+            rows.append(
+                (fit.link, _contained(fit), _form(fit.shape), "–", f"{fit.tightness:.2f}", _outside(fit))
+            )
+            continue
         a, b = fit.shape.get("a", (0, 0, 0)), fit.shape.get("b", (0, 0, 0))
         sizes = (f"{fit.shape['radius'] * 1e3:.1f}", f"{math.dist(a, b) * 1e3:.1f}")
         rows.append((fit.link, _contained(fit), *sizes, f"{fit.tightness:.2f}", _outside(fit)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vffnull import _core
 
-__all__ = ["reference_posture", "touching"]
+__all__ = ["reference_posture", "spread", "touching"]
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def touching(arm: Mapping[str, Any]) -> list[tuple[str, str]]:
     "Nearly always" is in 95 % of `POSTURES` postures spread evenly over the ranges of the joints. Pairs that
     the document ignores already are not told again.
     """
-    postures = [reference_posture(arm), *_postures(arm)]
+    postures = [reference_posture(arm), *spread(arm, POSTURES)]
     at_rest, *elsewhere = _core.overlapping_links(arm, [q.tolist() for q in postures])
     often = Counter(pair for pairs in elsewhere for pair in pairs)
     found = {*at_rest, *(pair for pair, times in often.items() if times >= 0.95 * POSTURES)}
@@ -43,8 +43,8 @@ def touching(arm: Mapping[str, Any]) -> list[tuple[str, str]]:
     return sorted(found, key=lambda pair: [links.index(link) for link in pair])
 
 
-def _postures(arm: Mapping[str, Any]) -> Array:
-    """Evenly spread over the ranges of the joints, a whole turn where there is none, (POSTURES, n)."""
+def spread(arm: Mapping[str, Any], count: int, share: float = 1.0) -> Array:
+    """Postures spread evenly over a share of the ranges of the joints, (count, n); of a turn without any."""
     middle = reference_posture(arm)
     ranges = np.array(arm.get("joint_limits") or [[-math.inf, math.inf]] * len(middle))
     bounded = np.isfinite(ranges).all(axis=1)
@@ -53,6 +53,6 @@ def _postures(arm: Mapping[str, Any]) -> Array:
     ratio = 1.0
     for _ in range(40):
         ratio = (1.0 + ratio) ** (1.0 / (len(middle) + 1))
-    steps = np.arange(1, POSTURES + 1)[:, None] * ratio ** -np.arange(1.0, len(middle) + 1)
-    postures: Array = middle + half * (2.0 * (steps % 1.0) - 1.0)
+    steps = np.arange(1, count + 1)[:, None] * ratio ** -np.arange(1.0, len(middle) + 1)
+    postures: Array = middle + share * half * (2.0 * (steps % 1.0) - 1.0)
     return postures

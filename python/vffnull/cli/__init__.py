@@ -16,6 +16,9 @@ from typing import Any, NoReturn
 import click
 
 from vffnull import _core
+from vffnull._arm_files import explicit
+from vffnull._document import Document
+from vffnull._figures import FIGURE_ENDINGS
 from vffnull._simulate import PLANTS
 from vffnull._validation import faults
 from vffnull.cli import results
@@ -34,6 +37,7 @@ from vffnull.cli.common import (
     run_with_bar,
     say,
     set_option,
+    warned,
 )
 from vffnull.cli.evaluate import evaluate
 from vffnull.cli.live import live
@@ -42,8 +46,8 @@ from vffnull.cli.realtime import realtime
 from vffnull.cli.study import study
 from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE, check_path
-from vffnull.result import Result
-from vffnull.scenario import document_of, read, scenarios, shown
+from vffnull.result import Result, Status
+from vffnull.scenario import read, scenarios, shown, source_of
 
 __all__ = ["main"]
 
@@ -170,7 +174,13 @@ for _command in (
     default=PLANTS[0],
     help="What moves the arm: the core, or MuJoCo, where obstacles push it.",
 )
-@click.option("--plot", "plot_to", type=click.Path(path_type=Path), metavar="DIR", help="Write the figures.")
+@click.option(
+    "--plot",
+    "plot_to",
+    type=click.Path(path_type=Path),
+    metavar="DIR|FILE",
+    help="Write the figures; or one picture, FILE.png.",
+)
 @format_option
 @click.option(
     "--save", "save_to", type=click.Path(path_type=Path), metavar="FILE", help="Write the result; see below."
@@ -208,7 +218,7 @@ def run(
     ready = prepared(scenario, assignments)
     if save_to is not None:  # find out before the run, not after it
         check_path(save_to)
-    if plot_to is not None:
+    if plot_to is not None and plot_to.suffix not in FIGURE_ENDINGS:
         plot_to.mkdir(parents=True, exist_ok=True)
     result = run_with_bar(ready, quiet, plant)
     files: list[Path] = []
@@ -338,13 +348,18 @@ def _validated(file: str) -> dict[str, Any]:
     from vffnull._oddities import oddities
 
     name = shown(file)
+    document: Document = {}
     try:
-        document = document_of(file)
+        document = source_of(file)
+        with warned() as odd:
+            document = explicit(document)
         errors = [f"{name}: {fault}" for fault in faults(document)]
-        warnings = [] if errors else [*_core.check("scenario", document), *oddities(document)]
+        found = [*odd, *([] if errors else [*_core.check("scenario", document), *oddities(document)])]
     except ScenarioError as error:
-        errors, warnings = [str(error) if name in str(error) else f"{name}: {error}"], []
-    return {"file": name, "error": errors[0] if errors else None, "errors": errors, "warnings": warnings}
+        errors, found = [str(error) if name in str(error) else f"{name}: {error}"], []
+        if document:  # its arm is in a file that cannot be read: what is wrong beside it
+            errors += [f"{name}: {each}" for each in faults(document) if not each.startswith("arm")]
+    return {"file": name, "error": errors[0] if errors else None, "errors": errors, "warnings": found}
 
 
 def _print_faults(found: list[dict[str, Any]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +30,7 @@ def arms(context: click.Context) -> int | None:
     vffnull arms                                list the bundled arms
     vffnull arms show panda                     joints, limits, masses, and where the numbers come from
     vffnull arms check robot.urdf --tip tool0   what was read, what is odd, how tight the shapes are
+    vffnull arms new robot.urdf > mine.toml     a scenario to start from
     """
     if context.invoked_subcommand is None:
         return int(context.invoke(list_arms))
@@ -86,32 +88,89 @@ def show(name: str, as_toml: bool, as_json: bool) -> int:
     return FINE
 
 
+def _reading(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The arguments of commands that read a model."""
+    for option in reversed(_READING):
+        command = option(command)
+    return command
+
+
+_READING = (
+    click.argument("file", type=click.Path(path_type=Path)),
+    click.option(
+        "--tip", metavar="LINK", help="Where the arm ends; the only link without children by default."
+    ),
+    click.option("--base", metavar="LINK", help="Where it begins; the root by default."),
+    click.option(
+        "--lock",
+        "locked",
+        multiple=True,
+        metavar="JOINT=VALUE",
+        help="A joint that does not move; repeatable.",
+    ),
+    click.option(
+        "--collision",
+        type=click.Choice(["fit", "file", "none"]),
+        default="fit",
+        show_default=True,
+        help="Few capsules around the links; boxes and hulls as in the file; or none.",
+    ),
+    click.option(
+        "--srdf",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Pairs of links that are not measured.",
+    ),
+    click.option(
+        "--package",
+        "packages",
+        multiple=True,
+        type=click.Path(path_type=Path),
+        metavar="DIR",
+        help="A folder in which meshes are searched; repeatable.",
+    ),
+    click.option("--fix-inertia", is_flag=True, help="Repair impossible inertia tensors."),
+)
+
+
 @arms.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--tip", metavar="LINK", help="Where the arm ends; the only link without children by default.")
-@click.option("--base", metavar="LINK", help="Where it begins; the root by default.")
-@click.option(
-    "--lock", "locked", multiple=True, metavar="JOINT=VALUE", help="A joint that does not move; repeatable."
-)
-@click.option(
-    "--collision",
-    type=click.Choice(["fit", "file", "none"]),
-    default="fit",
-    show_default=True,
-    help="Few capsules around the links; boxes and hulls as in the file; or none.",
-)
-@click.option(
-    "--srdf", type=click.Path(path_type=Path), metavar="FILE", help="Pairs of links that are not measured."
-)
-@click.option(
-    "--package",
-    "packages",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="A folder in which meshes are searched; repeatable.",
-)
-@click.option("--fix-inertia", is_flag=True, help="Repair impossible inertia tensors.")
+@_reading
+def new(
+    file: Path,
+    tip: str | None,
+    base: str | None,
+    locked: tuple[str, ...],
+    collision: str,
+    srdf: Path | None,
+    packages: tuple[Path, ...],
+    fix_inertia: bool,
+) -> int:
+    """Print a scenario to start from: an arm of your own holds its tip while a ball passes its elbow.
+
+    \b
+    vffnull arms new robot.urdf --tip tool0 > mine.toml
+    vffnull arms new robot.xml > mine.toml
+
+    The arm starts bent and touching nothing, gains and ball follow its size; the file says what each is.
+    """
+    from vffnull.arms._new import scenario_text
+
+    given = {"tip": tip, "base": base, "locked": dict(_assignment(text) for text in locked), "srdf": srdf}
+    options = {**given, "collision": collision, "fix_inertia": fix_inertia}
+    report = _read(file, options, list(packages))
+    for message in report.warnings:
+        say(f"warning: {message}", "yellow")
+    table: dict[str, Any] = {"mjcf" if _is_mjcf(file) else "urdf": str(file)}
+    table |= {key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value}
+    table |= {"collision": collision} if collision != "fit" else {}
+    table |= {"packages": [str(each) for each in packages]} if packages else {}
+    table |= {"fix_inertia": True} if fix_inertia else {}
+    click.echo(scenario_text(report, table))
+    return FINE
+
+
+@arms.command()
+@_reading
 @click.option("--toml", "as_toml", is_flag=True, help="Print the explicit description for a scenario.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: everything that was read.")
 def check(
@@ -158,11 +217,14 @@ def _read(file: Path, options: dict[str, Any], packages: list[Path]) -> Report:
 
     if not file.is_file():
         raise InputError(f"{file}: {'is a directory' if file.is_dir() else 'there is no such file'}")
-    with file.open("rb") as opened:
-        begun = opened.read(4096)
-    if b"<mujoco" in begun:
+    if _is_mjcf(file):
         return models.read_mjcf(file, **options)
     return models.read_urdf(file, packages=packages or None, **options)
+
+
+def _is_mjcf(file: Path) -> bool:
+    with file.open("rb") as opened:
+        return b"<mujoco" in opened.read(4096)
 
 
 def _assignment(text: str) -> tuple[str, float]:

@@ -6,8 +6,8 @@ import json
 import re
 import sys
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -100,12 +100,23 @@ def _assignment(text: str) -> tuple[str, Any]:
 
 def prepared(source: str, assignments: tuple[str, ...]) -> Scenario:
     """The scenario with what ``--set`` changes; what is odd about a file of its arm goes to stderr."""
+    with warned() as odd:
+        ready = prepare(source, assigned(assignments))
+    for message in odd:
+        say(f"warning: {message}", "yellow")
+    return ready
+
+
+@contextmanager
+def warned() -> Iterator[list[str]]:
+    """What Python would print as warnings of its own, as sentences."""
+    messages: list[str] = []
     with warnings.catch_warnings(record=True) as odd:
         warnings.simplefilter("always", ScenarioWarning)
-        ready = prepare(source, assigned(assignments))
-    for each in odd:
-        say(f"warning: {each.message}", "yellow")
-    return ready
+        try:
+            yield messages
+        finally:
+            messages += [str(each.message) for each in odd]
 
 
 def run_with_bar(ready: Scenario, quiet: bool, plant: str = PLANTS[0]) -> Result:

@@ -34,6 +34,16 @@ def _list(_context: click.Context, param: click.Parameter, text: str | None) -> 
         raise click.BadParameter(f"expected numbers between commas, not {text!r}", param=param) from None
 
 
+def _seconds(_context: click.Context, param: click.Parameter, text: str) -> float | None:
+    """A time [s], or none."""
+    if text == "none":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise click.BadParameter(f"expected seconds or none, not {text!r}", param=param) from None
+
+
 @click.command()
 @click.argument("scenario", shell_complete=complete_scenario)
 @click.option(
@@ -52,10 +62,11 @@ def _list(_context: click.Context, param: click.Parameter, text: str | None) -> 
 @click.option("--speed", type=float, default=0.5, show_default=True, help="Share of the joints' limits.")
 @click.option(
     "--horizon",
-    type=float,
-    default=1.0,
+    callback=_seconds,
+    default="1.0",
     show_default=True,
-    help="Keep places free that are passed so soon [s].",
+    metavar="SECONDS",
+    help="Keep places free that are passed so soon [s]; 0: nothing moves; none: leave out what does.",
 )
 @click.option("--samples", type=int, default=20_000, show_default=True, help="When to give up.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
@@ -68,7 +79,7 @@ def plan(
     orientation: list[float] | None,
     margin: float,
     speed: float,
-    horizon: float,
+    horizon: float | None,
     samples: int,
     seed: int,
     assignments: tuple[str, ...],
@@ -78,8 +89,9 @@ def plan(
     """Plan a motion of all joints to a goal, around what is in the way.
 
     \b
-    vffnull plan panda-shelf --set reference.kind=setpoint --goal 0.5,0.2,0.4 --out plan.npz
     vffnull plan narrow-gap
+    vffnull plan panda-shelf --horizon 0 --margin 0.03
+    vffnull plan panda-shelf --goal 0.5,0.2,0.4 --out plan.npz
 
     Exit codes: 0 found, 2 wrong input, 3 nothing found, 130 interrupted.
     """
@@ -99,8 +111,8 @@ def plan(
         echo_json(_summary(found) | {"version": _core.__version__})
     else:
         click.echo(click.style(ready.name or "scenario", bold=True), nl=False)
-        click.echo(f": {found.status}\n")
-        for name, value in _summary(found).items():
+        click.echo(f": {found.status}\n{found.message}\n")
+        for name, value in list(_summary(found).items())[2:]:
             click.echo(f"{name:12} {value}")
         if out is not None:
             click.echo(f"\nwrote {out}")
@@ -113,6 +125,7 @@ def _summary(found: Plan) -> dict[str, object]:
 
     return {
         "status": str(found.status),
+        "message": found.message,
         "duration": finite(found.duration, 3),
         "clearance": finite(found.clearance, 4),
         "margin": finite(found.margin, 4),

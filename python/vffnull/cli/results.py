@@ -21,12 +21,34 @@ def _common(command: Callable[..., Any]) -> Callable[..., Any]:
     return as_json(quiet(command))
 
 
+def _view(
+    _context: click.Context, _param: click.Parameter, text: str | None
+) -> str | tuple[float, float] | None:
+    """A name, or two angles."""
+    numbers = (text or "").split(",")
+    if len(numbers) != 2:
+        return text
+    try:
+        return float(numbers[0]), float(numbers[1])
+    except ValueError:
+        return text
+
+
 @click.command()
 @click.argument("source", shell_complete=complete_scenario)
 @click.argument("file", type=click.Path(path_type=Path))
 @set_option
 @click.option("--fps", type=float, default=25.0, show_default=True, help="Frames per second.")
 @click.option("--speed", type=float, default=1.0, show_default=True, help="Simulated seconds per second.")
+@click.option(
+    "--size", type=int, metavar="DOTS", help="How wide the film is; 648 in the plane, 600 in space."
+)
+@click.option(
+    "--view",
+    callback=_view,
+    metavar="NAME|AZ,EL",
+    help="In space: front, back, left, right, top, or two angles [degrees].",
+)
 @_common
 def animate(
     source: str,
@@ -34,6 +56,8 @@ def animate(
     assignments: tuple[str, ...],
     fps: float,
     speed: float,
+    size: int | None,
+    view: str | tuple[float, float] | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -42,14 +66,15 @@ def animate(
     \b
     vffnull animate sweep-through sweep.gif
     vffnull animate run.npz run.mp4 --speed 2
+    vffnull animate panda-sweep side.gif --view left --size 400 --fps 10
     vffnull animate paper-1 none.gif --set controller.projection=none
     """
     from vffnull.plotting.animation import check
 
-    check(file, fps, speed)  # before the run, not after it
+    check(file, fps, speed, size, view)  # before the run, not after it
     result = run_or_load(source, assignments, quiet)
     bar = interactive() and not quiet
-    path = result.animate(file, fps=fps, speed=speed, progress=bar)
+    path = result.animate(file, fps=fps, speed=speed, size=size, view=view, progress=bar)
     return _end([result], path, as_json, quiet)
 
 

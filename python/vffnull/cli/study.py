@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
+from vffnull import _core
 from vffnull.cli.common import FINE, INTERRUPTED, echo_json, interactive, say
 from vffnull.errors import InputError
 
@@ -56,6 +57,7 @@ def study() -> None:
 
     \b
     vffnull study list                                    what is bundled
+    vffnull study show disturbances > mine.toml           a study to start from
     vffnull study run disturbances --dry-run              how many runs, how long, how large
     vffnull study run disturbances --out results          run it; --resume goes on
     vffnull study show results --page results.html        effects, indices, failures
@@ -78,6 +80,7 @@ def list_studies() -> None:
 
 @study.command()
 @_where_options
+@click.option("--runs", type=int, metavar="N", help="At most so many: fewer points of the same design.")
 @click.option("--dry-run", is_flag=True, help="Say what it takes, and run nothing.")
 def run(
     document: str,
@@ -88,12 +91,14 @@ def run(
     scheduler: str | None,
     as_json: bool,
     quiet: bool,
+    runs: int | None,
     dry_run: bool,
 ) -> int:
     """Run a study: a bundled name or the path of a TOML file.
 
     \b
     vffnull study run disturbances --out results
+    vffnull study run disturbances --out few --runs 200
     vffnull study run disturbances --out results --resume
     vffnull study run mine.toml --out results --workers 4
     vffnull study run mine.toml --out s3://bucket/results --scheduler tcp://host:8786
@@ -104,7 +109,7 @@ def run(
     """
     from vffnull.studies import Study
 
-    wanted = Study.load(document)
+    wanted = Study.load(document, runs)
     told = (lambda _: None) if quiet or as_json else click.echo
     if dry_run or not (quiet or as_json):
         estimate = wanted.estimate()
@@ -183,21 +188,30 @@ def tune(
 
 
 @study.command()
-@click.argument("place", metavar="DIR")
+@click.argument("place", metavar="DIR|STUDY")
 @click.option("--metric", "metrics", multiple=True, metavar="NAME", help="Only these; repeatable.")
 @click.option("--page", type=click.Path(path_type=Path), metavar="FILE", help="Write everything as one page.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")
 def show(place: str, metrics: tuple[str, ...], page: Path | None, as_json: bool) -> int:
-    """Show what a study has left, also while it runs.
+    """Show what a study has left, also while it runs; or the document of a study.
 
     \b
+    vffnull study show disturbances
     vffnull study show results
     vffnull study show results --metric min_clearance --page results.html
 
     Counts, and how much of the variance of each metric each factor explains; the page has pictures.
     """
-    from vffnull.studies import Dataset
+    from vffnull.studies import Dataset, studies
+    from vffnull.studies.study import text_of
 
+    if not Path(place).is_dir() and (place in studies() or Path(place).suffix == ".toml"):
+        text = text_of(place)
+        if as_json:
+            echo_json(_core.parse_toml(text, place))
+        else:
+            click.echo(text.rstrip())
+        return FINE
     dataset = Dataset.open(place)
     found = dataset.findings(metrics or None)
     files = [dataset.report(page, metrics or None)] if page is not None else []

@@ -239,7 +239,9 @@ class _Entries:
         if not isinstance(document, dict):
             self._fault("scenario", "expected a table")
         arm = document.get("arm")
-        if isinstance(arm, dict) and "urdf" in arm:  # no file of somebody else's choice is opened
+        if isinstance(arm, dict) and not arm.keys().isdisjoint(
+            ("urdf", "mjcf")
+        ):  # no file of somebody else's choice is opened
             self._fault("scenario", "its arm is in another file")
         try:
             return Scenario.from_dict(document)

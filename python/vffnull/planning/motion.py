@@ -86,6 +86,9 @@ class Plan:
         How many random configurations were tried, and how many the search kept.
     wall_time : float
         How long planning took [s].
+    message : str
+        The status in a sentence: what is in the way of which link, or which joint, by how much, and what
+        would help.
     """
 
     status: PlanStatus
@@ -100,6 +103,7 @@ class Plan:
     samples: int
     nodes: int
     wall_time: float
+    message: str = ""
 
     @property
     def duration(self) -> float:
@@ -163,6 +167,7 @@ class Plan:
         """
         path = checked_path(path)
         header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
+        header["message"] = self.message
         header |= {name: getattr(self, name) for name in _NUMBERS}
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         header["digest"] = digest(json.dumps(header), arrays.values())
@@ -195,7 +200,8 @@ class Plan:
             if signature not in (None, digest(json.dumps(header), arrays.values())):
                 raise InputError(f"{path}: damaged: its digest is not that of what it holds")
             values: dict[str, Any] = {name: type_(header[name]) for name, type_ in _types().items()}
-            plan = cls(status=PlanStatus(header["status"]), **values, **arrays)
+            message = str(header.get("message", ""))  # older files have none
+            plan = cls(status=PlanStatus(header["status"]), message=message, **values, **arrays)
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile, MemoryError):

@@ -6,7 +6,7 @@ when the writer asks for them, so that a long film needs no more memory than a s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image
 
+from vffnull._arguments import array, whole, within
 from vffnull._extras import extra
 from vffnull._files import replacing
 from vffnull.errors import InputError
@@ -28,6 +29,17 @@ if TYPE_CHECKING:
     from vffnull.result import Result
 
 ENDINGS = (".gif", ".mp4")
+SIZES = (160, 3840)
+"""The narrowest and the widest film [dots]."""
+VIEWS = {
+    "front": (0.0, 0.0),
+    "left": (90.0, 0.0),
+    "back": (180.0, 0.0),
+    "right": (-90.0, 0.0),
+    "top": (-90.0, 90.0),
+}
+"""By name: azimuth and elevation of who looks [degrees], the arm reaching towards the front."""
+View = str | tuple[float, float]
 
 _WIDTH, _DPI = 5.4, 120  # [in], dots per inch: 648 dots across
 _LONGEST = 0.11  # of the picture's width, the arrow of the greatest force
@@ -41,17 +53,24 @@ Rows = NDArray[np.intp]
 
 
 def animate(
-    result: Result, path: Path, *, fps: float, speed: float, progress: Progress | None = None
+    result: Result,
+    path: Path,
+    *,
+    fps: float,
+    speed: float,
+    size: int | None = None,
+    view: View | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Write a film of a run; see `vffnull.Result.animate`. `progress` gets frames done and frames in all."""
-    check(path, fps, speed)
+    check(path, fps, speed, size, view)
     result = drawable(result)
     rows = frames(result, fps, speed)
     report = progress or (lambda _done, _all: None)
     encoder = None if path.suffix == ".gif" else extra("imageio_ffmpeg", "video")
     path.parent.mkdir(parents=True, exist_ok=True)
     with style.look(), replacing(path) as draft:
-        picture = frames_of(result, rows, speed)
+        picture = frames_of(result, rows, speed, size, view)
         if encoder is None:
             with draft.open("wb") as file:
                 _write_gif(picture, file, fps, report)
@@ -60,7 +79,7 @@ def animate(
     return path
 
 
-def check(path: Path, fps: float, speed: float) -> None:
+def check(path: Path, fps: float, speed: float, size: int | None = None, view: View | None = None) -> None:
     """Refuse what no film can be made of."""
     if path.suffix not in ENDINGS:
         given = path.suffix or "without an ending"
@@ -68,6 +87,20 @@ def check(path: Path, fps: float, speed: float) -> None:
     for name, value in (("fps", fps), ("speed", speed)):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name}: must be positive and finite, got {value}")
+    if size is not None:
+        whole("size", size, *SIZES)
+    if view is not None:
+        angles(view)
+
+
+def angles(view: View) -> tuple[float, float]:
+    """From where a film looks at a scene in space: azimuth and elevation [degrees]."""
+    if isinstance(view, str):
+        if view not in VIEWS:
+            raise InputError(f"view: expected {', '.join(VIEWS)} or (azimuth, elevation), got {view!r}")
+        return VIEWS[view]
+    found = [float(each) for each in array("view", view, (2,))]
+    return found[0], within("view elevation", found[1], -90.0, 90.0)
 
 
 def frames(result: Result, fps: float, speed: float) -> Rows:
@@ -77,14 +110,18 @@ def frames(result: Result, fps: float, speed: float) -> Rows:
     return np.minimum(np.searchsorted(result.t, times), len(result.t) - 1)
 
 
-def frames_of(result: Result, rows: Rows, speed: float) -> Picture:
+def frames_of(
+    result: Result, rows: Rows, speed: float, size: int | None = None, view: View | None = None
+) -> Picture:
     """The frames of a film in the plane or in space."""
     scene = Scene.of_result(result)
     if scene.dimension == 3:
         from vffnull.plotting.film import SpacePicture
 
-        return SpacePicture(result, scene, rows, speed)
-    return _Picture(result, rows, speed)
+        return SpacePicture(result, scene, rows, speed, size, None if view is None else angles(view))
+    if view is not None:
+        raise InputError("view: a scene in the plane has but one")
+    return _Picture(result, rows, speed, size)
 
 
 class Picture(Protocol):
@@ -101,12 +138,16 @@ class Picture(Protocol):
         """One frame."""
         ...
 
+    def each(self, frames: Iterable[int]) -> Iterator[NDArray[np.uint8]]:
+        """Frames one after the other, on as many cores as help."""
+        ...
+
 
 def _write_gif(picture: Picture, file: IO[bytes], fps: float, progress: Progress) -> None:
     """All frames share one palette, so that the file stays small and colours do not flicker."""
     count = len(picture)
     typical = np.unique([*range(0, count, max(1, count // 6)), picture.strongest])
-    drawn = {int(i): picture.at(int(i)) for i in typical}
+    drawn = dict(zip(map(int, typical), picture.each(map(int, typical)), strict=True))
     mosaic = np.vstack(list(drawn.values()))
     if picture.shaded:
         palette = _even_palette(mosaic)
@@ -114,8 +155,9 @@ def _write_gif(picture: Picture, file: IO[bytes], fps: float, progress: Progress
         palette = Image.fromarray(mosaic).quantize(colors=128, method=Image.Quantize.MAXCOVERAGE)
 
     def indexed() -> Iterator[Image.Image]:
+        rest = picture.each(i for i in range(count) if i not in drawn)
         for i in range(count):
-            dots = drawn[i] if i in drawn else picture.at(i)
+            dots = drawn[i] if i in drawn else next(rest)
             dots = _dithered(dots) if picture.shaded else dots
             yield Image.fromarray(dots).quantize(palette=palette, dither=Image.Dither.NONE)
             progress(i + 1, count)
@@ -155,8 +197,8 @@ def _write_mp4(picture: Picture, path: Path, fps: float, progress: Progress, enc
     stream = encoder.write_frames(str(path), (wide, high), fps=fps, quality=8, macro_block_size=2)
     stream.send(None)
     try:
-        for i in range(len(picture)):
-            stream.send(np.ascontiguousarray(picture.at(i)[:high, :wide]))
+        for i, dots in enumerate(picture.each(range(len(picture)))):
+            stream.send(np.ascontiguousarray(dots[:high, :wide]))
             progress(i + 1, len(picture))
     finally:
         stream.close()
@@ -168,7 +210,7 @@ class _Picture:
     shaded = False
     _POLYGONS: tuple[Role, ...] = ("influence", "obstacle", "plan", "link")
 
-    def __init__(self, result: Result, rows: Rows, speed: float) -> None:
+    def __init__(self, result: Result, rows: Rows, speed: float, size: int | None = None) -> None:
         self._whole = Scene.of_result(result)
         self._rows, self._scene = rows, self._whole.pick(rows)
         sizes = np.linalg.norm(geometry.seen(self._scene.pushes[1]), axis=2).max(axis=1)
@@ -176,7 +218,7 @@ class _Picture:
         self._speed = "" if speed == 1.0 else f"  ({speed:g}×)"
         height = strobe.natural_height(self._whole, _WIDTH, field=True)
         self._figure = style.figure(height, _WIDTH)
-        self._figure.set_dpi(_DPI)
+        self._figure.set_dpi(_DPI if size is None else size / _WIDTH)
         agg: Any = self._figure.canvas  # Agg's blitting has no types
         self._agg = agg
         ax = self._axes = self._figure.subplots()
@@ -225,6 +267,10 @@ class _Picture:
 
     def __len__(self) -> int:
         return len(self._rows)
+
+    def each(self, frames: Iterable[int]) -> Iterator[NDArray[np.uint8]]:
+        """Frames one after the other."""
+        return map(self.at, frames)
 
     def at(self, frame: int) -> NDArray[np.uint8]:
         """One frame."""

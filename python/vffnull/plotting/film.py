@@ -6,6 +6,10 @@ anew, the links in the colours of their clearance, and says in figures how the r
 
 from __future__ import annotations
 
+import os
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,7 +46,15 @@ class SpacePicture:
 
     shaded = True
 
-    def __init__(self, result: Result, scene: Scene, rows: Rows, speed: float) -> None:
+    def __init__(
+        self,
+        result: Result,
+        scene: Scene,
+        rows: Rows,
+        speed: float,
+        size: int | None = None,
+        view: tuple[float, float] | None = None,
+    ) -> None:
         self._scene, self._rows = scene, rows
         self._clearance, self._error = result.clearance, tracking.distance(result)
         sizes = scene.strength[rows].max(axis=1, initial=0.0)
@@ -55,10 +67,11 @@ class SpacePicture:
         height = _PICTURE + _HEAD + strip
         figure: Any = style.figure(height, _WIDTH)  # Agg's blitting has no types
         figure.set_layout_engine("none")
-        figure.set_dpi(_DPI)
+        dpi = _DPI if size is None else size / _WIDTH
+        figure.set_dpi(dpi)
         self._figure, self._agg = figure, figure.canvas
         self._axes = figure.add_axes((0.0, strip / height, 1.0, _PICTURE / height))
-        self._canvas = self._stage()
+        self._canvas = self._stage(dpi, view or (space.AZIMUTH, space.ELEVATION))
         top = 1.0 - 0.15 / height
         figure.text(0.03, top, result.scenario.name, ha="left", va="center", weight="bold", fontsize=9)
         self._clock = self._say(0.03, top - 0.17 / height, ha="left", color=style.MUTED)
@@ -77,9 +90,32 @@ class SpacePicture:
 
     def at(self, frame: int) -> NDArray[np.uint8]:
         """One frame."""
+        return self._finished(frame, self._bodies(frame))
+
+    def each(self, frames: Iterable[int]) -> Iterator[NDArray[np.uint8]]:
+        """Frames one after the other, whose bodies are traced ahead on all cores."""
+        cores = os.cpu_count() or 1
+        ahead: deque[tuple[int, Future[NDArray[np.uint8]]]] = deque()
+        pool = ThreadPoolExecutor(cores)
+        try:
+            for frame in frames:
+                ahead.append((frame, pool.submit(self._bodies, frame)))
+                if len(ahead) > 2 * cores:
+                    first, bodies = ahead.popleft()
+                    yield self._finished(first, bodies.result())
+            for frame, bodies in ahead:
+                yield self._finished(frame, bodies.result())
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _bodies(self, frame: int) -> NDArray[np.uint8]:
+        return self._canvas.draw(self.layers(int(self._rows[frame])))
+
+    def _finished(self, frame: int, bodies: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """What is drawn over the bodies, and what stands still behind them."""
         row = int(self._rows[frame])
         self._agg.restore_region(self._background)
-        self._image.set_data(self._canvas.draw(self.layers(row)))
+        self._image.set_data(bodies)
         self._axes.draw_artist(self._image)
         self._tell(row)
         for text in self._texts:
@@ -110,13 +146,13 @@ class SpacePicture:
 
     # ------------------------------------------------------------------------------------------------ inside
 
-    def _stage(self) -> Canvas:
+    def _stage(self, dpi: float, angles: tuple[float, float]) -> Canvas:
         """The ground, and where the bodies are drawn: all of the axes, with the scene in the middle."""
         ax, scene = self._axes, self._scene
-        view = geometry.looking(space.AZIMUTH, space.ELEVATION)
+        view = geometry.looking(*angles)
         box = np.array(np.meshgrid(*zip(*space.padded(scene), strict=True))).reshape(3, -1).T @ view.T
         low, high = box.min(axis=0), box.max(axis=0)
-        wide, tall = round(_WIDTH * _DPI), round(_PICTURE * _DPI)
+        wide, tall = round(_WIDTH * dpi), round(_PICTURE * dpi)
         dot = float(((high - low) / [wide, tall]).max())
         low = (low + high - dot * np.array([wide, tall])) / 2.0
         ax.set(xlim=(low[0], low[0] + wide * dot), ylim=(low[1], low[1] + tall * dot))

@@ -21,7 +21,8 @@ from vffnull.plotting import geometry
 Array = NDArray[np.float64]
 Shades = NDArray[np.float32]
 Normals = Callable[[Array, Array, Array], Array]
-Sheet = tuple[Shades, Array, Array]  # colours, depths, opacities
+Window = tuple[slice, slice]
+Sheet = tuple[Window, Shades, Array, Array]  # where it is, rows and columns; colours, depths, opacities there
 
 _LIGHT = np.array([-0.45, 0.62, 0.64])  # towards it: right, up, to the viewer
 _FINE = 2
@@ -128,23 +129,29 @@ class Canvas:
         covered = np.zeros((tall, wide), dtype=bool)
         for layer in layers:
             if layer.floor is not None and axes[2, 2] > _GRAZING:
-                sheets.append(_shadow(layer.solids, layer.floor, axes, xs, ys))
-            colours, depths = trace(layer.solids, axes, xs, ys)
+                dropped = [_dropped(solid.corners, layer.floor) for solid in layer.solids]
+                rows, columns = window = _around(layer.solids, dropped, axes, xs, ys)
+                sheets.append((window, *_shadow(layer.solids, layer.floor, axes, xs[columns], ys[rows])))
+            rows, columns = window = _around(layer.solids, [s.corners for s in layer.solids], axes, xs, ys)
+            x, y = xs[columns], ys[rows]
+            colours, depths = trace(layer.solids, axes, x, y)
             if layer.floor is not None:
-                height = xs[None, :] * axes[0, 2] + ys[:, None] * axes[1, 2]
+                height = x[None, :] * axes[0, 2] + y[:, None] * axes[1, 2]
                 with np.errstate(invalid="ignore"):
                     height = height + (depths * axes[2, 2] if abs(axes[2, 2]) > 1e-9 else 0.0)
                 depths = np.where(height < layer.floor, -np.inf, depths)
             if layer.box is not None:
-                depths = _within(*layer.box, depths, axes, xs, ys)
+                depths = _within(*layer.box, depths, axes, x, y)
             there = np.isfinite(depths)
-            (ghosts if layer.ghost else sheets).append((colours, depths, np.where(there, layer.opacity, 0.0)))
+            sheet = (window, colours, depths, np.where(there, layer.opacity, 0.0))
+            (ghosts if layer.ghost else sheets).append(sheet)
             if not layer.ghost and layer.opacity == 1.0:
-                covered |= there
-        for colours, depths, opacity in ghosts:
-            sheets.append((colours, depths, np.where(covered, 0.3 * opacity, opacity)))
+                covered[window] |= there
+        for window, colours, depths, opacity in ghosts:
+            sheets.append((window, colours, depths, np.where(covered[window], 0.3 * opacity, opacity)))
         picture = _laid(sheets, (tall, wide))
-        picture = picture.reshape(self.shape[0], _FINE, self.shape[1], _FINE, 4).mean(axis=(1, 3))
+        rays = [picture[i::_FINE, j::_FINE] for i in range(_FINE) for j in range(_FINE)]
+        picture = np.asarray(np.sum(rays, axis=0) / np.float32(_FINE**2))
         cover = picture[..., 3:]
         picture[..., :3] = np.where(cover > 0.0, picture[..., :3] / np.maximum(cover, 1e-6), 1.0)
         return np.asarray(np.clip(255.0 * picture + 0.5, 0, 255), dtype=np.uint8)
@@ -307,7 +314,9 @@ def _shade(normal: Array, colour: Array, is_round: bool) -> Array:
     return np.asarray(np.clip(strength[:, None] * colour + 0.22 * facing[:, None] ** 24, 0.0, 1.0))
 
 
-def _shadow(solids: Iterable[Solid | Balls], floor: float, axes: Array, xs: Array, ys: Array) -> Sheet:
+def _shadow(
+    solids: Iterable[Solid | Balls], floor: float, axes: Array, xs: Array, ys: Array
+) -> tuple[Shades, Array, Array]:
     """What the solids shade of a level floor below them, the light straight above: colour, depth, opacity."""
     right, up, ahead = axes
     x, y = xs[None, :], ys[:, None]
@@ -329,6 +338,21 @@ def _shadow(solids: Iterable[Solid | Balls], floor: float, axes: Array, xs: Arra
         away = np.hypot(off[0] - share * along[0], off[1] - share * along[1])
         dark[window] = np.maximum(dark[window], np.clip((1.15 - away / solid.radius) / 0.5, 0.0, 1.0))
     return np.full((*depth.shape, 3), 0.25, dtype=np.float32), depth, 0.2 * dark
+
+
+def _around(
+    solids: Sequence[Solid | Balls], corners: Sequence[Array], axes: Array, xs: Array, ys: Array
+) -> Window:
+    """Rows and columns of the dots that solids may cover whose corners are there."""
+    places = [
+        (flat.min(axis=0) - 1.2 * solid.radius, flat.max(axis=0) + 1.2 * solid.radius)
+        for solid, flat in zip(solids, (each @ axes[:2].T for each in corners), strict=True)
+        if len(flat)
+    ]
+    if not places:
+        return slice(0, 0), slice(0, 0)
+    step = float(xs[1] - xs[0]) if len(xs) > 1 else 0.0
+    return _window(np.concatenate(places).reshape(-1, 2), step, xs, ys)
 
 
 def _inside(outline: Array, x: Array, y: Array) -> Array:
@@ -370,26 +394,30 @@ def _laid(sheets: list[Sheet], shape: tuple[int, int]) -> Shades:
     if not sheets:
         return picture
     count: NDArray[np.int8] = np.zeros(shape, dtype=np.int8)
-    for _, _, opacity in sheets:
-        count += opacity > 0.0
-    for colour, _, opacity in sheets:  # most dots see one sheet alone
-        alone = (count == 1) & (opacity > 0.0)
+    for window, _, _, opacity in sheets:
+        count[window] += opacity > 0.0
+    for window, colour, _, opacity in sheets:  # most dots see one sheet alone
+        alone = (count[window] == 1) & (opacity > 0.0)
         share = opacity[alone].astype(np.float32)
-        picture[alone, :3], picture[alone, 3] = colour[alone] * share[:, None], share
-    seen = count > 1
-    for rows in np.array_split(np.arange(shape[0]), max(1, shape[0] * shape[1] // 400_000)):
-        here = np.zeros_like(seen)
-        here[rows] = seen[rows]
-        if not here.any():
-            continue
-        order = np.argsort(np.stack([depth[here] for _, depth, _ in sheets]), axis=0)
-        colours = np.stack([colour[here] for colour, _, _ in sheets])
-        shares = np.stack([opacity[here] for _, _, opacity in sheets]).astype(np.float32)
-        over = np.zeros((colours.shape[1], 4), dtype=np.float32)
-        for at in order:
-            share = np.take_along_axis(shares, at[None], axis=0)[0][:, None]
-            colour = np.take_along_axis(colours, at[None, :, None], axis=0)[0]
+        part = picture[window]
+        part[alone, :3], part[alone, 3] = colour[alone] * share[:, None], share
+    several = np.flatnonzero(count > 1)
+    for here in np.array_split(several, len(several) // 100_000 + 1):
+        rows, columns = np.divmod(here, shape[1])
+        depths = np.full((len(sheets), len(here)), -np.inf)
+        colours = np.zeros((len(sheets), len(here), 3), dtype=np.float32)
+        shares = np.zeros((len(sheets), len(here)), dtype=np.float32)
+        for k, ((down, across), colour, depth, opacity) in enumerate(sheets):
+            inside = (down.start <= rows) & (rows < down.stop)
+            inside &= (across.start <= columns) & (columns < across.stop)
+            place = rows[inside] - down.start, columns[inside] - across.start
+            depths[k, inside], shares[k, inside] = depth[place], opacity[place]
+            colours[k, inside] = colour[place]
+        over = np.zeros((len(here), 4), dtype=np.float32)
+        each = np.arange(len(here))
+        for at in np.argsort(depths, axis=0):
+            share, colour = shares[at, each][:, None], colours[at, each]
             over[:, :3] = colour * share + over[:, :3] * (1.0 - share)
             over[:, 3:] = share + over[:, 3:] * (1.0 - share)
-        picture[here] = over
+        picture[rows, columns] = over
     return picture

@@ -98,34 +98,26 @@ class Study:
         self._plan = read_plan(document, Path(folder))
 
     @classmethod
-    def load(cls, source: str | os.PathLike[str]) -> Study:
+    def load(cls, source: str | os.PathLike[str], runs: int | None = None) -> Study:
         """Load a bundled study by its name, or a TOML file by its path.
 
         Parameters
         ----------
         source : str or path
             One of `vffnull.studies.studies()`, or a path that ends in ``.toml``.
+        runs : int, optional
+            How many runs it may have at most: another ``count`` of its design, or of its scenes where it has
+            none.
 
         Raises
         ------
         vffnull.errors.InputError
-            If there is no such study, or if something is wrong with it.
+            If there is no such study, if something is wrong with it, or if it has no ``count``, as a grid.
         """
-        path = Path(os.fspath(source))
-        if path.suffix == ".toml":
-            return cls(_core.parse_toml(read(source), shown(source)), path.parent)
-        names = studies()
-        if os.fspath(source) not in names:
-            import difflib
-
-            near = difflib.get_close_matches(str(path), names, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
-            raise InputError(
-                f"no study called {shown(source)!r}{hint}; bundled are {', '.join(names)}; "
-                "the path of a file ends in .toml"
-            )
-        text = (_BUNDLED / f"{path}.toml").read_text(encoding="utf-8")
-        return cls(_core.parse_toml(text, str(path)), _BUNDLED)
+        document, folder = _core.parse_toml(text_of(source), shown(source)), Path(os.fspath(source)).parent
+        folder = folder if Path(os.fspath(source)).suffix == ".toml" else _BUNDLED
+        found = cls(document, folder)
+        return found if runs is None else cls(_of_runs(document, found.runs, runs), folder)
 
     @property
     def name(self) -> str:
@@ -342,3 +334,35 @@ def _open(
 def studies() -> list[str]:
     """Names of the bundled studies."""
     return sorted(path.stem for path in _BUNDLED.glob("*.toml"))
+
+
+def text_of(source: str | os.PathLike[str]) -> str:
+    """The text of a bundled study or of a TOML file, comments included."""
+    if Path(os.fspath(source)).suffix == ".toml":
+        return read(source)
+    names = studies()
+    if os.fspath(source) not in names:
+        import difflib
+
+        near = difflib.get_close_matches(os.fspath(source), names, n=1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise InputError(
+            f"no study called {shown(source)!r}{hint}; bundled are {', '.join(names)}; "
+            "the path of a file ends in .toml"
+        )
+    return (_BUNDLED / f"{os.fspath(source)}.toml").read_text(encoding="utf-8")
+
+
+def _of_runs(document: Document, runs: int, most: int) -> Document:
+    """The document with as many points, or scenes, as make at most so many runs."""
+    most = whole("runs", most, 1, 10**9)
+    name = next((name for name in ("design", "scenes") if "count" in document.get(name, {})), None)
+    if name is None:
+        raise InputError("runs: this study has no `count`; its levels, values or rows say how many there are")
+    table = document[name]
+    count = most * int(table["count"]) // runs
+    if table.get("kind") in ("sobol", "saltelli"):  # even for powers of two only
+        count = 1 << (count.bit_length() - 1) if count else 0
+    if count < 1:
+        raise InputError(f"runs: {most} are too few, one of its points takes {runs // int(table['count'])}")
+    return {**document, name: {**table, "count": count}}

@@ -90,7 +90,7 @@ pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
 }
 
 /// The keys of `[arm]` by one of which an arm in space is known.
-pub(super) const SPATIAL_KEYS: [&str; 3] = ["model", "urdf", "joints"];
+pub(super) const SPATIAL_KEYS: [&str; 4] = ["model", "urdf", "mjcf", "joints"];
 
 /// The dimension of the space that a part of a scenario is about, as far as it says so; otherwise 2.
 pub(super) fn dimension_of(part: Part, document: &Table) -> usize {

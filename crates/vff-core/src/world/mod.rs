@@ -397,6 +397,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         &self.obstacles[j].description
     }
 
+    /// Whether obstacle `j` neither moves nor turns.
+    pub fn stands_still(&self, j: usize) -> bool {
+        self.obstacles[j].is_static
+    }
+
     /// Position of obstacle `j` \[m\].
     #[inline]
     pub fn position(&self, j: usize) -> Vector<D> {

@@ -4,6 +4,7 @@
 //! as it is measured to be, and no point of it can go farther in half of the motion than its joints carry it. Where that
 //! is less, the whole half is free; otherwise it is halved again (T119).
 
+use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
@@ -30,6 +31,10 @@ pub trait Jointed<const D: usize>: Robot<D> {
     fn joint_position(&self, i: usize) -> Vector<D>;
     /// Whether joint `i` slides.
     fn slides(&self, i: usize) -> bool;
+    /// What people call joint `i`.
+    fn joint_name(&self, i: usize) -> String;
+    /// What people call a link; None is the base.
+    fn link_name(&self, link: Option<usize>) -> String;
 }
 
 impl Jointed<2> for PlanarState {
@@ -40,6 +45,14 @@ impl Jointed<2> for PlanarState {
     fn slides(&self, _: usize) -> bool {
         false
     }
+
+    fn joint_name(&self, i: usize) -> String {
+        format!("joint {i}")
+    }
+
+    fn link_name(&self, link: Option<usize>) -> String {
+        link.map_or_else(|| "the base".to_owned(), |link| format!("link {link}"))
+    }
 }
 
 impl Jointed<3> for SpatialState {
@@ -49,6 +62,15 @@ impl Jointed<3> for SpatialState {
 
     fn slides(&self, i: usize) -> bool {
         Self::slides(self, i)
+    }
+
+    fn joint_name(&self, i: usize) -> String {
+        self.arm().joint_names().nth(i).map_or_else(String::new, |name| format!("`{name}`"))
+    }
+
+    fn link_name(&self, link: Option<usize>) -> String {
+        let named = |link| self.arm().link_names().nth(link).map(|name| format!("`{name}`"));
+        link.and_then(named).unwrap_or_else(|| "the base".to_owned())
     }
 }
 
@@ -101,6 +123,8 @@ pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
     robot: R,
     /// What stands still; then what moves, at the instants at which it is looked for.
     worlds: Vec<World<S, D>>,
+    /// The numbers of the obstacles that stand still, and of those that move, before they were parted.
+    numbers: [Vec<usize>; 2],
     /// How far the latter go between two of these instants, at most half of it \[m\].
     slack: f64,
     reach: Reach,
@@ -143,6 +167,8 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         let duration = window.map_or(0.0, |window| window.duration);
         let places = (duration * speed / STRIDE).ceil().clamp(1.0, MOST_PLACES);
         let stride = duration / places;
+        let is_moving = |j: &usize| !world.stands_still(*j);
+        let numbers = (0..world.len()).partition(|j| !is_moving(j));
         let mut worlds = vec![still];
         if let Some(window) = window.filter(|_| !moving.is_empty()) {
             for k in 0..places as u32 {
@@ -156,6 +182,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
             reach: Reach::new(&mut robot),
             robot,
             worlds,
+            numbers: [numbers.0, numbers.1],
             slack: 0.5 * stride * speed,
             keeps_apart,
             margin,
@@ -225,6 +252,47 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         self.measure(q, |_| true);
         // False where something is undefined.
         self.clearance.iter().all(|d| *d >= self.margin) && self.least_apart(|_, _, _| 0.0) >= APART
+    }
+
+    /// What keeps the arm at `q` from being free: the obstacle that is deepest in it, or the pair of its own bodies that is.
+    pub fn obstruction(&mut self, q: &[f64]) -> Option<Obstruction> {
+        let Self { robot, worlds, slack, numbers, .. } = self;
+        robot.update_positions(q);
+        let mut worst: Option<(f64, usize, usize, bool)> = None;
+        for (k, world) in worlds.iter_mut().enumerate() {
+            let (passes, slack) = (k > 0, if k > 0 { *slack } else { 0.0 });
+            world.for_each_pair(robot.bodies(), |contact| {
+                let distance = contact.distance - slack;
+                if worst.is_none_or(|(least, ..)| distance < least) {
+                    let number = numbers[usize::from(passes)][contact.obstacle];
+                    worst = Some((distance, contact.link, number, passes));
+                }
+            });
+        }
+        // Where the horizon is 0, what moves is taken for standing still.
+        if let Some((distance, link, obstacle, passes)) = worst.filter(|worst| worst.0 <= 0.0) {
+            let link = self.robot.link_name(Some(link));
+            return Some(Obstruction::Obstacle {
+                link,
+                obstacle,
+                distance,
+                passes: passes && self.slack > 0.0,
+            });
+        }
+        if !self.keeps_apart {
+            return None;
+        }
+        let Self { robot, bodies, .. } = self;
+        let mut nearest: Option<(f64, [Option<usize>; 2])> = None;
+        OwnPair::for_each_within(robot, bodies, f64::INFINITY, |pair| {
+            if nearest.is_none_or(|(least, _)| pair.nearest.distance < least) {
+                nearest = Some((pair.nearest.distance, pair.links));
+            }
+            f64::INFINITY
+        });
+        let (distance, links) = nearest?;
+        let links = links.map(|link| self.robot.link_name(link));
+        Some(Obstruction::Own { links, distance, apart: APART })
     }
 
     /// Whether it is and does on the straight motion from `a` to `b`.

@@ -7,6 +7,7 @@ mod curve;
 mod free_space;
 mod time_law;
 mod tree;
+mod why;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use crate::control::{SelfCollision, TaskKind};
@@ -25,8 +26,10 @@ use curve::Curve;
 pub use free_space::Jointed;
 use free_space::{FreeSpace, Window};
 use std::f64::consts::{PI, TAU};
+use std::fmt::Write;
 use std::sync::Arc;
 use time_law::{Bounds, TimeLaw};
+use why::beyond;
 
 /// Where the random numbers of planning come from.
 const STREAM: u64 = 7;
@@ -122,6 +125,8 @@ impl PlanStatus {
 pub struct Plan {
     /// Whether it leads to the goal, and if not, why.
     pub status: PlanStatus,
+    /// The same in a sentence, with what is in the way and what would help.
+    pub message: String,
     /// Instants \[s\] from the start on; none if nothing was found.
     pub times: Vec<f64>,
     /// The configuration at each instant \[rad\], one after the other; if nothing was found, the path to where a goal was
@@ -290,6 +295,12 @@ fn ranges_of(limits: &Limits, i: usize) -> [f64; 2] {
     limits.joint.get(i).copied().unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
 }
 
+/// Why a path is of no use that cannot be rounded, or not followed smoothly.
+fn too_tight() -> (PlanStatus, String) {
+    let why = "there is a path, and no smooth motion near it keeps half of the margin; another seed or margin may help";
+    (PlanStatus::NotFound, why.to_owned())
+}
+
 fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
@@ -308,8 +319,9 @@ where
             })
         };
         let at_start = self.space.clearance(&start);
-        let nothing = |status, gap, margin| Plan {
+        let nothing = |status, message, gap, margin| Plan {
             status,
+            message,
             times: vec![],
             q: start.clone(),
             dq: vec![],
@@ -322,24 +334,37 @@ where
         };
         self.space.margin = self.settings.margin.min(0.9 * at_start);
         if at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start) {
-            return nothing(PlanStatus::StartBlocked, f64::INFINITY, 0.0);
+            let beyond = beyond(&start, &limits, "start", |i| self.space.robot().joint_name(i));
+            let why = beyond.unwrap_or_else(|| self.obstruction(&start, "start"));
+            return nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0);
         }
         let candidates = match goal {
-            Goal::Configuration(q) if !inside(q) => Err(f64::INFINITY),
+            Goal::Configuration(q) if !inside(q) => {
+                let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
+                Err((f64::INFINITY, why.unwrap_or_default()))
+            }
             Goal::Configuration(q) => Ok(vec![q.clone()]),
-            Goal::Pose(pose) => self.configurations(pose, &limits),
+            Goal::Pose(pose) => self.configurations(pose, &limits).map_err(|gap| {
+                let why = "no configuration within the joint limits was found nearer to the goal than";
+                (gap, format!("{why} {gap:.3} m; a goal nearer to the arm, or without an orientation, helps"))
+            }),
         };
         let mut candidates = match candidates {
             Ok(candidates) => candidates,
-            Err(gap) => return nothing(PlanStatus::GoalOutOfReach, gap, self.space.margin),
+            Err((gap, why)) => {
+                return nothing(PlanStatus::GoalOutOfReach, why, gap, self.space.margin);
+            }
         };
         let room: Vec<f64> = candidates.iter().map(|q| self.space.clearance(q)).collect();
         let most = room.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         self.space.margin = self.space.margin.min(0.9 * most);
         let margin = self.space.margin;
+        let best = (0..room.len()).max_by(|a, b| room[*a].total_cmp(&room[*b])).unwrap_or(0);
+        let roomiest = candidates[best].clone();
         candidates.retain(|q| most > 0.0 && self.space.is_free(q));
         if candidates.is_empty() {
-            return nothing(PlanStatus::GoalBlocked, f64::INFINITY, margin.max(0.0));
+            let why = self.obstruction(&roomiest, "goal");
+            return nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, margin.max(0.0));
         }
         let ranges: Vec<[f64; 2]> = (0..start.len())
             .map(|i| match ranges_of(&limits, i) {
@@ -352,26 +377,31 @@ where
         let found = self.search(&candidates, &ranges);
         let Some(first) = found.iter().find(|found| found.gap == 0.0) else {
             let found = &found[0];
+            let why = format!(
+                "the search came to {:.3} rad from the goal after {} samples; more samples, another seed or a smaller \
+                 margin may help",
+                found.gap, found.samples,
+            );
             return Plan {
                 q: found.path.concat(),
                 samples: found.samples,
                 nodes: found.nodes,
-                ..nothing(PlanStatus::NotFound, found.gap, margin)
+                ..nothing(PlanStatus::NotFound, why, found.gap, margin)
             };
         };
         self.space.margin = ROUNDED * margin;
-        let mut status = PlanStatus::NotFound;
+        let (mut status, mut why) = (PlanStatus::NotFound, String::new());
         for found in &found {
             match self.timed(&found.path, &limits) {
                 Ok(spline) => return self.finished(&spline, found, margin),
-                Err(why) => status = why,
+                Err(error) => (status, why) = error,
             }
         }
         Plan {
             q: first.path.concat(),
             samples: first.samples,
             nodes: first.nodes,
-            ..nothing(status, 0.0, margin)
+            ..nothing(status, why, 0.0, margin)
         }
     }
 
@@ -444,12 +474,23 @@ where
         if found.is_empty() { Err(nearest) } else { Ok(found) }
     }
 
+    /// What blocks the arm at `q`, which is not free.
+    fn obstruction(&mut self, q: &[f64], place: &str) -> String {
+        let found = self.space.obstruction(q);
+        let told = |found: why::Obstruction| found.told(place, self.settings.horizon);
+        found.map_or_else(|| format!("a distance is undefined at the {place}"), told)
+    }
+
     /// The motion along `path`, or why there is none.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few knots")]
-    fn timed(&mut self, path: &[Vec<f64>], limits: &Limits) -> Result<JointSpline, PlanStatus> {
+    fn timed(
+        &mut self,
+        path: &[Vec<f64>],
+        limits: &Limits,
+    ) -> Result<JointSpline, (PlanStatus, String)> {
         let n = self.start.len();
         let Some(curve) = Curve::round(&mut self.space, path) else {
-            return Err(PlanStatus::NotFound);
+            return Err(too_tight());
         };
         let share = self.settings.speed;
         let or = |given: &[f64], most: f64| -> Vec<f64> {
@@ -460,8 +501,11 @@ where
             acceleration: or(&[], MAX_ACCELERATION[D - 2]),
             torque: limits.torque.iter().map(|most| TORQUE * most).collect(),
         };
-        let law =
-            TimeLaw::fastest(self.space.robot(), &curve, &bounds).ok_or(PlanStatus::TooHeavy)?;
+        let law = TimeLaw::fastest(self.space.robot(), &curve, &bounds).map_err(|heavy| {
+            let (robot, joint) = (self.space.robot(), heavy.joint);
+            let why = heavy.told(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+            (PlanStatus::TooHeavy, why)
+        })?;
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         for refinement in 0..=REFINEMENTS {
             let step = STEP / f64::from(1 << refinement);
@@ -482,7 +526,7 @@ where
                 let duration = stretch * law.duration();
                 let times: Vec<f64> =
                     (0..=knots).map(|k| duration * f64::from(k) / f64::from(knots)).collect();
-                let spline = JointSpline::new(&times, &points).map_err(|_| PlanStatus::NotFound)?;
+                let spline = JointSpline::new(&times, &points).map_err(|_| too_tight())?;
                 let over = self.excess(&spline, &bounds, knots);
                 if over > 1.0 {
                     stretch *= over.sqrt().max(1.002);
@@ -493,7 +537,7 @@ where
                 }
             }
         }
-        Err(PlanStatus::NotFound)
+        Err(too_tight())
     }
 
     /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed.
@@ -547,6 +591,7 @@ where
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         let mut plan = Plan {
             status: PlanStatus::Found,
+            message: String::new(),
             times: spline.times().to_vec(),
             q: vec![],
             dq: vec![],
@@ -574,6 +619,10 @@ where
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
                 plan.clearance = plan.clearance.min(self.space.clearance(&state[0]));
             }
+        }
+        plan.message = format!("a motion of {:.3} s", spline.span()[1]);
+        if plan.clearance.is_finite() {
+            let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
         }
         plan
     }

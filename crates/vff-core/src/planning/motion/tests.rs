@@ -108,18 +108,24 @@ fn what_cannot_be_done_is_said() {
     let out = status("[3.9, 3.0]", "", &usual);
     assert_eq!(out.status, PlanStatus::GoalOutOfReach);
     assert!((out.gap - (3.9_f64.hypot(3.0) - 4.0)).abs() < 1e-3, "{}", out.gap);
+    assert!(out.message.contains("nearer to the goal than 0.920 m"), "{}", out.message);
     let disc = |x: f64, y: f64, radius: f64| {
         format!(
             "[[obstacles]]\nshape = {{ kind = \"circle\", radius = {radius} }}\nposition = [{x}, {y}]"
         )
     };
-    assert_eq!(
-        status("[2.0, -1.0]", &disc(2.0, -1.0, 0.4), &usual).status,
-        PlanStatus::GoalBlocked
-    );
-    assert_eq!(
-        status("[2.0, -1.0]", &disc(0.1, 1.0, 0.2), &usual).status,
-        PlanStatus::StartBlocked
+    let blocked = status("[2.0, -1.0]", &disc(2.0, -1.0, 0.4), &usual);
+    assert_eq!(blocked.status, PlanStatus::GoalBlocked);
+    // The tip is in the middle of the disc, with the radii of link and disc around it.
+    let said = "at the goal link 3 is 450.00 mm inside obstacle 0; another goal helps";
+    assert_eq!(blocked.message, said);
+    let blocked = status("[2.0, -1.0]", &disc(0.1, 1.0, 0.2), &usual);
+    assert_eq!(blocked.status, PlanStatus::StartBlocked);
+    // Joint 1, at (cos 1.5, sin 1.5), is 29 mm from the middle of the disc.
+    assert!(
+        blocked.message.ends_with(" is 220.63 mm inside obstacle 0; another start helps"),
+        "{}",
+        blocked.message
     );
     let beyond = PlanSettings { goal: Some(vec![9.0, 0.0, 0.0, 0.0]), ..usual.clone() };
     let scenario = planar("[2.0, 1.0]", "");
@@ -131,7 +137,16 @@ fn what_cannot_be_done_is_said() {
         )
     );
     let limited = Scenario::from_toml(&text).unwrap();
-    assert_eq!(plan(&limited, &beyond).unwrap().status, PlanStatus::GoalOutOfReach);
+    let stopped = plan(&limited, &beyond).unwrap();
+    assert_eq!(stopped.status, PlanStatus::GoalOutOfReach);
+    let said =
+        "at the goal joint 0 is at 9.0000, 6.000 beyond its limit of 3.0000; another goal helps";
+    assert_eq!(stopped.message, said);
+    let off = PlanSettings { start: Some(vec![1.5, -2.25, 0.9, 1.0]), ..usual.clone() };
+    let stopped = plan(&limited, &off).unwrap();
+    assert_eq!(stopped.status, PlanStatus::StartBlocked);
+    let said = "at the start joint 1 is at -2.2500, 0.250 beyond its limit of -2.0000; another start helps";
+    assert_eq!(stopped.message, said);
     assert_eq!(plan(&scenario, &beyond).unwrap().status, PlanStatus::Found);
     // A goal behind a wall without a gap: both sides are free, and no motion leads from one to the other.
     let wall =
@@ -169,7 +184,10 @@ fn swept_places_are_kept_free() {
     let with =
         |horizon| plan(&scenario, &PlanSettings { horizon, ..PlanSettings::default() }).unwrap();
     // At t = 2.4 s it is at the goal.
-    assert_eq!(with(Some(3.0)).status, PlanStatus::GoalBlocked);
+    let blocked = with(Some(3.0));
+    assert_eq!(blocked.status, PlanStatus::GoalBlocked);
+    let said = "obstacle 0 passes within the horizon of 3 s where link 3 is at the goal, ";
+    assert!(blocked.message.starts_with(said), "{}", blocked.message);
     let free = with(None);
     assert!(free.clearance == f64::INFINITY);
     let soon = with(Some(1.5));
@@ -242,6 +260,26 @@ fn around_a_post_in_space() {
     state.update_positions(&motion.q[motion.q.len() - 7..]);
     let tip = Manipulator::<3, 6>::pose(&state);
     assert!((tip.position() - crate::math::Vector::<3>::new(0.25, 0.5, 0.4)).norm() < 1e-6);
+}
+
+/// A joint that cannot hold its links is named, with what it may hold.
+#[cfg(feature = "models")]
+#[test]
+fn a_weak_joint_is_named() {
+    let scenario = panda(
+        r#"
+        arm.torque_limits = [87, 20, 87, 87, 12, 12, 12]
+        reference = { kind = "setpoint", point = [0.5, 0.2, 0.4] }
+        "#,
+    );
+    let heavy = plan(&scenario, &PlanSettings::default()).unwrap();
+    assert_eq!(heavy.status, PlanStatus::TooHeavy);
+    assert!(
+        heavy.message.starts_with("on the way `panda_joint2` would have to hold "),
+        "{}",
+        heavy.message
+    );
+    assert!(heavy.message.contains(" N·m, and may take 16.000 N·m, 80 % of its limit; "));
 }
 
 /// What is certified to be free is: every motion between random configurations among random bodies, looked at in a

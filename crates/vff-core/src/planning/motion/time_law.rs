@@ -5,6 +5,7 @@
 //! Along a curve q(u), q̇ = q′u̇ and q̈ = q′ü + q″u̇², so that every limit is linear in ü and x = u̇².
 
 use super::curve::Curve;
+use super::why::Heavy;
 use crate::interrupt;
 use crate::robot::Robot;
 
@@ -88,6 +89,18 @@ fn rows<R: Robot<D>, const D: usize>(
     (rows, most)
 }
 
+/// The joint that holds the largest share of what it may; of the accelerations, which come first, there is nothing to hold.
+fn weakest(rows: &[Row]) -> Heavy {
+    let share = |row: &Row| row.rest.abs() / row.most;
+    let joint = |i: usize| i - rows.len() / 2;
+    (rows.len() / 2..rows.len())
+        .max_by(|a, b| share(&rows[*a]).total_cmp(&share(&rows[*b])))
+        .map_or(Heavy { joint: 0, torque: [0.0; 2] }, |i| Heavy {
+            joint: joint(i),
+            torque: [rows[i].rest.abs(), rows[i].most],
+        })
+}
+
 /// When the curve is where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimeLaw {
@@ -96,7 +109,7 @@ pub struct TimeLaw {
 }
 
 impl TimeLaw {
-    /// The fastest along `curve`; none if the arm cannot hold itself somewhere on it.
+    /// The fastest along `curve`, or which joint is the weakest where the arm cannot hold itself on it.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -107,7 +120,7 @@ impl TimeLaw {
         robot: &mut R,
         curve: &Curve,
         bounds: &Bounds,
-    ) -> Option<Self> {
+    ) -> Result<Self, Heavy> {
         let n = robot.dof();
         let count = (GRID * curve.end()).max(FEWEST) as usize;
         let step = curve.end() / count as f64;
@@ -128,7 +141,7 @@ impl TimeLaw {
                 lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
             };
             if !is_possible(0.0) {
-                return None;
+                return Err(weakest(rows));
             }
             // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
             let (mut low, mut high) = (0.0, fast.min(1e6));
@@ -154,11 +167,11 @@ impl TimeLaw {
             let speeds = x[k].sqrt() + x[k + 1].sqrt();
             let moves = speeds > 1e-9; // false for NaN
             if !moves {
-                return None;
+                return Err(weakest(&limits[k].0));
             }
             times[k + 1] = times[k] + 2.0 * step / speeds;
         }
-        Some(Self::smooth(&times, &x, step))
+        Ok(Self::smooth(&times, &x, step))
     }
 
     /// The time law with these instants and squared speeds at grid points `step` apart, made smooth by two running means.

@@ -14,6 +14,8 @@ pub struct SpatialArmSpec {
     pub model: Option<String>,
     /// Name of a URDF file; the Python package reads it and puts `joints` in its place.
     pub urdf: Option<String>,
+    /// Name of an MJCF file, likewise.
+    pub mjcf: Option<String>,
     /// From the base to the tip, each with its link.
     pub joints: Option<Vec<Joint>>,
     /// What people call it.
@@ -51,6 +53,11 @@ impl SpatialArmSpec {
     /// If neither a bundled arm nor joints are given, or with the dotted path of the first fault.
     pub fn description(&self) -> Result<ArmDescription, ScenarioError> {
         let other = |problem: String| Problem::Other(problem);
+        if self.mjcf.is_some() {
+            let problem = "has to be read before the scenario is: vffnull.Scenario does so, and elsewhere \
+                           `vffnull arms check robot.xml --toml` prints the `joints` that stand here";
+            return Err(ScenarioError::new("mjcf", other(problem.into())));
+        }
         if self.urdf.is_some() {
             let problem = "has to be read before the scenario is: vffnull.Scenario does so, and in Rust \
                            `robot::urdf::read` makes the description whose `joints` stand here";

@@ -1,0 +1,89 @@
+//! Why there is no motion, in a sentence: what is in the way of what, by how much, and what would help.
+
+use super::ranges_of;
+use crate::robot::Limits;
+
+/// What keeps a configuration from being free, with the signed distance \[m\].
+#[derive(Debug, Clone, PartialEq)]
+pub enum Obstruction {
+    /// A link and an obstacle, by its number; one that passes by within the horizon only, or one that is there.
+    Obstacle { link: String, obstacle: usize, distance: f64, passes: bool },
+    /// Two bodies of the arm, which have to keep so much from each other \[m\].
+    Own { links: [String; 2], distance: f64, apart: f64 },
+}
+
+/// A length for people.
+fn mm(length: f64) -> String {
+    format!("{:.2} mm", 1e3 * length)
+}
+
+impl Obstruction {
+    /// The sentence; `place` is `start` or `goal`.
+    pub fn told(&self, place: &str, horizon: Option<f64>) -> String {
+        match self {
+            Self::Obstacle { link, obstacle, distance, passes: false } => format!(
+                "at the {place} {link} is {} inside obstacle {obstacle}; another {place} helps",
+                mm(-distance),
+            ),
+            Self::Obstacle { link, obstacle, distance, .. } => format!(
+                "obstacle {obstacle} passes within the horizon of {} s where {link} is at the {place}, {} into it; \
+                 a shorter horizon or another {place} helps, a horizon of 0 takes what moves for standing still",
+                horizon.unwrap_or(0.0),
+                mm(-distance),
+            ),
+            Self::Own { links: [a, b], distance, apart } if *distance < 0.0 => format!(
+                "at the {place} {a} is {} inside {b}, where {} have to be kept; another {place} helps, or to `ignore` \
+                 the pair where these shapes always overlap",
+                mm(-distance),
+                mm(*apart),
+            ),
+            Self::Own { links: [a, b], distance, apart } => format!(
+                "at the {place} {a} is {} from {b}, where {} have to be kept; another {place} helps",
+                mm(*distance),
+                mm(*apart),
+            ),
+        }
+    }
+}
+
+/// The joint that is farthest beyond its limits, if one is.
+pub fn beyond(
+    q: &[f64],
+    limits: &Limits,
+    place: &str,
+    mut name: impl FnMut(usize) -> String,
+) -> Option<String> {
+    let over = |i: usize, q: f64| {
+        let [lower, upper] = ranges_of(limits, i);
+        if q < lower { (lower - q, lower) } else { (q - upper, upper) }
+    };
+    let (i, (excess, limit)) = (0..q.len())
+        .map(|i| (i, over(i, q[i])))
+        .max_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b))
+        .filter(|(_, (excess, _))| *excess > 0.0)?;
+    Some(format!(
+        "at the {place} {} is at {:.4}, {excess:.3} beyond its limit of {limit:.4}; another {place} helps",
+        name(i),
+        q[i],
+    ))
+}
+
+/// A joint that cannot hold what it would have to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Heavy {
+    pub joint: usize,
+    /// What holding takes, and what it may take \[N·m, N\].
+    pub torque: [f64; 2],
+}
+
+impl Heavy {
+    /// The sentence; of its limit the joint may use a `share`.
+    pub fn told(&self, name: &str, slides: bool, share: f64) -> String {
+        let ([holds, most], unit) = (self.torque, if slides { "N" } else { "N·m" });
+        format!(
+            "on the way {name} would have to hold {holds:.3} {unit}, and may take {most:.3} {unit}, {:.0} % of its limit; \
+             a lighter payload, a higher limit or another goal helps",
+            100.0 * share,
+        )
+    }
+}

@@ -1,0 +1,155 @@
+"""A scenario to start from, for an arm of one's own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vffnull import _core
+from vffnull._arm import arm_of
+from vffnull.arms._touching import spread
+from vffnull.errors import InputError
+
+if TYPE_CHECKING:
+    from vffnull.arms._report import Report
+
+__all__ = ["scenario_text"]
+
+Array = NDArray[np.float64]
+
+TRIED = 256
+"""Postures of which the best is where the arm starts."""
+INNER = 0.5
+"""Share of the ranges of the joints in which they are."""
+HELD = 0.5
+"""Share of the torque limits that may be needed to stand there."""
+PUSH = 4.5
+"""Force of the field at contact for each kilogram that moves [N/kg]: a gentle push."""
+
+
+def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
+    """A scenario as TOML with comments: an arm that was read holds its tip while a ball passes its elbow.
+
+    Parameters
+    ----------
+    report : Report
+        What was read of the arm.
+    table : Mapping
+        The ``[arm]`` that reads it again.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If no posture is found in which the arm is bent, touches nothing and can hold itself.
+    """
+    arm = arm_of(report.document)
+    q0 = _bent(report.document, arm)
+    reach = _reach(arm)
+    origins = np.asarray(arm.forward_kinematics(q0))
+    elbow, outward, across = _elbow(origins)
+    radius, influence, speed = 0.09 * reach, 0.3 * reach, 0.25 * reach
+    start = elbow + radius * outward - 3.0 * speed * across
+    mass = sum(joint["mass"] for joint in report.document["joints"])
+    pull = 9.0 * np.diag(arm.mass_matrix(q0))  # as a spring of 3 rad/s at each joint by itself
+    task = "pose" if arm.n >= 7 else "position"
+    name = report.document.get("name") or report.document["tip"]
+    spare = arm.n - (6 if task == "pose" else 3)
+    lines = [
+        "# A ball passes the elbow of an arm that holds its tip. `vffnull schema` explains every key.",
+        "# The file of the arm is named as seen from this one. Then: vffnull run mine.toml --plot figures",
+        "",
+        f"name = {json.dumps(name)}",
+        f"description = {json.dumps(f'a ball passes the elbow of {name} while it holds its tip')}",
+        "duration = 6.0                            # s",
+        f"q0 = {_row(q0)} # rad (m where a joint slides); bent, within the limits, touching nothing",
+        "",
+        "[arm]",
+        *(f"{key} = {_value(value)}" for key, value in table.items()),
+        "",
+        "[controller]",
+        f'task = "{task}"                           # leaves {max(spare, 0)} of {arm.n} joints free',
+        "stiffness = 400.0                         # 1/s²; critically damped, 0.05 s",
+        "damping = 40.0                            # 1/s",
+        "null_damping = 8.0                        # 1/s",
+        f"posture = {_row(q0)} # rad; back to q0 when nothing is near",
+        f"posture_stiffness = {_row(pull)} # N·m/rad; 9/s² times the inertia that each joint feels at q0",
+        f'field = {{ kind = "bounded", gain = {PUSH * mass:.3g}, influence = {influence:.3g} }} '
+        f"# N at contact: {PUSH} N/kg; m: 0.3 of the reach",
+        'avoidance = "cbf"                         # the tip gives way where the elbow alone cannot',
+        "",
+        "[reference]",
+        'kind = "setpoint"                         # where the tip is at q0',
+        "",
+        "[[obstacles]]                             # beside the elbow, and past it after 3 s",
+        f'shape = {{ kind = "sphere", radius = {radius:.3g} }} # m',
+        f"position = {_row(start)} # m",
+        f'motion = {{ kind = "linear", velocity = {_row(speed * across)} }} # m/s',
+        "",
+        "[simulation]",
+        "dt = 0.001                                # s",
+        'control = "hold"                          # 1 kHz',
+        'integrator = "semi_implicit_euler"',
+        "record_every = 10",
+    ]
+    return "\n".join(lines)
+
+
+def _bent(document: Mapping[str, Any], arm: Any) -> list[float]:
+    """The posture in which the tip moves best in all directions, of those in which the arm can stand."""
+    postures = spread(document, TRIED, INNER)
+    touching = _core.overlapping_links(document, [q.tolist() for q in postures])
+    # The base stands on something: links are above it, where there are such postures.
+    floor = document.get("mount", {}).get("position", (0.0, 0.0, 0.0))[2]
+    low = np.asarray(arm.forward_kinematics(postures))[..., 2].min(axis=1) < floor - 1e-9
+    held = np.ones(len(postures), bool)
+    if arm.torque_limits is not None:
+        most = HELD * np.asarray(arm.torque_limits)
+        held = np.array([(np.abs(arm.gravity_torque(q)) <= most).all() for q in postures])
+    free = held & np.array([not pairs for pairs in touching])
+    for fits in (free & ~low, free):
+        if fits.any():
+            moves = [_mobility(arm, q) if fit else -1.0 for q, fit in zip(postures, fits, strict=True)]
+            return [round(float(q), 4) for q in postures[int(np.argmax(moves))]]
+    raise InputError(
+        f"none of {TRIED} postures within the limits is free of links that touch, and held with half of the "
+        "torque limits; `vffnull arms check` says what touches"
+    )
+
+
+def _mobility(arm: Any, q: Array) -> float:
+    J = np.asarray(arm.jacobian(q))[:3]
+    return float(np.prod(np.linalg.svd(J, compute_uv=False)[: min(3, arm.n)]))
+
+
+def _reach(arm: Any) -> float:
+    """How far the chain can be stretched at most [m]."""
+    origins = np.asarray(arm.forward_kinematics(np.zeros(arm.n)))
+    return float(np.linalg.norm(np.diff(origins, axis=0), axis=1).sum())
+
+
+def _elbow(origins: Array) -> tuple[Array, Array, Array]:
+    """The joint that is farthest from the line from base to tip, and unit vectors away from it and across."""
+    base, tip = origins[0], origins[-1]
+    along = tip - base
+    along /= max(float(np.linalg.norm(along)), 1e-12)
+    off = origins - base - ((origins - base) @ along)[:, None] * along
+    far = int(np.linalg.norm(off, axis=1).argmax())
+    away = float(np.linalg.norm(off[far]))
+    outward = off[far] / away if away > 1e-6 else np.array([0.0, 0.0, 1.0])
+    across = np.cross(along, outward)
+    size = float(np.linalg.norm(across))
+    return origins[far], outward, across / size if size > 1e-6 else np.array([0.0, 1.0, 0.0])
+
+
+def _row(numbers: Sequence[float] | Array) -> str:
+    return "[" + ", ".join(f"{float(each):.4f}" for each in numbers) + "]"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {each!r}" for key, each in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,132 @@
+"""An arm of one's own, from its file to a scenario that runs: shapes, a cache of them, MJCF, `arms new`."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import vffnull as vff
+from vffnull.arms import _kept, read_urdf
+from vffnull.arms._capsules import Solid, fit_solids
+from vffnull.cli import _commands
+from vffnull.errors import ScenarioError, ScenarioWarning
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Nobody's own cache is touched."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "vffnull" / "fits"
+
+
+def test_a_plate_is_no_ball() -> None:
+    """Around a wide flat thing a capsule has several times its volume: a hull takes its place."""
+    (plate,) = fit_solids("base", [Solid.box("plate", (0.9, 0.9, 0.05))])
+    assert plate.shape["kind"] == "convex" and plate.tightness < 1.0001
+    assert plate.protrusion < 1e-9
+    # A small one keeps its capsule, which is measured faster and wastes less than a litre.
+    small = fit_solids("finger", [Solid.box("plate", (0.05, 0.05, 0.005))])
+    assert {each.shape["kind"] for each in small} <= {"capsule", "sphere"}
+
+
+def test_what_is_far_apart_is_not_joined_into_a_beam() -> None:
+    """Rods here and there beside something large, of which a tenth is more than they are."""
+    rods = [
+        Solid.cylinder(f"rod{i}", 0.05, 0.4).moved(np.eye(3), np.array([0.3 * i, 0.3 * (i % 2), 0.0]))
+        for i in range(4)
+    ]
+    fits = fit_solids(
+        "base", [Solid.capsule("drum", 0.6, 1.0).moved(np.eye(3), np.array([0, -3.0, 0])), *rods]
+    )
+    assert all(fit.tightness <= 2.0 or fit.volume - fit.hull_volume <= 1e-3 for fit in fits)
+    assert len(fits) > 2
+
+
+def _robot(folder: Path) -> Path:
+    path = folder / "robot.urdf"
+    path.write_text(vff.Arm.named("panda").to_urdf(), encoding="utf-8")
+    return path
+
+
+def test_fits_are_kept(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second reading fits nothing and finds the same to the last bit; what is damaged is fitted again."""
+    robot = _robot(tmp_path)
+    first = read_urdf(robot, tip="panda_hand_tcp")
+    entries = sorted(cache.glob("*.json"))
+    assert entries and not [each for each in cache.iterdir() if each.suffix != ".json"]
+    with monkeypatch.context() as frozen:
+        frozen.setattr("vffnull.arms._capsules.fit_solids", lambda *_: pytest.fail("it is kept"))
+        again = read_urdf(robot, tip="panda_hand_tcp")
+    assert again.to_dict() == first.to_dict()
+    for damage in (b"", b"{", b'{"digest": "x", "fits": []}', b"\xff\xfe"):
+        entries[0].write_bytes(damage)
+        assert read_urdf(robot, tip="panda_hand_tcp").to_dict() == first.to_dict()
+    document = json.loads(entries[0].read_text(encoding="utf-8"))
+    document["fits"][0]["shape"]["radius"] = 9.0
+    entries[0].write_text(json.dumps(document), encoding="utf-8")
+    assert read_urdf(robot, tip="panda_hand_tcp").to_dict() == first.to_dict()
+
+
+def test_the_cache_is_bounded(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_kept, "MOST", 3000)
+    read_urdf(_robot(tmp_path), tip="panda_hand_tcp")
+    assert sum(each.stat().st_size for each in cache.glob("*.json")) <= 3000
+
+
+def test_without_a_place_for_a_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert read_urdf(_robot(tmp_path), tip="panda_hand_tcp").fits
+
+
+@pytest.mark.parametrize("arm", ["panda", "ur5e"])
+@pytest.mark.parametrize("ending", ["urdf", "xml"])
+def test_a_scenario_to_start_from(
+    arm: str, ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file that `arms new` prints is valid, within the limits, and runs at once without contact."""
+    monkeypatch.chdir(tmp_path)
+    made = vff.Arm.named(arm)
+    Path(f"robot.{ending}").write_text(
+        made.to_urdf() if ending == "urdf" else made.to_mjcf(), encoding="utf-8"
+    )
+    tip = ["--tip", vff.arms.named(arm)["tip"]]
+    done = CliRunner().invoke(_commands, ["arms", "new", f"robot.{ending}", *tip], standalone_mode=False)
+    assert done.exception is None, done.exception
+    Path("mine.toml").write_text(done.stdout, encoding="utf-8")
+    judged = CliRunner().invoke(_commands, ["validate", "mine.toml"], standalone_mode=False)
+    assert judged.return_value == 0 and "mine.toml: fine" in judged.stdout, judged.output
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)  # of what is odd in the file
+        result = vff.simulate("mine.toml")
+    assert result.status == "completed" and result.metrics.min_clearance > 0.0
+    low, high = np.asarray(made.joint_limits).T
+    assert (low < result.q[0]).all() and (result.q[0] < high).all()
+    assert result.metrics.min_clearance < 0.3  # the ball does come near
+
+
+def test_mjcf_in_a_scenario(tmp_path: Path) -> None:
+    """Beside the scenario, as a URDF; the scenario holds what was read."""
+    (tmp_path / "robot.xml").write_text(vff.Arm.named("iiwa14").to_mjcf(), encoding="utf-8")
+    scenario = tmp_path / "mine.toml"
+    text = 'duration = 0.1\nq0 = [0.0, 0.5, 0.0, -1.2, 0.0, 0.8, 0.0]\nreference.kind = "setpoint"\n[arm]\n'
+    scenario.write_text(f'{text}mjcf = "robot.xml"\n', encoding="utf-8")
+    with pytest.warns(ScenarioWarning, match="no limit of speed"):
+        found = vff.Scenario.load(scenario)
+    assert len(found["arm.joints"]) == 7 and "mjcf" not in found["arm"]
+    assert vff.simulate(found).status == "completed"
+    for changes, said in (
+        ({"arm.urdf": "robot.urdf"}, "give `urdf` or `mjcf`"),
+        ({"arm.packages": "."}, "unknown key `packages` beside `mjcf`"),
+        ({"arm.mjcf": "missing.xml"}, "arm.mjcf: "),
+    ):
+        with pytest.raises(ScenarioError, match=said):
+            vff.simulate(scenario, changes)
+    scenario.write_text(f'{text}urdf = "robot.xml"\n', encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"this is MJCF, `\[arm\] mjcf = …` reads it"):
+        vff.Scenario.load(scenario)
