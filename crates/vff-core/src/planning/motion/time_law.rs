@@ -6,6 +6,7 @@
 
 use super::curve::Curve;
 use crate::interrupt;
+use crate::math::memory;
 use crate::robot::Robot;
 
 /// Points of the grid per span of the curve, and the fewest.
@@ -17,6 +18,8 @@ const HALVINGS: usize = 48;
 const SMOOTH: f64 = 0.06;
 /// How fine the time law is \[s\].
 const TICK: f64 = 2e-3;
+/// The longest motion \[s\]: ticks, knots and checks are as many as it is long.
+pub const LONGEST: f64 = 3600.0;
 
 /// What the joints may do.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +30,17 @@ pub struct Bounds {
     pub acceleration: Vec<f64>,
     /// Torques and forces, gravity included \[N·m, N\]; empty for any.
     pub torque: Vec<f64>,
+}
+
+/// Why a curve cannot be followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stop {
+    /// The arm cannot hold itself somewhere on it.
+    Heavy,
+    /// It takes so long \[s\], more than [`LONGEST`].
+    Slow(f64),
+    /// It is too long and winding to be looked at as finely as it has to be.
+    Winding,
 }
 
 /// A limit |along ü + bend x + rest| ≤ most.
@@ -96,7 +110,10 @@ pub struct TimeLaw {
 }
 
 impl TimeLaw {
-    /// The fastest along `curve`; none if the arm cannot hold itself somewhere on it.
+    /// The fastest along `curve`.
+    ///
+    /// # Errors
+    /// If there is none, or none that ends in time.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -107,9 +124,11 @@ impl TimeLaw {
         robot: &mut R,
         curve: &Curve,
         bounds: &Bounds,
-    ) -> Option<Self> {
+    ) -> Result<Self, Stop> {
         let n = robot.dof();
         let count = (GRID * curve.end()).max(FEWEST) as usize;
+        let numbers = size_of::<Row>() / size_of::<f64>() * 2 * n;
+        memory::fits(count.saturating_mul(numbers)).map_err(|_| Stop::Winding)?;
         let step = curve.end() / count as f64;
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         let limits: Vec<_> = (0..=count)
@@ -128,7 +147,7 @@ impl TimeLaw {
                 lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
             };
             if !is_possible(0.0) {
-                return None;
+                return Err(Stop::Heavy);
             }
             // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
             let (mut low, mut high) = (0.0, fast.min(1e6));
@@ -152,13 +171,15 @@ impl TimeLaw {
         let mut times = vec![0.0; count + 1];
         for k in 0..count {
             let speeds = x[k].sqrt() + x[k + 1].sqrt();
-            let moves = speeds > 1e-9; // false for NaN
-            if !moves {
-                return None;
+            if speeds.is_nan() {
+                return Err(Stop::Heavy);
             }
             times[k + 1] = times[k] + 2.0 * step / speeds;
         }
-        Some(Self::smooth(&times, &x, step))
+        match times[count] {
+            duration if duration <= LONGEST => Ok(Self::smooth(&times, &x, step)),
+            duration => Err(Stop::Slow(duration)),
+        }
     }
 
     /// The time law with these instants and squared speeds at grid points `step` apart, made smooth by two running means.
