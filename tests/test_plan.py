@@ -207,6 +207,10 @@ def test_nothing_found_says_why_and_how_far() -> None:
         ({"goal": [np.nan] * 4}, InputError, "finite"),
         ({"goal": ([1.0, 2.0], [1.0, 0.0])}, InputError, "orientation"),
         ({"start": [0.0]}, InputError, "start"),
+        ({"goal": [0.0, 1e6, 0.0, 0.0]}, ScenarioError, r"goal\[1\]: must be within 100 rad or m of 0"),
+        ({"goal": [0.0, 0.0, 0.0, 1e308]}, ScenarioError, r"goal\[3\]"),
+        ({"start": [1e9, 0.0, 0.0, 0.0]}, ScenarioError, r"start\[0\]"),
+        ({"speed": 1e-9}, ScenarioError, "speed: joint . has .* up to 3600 s"),
         ({"margin": -0.1}, ScenarioError, "margin"),
         ({"margin": np.nan}, InputError, "margin"),
         ({"speed": 0.0}, ScenarioError, "speed"),
@@ -288,6 +292,19 @@ def test_files_of_others_are_refused(found: vff.Plan, tmp_path: Path) -> None:
 def test_references_of_no_use_are_named(change: dict[str, Any], path: str) -> None:
     with pytest.raises(ScenarioError, match=path.replace(".", r"\.")):
         vff.simulate({**GAP, "reference": {"kind": "plan", **change}})
+
+
+@pytest.mark.parametrize(
+    ("limit", "part"),
+    [
+        ({"velocity_limits": 1e-6}, r"arm\.velocity_limits\[.\]: joint . has .* up to 3600 s"),
+        ({"torque_limits": 1e-7}, r"arm\.torque_limits: too little to get anywhere"),
+        ({"torque_limits": 1e-300}, r"arm\.torque_limits: too little to get anywhere"),
+    ],
+)
+def test_limits_that_make_it_endless_are_named(limit: dict[str, float], part: str) -> None:
+    with pytest.raises(ScenarioError, match=part):
+        vff.plan({**GAP, "arm": {**GAP["arm"], **limit}})
 
 
 def test_a_plan_stays_within_the_joint_limits() -> None:

@@ -84,7 +84,9 @@ pub fn run<'py>(
         }
     }
     let wall_time = start.elapsed().as_secs_f64();
-    to_dict(py, Rollout { outcome: run.outcome(), warnings: ready.warnings, wall_time })
+    let (mut outcome, mut warnings) = (run.outcome(), ready.warnings);
+    warnings.append(&mut outcome.warnings);
+    to_dict(py, Rollout { outcome, warnings, wall_time })
 }
 
 /// Run many scenario documents on several threads, with the GIL released.

@@ -83,7 +83,8 @@ def plan(
     Raises
     ------
     vffnull.errors.ScenarioError
-        If the scenario cannot be run, or an argument is out of its range.
+        If the scenario cannot be run, or an argument is out of its range: start and goal are within 100 rad
+        or m of 0. If a limit makes the motion take more than an hour.
     vffnull.errors.InputError, vffnull.errors.InputTypeError
         If an argument has the wrong shape, is not finite, or is of a type that cannot be used.
     KeyboardInterrupt

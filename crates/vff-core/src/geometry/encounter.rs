@@ -76,7 +76,8 @@ fn placed(meeting: &Meeting, frame: &Carried<'_, 3>) -> Meeting {
     found
 }
 
-/// A meeting of a hull, the first, with something of this radius; `of_cores` is its distance with relief \[m\].
+/// A meeting of a hull, the first, with something of this radius; `of_cores` is its distance with relief \[m\], by which the
+/// other counts as thinner.
 fn told(meeting: &Meeting, of_cores: f64, radius: f64) -> Encounter<3> {
     let super::axis::Nearest { distance, normal, point, feature } = meeting.nearest;
     let part = |start, direction, radius| Capsule { start, direction, length: 0.0, radius };
@@ -90,7 +91,10 @@ fn told(meeting: &Meeting, of_cores: f64, radius: f64) -> Encounter<3> {
     };
     let points = [point, point - normal * distance];
     Encounter {
-        shapes: [part(point, meeting.axis, 0.0), part(points[1], edge, radius)],
+        shapes: [
+            part(point, meeting.axis, 0.0),
+            part(points[1], edge, radius - (of_cores - distance)),
+        ],
         nearest: Nearest { points, normal, distance: of_cores - radius, slides, flat },
     }
 }

@@ -14,6 +14,12 @@ pub(crate) const MOST_ROWS: usize = 32;
 /// What is farther than the nearest pair by this \[m\] is no row: it cannot be the nearest for some periods of control.
 const WINDOW: f64 = 0.02;
 
+/// What a row counts as farther than it is, if it is farther than the nearest pair by `excess`: nothing for that pair, and
+/// without bound where it is no row any more, so that rows come and go where they cannot act \[m\].
+fn fading(excess: f64) -> f64 {
+    excess * excess / (WINDOW - excess)
+}
+
 /// Something convex without its radius, in the frame in which a hull is measured against it.
 pub(crate) trait Convex {
     /// Signed distance of an axis from it.
@@ -172,9 +178,10 @@ impl Carried<'_, 3> {
         if distance.is_nan() {
             return best;
         }
-        // Both lie on their own sides of two planes that far apart, or else they overlap.
+        // Both lie on their own sides of two planes that far apart, or else they overlap, and no plane is between them: half
+        // of it decides, whatever rounding makes of a normal a long way from here.
         let plane = Plane::beside(other, normal);
-        let is_apart = || Heights::above(&plane, self).least() >= distance - self.hull.slack;
+        let is_apart = || Heights::above(&plane, self).least() >= 0.5 * distance;
         if distance > TOUCHING && is_apart() { best } else { self.way_out(other) }
     }
 
@@ -204,7 +211,7 @@ impl Carried<'_, 3> {
     }
 
     /// Calls `visit` with every pair of features nearer than `reach` \[m\] that may be the nearest when these change hands, and
-    /// its distance with relief for what lies beyond its place: of the corners of both, which count as opposite a face
+    /// its distance with relief for what lies beyond its place and for what is not the nearest: of the corners of both, which count as opposite a face
     /// everywhere, and of the edges of both where they cross (T98, T122). They must be apart, with this `nearest` pair;
     /// what is farther than that by more than [`WINDOW`] is not next.
     pub(crate) fn for_each_row(
@@ -214,10 +221,14 @@ impl Carried<'_, 3> {
         reach: f64,
         mut visit: impl FnMut(&Meeting, f64),
     ) {
+        let farthest = reach;
         let reach = reach.min(nearest.distance + WINDOW);
         let mut visit = |meeting: &Meeting, distance: f64| {
             if distance < reach {
-                visit(meeting, distance);
+                let distance = distance + fading(distance - nearest.distance);
+                if distance < farthest {
+                    visit(meeting, distance);
+                }
             }
         };
         // What lies beyond a slab between the two is too far.

@@ -16,7 +16,7 @@ mod third_order_filter;
 
 pub use feature::Feature;
 pub use jerk_limit::{JointBounds, JointMotion};
-pub use nearest::{Nearest, beside, crossing, nearest};
+pub use nearest::{Nearest, beside, crossing, nearest, nearest_of_lines};
 pub use noise::Noise;
 pub use point::Point;
 pub use pose::{PlanarPose, Pose};

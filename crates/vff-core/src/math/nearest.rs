@@ -159,11 +159,34 @@ pub fn crossing<const D: usize>(
     -2.0 * product(along) - distance * product(tilt)
 }
 
+/// Where the lines through the axes of two capsules in space come nearest, and how far beyond the ends of both \[m\]; none
+/// if they are parallel, or in the plane.
+pub fn nearest_of_lines<const D: usize>(
+    a: &Capsule<D>,
+    b: &Capsule<D>,
+) -> Option<(Nearest<D>, f64)> {
+    let [s, t] = feet(a, b).filter(|_| D > 2)?;
+    let points = [a.start + a.direction * s, b.start + b.direction * t];
+    let normal = across(a, b, &(a.start - b.start));
+    let gap = normal.dot(&(a.start - b.start)).max(0.0);
+    let distance = gap - a.radius - b.radius;
+    let beyond = |along: f64, length: f64| (-along).max(along - length).max(0.0);
+    let nearest = Nearest { points, normal, distance, slides: [true; 2], flat: [false; 2] };
+    Some((nearest, beyond(s, a.length) + beyond(t, b.length)))
+}
+
 /// The feet of the common perpendicular of two axes, if both lie within.
 fn common_perpendicular<const D: usize>(
     a: &Capsule<D>,
     b: &Capsule<D>,
 ) -> Option<(Vector<D>, Vector<D>)> {
+    let [s, t] = feet(a, b)?;
+    let within = (0.0..=a.length).contains(&s) && (0.0..=b.length).contains(&t);
+    within.then(|| (a.start + a.direction * s, b.start + b.direction * t))
+}
+
+/// Where they are along the lines of both \[m\]; none if these are parallel.
+fn feet<const D: usize>(a: &Capsule<D>, b: &Capsule<D>) -> Option<[f64; 2]> {
     let between = a.start - b.start;
     let cos = a.direction.dot(&b.direction);
     let (along_a, along_b) = (a.direction.dot(&between), b.direction.dot(&between));
@@ -173,8 +196,7 @@ fn common_perpendicular<const D: usize>(
     }
     let s = (cos * along_b - along_a) / sin_squared;
     let t = (along_b - cos * along_a) / sin_squared;
-    let within = (0.0..=a.length).contains(&s) && (0.0..=b.length).contains(&t);
-    within.then(|| (a.start + a.direction * s, b.start + b.direction * t))
+    Some([s, t])
 }
 
 #[cfg(test)]

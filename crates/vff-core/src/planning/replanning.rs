@@ -48,7 +48,7 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
 #[derive(Debug)]
 enum Search {
     /// Done, but as if it lasted until `arrives` \[s\].
-    Simulated { plan: Box<Plan>, arrives: f64 },
+    Simulated { plan: Option<Box<Plan>>, arrives: f64 },
     /// In another thread, which ends when it is given up.
     Beside { answer: Receiver<Plan>, given_up: Arc<AtomicBool> },
 }
@@ -119,7 +119,7 @@ where
     fn receive(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
         let plan = match &self.search {
             Some(Search::Simulated { arrives, .. }) if moment.t < *arrives => return None,
-            Some(Search::Simulated { plan, .. }) => Some((**plan).clone()),
+            Some(Search::Simulated { plan, .. }) => plan.as_deref().cloned(),
             Some(Search::Beside { answer, .. }) => match answer.try_recv() {
                 Err(TryRecvError::Empty) => return None,
                 answer => answer.ok(),
@@ -178,14 +178,14 @@ where
         // An arm that has lost its way needs one, even if something will pass: the law makes room for that.
         let whatever_moves = reason != Reason::Blocked && !self.ahead.worlds[1].is_empty();
         let search = move || {
-            let from_plan = from_plan.map(|task| task.plan(&settings));
+            let from_plan = from_plan.and_then(|task| task.plan(&settings).ok());
             let found = from_plan
                 .filter(|plan| plan.status != PlanStatus::StartBlocked)
-                .unwrap_or_else(|| task.plan(&settings));
+                .or_else(|| task.plan(&settings).ok())?;
             match found.status {
-                PlanStatus::Found => found,
-                _ if whatever_moves => task.plan(&PlanSettings { horizon: None, ..settings }),
-                _ => found,
+                PlanStatus::Found => Some(found),
+                _ if whatever_moves => task.plan(&PlanSettings { horizon: None, ..settings }).ok(),
+                _ => Some(found),
             }
         };
         self.search = Some(if self.beside {
@@ -194,13 +194,13 @@ where
             let (answers, answer) = channel();
             // Whoever waits no more does not hear it; a search that fails lets the channel go.
             thread::spawn(move || {
-                if let Ok(plan) = interrupt::watched(watch, search) {
+                if let Ok(Some(plan)) = interrupt::watched(watch, search) {
                     let _ = answers.send(plan);
                 }
             });
             Search::Beside { answer, given_up }
         } else {
-            Search::Simulated { plan: Box::new(search()), arrives: moment.t + latency }
+            Search::Simulated { plan: search().map(Box::new), arrives: moment.t + latency }
         });
         self.searches.push(Replanned { asked: moment.t, reason, status: None, taken: None });
     }
@@ -311,8 +311,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
         if rest <= 0.0 {
             return f64::INFINITY;
         }
-        // As much of it as of the time between two looks through all of it has passed; at least one place.
-        let mut left = (rest * since / settings.every).max(STEP);
+        // As much of it as of the time between two looks through all of it has passed; at least one place, at most all.
+        let mut left = (rest * since / settings.every).min(rest).max(STEP);
         let mut least = f64::INFINITY;
         while left > 0.0 {
             let ahead = self.next.filter(|ahead| *ahead <= rest).unwrap_or_else(|| {
@@ -321,6 +321,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             });
             self.next = Some(ahead + STEP);
             left -= STEP;
+            interrupt::spend(64 * moment.q.len());
             let mut state = std::mem::take(&mut self.q);
             let then = moment.path_time + ahead;
             moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));

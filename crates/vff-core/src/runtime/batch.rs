@@ -152,15 +152,16 @@ fn fit<'a>(scenarios: impl Iterator<Item = &'a Scenario>) -> Result<(), BatchErr
 
 /// One rollout until it is over or told to stop.
 fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
-    let Ready { mut run, warnings } = ready;
+    let Ready { mut run, mut warnings } = ready;
     let start = Instant::now();
     let steps = || while !stop.load(Ordering::Relaxed) && !run.run_for(LOOK) {};
     // A step that is broken off is not part of the outcome.
     let until_over = watched(Watch::Flag(Arc::clone(stop)), || guarded(steps)).unwrap_or(Ok(()));
-    let outcome = match until_over {
+    let mut outcome = match until_over {
         Ok(()) => run.outcome(),
         Err(fault) => failed(&run.snapshot(), fault),
     };
+    warnings.append(&mut outcome.warnings);
     Rollout { outcome, warnings, wall_time: start.elapsed().as_secs_f64() }
 }
 
@@ -168,7 +169,15 @@ fn roll(ready: Ready, stop: &Arc<AtomicBool>) -> Rollout {
 fn failed(last: &Snapshot<'_>, message: String) -> Outcome {
     let metrics = METRICS.iter().map(|metric| (metric, Value::None)).collect();
     let record = Record { sizes: Sizes::of(last), ..Record::default() };
-    Outcome { status: Status::Failed, message, end_time: last.t, metrics, record, replans: vec![] }
+    Outcome {
+        status: Status::Failed,
+        message,
+        end_time: last.t,
+        metrics,
+        record,
+        replans: vec![],
+        warnings: vec![],
+    }
 }
 
 /// The result of `validate`; a panic is a fault, too.

@@ -292,6 +292,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
     }
 
+    /// Whether the controller sees the arm or its surroundings through sensors.
+    pub(super) fn is_measured(&self) -> bool {
+        self.measurement.is_some() || self.perception.is_some()
+    }
+
     fn start_perception(&mut self) {
         let Self { perception, plant, stack, q, dq, .. } = self;
         if let Some(perception) = perception {

@@ -1,6 +1,7 @@
 //! The closed loop over time: plant, controller, world, record and metrics.
 
 mod actuator;
+mod chatter;
 mod closed_loop;
 mod impulses;
 mod integrator;

@@ -1,5 +1,6 @@
 //! A scenario from its first step to its outcome.
 
+use super::chatter::Chatter;
 use super::closed_loop::ClosedLoop;
 use super::metrics::{Metric, Metrics, Value};
 use super::recorder::{Record, RecordTooLarge};
@@ -49,6 +50,8 @@ pub struct Outcome {
     pub record: Record,
     /// Searches for another plan, with `[replan]`.
     pub replans: Vec<Replanned>,
+    /// What was odd on the way.
+    pub warnings: Vec<String>,
 }
 
 /// A closed loop with its record and metrics.
@@ -57,6 +60,8 @@ pub struct Run<S: System<D, M>, const D: usize, const M: usize> {
     closed_loop: ClosedLoop<S, D, M>,
     record: Record,
     metrics: Metrics,
+    /// None where noise decides.
+    chatter: Option<Chatter>,
     steps: usize,
     /// Plant steps per recorded row; nothing is recorded without.
     record_every: Option<usize>,
@@ -81,7 +86,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         let metrics = Metrics::new(s.q.len(), duration, options.dt, closed_loop.limits().clone());
         let record_every = recorded.then_some(options.record_every);
         let diverged = !closed_loop.is_defined();
-        let mut run = Self { closed_loop, record, metrics, steps, record_every, diverged };
+        let chatter = (!closed_loop.is_measured()).then(|| Chatter::new(&s.torque.total));
+        let mut run = Self { closed_loop, record, metrics, chatter, steps, record_every, diverged };
         run.take_in();
         Ok(run)
     }
@@ -145,6 +151,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
     fn take_in(&mut self) {
         let snapshot = self.closed_loop.snapshot();
         self.metrics.update(&snapshot);
+        if let Some(chatter) = &mut self.chatter {
+            chatter.take_in(&snapshot.torque.total);
+        }
         let step = self.closed_loop.step_count();
         if self.record_every.is_some_and(|every| step.is_multiple_of(every)) {
             self.record.push(&snapshot);
@@ -172,6 +181,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         };
         let metrics = self.metrics.values();
         let replans = self.closed_loop.replans().to_vec();
-        Outcome { status, message, end_time, metrics, record: self.record, replans }
+        let chatter = self.chatter.filter(|_| !self.diverged);
+        let warnings = chatter.and_then(|chatter| chatter.told()).into_iter().collect();
+        Outcome { status, message, end_time, metrics, record: self.record, replans, warnings }
     }
 }

@@ -207,6 +207,7 @@ impl Barrier {
         {
             return 0.0;
         }
+        // Damped, or the smallest of motions would cost next to nothing close to a singularity, and rounding decide (T25).
         self.weigh(&(weight - space.lambda_damped), robot);
         self.keep_torques(&torque.total);
         let outcome = self.program.solve(&Problem {
@@ -372,7 +373,7 @@ impl Barrier {
         }
     }
 
-    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69); `difference` is W_x − Λ.
+    /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69); `difference` is W_x − Λ, close to a singularity with the damped Λ.
     fn weigh<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         difference: &SMatrix<f64, M, M>,

@@ -3,7 +3,7 @@
 use super::{DistanceRate, FADE};
 use crate::geometry::{Body, Encounter, MOST_ROWS};
 use crate::interrupt;
-use crate::math::{Capsule, Nearest, Vector, nearest, smoothstep};
+use crate::math::{Capsule, Nearest, RELIEF, Vector, nearest, nearest_of_lines, smoothstep};
 use crate::robot::Robot;
 
 /// Two bodies of a robot, or parts of them, where they come nearest.
@@ -129,11 +129,7 @@ impl<const D: usize> OwnPair<D> {
             let of = |link| robot.point_bias_acceleration(link, &points[k]);
             links[k].map_or_else(Vector::zeros, of)
         };
-        let turning = [0, 1].map(|k| {
-            let ahead = points[k] + shapes[k].direction;
-            let of = |link| robot.point_velocity(link, &ahead) - self.velocity(robot, k);
-            links[k].map_or_else(Vector::zeros, of)
-        });
+        let turning = [0, 1].map(|k| self.turning(robot, k));
         let velocity = self.velocity(robot, 0) - self.velocity(robot, 1);
         if let Some(flat) = nearest.flat.iter().position(|flat| *flat) {
             return self.beside_face(robot, flat);
@@ -145,12 +141,28 @@ impl<const D: usize> OwnPair<D> {
         }
     }
 
-    /// The same for a row of a barrier: where edges of hulls are nearly parallel, whose nearest points would run from end to end
-    /// at once, the first of them counts as held (T97); the corners are what has to be kept there.
+    /// The same for a row of a barrier: where axes or edges are nearly parallel, whose nearest points would run from end to end
+    /// at once, the first of them counts as held (T97); the ends and corners are what has to be kept there. Where a nearest
+    /// point arrives at an end of its axis, the term with which it slid fades out beyond that (T66).
     pub fn cautious<R: Robot<D>>(&self, robot: &R) -> DistanceRate {
         let exact = self.motion(robot);
+        let Nearest { normal, distance, slides, flat, .. } = &self.nearest;
         let [a, b] = &self.shapes;
-        if self.hulls.is_none() || self.nearest.slides != [true; 2] {
+        if *slides == [false; 2] && *flat == [false; 2] && self.hulls.is_none() {
+            let apart = distance + a.radius + b.radius;
+            let velocity = self.velocity(robot, 0) - self.velocity(robot, 1);
+            let slid = |k: usize| {
+                let (t, length) = (&self.shapes[k].direction, self.shapes[k].length);
+                let fade = 1.0 - smoothstep(normal.dot(t).abs() / FADE);
+                if length <= 0.0 || apart <= 0.0 || fade <= 0.0 {
+                    return 0.0;
+                }
+                let along = t.dot(&velocity) + apart * normal.dot(&self.turning(robot, k));
+                fade * along * along / apart
+            };
+            return DistanceRate { bias: exact.bias - slid(0) - slid(1), ..exact };
+        }
+        if *slides != [true; 2] {
             return exact;
         }
         let cos = a.direction.dot(&b.direction);
@@ -200,8 +212,15 @@ impl<const D: usize> OwnPair<D> {
             };
             return robot.for_each_encounter(pair, Some(reach), visit);
         }
-        if self.nearest.slides == [true; 2] {
-            visit(self);
+        let [a, b] = &self.shapes;
+        if let Some((nearest, beyond)) = nearest_of_lines(a, b) {
+            // The second counts as thinner by what lies beyond its place (T98).
+            let relief = RELIEF * beyond;
+            let nearest = Nearest { distance: nearest.distance + relief, ..nearest };
+            if nearest.distance < reach {
+                let shapes = [*a, Capsule { radius: b.radius - relief, ..*b }];
+                visit(&Self { shapes, nearest, ..*self });
+            }
         }
         for k in 0..2 {
             let shape = &self.shapes[k];
@@ -213,6 +232,13 @@ impl<const D: usize> OwnPair<D> {
                 visit(&Self::new(self.links, shapes));
             }
         }
+    }
+
+    /// How the axis of body `k` turns \[1/s\].
+    fn turning<R: Robot<D>>(&self, robot: &R, k: usize) -> Vector<D> {
+        let ahead = self.nearest.points[k] + self.shapes[k].direction;
+        let of = |link| robot.point_velocity(link, &ahead) - self.velocity(robot, k);
+        self.links[k].map_or_else(Vector::zeros, of)
     }
 
     fn velocity<R: Robot<D>>(&self, robot: &R, k: usize) -> Vector<D> {
@@ -322,7 +348,10 @@ mod tests {
                     let same = |own: &Vec<OwnPair<3>>| {
                         own.len() == count && own[i].nearest.slides == feature.nearest.slides
                     };
-                    let same = own.iter().all(same);
+                    // What lies beyond its place only releases a row.
+                    let radius = pair.shapes[1].radius;
+                    let released = |own: &Vec<OwnPair<3>>| own[i].shapes[1].radius < radius;
+                    let same = own.iter().all(same) && !own.iter().any(released);
                     let axes = feature.nearest.distance + feature.shapes[0].radius + feature.shapes[1].radius;
                     if !same || axes < 0.05 {
                         continue;

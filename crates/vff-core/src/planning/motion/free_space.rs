@@ -18,6 +18,8 @@ use std::collections::VecDeque;
 const RESOLUTION: f64 = 0.2;
 const FINEST: f64 = 2e-4;
 const COARSEST: f64 = 5e-3;
+/// A motion that needs shorter parts than this share of it counts as blocked.
+const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// What bodies of the arm keep from each other \[m\].
 const APART: f64 = 2e-3;
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
@@ -326,7 +328,11 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
                     return false;
                 }
             }
+            interrupt::spend(16 * n);
             if (pairs || open.contains(&true)) && farthest * half > finest {
+                if half < SHORTEST {
+                    return false;
+                }
                 let quarter = 0.5 * half;
                 parts.push_back((at - quarter, quarter, open.clone(), pairs));
                 parts.push_back((at + quarter, quarter, open, pairs));

@@ -11,6 +11,7 @@ mod why;
 
 use super::feasibility::{MAX_ACCELERATION, MAX_SPEED};
 use crate::control::{SelfCollision, TaskKind};
+use crate::interrupt;
 use crate::inverse_kinematics::Solver;
 use crate::math::Noise;
 use crate::robot::Manipulator;
@@ -28,7 +29,7 @@ use free_space::{FreeSpace, Window};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
 use std::sync::Arc;
-use time_law::{Bounds, TimeLaw};
+use time_law::{Bounds, LONGEST, Stop, TimeLaw};
 use why::beyond;
 
 /// Where the random numbers of planning come from.
@@ -39,6 +40,8 @@ const SEEDS: [usize; 2] = [64, 512];
 const GOALS: usize = 8;
 /// Configurations nearer than this are one goal \[rad\].
 const SAME: f64 = 0.1;
+/// Joints stay within this of 0 \[rad or m\]: searches, paths and their checks are as long as the way.
+const FARTHEST: f64 = 100.0;
 /// Paths that are searched, of which the shortest is taken.
 const ATTEMPTS: usize = 4;
 /// Shortcuts that are tried on each.
@@ -168,6 +171,7 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
     for (path, given) in [("start", &settings.start), ("goal", &settings.goal)] {
         if let Some(given) = given {
             numbers_of(path, given.len(), n)?;
+            near_enough(path, given)?;
         }
     }
     number("margin", settings.margin, not_negative)?;
@@ -185,6 +189,15 @@ fn validate(settings: &PlanSettings, n: usize) -> Result<(), ScenarioError> {
     Ok(())
 }
 
+/// Whether a motion may begin or end at `q`.
+fn near_enough(path: &str, q: &[f64]) -> Result<(), ScenarioError> {
+    let far = |q: &f64| q.is_nan() || q.abs() > FARTHEST;
+    q.iter().position(far).map_or(Ok(()), |i| {
+        let within = format!("within {FARTHEST} rad or m of 0, where motions are planned");
+        Err(ScenarioError::out_of_range(format!("{path}[{i}]"), &within, q[i]))
+    })
+}
+
 fn plan_for<S, const D: usize, const M: usize>(
     scenario: &Scenario,
     scene: &Scene<S, D>,
@@ -197,6 +210,7 @@ where
     let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
     validate(settings, arm.dof())?;
     let start = settings.start.clone().unwrap_or_else(|| scenario.q0.clone());
+    near_enough("q0", &start)?;
     let mut state = arm.state();
     has_ends(&state, arm.limits())?;
     let goal = match (&settings.goal, S::Pose::plan(&scene.reference)) {
@@ -204,6 +218,7 @@ where
         (None, Some((_, points))) => {
             let last = points.last().cloned().unwrap_or_default();
             numbers_of("reference.points", last.len(), start.len())?;
+            near_enough(&format!("reference.points[{}]", points.len() - 1), &last)?;
             Goal::Configuration(last)
         }
         (None, None) => {
@@ -216,7 +231,7 @@ where
     };
     let keeps_apart = scenario.controller.self_collision != SelfCollision::Ignore;
     let world = World::new(scene.obstacles.clone());
-    Ok(Task::<S, D, M> { arm, world, keeps_apart, goal, start }.plan(settings))
+    Task::<S, D, M> { arm, world, keeps_apart, goal, start }.plan(settings)
 }
 
 /// A joint that slides needs an end, as random configurations are between its ends.
@@ -259,7 +274,10 @@ where
     S::State: Jointed<D>,
 {
     /// The motion, with settings that have been validated; their start and goal are not looked at.
-    pub fn plan(&self, settings: &PlanSettings) -> Plan {
+    ///
+    /// # Errors
+    /// If limits make it take too long.
+    pub fn plan(&self, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
         let Self { arm, world, keeps_apart, goal, start } = self;
         let PlanSettings { time, horizon, margin, .. } = *settings;
         let window = horizon.map(|duration| Window { start: time, duration });
@@ -301,6 +319,36 @@ fn too_tight() -> (PlanStatus, String) {
     (PlanStatus::NotFound, why.to_owned())
 }
 
+/// Which number makes a motion along `path` take this long \[s\].
+fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds) -> ScenarioError {
+    let travel =
+        |i: usize| path.windows(2).map(|pair| (pair[1][i] - pair[0][i]).abs()).sum::<f64>();
+    let most = format!("motions are planned that take up to {LONGEST} s");
+    let slowest = (0..bounds.speed.len())
+        .map(|i| (i, travel(i), bounds.speed[i]))
+        .max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))
+        .filter(|(_, way, speed)| way / speed > 0.5 * LONGEST || bounds.torque.is_empty());
+    let (at, problem) = match slowest {
+        Some((i, way, speed)) => {
+            let limit = velocity.get(i).filter(|limit| way / **limit > 0.5 * LONGEST);
+            let at = limit.map_or("speed".into(), |_| format!("arm.velocity_limits[{i}]"));
+            let problem = format!(
+                "joint {i} has {way:.3} to go at up to {speed:e} a second, which makes it {duration:.0e} s: {most}"
+            );
+            (at, problem)
+        }
+        None => {
+            let problem = if duration.is_finite() {
+                format!("too little to get anywhere in less than {duration:.0e} s: {most}")
+            } else {
+                format!("too little to get anywhere: {most}")
+            };
+            ("arm.torque_limits".into(), problem)
+        }
+    };
+    ScenarioError::new(at, Problem::Other(problem))
+}
+
 fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
@@ -309,7 +357,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
 where
     S::State: Jointed<D>,
 {
-    fn plan(&mut self, goal: &Goal<S::Pose>) -> Plan {
+    fn plan(&mut self, goal: &Goal<S::Pose>) -> Result<Plan, ScenarioError> {
         let start = self.start.clone();
         let limits = self.arm.limits().clone();
         let inside = |q: &[f64]| {
@@ -336,7 +384,7 @@ where
         if at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start) {
             let beyond = beyond(&start, &limits, "start", |i| self.space.robot().joint_name(i));
             let why = beyond.unwrap_or_else(|| self.obstruction(&start, "start"));
-            return nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0);
+            return Ok(nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0));
         }
         let candidates = match goal {
             Goal::Configuration(q) if !inside(q) => {
@@ -352,7 +400,7 @@ where
         let mut candidates = match candidates {
             Ok(candidates) => candidates,
             Err((gap, why)) => {
-                return nothing(PlanStatus::GoalOutOfReach, why, gap, self.space.margin);
+                return Ok(nothing(PlanStatus::GoalOutOfReach, why, gap, self.space.margin));
             }
         };
         let room: Vec<f64> = candidates.iter().map(|q| self.space.clearance(q)).collect();
@@ -364,11 +412,13 @@ where
         candidates.retain(|q| most > 0.0 && self.space.is_free(q));
         if candidates.is_empty() {
             let why = self.obstruction(&roomiest, "goal");
-            return nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, margin.max(0.0));
+            return Ok(nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, margin.max(0.0)));
         }
         let ranges: Vec<[f64; 2]> = (0..start.len())
             .map(|i| match ranges_of(&limits, i) {
-                [lower, upper] if (upper - lower).is_finite() => [lower, upper],
+                [lower, upper] if (upper - lower).is_finite() => {
+                    [lower.max(-FARTHEST), upper.min(FARTHEST)]
+                }
                 [lower, upper] => {
                     [lower.max(start[i] - 1.25 * PI), upper.min(start[i] + 1.25 * PI)]
                 }
@@ -382,27 +432,27 @@ where
                  margin may help",
                 found.gap, found.samples,
             );
-            return Plan {
+            return Ok(Plan {
                 q: found.path.concat(),
                 samples: found.samples,
                 nodes: found.nodes,
                 ..nothing(PlanStatus::NotFound, why, found.gap, margin)
-            };
+            });
         };
         self.space.margin = ROUNDED * margin;
         let (mut status, mut why) = (PlanStatus::NotFound, String::new());
         for found in &found {
-            match self.timed(&found.path, &limits) {
-                Ok(spline) => return self.finished(&spline, found, margin),
+            match self.timed(&found.path, &limits)? {
+                Ok(spline) => return Ok(self.finished(&spline, found, margin)),
                 Err(error) => (status, why) = error,
             }
         }
-        Plan {
+        Ok(Plan {
             q: first.path.concat(),
             samples: first.samples,
             nodes: first.nodes,
             ..nothing(status, why, 0.0, margin)
-        }
+        })
     }
 
     /// Several paths to `goals`, shortened, the shortest first; or, if the first search finds none, how far it came.
@@ -487,10 +537,10 @@ where
         &mut self,
         path: &[Vec<f64>],
         limits: &Limits,
-    ) -> Result<JointSpline, (PlanStatus, String)> {
+    ) -> Result<Result<JointSpline, (PlanStatus, String)>, ScenarioError> {
         let n = self.start.len();
         let Some(curve) = Curve::round(&mut self.space, path) else {
-            return Err(too_tight());
+            return Ok(Err(too_tight()));
         };
         let share = self.settings.speed;
         let or = |given: &[f64], most: f64| -> Vec<f64> {
@@ -501,11 +551,18 @@ where
             acceleration: or(&[], MAX_ACCELERATION[D - 2]),
             torque: limits.torque.iter().map(|most| TORQUE * most).collect(),
         };
-        let law = TimeLaw::fastest(self.space.robot(), &curve, &bounds).map_err(|heavy| {
-            let (robot, joint) = (self.space.robot(), heavy.joint);
-            let why = heavy.told(&robot.joint_name(joint), robot.slides(joint), TORQUE);
-            (PlanStatus::TooHeavy, why)
-        })?;
+        let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
+            Ok(law) => law,
+            Err(Stop::Heavy(heavy)) => {
+                let (robot, joint) = (self.space.robot(), heavy.joint);
+                let why = heavy.told(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+                return Ok(Err((PlanStatus::TooHeavy, why)));
+            }
+            Err(Stop::Winding) => return Ok(Err(too_tight())),
+            Err(Stop::Slow(duration)) => {
+                return Err(too_slow(path, duration, &limits.velocity, &bounds));
+            }
+        };
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         for refinement in 0..=REFINEMENTS {
             let step = STEP / f64::from(1 << refinement);
@@ -526,18 +583,20 @@ where
                 let duration = stretch * law.duration();
                 let times: Vec<f64> =
                     (0..=knots).map(|k| duration * f64::from(k) / f64::from(knots)).collect();
-                let spline = JointSpline::new(&times, &points).map_err(|_| too_tight())?;
+                let Ok(spline) = JointSpline::new(&times, &points) else {
+                    return Ok(Err(too_tight()));
+                };
                 let over = self.excess(&spline, &bounds, knots);
                 if over > 1.0 {
                     stretch *= over.sqrt().max(1.002);
                 } else if self.is_free_along(&spline, knots) {
-                    return Ok(spline);
+                    return Ok(Ok(spline));
                 } else {
                     break;
                 }
             }
         }
-        Err(too_tight())
+        Ok(Err(too_tight()))
     }
 
     /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed.
@@ -547,6 +606,7 @@ where
         let (mut scratch, mut torque) = (vec![0.0; n], vec![0.0; n]);
         let mut most: f64 = 0.0;
         for k in 0..=CHECKS * knots {
+            interrupt::spend(64 * n);
             let [_, end] = spline.span();
             spline.at(
                 end * f64::from(k) / f64::from(CHECKS * knots),

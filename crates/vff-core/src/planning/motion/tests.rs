@@ -172,6 +172,57 @@ fn what_cannot_be_done_is_said() {
     }
 }
 
+/// What would take for ever, or more memory than there is, is refused with the number that is to blame. What takes an hour is not.
+#[test]
+fn what_has_no_end_is_refused() {
+    let free = planar("[2.0, 1.0]", "");
+    let to = |goal: [f64; 4]| PlanSettings { goal: Some(goal.to_vec()), ..PlanSettings::default() };
+    let near = || to([0.3, 0.0, 0.4, 1.1]);
+    for far in [101.0, -1e6, 1e308] {
+        let error = plan(&free, &to([0.0, far, 0.0, 0.0])).unwrap_err();
+        assert_eq!(error.path, "goal[1]");
+        assert!(error.to_string().contains("within 100 rad"), "{error}");
+        let away = PlanSettings { start: Some(vec![0.0, 0.0, far, 0.0]), ..near() };
+        assert_eq!(plan(&free, &away).unwrap_err().path, "start[2]");
+    }
+    let limited = |limit: &str| {
+        let text = PLANAR.replace("masses = 1.0", &format!("masses = 1.0, {limit}"));
+        let reference = "reference = { kind = \"setpoint\", point = [2.0, 1.0] }";
+        Scenario::from_toml(&format!("{text}\n{reference}")).unwrap()
+    };
+    for (limit, settings, path) in [
+        ("velocity_limits = [1, 1, 1e-6, 1]", near(), "arm.velocity_limits[2]"),
+        ("velocity_limits = 1e-12", near(), "arm.velocity_limits[0]"),
+        ("velocity_limits = 1e-300", near(), "arm.velocity_limits[0]"),
+        ("torque_limits = 1e-7", near(), "arm.torque_limits"),
+        ("torque_limits = 1e-12", near(), "arm.torque_limits"),
+        ("torque_limits = 1e-300", near(), "arm.torque_limits"),
+        ("velocity_limits = 2.0", PlanSettings { speed: 1e-9, ..near() }, "speed"),
+        ("gravity = 0.0", PlanSettings { speed: 1e-9, ..near() }, "speed"),
+        ("velocity_limits = 1e-6", PlanSettings::default(), "arm.velocity_limits"),
+    ] {
+        let error = plan(&limited(limit), &settings).unwrap_err();
+        assert!(error.path.starts_with(path), "{limit}: {error}");
+        assert!(error.to_string().contains("up to 3600 s"), "{limit}: {error}");
+    }
+    let slow = plan(&limited("velocity_limits = 1e-3"), &near()).unwrap();
+    assert_eq!(slow.status, PlanStatus::Found);
+    assert!(
+        slow.times.last().is_some_and(|end| (2400.0..2500.0).contains(end)),
+        "{:?}",
+        slow.times.last()
+    );
+    // Random configurations are drawn where a motion may go, however far joints may turn.
+    let wide = PlanSettings { samples: 40, ..to([1.5, -0.9, 0.9, 1.0]) };
+    let post =
+        "[[obstacles]]\nshape = { kind = \"box\", size = [0.5, 0.5] }\nposition = [1.2, 1.7]";
+    let text = PLANAR.replace("masses = 1.0", "masses = 1.0, joint_limits = [-1e9, 1e9]");
+    let reference = "reference = { kind = \"setpoint\", point = [2.0, 1.0] }";
+    let wide = plan(&Scenario::from_toml(&format!("{text}\n{reference}\n{post}")).unwrap(), &wide)
+        .unwrap();
+    assert!(wide.nodes < 100_000, "{}", wide.nodes);
+}
+
 /// Places that a disc will pass within the horizon are kept free; those that it passes later are not, and with None it
 /// is not there at all.
 #[test]

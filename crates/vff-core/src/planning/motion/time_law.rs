@@ -7,6 +7,7 @@
 use super::curve::Curve;
 use super::why::Heavy;
 use crate::interrupt;
+use crate::math::memory;
 use crate::robot::Robot;
 
 /// Points of the grid per span of the curve, and the fewest.
@@ -18,6 +19,8 @@ const HALVINGS: usize = 48;
 const SMOOTH: f64 = 0.06;
 /// How fine the time law is \[s\].
 const TICK: f64 = 2e-3;
+/// The longest motion \[s\]: ticks, knots and checks are as many as it is long.
+pub const LONGEST: f64 = 3600.0;
 
 /// What the joints may do.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,6 +31,17 @@ pub struct Bounds {
     pub acceleration: Vec<f64>,
     /// Torques and forces, gravity included \[N·m, N\]; empty for any.
     pub torque: Vec<f64>,
+}
+
+/// Why a curve cannot be followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stop {
+    /// The arm cannot hold itself somewhere on it, by this joint.
+    Heavy(Heavy),
+    /// It takes so long \[s\], more than [`LONGEST`].
+    Slow(f64),
+    /// It is too long and winding to be looked at as finely as it has to be.
+    Winding,
 }
 
 /// A limit |along ü + bend x + rest| ≤ most.
@@ -109,7 +123,10 @@ pub struct TimeLaw {
 }
 
 impl TimeLaw {
-    /// The fastest along `curve`, or which joint is the weakest where the arm cannot hold itself on it.
+    /// The fastest along `curve`.
+    ///
+    /// # Errors
+    /// If there is none, with the joint that is the weakest, or none that ends in time.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -120,9 +137,11 @@ impl TimeLaw {
         robot: &mut R,
         curve: &Curve,
         bounds: &Bounds,
-    ) -> Result<Self, Heavy> {
+    ) -> Result<Self, Stop> {
         let n = robot.dof();
         let count = (GRID * curve.end()).max(FEWEST) as usize;
+        let numbers = size_of::<Row>() / size_of::<f64>() * 2 * n;
+        memory::fits(count.saturating_mul(numbers)).map_err(|_| Stop::Winding)?;
         let step = curve.end() / count as f64;
         let mut state = [0; 3].map(|_| vec![0.0; n]);
         let limits: Vec<_> = (0..=count)
@@ -141,7 +160,7 @@ impl TimeLaw {
                 lower.max(-x / (2.0 * step)) <= upper.min((next - x) / (2.0 * step))
             };
             if !is_possible(0.0) {
-                return Err(weakest(rows));
+                return Err(Stop::Heavy(weakest(rows)));
             }
             // What stands still at the end comes from x > 0, and no joint may move where q′ = 0.
             let (mut low, mut high) = (0.0, fast.min(1e6));
@@ -165,13 +184,15 @@ impl TimeLaw {
         let mut times = vec![0.0; count + 1];
         for k in 0..count {
             let speeds = x[k].sqrt() + x[k + 1].sqrt();
-            let moves = speeds > 1e-9; // false for NaN
-            if !moves {
-                return Err(weakest(&limits[k].0));
+            if speeds.is_nan() {
+                return Err(Stop::Heavy(weakest(&limits[k].0)));
             }
             times[k + 1] = times[k] + 2.0 * step / speeds;
         }
-        Ok(Self::smooth(&times, &x, step))
+        match times[count] {
+            duration if duration <= LONGEST => Ok(Self::smooth(&times, &x, step)),
+            duration => Err(Stop::Slow(duration)),
+        }
     }
 
     /// The time law with these instants and squared speeds at grid points `step` apart, made smooth by two running means.

@@ -10,6 +10,8 @@ use crate::world::Solid;
 const STEP: f64 = 0.8;
 /// How often an edge that is blocked is tried at half its length.
 const HALVINGS: usize = 3;
+/// The most configurations of both trees: what is not found with so many is given up.
+const MOST_NODES: usize = 1 << 20;
 /// Two configurations nearer than this are one \[rad, m\].
 const SAME: f64 = 1e-9;
 
@@ -152,6 +154,9 @@ pub fn search<R: Jointed<D>, S: Solid<D>, const D: usize>(
     let mut nearest = (0, apart(&trees, 0));
     let mut drawn = vec![0.0; start.len()];
     for k in 0..samples {
+        if trees.iter().map(|tree| tree.nodes.len()).sum::<usize>() > MOST_NODES {
+            break;
+        }
         for (q, [lower, upper]) in drawn.iter_mut().zip(ranges) {
             *q = lower + (upper - lower) * noise.share();
         }

@@ -73,6 +73,20 @@ fn a_blocked_plan_is_replaced() {
     assert!(last[0].hypot(last[1]) > 0.1, "{last:?}");
 }
 
+/// However often it is to be looked through, a plan is looked through once in a period of control at most.
+#[test]
+fn a_plan_is_looked_through_once_a_period() {
+    let far = "[[obstacles]]\nshape = { kind = \"circle\", radius = 0.2 }\nposition = [-3.0, -2.0]";
+    let begun = Instant::now();
+    let record = |every: f64| {
+        let mut watched = scenario(far, &format!("replan = {{ every = {every:e} }}"));
+        watched.duration = 0.1;
+        run(&watched).record
+    };
+    assert_eq!(record(1e-9), record(1e-3));
+    assert!(begun.elapsed() < Duration::from_secs(30));
+}
+
 /// A plan that is free is left alone, and the run is that without `[replan]`.
 #[test]
 fn a_free_plan_is_left_alone() {

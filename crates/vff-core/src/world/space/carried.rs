@@ -28,6 +28,16 @@ pub fn distance_of_point(Body { shape, hull, .. }: &Body<'_, 3>, point: &Vector<
     hull.map_or(of_capsule, |hull| hull.meet_point(point).nearest.distance)
 }
 
+impl Carried<'_, 3> {
+    /// Where it comes nearest to the middle of a ball. For a barrier that is above a face everywhere outside, so that its
+    /// acceleration does not jump where that goes round an edge or a corner (T77).
+    fn meet_ball(&self, point: &Vector<3>, asked: Asked) -> Meeting {
+        let meeting = self.meet_point(point);
+        let is_row = matches!(asked, Asked::Barriers(_)) && meeting.nearest.distance > TOUCHING;
+        if is_row { self.above_face(point) } else { meeting }
+    }
+}
+
 impl Volume {
     /// The hull and the core, at the origin; of a cloud nothing.
     fn meet(&self, hull: &Carried<'_, 3>) -> Meeting {
@@ -67,7 +77,7 @@ impl Volume {
             let touch = |found: &Contact<3>| {
                 // Its ball is at the point of the cloud, whatever of the capsule is nearest to it.
                 let centre = found.witness - found.normal * self.radius - state.position;
-                placed(pair, &seen.meet_point(&centre), self.radius, state)
+                placed(pair, &seen.meet_ball(&centre, asked), self.radius, state)
             };
             if let Asked::Nearest = asked {
                 // No ball is nearer to the hull than to the capsule.
@@ -88,7 +98,10 @@ impl Volume {
                 }
             });
         }
-        let meeting = self.meet(&seen);
+        let meeting = match &self.core {
+            Core::Point(point) => seen.meet_ball(point, asked),
+            _ => self.meet(&seen),
+        };
         let contact = placed(pair, &meeting, self.radius, state);
         if let Asked::Nearest = asked {
             return visit(&contact);
@@ -228,6 +241,78 @@ mod tests {
             }
         }
 
+        /// However large, small, long or thin the one is beside the other: points and planes prove the distance, to the digits
+        /// that points so far apart have, and a capsule beside a hull is measured as well as the other way round.
+        #[test]
+        fn distances_hold_at_every_scale(
+            link in any_carried(), obstacle in any_solid(), sizes in [-3.0..5.0, -3.0..5.0],
+            thin in [three(1.5), three(1.5)], gap in -4.0..2.0, inward in prop::bool::weighted(0.2), swapped in prop::bool::ANY,
+        ) {
+            prop_assume!(!matches!(obstacle.shape, Shape::HalfSpace { .. }));
+            let [own, other] = sizes.map(|size| f64::powf(10.0, size));
+            let stretched = |scale: f64, thin: &Vec3| thin.map(|x| scale * f64::powf(10.0, x.min(0.0)));
+            let (by, far) = (stretched(own, &thin[0]), stretched(other, &thin[1]));
+            let points: Vec<[f64; 3]> =
+                link.points.iter().map(|p| Vector::from(*p).component_mul(&by).into()).collect();
+            let Ok(hull) = Hull::new(&points) else { return Ok(()) };
+            let link = Link { hull, points, position: link.position * own, ..link };
+            let along = |v: &[f64; 3]| -> [f64; 3] { Vector::from(*v).component_mul(&far).into() };
+            let shape = match &obstacle.shape {
+                Shape::Sphere { .. } => Shape::Sphere { radius: 0.0 },
+                Shape::Capsule { a, b, .. } => Shape::Capsule { a: along(a), b: along(b), radius: 0.0 },
+                Shape::Box { size } => Shape::Box { size: along(size) },
+                Shape::Convex { vertices } => Shape::Convex { vertices: vertices.iter().map(along).collect() },
+                shape => shape.clone(),
+            };
+            if let Shape::Convex { vertices } = &shape {
+                prop_assume!(Hull::new(vertices).is_ok());
+            }
+            let obstacle = Obstacle { shape, ..obstacle };
+            let extent = Volume::new(&obstacle).reach();
+            let before = touch(&link, &obstacle);
+            let target = f64::powf(10.0, gap) * own.min(other) * if inward { -0.1 } else { 1.0 };
+            let link = link.moved(before.normal * (target - before.distance));
+            let found = touch(&link, &obstacle);
+            let cores = found.distance;
+            // What normals are known to is how far points are known over how far they are apart.
+            let size = extent + link.hull.reach() + link.position.norm();
+            let rounding = 1e-14 * size;
+            let close = rounding * (1.0 + size / cores.abs());
+            prop_assert!((found.normal.norm() - 1.0).abs() < 1e-14);
+            let rear = link.rear(&found.normal) - support(&obstacle, &found.normal);
+            prop_assert!((rear - cores).abs() < close, "{rear} is not {cores}: {found:?}");
+            if cores <= 0.0 {
+                for direction in directions(1000) {
+                    let gap = link.rear(&direction) - support(&obstacle, &direction);
+                    prop_assert!(gap <= cores + close, "{direction} {gap} {found:?}");
+                }
+                return Ok(());
+            }
+            let seen = link.carried().seen(&found.point);
+            let highest = link.hull.faces.iter().map(|face| face.normal.dot(&seen) - face.offset);
+            prop_assert!(highest.fold(f64::NEG_INFINITY, f64::max) < rounding, "{found:?}");
+            prop_assert!((found.point - found.witness - found.normal * cores).norm() < rounding);
+            let beyond = match &obstacle.shape {
+                Shape::Convex { vertices } => {
+                    let local = rotation(&obstacle).inverse() * (found.witness - Vector::from(obstacle.position));
+                    let hull = Hull::new(vertices).unwrap();
+                    hull.faces.iter().map(|face| face.normal.dot(&local) - face.offset).fold(0.0, f64::max)
+                }
+                _ => distance_to_core(&obstacle, &found.witness),
+            };
+            prop_assert!(beyond < rounding, "{beyond} {found:?}");
+            if let (Shape::Capsule { a, b, .. }, true) = (&obstacle.shape, swapped) {
+                let at = |end: &[f64; 3]| rotation(&obstacle) * Vector::from(*end) + Vector::from(obstacle.position);
+                let vertices = (link.points.iter())
+                    .map(|p| (link.position + link.rotation * Vector::from(*p)).into())
+                    .collect::<Vec<_>>();
+                let bar = Probe::new(at(a), at(b), 0.0);
+                prop_assume!(Hull::new(&vertices).is_ok() && bar.length > 0.0);
+                let other = contact(&bar, &fixed(Shape::Convex { vertices }, [0.0; 3]));
+                prop_assert!((other.distance - cores).abs() < 10.0 * close, "{cores} {other:?}");
+            }
+        }
+
         /// A ball in a hull, which no edge comes near to, overlaps it.
         #[test]
         fn what_is_inside_overlaps(link in any_carried(), radius in 0.0..0.1) {
@@ -270,6 +355,11 @@ mod tests {
             prop_assert!(rows.len() <= world.hull_barrier_count());
             let least = rows.iter().map(|row| row.distance).fold(f64::INFINITY, f64::min);
             prop_assert!((least - contact.distance).abs() < 1e-11, "{least} {contact:?}");
+            if let (Shape::Sphere { radius }, [row]) = (&obstacle.shape, &rows[..]) {
+                // Its acceleration is that above a face, wherever it is.
+                let is_apart = contact.distance + radius > 1e-9;
+                prop_assert!(!is_apart || matches!(row.feature, Feature::LinkFace { .. }), "{row:?}");
+            }
         }
 
         /// While it moves a little, every row that was near stays, with its distance and its normal.
