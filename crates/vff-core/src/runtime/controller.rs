@@ -536,7 +536,7 @@ impl AnyController {
     pub fn holding_torque(&self, out: &mut [f64]) {
         match self.settings().command.gravity {
             Gravity::Controller => {
-                either!(self, inner => inner.controller.robot().gravity_torque(out))
+                either!(self, inner => inner.controller.robot().gravity_torque(out));
             }
             Gravity::Robot => out.fill(0.0),
         }
