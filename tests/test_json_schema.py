@@ -138,6 +138,7 @@ def keys(schema: dict[str, Any]) -> list[dict[str, Any]]:
             found.append({"name": name, **value})
     for inner in [
         *schema.get("oneOf", []),
+        *schema.get("anyOf", []),
         *(schema[key] for key in ("then", "else") if key in schema),
         *([schema["items"]] if "items" in schema else []),
     ]:

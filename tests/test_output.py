@@ -56,7 +56,8 @@ def steps(result: vff.Result) -> Array:
 def test_nothing_asked_for_is_nothing_changed(scenario: Any) -> None:
     """What is for a loop of one's own, and the defaults, leave a simulation as it is, to the last bit."""
     plain = vff.simulate(scenario({}))
-    same = vff.simulate(scenario({"gravity": "controller", "start": 1.0, "patience": 2, "stop_damping": 3.0}))
+    for_loops = {"obstacle_speed": 1.0, "start": 1.0, "patience": 2, "stop_damping": 3.0}
+    same = vff.simulate(scenario({"gravity": "controller", **for_loops}))
     assert plain.tau_applied is None and same.tau_applied is None
     assert np.array_equal(plain.q, same.q) and np.array_equal(plain.tau, same.tau)
 
@@ -170,6 +171,46 @@ def test_tip_speed(scenario: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("arm", "command"),
+    [
+        ("panda", {"gravity": "robot", "torque_rate": 1000.0}),
+        ("fr3", {"gravity": "robot", "torque_rate": 1000.0}),
+        ("ur5e", {"gravity": "robot"}),
+    ],
+)
+def test_of_the_robot(arm: str, command: dict[str, Any]) -> None:
+    """What the interface of a bundled arm takes, in a loop and in a simulation, from a file too."""
+    settings = vff.ControlSettings(stiffness=100.0, damping=20.0, command="of the robot")
+    given = vff.ControlSettings(stiffness=100.0, damping=20.0, command=command)
+    assert settings.to_dict()["command"] == "of the robot"
+    model = vff.Arm.named(arm)
+    q = np.full(model.n, 0.4)
+    first, second = (vff.Controller(model, each) for each in (settings, given))
+    for controller in (first, second):
+        controller.begin(PERIOD)
+    for k in range(5):
+        x = [0.3, 0.1 * k, 0.4]
+        (a, _), (b, _) = (each.cycle(k * PERIOD, q, np.zeros(model.n), x) for each in (first, second))
+        assert np.array_equal(a, b)
+    if arm == "panda":
+        document = with_command({}).to_dict()
+        results = []
+        for each in (settings, given):
+            document["controller"] = document["controller"] | {"command": each.to_dict()["command"]}
+            results.append(vff.simulate(vff.Scenario.from_dict(document)))
+        assert results[0].tau_applied is not None and np.array_equal(results[0].q, results[1].q)
+
+
+@pytest.mark.parametrize("arm", ["iiwa14", None])
+def test_of_a_robot_that_is_not_known(arm: str | None) -> None:
+    model = vff.Arm.uniform(3) if arm is None else vff.Arm.named(arm)
+    with pytest.raises(ScenarioError, match="`gravity` and `torque_rate` as the robot's manual says"):
+        vff.Controller(model, {"command": "of the robot"})
+    with pytest.raises(ScenarioError, match="of the robot"):
+        vff.ControlSettings(command="of my robot")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
     ("command", "says"),
     [
         ({"gravity": "both"}, "controller.command.gravity"),
@@ -178,6 +219,7 @@ def test_tip_speed(scenario: Any) -> None:
         ({"coulomb_friction": -1.0}, "controller.command.coulomb_friction"),
         ({"friction_speed": 0.0}, "controller.command.friction_speed"),
         ({"tip_speed": -0.1}, "controller.command.tip_speed"),
+        ({"obstacle_speed": 0.0}, "controller.command.obstacle_speed"),
         ({"start": -1.0}, "controller.command.start"),
         ({"patience": 0}, "controller.command.patience"),
         ({"stop_damping": 0.0}, "controller.command.stop_damping"),
@@ -259,6 +301,34 @@ def test_a_robot_that_falls_silent() -> None:
     assert list(dict.fromkeys(phases)) == ["holding", "damping", "released", "lost"]
     assert np.abs(loop.dq).max() < 0.1 * speed
     assert loop.cycle() == "lost"
+
+
+def test_questions_do_not_move_an_arm() -> None:
+    """What is asked of a controller with other states leaves the arm that its loop damps where it is."""
+    loop = Loop()
+    loop.x = loop.arm.forward_kinematics(loop.q)[-1]
+    loop.controller.begin(PERIOD)
+    for _ in range(600):
+        loop.cycle()
+    for k in range(300):
+        loop.controller.terms(loop.q, np.full(7, 3.0), loop.x, t=loop.t)
+        loop.controller.torque(loop.q + 0.5, np.full(7, -3.0), loop.x, t=k)
+        tau, phase = loop.controller.cycle()
+        assert phase == ("holding" if k < 4 else "damping") and np.abs(tau).max() < 1e-3
+
+
+def test_limits_bind_what_is_sent() -> None:
+    """With gravity added by the robot: what is sent, and what the drives have to do with it."""
+    most = np.array([87.0] * 4 + [12.0] * 3)
+    for avoidance in ("null_space", "relaxed", "priority", "cbf"):
+        settings = {"avoidance": avoidance, "command": {"gravity": "robot"}}
+        arm = vff.Arm.named("panda")
+        controller = vff.Controller(arm, settings)
+        x, g = arm.forward_kinematics(READY)[-1], arm.gravity_torque(READY)
+        for push in (-1e4, 1e4):
+            tau = controller.torque(READY, np.full(7, 0.1), x, [0.0] * 3, [0.0, 0.0, push])
+            assert (np.abs(tau) <= most + 1e-9).all()
+            assert (np.abs(tau + g) <= most + 1e-9).all()
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e3])

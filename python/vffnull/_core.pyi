@@ -608,8 +608,9 @@ class Controller:
             Control period [s] of your loop.
         tau : (n,) array_like, optional
             The measured torque [N·m] to blend from; with the gravity torque only if the robot does not add
-            that itself. It is not believed where it is not finite, or farther than half the arm's torque
-            limits from what holds the arm still by the model, which is also what is taken if none is given.
+            that itself. It is not believed where it is not finite, beyond the arm's torque limits, or farther
+            than half of them from what holds the arm still by the model, which is also what is taken if none
+            is given. Until the first state it is sent, or nothing if it is not known.
 
         Raises
         ------
@@ -628,8 +629,9 @@ class Controller:
     ) -> tuple[_Array, _Phase]:
         """One cycle of a loop that has begun: what is to be sent to the robot, and what state the loop is in.
 
-        A state that is missing (None), no newer than the last, not finite, or not to be reached from the last
-        at twice the joints' speed limits counts as missing, and is no error: after fewer than `patience` such
+        What is sent is finite, within the arm's torque limits and changes by no more than `torque_rate`. A state
+        that is missing (None), no newer than the last, not finite, or not to be reached from the last counts
+        as missing, and is no error: after fewer than `patience` such
         cycles what was sent last is held, then the arm is damped as if it came to rest from its last
         velocity, then only gravity is held, if that is ours, and in the end the loop is lost;
         docs/tutorials/own-loop.md has the times.
@@ -652,7 +654,8 @@ class Controller:
             What is to be sent in this cycle [N·m], whatever the phase is.
         phase : str
             ``"starting"``, ``"running"``; ``"holding"``, ``"damping"``, ``"released"`` and in the end
-            ``"lost"`` where the state is missing; ``"stopping"`` and in the end ``"finished"`` after `stop`.
+            ``"lost"`` where the state is missing; ``"damping"``, too, where a joint is faster than twice its
+            limit; ``"stopping"`` and in the end ``"finished"`` after `stop`.
 
         Raises
         ------

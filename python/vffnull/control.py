@@ -180,10 +180,11 @@ class ControlSettings:
         Lets the reference wait while the end effector is off it: see ``vffnull schema`` for the keys of
         ``[controller.governor]``; ``{}`` takes every default. It acts in simulations; a `Controller` is given
         its reference and leaves it as it is.
-    command : dict, optional
+    command : dict or "of the robot", optional
         What stands between the torque and a robot: who adds gravity, how fast the torque may change,
         friction compensation, a limit of the tip's speed, and when a loop gives up; see ``vffnull schema``
-        for the keys of ``[controller.command]``.
+        for the keys of ``[controller.command]``. ``"of the robot"`` takes gravity and rate as the interface
+        of a bundled arm does.
     characteristic_length : float, optional
         Radius [m] at which an angle of the task counts as its arc, where metres and radians are put together.
     singularity : float, optional
@@ -216,7 +217,7 @@ class ControlSettings:
     avoidance: Literal["null_space", "relaxed", "priority", "cbf"] | None = None
     yielding: Document | None = None
     governor: Document | None = None
-    command: Document | None = None
+    command: Document | Literal["of the robot"] | None = None
     characteristic_length: float | None = None
     singularity: float | None = None
 

@@ -74,7 +74,8 @@ enum vff_phase
     VFF_PHASE_RUNNING = 1,
     // The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
     VFF_PHASE_HOLDING = 2,
-    // The state is missing for longer, or the torque of the law is not finite: damping only.
+    // The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: damping
+    // only.
     VFF_PHASE_DAMPING = 3,
     // It has been missing for longer still: nothing is sent but gravity, if it is ours.
     VFF_PHASE_RELEASED = 4,
@@ -309,7 +310,7 @@ vff_status vff_controller_torque(struct vff_controller *controller,
 
 // Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
 // blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
-// length 0 or cannot be, from what holds the arm still. Allocates.
+// length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. Allocates.
 vff_status vff_controller_begin(struct vff_controller *controller,
                                 double period,
                                 const double *measured,
@@ -317,8 +318,9 @@ vff_status vff_controller_begin(struct vff_controller *controller,
 
 // For the loop: one cycle with the state that was measured at time `t` [s], n numbers each, or with none, if q and dq are NULL.
 // Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
-// no newer than the last, not finite, or not to be reached from the last counts as missing. Without a reference, the motion of
-// the end effector is damped.
+// no newer than the last, not finite, or not to be reached from the last counts as missing. What is to be sent is finite, within the
+// torque limits and the rate of `command`, and does not depend on other states that are observed in between. Without a reference, the
+// motion of the end effector is damped.
 vff_status vff_controller_cycle(struct vff_controller *controller,
                                 double t,
                                 const double *q,
@@ -368,7 +370,8 @@ vff_status vff_controller_add_obstacle(struct vff_controller *controller,
                                        uint32_t *id);
 
 // For the loop: obstacle `id` is at `position` [m] at time `t` [s] and goes on at `velocity` [m/s] until it is moved again;
-// NULL is at rest. `dimension` is their length. It turns as before. The first time, what a motion of way points took is freed.
+// NULL is at rest. `dimension` is their length. It turns as before. With `command.obstacle_speed`, one that cannot have come there since
+// it was moved last goes there at that speed. The first time, what a motion of way points took is freed.
 vff_status vff_controller_move_obstacle(struct vff_controller *controller,
                                         uint32_t id,
                                         double t,

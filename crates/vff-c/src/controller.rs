@@ -445,7 +445,8 @@ pub enum vff_phase {
     Running = 1,
     /// The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
     Holding = 2,
-    /// The state is missing for longer, or the torque of the law is not finite: damping only.
+    /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: damping
+    /// only.
     Damping = 3,
     /// It has been missing for longer still: nothing is sent but gravity, if it is ours.
     Released = 4,
@@ -474,7 +475,7 @@ impl From<Phase> for vff_phase {
 
 /// Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
 /// blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
-/// length 0 or cannot be, from what holds the arm still. Allocates.
+/// length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. Allocates.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_begin(
     controller: *mut Controller,
@@ -498,8 +499,9 @@ pub unsafe extern "C" fn vff_controller_begin(
 
 /// For the loop: one cycle with the state that was measured at time `t` [s], n numbers each, or with none, if q and dq are NULL.
 /// Writes what is to be sent, n numbers [N·m, N], and what the cycle came to. The state may be anything: one that is missing,
-/// no newer than the last, not finite, or not to be reached from the last counts as missing. Without a reference, the motion of
-/// the end effector is damped.
+/// no newer than the last, not finite, or not to be reached from the last counts as missing. What is to be sent is finite, within the
+/// torque limits and the rate of `command`, and does not depend on other states that are observed in between. Without a reference, the
+/// motion of the end effector is damped.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_cycle(
     controller: *mut Controller,

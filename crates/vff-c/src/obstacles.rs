@@ -32,7 +32,8 @@ pub unsafe extern "C" fn vff_controller_add_obstacle(
 }
 
 /// For the loop: obstacle `id` is at `position` [m] at time `t` [s] and goes on at `velocity` [m/s] until it is moved again;
-/// NULL is at rest. `dimension` is their length. It turns as before. The first time, what a motion of way points took is freed.
+/// NULL is at rest. `dimension` is their length. It turns as before. With `command.obstacle_speed`, one that cannot have come there since
+/// it was moved last goes there at that speed. The first time, what a motion of way points took is freed.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_move_obstacle(
     controller: *mut Controller,

@@ -259,6 +259,39 @@ fn torques_are_those_of_the_core() {
 }
 
 /// Bit for bit: what is sent, and set points, with states that are missing; and what cannot begin.
+/// What is sent does not depend on what else is asked of a controller between two cycles, and is finite.
+#[test]
+fn questions_between_cycles() {
+    let settings = "command = { gravity = 'robot', torque_rate = 1000.0, start = 0.01 }";
+    let owned = [Owned::new("model = 'panda'", settings), Owned::new("model = 'panda'", settings)];
+    let (mut sent, mut phases) = ([[0.5; 7]; 2], [vff_phase::Lost; 2]);
+    // SAFETY: below, arrays have the lengths that are given.
+    unsafe {
+        for each in &owned {
+            assert_eq!(vff_controller_begin(each.0, 0.001, null(), 0), Status::Ok);
+            assert_eq!(each.refer(&[0.4, 0.1, 0.5], &[], &[]), Status::Ok);
+        }
+        for k in 0..60 {
+            let wild = [[1e3; 7], [-1e200; 7]][k % 2];
+            let t = 1e-3 * k as f64;
+            let asked = vff_controller_observe(owned[0].0, t, wild.as_ptr(), wild.as_ptr(), 7);
+            assert_eq!(asked, Status::Ok, "{}", message());
+            vff_controller_torque(owned[0].0, [0.0; 7].as_mut_ptr(), 7);
+            let still = [0.0; 7];
+            let heard = k < 20;
+            let given = |x: &[f64; 7]| if heard { x.as_ptr() } else { null() };
+            for (i, each) in owned.iter().enumerate() {
+                let (tau, phase) = (sent[i].as_mut_ptr(), &raw mut phases[i]);
+                let (q, dq) = (given(&READY), given(&still));
+                assert_eq!(vff_controller_cycle(each.0, t, q, dq, tau, 7, phase), Status::Ok);
+            }
+            assert_eq!(sent[0], sent[1], "{k}");
+            assert_eq!(phases[0], phases[1]);
+            assert!(sent[0].iter().all(|tau| tau.is_finite()));
+        }
+    }
+}
+
 #[test]
 fn loops_are_those_of_the_core() {
     let settings =

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
 use vff_core::control::avoidance::preview::PreviewSettings;
+use vff_core::control::output::Phase;
 use vff_core::math::Vector;
 use vff_core::robot::Robot;
 use vff_core::robot::description::{ArmDescription, Joint, JointKind};
@@ -13,7 +14,7 @@ use vff_core::robot::spatial::{Mobility, Spatial};
 use vff_core::runtime::drive::{Loop, Options, SimulatedRobot};
 use vff_core::runtime::live::{Live, State};
 use vff_core::runtime::real_time::RealTime;
-use vff_core::runtime::{AnyController, Target};
+use vff_core::runtime::{AnyArm, AnyController, Reading, Target};
 use vff_core::scenario::Scenario;
 use vff_core::simulation::Status;
 use vff_core::trajectory::GovernorSettings;
@@ -117,6 +118,35 @@ fn no_sent_torque_allocates() {
         assert_eq!(count, 0, "{simulation}");
         assert_ne!(run.outcome().status, Status::Diverged);
     }
+}
+
+/// Neither does a cycle that is watched over, whatever happens to it.
+#[test]
+fn no_cycle_allocates() {
+    let table = |text: &str| text.parse::<toml::Table>().unwrap();
+    let arm = AnyArm::read(&table("model = 'panda'")).unwrap();
+    let command = "gravity = 'robot', torque_rate = 1000.0, obstacle_speed = 2.0, start = 0.01";
+    let settings = format!("avoidance = 'cbf'\ncommand = {{ {command} }}");
+    let mut controller = AnyController::new(&arm, &table(&settings)).unwrap();
+    let ball = "shape = { kind = 'sphere', radius = 0.1 }\nposition = [0.1, -0.6, 0.62]";
+    controller.add(&table(ball)).unwrap();
+    let q = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785];
+    controller.place(0, 0.0, &[0.1, -0.6, 0.62], &[0.0; 3]); // frees what it was
+    controller.begin(1e-3, None).unwrap();
+    let count = allocations(|| {
+        for k in 0..400 {
+            let t = 1e-3 * f64::from(k) - if k < 200 { 0.0 } else { 7.0 };
+            let dq = if (100..110).contains(&k) { [9.0; 7] } else { [0.0; 7] };
+            controller.place(0, t, &[0.1, -0.6 + 0.5 * f64::from(k % 2), 0.62], &[0.0; 3]);
+            let heard = k > 3 && !(300..320).contains(&k);
+            let reading = heard.then_some(Reading { t, q: &q, dq: &dq });
+            controller.cycle(reading, None).unwrap();
+            if k == 350 {
+                controller.stop();
+            }
+        }
+    });
+    assert_eq!((count, controller.phase()), (0, Some(Phase::Finished)));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::avoidance::Yielding;
 use super::metric::TaskMetric;
-use super::output::CommandSettings;
+use super::output::{self, CommandSettings};
 use super::tank::TankSettings;
 use crate::field::Field;
 use crate::math::ScalarOrVec;
@@ -126,6 +126,7 @@ pub struct Settings {
     /// How the reference waits for the end effector; it does not by default.
     pub governor: Option<GovernorSettings>,
     /// What stands between the torque and the robot; nothing by default.
+    #[serde(deserialize_with = "output::read")]
     pub command: CommandSettings,
     /// L \[m\], > 0: where metres and radians of the task are put together, an angle counts as its arc at this radius.
     /// Default: [`Model::characteristic_length`].

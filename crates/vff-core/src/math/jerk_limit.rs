@@ -1,4 +1,4 @@
-//! One joint within limits of position, speed, acceleration and jerk, from sample to sample (T116).
+//! One joint within limits of position, speed, acceleration and jerk, from sample to sample (T116, T140).
 
 /// What a joint may do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,17 +24,32 @@ pub struct JointMotion {
     pub ddq: f64,
 }
 
-/// Share of acceleration and jerk with which the joint plans to brake: what a sampled braking lacks of a continuous one is taken
-/// from the rest.
-const PLANNED: f64 = 0.8;
+/// A way to stand still, in whole samples: the acceleration at the end of each phase, and its samples. The jerk of a phase is
+/// constant.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Stop([(f64, f64); 3]);
+
+/// A joint that goes from sample to sample, and can always stop within its bounds. It is made at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LimitedJoint {
+    bounds: JointBounds,
+    motion: JointMotion,
+    /// How it stops if nothing else is possible.
+    stop: Stop,
+}
+
+/// How often the interval between what is possible and what is wanted is halved.
+const HALVINGS: usize = 16;
+/// Rounding of a bound, relative to it.
+const ROUNDING: f64 = 1e-12;
 
 impl JointMotion {
-    /// After `h` \[s\] of constant jerk, at whose end the acceleration is `ddq`.
-    fn after(self, h: f64, ddq: f64) -> Self {
+    /// After `time` \[s\] of constant jerk, at whose end the acceleration is `ddq`.
+    fn after(self, time: f64, ddq: f64) -> Self {
         let change = ddq - self.ddq;
         Self {
-            q: self.q + h * (self.dq + h * (0.5 * self.ddq + change / 6.0)),
-            dq: self.dq + h * (self.ddq + 0.5 * change),
+            q: self.q + time * (self.dq + time * (0.5 * self.ddq + change / 6.0)),
+            dq: self.dq + time * (self.ddq + 0.5 * change),
             ddq,
         }
     }
@@ -42,87 +57,138 @@ impl JointMotion {
     fn mirrored(self) -> Self {
         Self { q: -self.q, dq: -self.dq, ddq: -self.ddq }
     }
-
-    /// The greatest speed and the farthest position upwards, if it brakes from now on with at most this acceleration and
-    /// jerk.
-    fn extremes(self, most: f64, jerk: f64) -> [f64; 2] {
-        let Self { q, dq, ddq } = self;
-        let ramp = ddq.abs() / jerk;
-        let share = 0.5 * ddq * ramp; // what the ramp adds to the speed, with its sign
-        if ddq >= 0.0 {
-            let peak = dq + share;
-            let reached = q + ramp * (dq + ddq * ramp / 3.0);
-            return [peak, reached + braking_distance(peak, most, jerk)];
-        }
-        // It brakes already, as if it had begun a ramp ago.
-        if dq <= 0.0 {
-            return [dq, q];
-        }
-        if dq + share >= 0.0 {
-            let began = dq - share;
-            let back = ramp * (began + ddq * ramp / 6.0);
-            return [dq, q - back + braking_distance(began, most, jerk)];
-        }
-        // More than it has to: it turns round before the ramp is over.
-        let turn = (-ddq - (ddq * ddq - 2.0 * jerk * dq).max(0.0).sqrt()) / jerk;
-        [dq, q + turn * (dq + turn * (0.5 * ddq + jerk * turn / 6.0))]
-    }
 }
 
-/// How far a joint goes that brakes from a speed, without acceleration at first and in the end.
-fn braking_distance(speed: f64, most: f64, jerk: f64) -> f64 {
-    if speed <= 0.0 {
-        return 0.0;
-    }
-    let time = if speed * jerk <= most * most {
-        2.0 * (speed / jerk).sqrt()
-    } else {
-        speed / most + most / jerk
-    };
-    0.5 * speed * time
-}
-
-impl JointBounds {
-    /// The motion in `h` \[s\], with the acceleration there as near to `wanted` as all bounds allow, those of the future as
-    /// well: from there on the joint can brake within them. One that is beyond its position limits comes back.
-    pub fn advance(&self, now: JointMotion, wanted: f64, h: f64) -> JointMotion {
-        let Self { acceleration, jerk, .. } = *self;
-        let least = (now.ddq - jerk * h).max(-acceleration);
-        let most = (now.ddq + jerk * h).min(acceleration).max(least);
-        let most = self.highest(now, [least, most], h);
-        let mirrored = self.mirrored();
-        let least = -mirrored.highest(now.mirrored(), [-most, -least], h);
-        now.after(h, wanted.max(least).min(most.max(least)))
-    }
-
-    fn mirrored(&self) -> Self {
-        let [lower, upper] = self.position;
-        Self { position: [-upper, -lower], ..*self }
-    }
-
-    /// The highest acceleration between these from which on it can still brake below its bounds; the lowest if there is none.
-    fn highest(&self, now: JointMotion, [least, most]: [f64; 2], h: f64) -> f64 {
-        let Self { position: [_, upper], speed, acceleration, jerk } = *self;
-        // A ramp that ends within a sample is held to its end: so much farther the joint may go.
-        let upper = upper - 2.0 * (jerk * h).min(acceleration) * h * h;
-        let can_brake = |ddq: f64| {
-            let then = now.after(h, ddq);
-            let [fastest, farthest] = then.extremes(PLANNED * acceleration, PLANNED * jerk);
-            fastest <= speed && farthest <= upper
-        };
-        if can_brake(most) {
-            return most;
-        }
-        let (mut good, mut bad) = (least, most);
-        for _ in 0..40 {
-            let middle = 0.5 * (good + bad);
-            if can_brake(middle) {
-                good = middle;
-            } else {
-                bad = middle;
+impl Stop {
+    /// The acceleration one sample later than `ddq`, and how it goes on.
+    fn next(mut self, ddq: f64) -> (f64, Self) {
+        for (end, samples) in &mut self.0 {
+            if *samples > 0.0 {
+                let next = ddq + (*end - ddq) / *samples;
+                *samples -= 1.0;
+                return (next, self);
             }
         }
-        good
+        (0.0, self)
+    }
+
+    /// The quickest stop of a joint: the acceleration goes to −p, stays, and goes to 0 with the velocity, in so many samples of
+    /// `h` \[s\] that p is within the bounds (T140).
+    fn of(motion: JointMotion, bounds: &JointBounds, h: f64) -> Option<Self> {
+        let JointBounds { acceleration, jerk, .. } = *bounds;
+        let ramp = jerk * h;
+        // Where the joint goes if its acceleration ends: that is to be stopped.
+        let ends = motion.dq + 0.5 * h * motion.ddq * (motion.ddq.abs() / ramp).ceil();
+        let JointMotion { dq, ddq, .. } = if ends < 0.0 { motion.mirrored() } else { motion };
+        let peak = (jerk * dq + 0.5 * ddq * ddq).max(0.0).sqrt().min(acceleration);
+        // Rather too few: one that began before has a part of these behind it.
+        let few = |change: f64| ((change / ramp).ceil() - 1.0).max(1.0);
+        let mut samples = [few(ddq + peak), 0.0, few(peak)];
+        for _ in 0..Self::TRIES {
+            let [there, stays, back] = samples;
+            let p = (dq / h + 0.5 * there * ddq) / (0.5 * (there + back) + stays);
+            if p.abs() > acceleration {
+                let least = (dq / h + 0.5 * there * ddq) / acceleration - 0.5 * (there + back);
+                samples[1] = least.ceil().max(stays + 1.0);
+            } else if p.abs() > ramp * back {
+                samples[2] += 1.0;
+            } else if (ddq + p).abs() > ramp * there {
+                samples[0] += 1.0;
+            } else {
+                let sign = if ends < 0.0 { 1.0 } else { -1.0 };
+                return Some(Self([(sign * p, there), (sign * p, stays), (0.0, back)]));
+            }
+        }
+        None
+    }
+
+    /// Samples that are added at most to what is too few.
+    const TRIES: usize = 16;
+}
+
+impl LimitedJoint {
+    /// A joint at rest at `q` \[rad, m\].
+    pub fn new(bounds: JointBounds, q: f64) -> Self {
+        let motion = JointMotion { q, ..JointMotion::default() };
+        Self { bounds, motion, stop: Stop::default() }
+    }
+
+    /// Puts it at rest at `q` \[rad, m\].
+    pub fn rest_at(&mut self, q: f64) {
+        *self = Self::new(self.bounds, q);
+    }
+
+    /// Where it is.
+    pub fn motion(&self) -> JointMotion {
+        self.motion
+    }
+
+    /// Goes on for `h` \[s\] with constant jerk, to an acceleration as near to `wanted` as all bounds allow, those of the future as
+    /// well: from there on it can stop within them. One that is beyond its position limits comes back.
+    pub fn advance(&mut self, wanted: f64, h: f64) {
+        let JointBounds { position: [lower, upper], acceleration, jerk, .. } = self.bounds;
+        let JointMotion { q, ddq, .. } = self.motion;
+        let room = ROUNDING * (1.0 + q.abs());
+        let wanted = if q > upper + room { -acceleration } else { wanted };
+        let wanted = if q < lower - room { acceleration } else { wanted };
+        let least = (ddq - jerk * h).max(-acceleration);
+        let most = (ddq + jerk * h).min(acceleration);
+        let wanted = wanted.max(least).min(most);
+        // This is possible, because it has been found to be.
+        let (mut good, mut stop) = self.stop.next(ddq);
+        if let Some(found) = self.stop_after(wanted, h) {
+            (good, stop) = (wanted, found);
+        } else {
+            let mut bad = wanted;
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (good + bad);
+                match self.stop_after(middle, h) {
+                    Some(found) => (good, stop) = (middle, found),
+                    None => bad = middle,
+                }
+            }
+        }
+        self.motion = self.motion.after(h, good);
+        self.stop = stop;
+    }
+
+    /// How it stops after a sample at whose end its acceleration is `ddq`, if it can within its bounds.
+    fn stop_after(&self, ddq: f64, h: f64) -> Option<Stop> {
+        let mut motion = self.keeps(self.motion, h, ddq)?;
+        let stop = Stop::of(motion, &self.bounds, h)?;
+        for (end, samples) in stop.0 {
+            motion = self.keeps(motion, h * samples, end)?;
+        }
+        Some(stop)
+    }
+
+    /// The motion after `time` \[s\] of constant jerk to `ddq`, if speed and position are within their bounds all the way; beyond
+    /// a position limit, no farther than it is.
+    fn keeps(&self, from: JointMotion, time: f64, ddq: f64) -> Option<JointMotion> {
+        let JointBounds { position: [lower, upper], speed, .. } = self.bounds;
+        let to = from.after(time, ddq);
+        let jerk = if time > 0.0 { (ddq - from.ddq) / time } else { 0.0 };
+        let at = |t: f64| from.after(t, from.ddq + jerk * t);
+        let inside = |t: &f64| *t > 0.0 && *t < time;
+        let fastest = Some(-from.ddq / jerk).filter(inside).map_or(to.dq, |t| at(t).dq);
+        let most = speed * (1.0 + ROUNDING);
+        if to.dq.abs() > most || fastest.abs() > most {
+            return None;
+        }
+        let q = self.motion.q;
+        let room = ROUNDING * (1.0 + q.abs());
+        let (lower, upper) = ((lower - room).min(q), (upper + room).max(q));
+        let contains = |q: f64| lower <= q && q <= upper;
+        let turns = || {
+            // Where dq + ddq t + jerk t²/2 = 0, without cancellation.
+            let root = (from.ddq * from.ddq - 2.0 * jerk * from.dq).sqrt();
+            let sum = -(from.ddq + root.copysign(from.ddq));
+            [sum / jerk, 2.0 * from.dq / sum]
+        };
+        let turns_inside = contains(to.q)
+            && (from.dq * to.dq > 0.0 && from.dq * fastest > 0.0
+                || turns().iter().filter(|t| inside(t)).all(|t| contains(at(*t).q)));
+        turns_inside.then_some(to)
     }
 }
 
@@ -131,56 +197,78 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    const BOUNDS: JointBounds =
+        JointBounds { position: [-1.0, 1.0], speed: 2.0, acceleration: 10.0, jerk: 5000.0 };
+
     proptest! {
-        /// Whatever is wanted, no bound is exceeded, and the jerk of the samples is within its own.
+        /// Whatever is wanted, at every period, no bound is exceeded, in the samples and between them.
         #[test]
         fn no_bound_is_exceeded(
-            h in prop_oneof![Just(1e-3), Just(2e-3), Just(8e-3)],
-            speed in 0.2..4.0,
-            acceleration in 1.0..20.0,
-            jerk in 20.0..10_000.0,
-            start in -0.9..0.9,
+            h in 1e-3..2e-2,
+            speed in 0.05..4.0,
+            acceleration in 0.5..30.0,
+            jerk in 5.0..20_000.0,
+            start in -1.0..1.0,
             wanted in prop::collection::vec((-100.0..100.0, 1..400_usize), 1..12),
         ) {
             let bounds = JointBounds { position: [-1.0, 1.0], speed, acceleration, jerk };
-            let mut now = JointMotion { q: start, ..JointMotion::default() };
+            let mut joint = LimitedJoint::new(bounds, start);
             for (wanted, cycles) in wanted {
                 for _ in 0..cycles {
-                    let next = bounds.advance(now, wanted, h);
-                    let rate = (next.ddq - now.ddq) / h;
+                    let from = joint.motion();
+                    joint.advance(wanted, h);
+                    let to = joint.motion();
+                    let rate = (to.ddq - from.ddq) / h;
                     prop_assert!(rate.abs() <= jerk * (1.0 + 1e-9), "jerk {rate}");
-                    prop_assert!(next.ddq.abs() <= acceleration * (1.0 + 1e-12), "{next:?}");
-                    prop_assert!(next.dq.abs() <= speed * (1.0 + 1e-9), "{next:?} {bounds:?}");
-                    prop_assert!(next.q.abs() <= 1.0 + 1e-9, "{next:?} {bounds:?}");
-                    now = next;
+                    prop_assert!(to.ddq.abs() <= acceleration * (1.0 + 1e-12), "{to:?}");
+                    for k in 1..=4 {
+                        let share = 0.25 * f64::from(k);
+                        let now = from.after(share * h, from.ddq + share * (to.ddq - from.ddq));
+                        prop_assert!(now.dq.abs() <= speed * (1.0 + 1e-9), "{now:?} {bounds:?}");
+                        prop_assert!(now.q.abs() <= 1.0 + 1e-9, "{now:?} {bounds:?}");
+                    }
                 }
             }
         }
 
         /// What is wanted is done where it is allowed.
         #[test]
-        fn what_is_allowed_is_done(wanted in -2.0..2.0, dq in -0.5..0.5) {
-            let bounds = JointBounds { position: [-9.0, 9.0], speed: 2.0, acceleration: 5.0, jerk: 1e4 };
-            let next = bounds.advance(JointMotion { q: 0.1, dq, ddq: 0.0 }, wanted, 1e-3);
-            prop_assert!((next.ddq - wanted).abs() < 1e-15);
-            prop_assert!((next.dq - dq - 0.5e-3 * wanted).abs() < 1e-15);
+        fn what_is_allowed_is_done(wanted in -2.0..2.0, before in -2.0..2.0) {
+            let bounds = JointBounds { position: [-9.0, 9.0], acceleration: 5.0, jerk: 1e4, ..BOUNDS };
+            let mut joint = LimitedJoint::new(bounds, 0.1);
+            for wanted in [before, wanted] {
+                let from = joint.motion();
+                joint.advance(wanted, 1e-3);
+                let to = joint.motion();
+                prop_assert!((to.ddq - wanted).abs() < 1e-15);
+                prop_assert!((to.dq - from.dq - 0.5e-3 * (from.ddq + wanted)).abs() < 1e-15);
+            }
         }
     }
 
-    /// A joint that is pushed against its end gets near to it, and one that is beyond comes back.
+    /// A joint that is pushed against its end gets there as fast as its bounds allow and stays, and one that is beyond comes back.
     #[test]
     fn at_the_end() {
-        let bounds =
-            JointBounds { position: [-1.0, 1.0], speed: 2.0, acceleration: 10.0, jerk: 5000.0 };
-        let mut now = JointMotion::default();
-        for _ in 0..4000 {
-            now = bounds.advance(now, 1e3, 1e-3);
+        for h in [1e-3, 8e-3, 2e-2] {
+            let mut joint = LimitedJoint::new(BOUNDS, -1.0);
+            let (mut t, mut arrived) = (0.0, f64::INFINITY);
+            while t < 4.0 {
+                joint.advance(1e3, h);
+                t += h;
+                if joint.motion().q > 0.99 && arrived.is_infinite() {
+                    arrived = t;
+                }
+            }
+            let now = joint.motion();
+            assert!(now.q > 0.999 && now.q <= 1.0 + 1e-9, "{h}: {now:?}");
+            // 2 rad at 2 rad/s, 0.2 s for speeding up and braking, a sample for each of six corners.
+            assert!(arrived < 1.2 + 6.0 * h, "{h}: {arrived}");
+            let mut joint = LimitedJoint::new(BOUNDS, 1.3);
+            for _ in 0..4000 {
+                joint.advance(1e3, h);
+            }
+            let now = joint.motion();
+            assert!(now.q > 0.99 && now.q <= 1.0 + 1e-6, "{h}: {now:?}");
         }
-        assert!(now.q > 0.999 && now.q <= 1.0 + 1e-9, "{now:?}");
-        let mut now = JointMotion { q: 1.3, ..JointMotion::default() };
-        for _ in 0..4000 {
-            now = bounds.advance(now, 1e3, 1e-3);
-        }
-        assert!(now.q > 0.99 && now.q <= 1.0 + 1e-6, "{now:?}");
     }
 }

@@ -15,7 +15,7 @@ pub mod symmetric;
 mod third_order_filter;
 
 pub use feature::Feature;
-pub use jerk_limit::{JointBounds, JointMotion};
+pub use jerk_limit::{JointBounds, JointMotion, LimitedJoint};
 pub use nearest::{Nearest, beside, crossing, nearest, nearest_of_lines};
 pub use noise::Noise;
 pub use point::Point;

@@ -6,7 +6,8 @@ use super::points::{self, PointsError};
 use crate::control::energy::{ENERGIES, PORTS};
 use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{
-    Avoidance, Controller, Gains, ObjectiveScale, Output, Settings, StablePeriod, Tank, TaskKind,
+    Avoidance, Controller, Gains, Gravity, ObjectiveScale, Output, Settings, StablePeriod, Tank,
+    TaskKind,
 };
 use crate::math::rotation::{NotARotation, UnitQuaternion};
 use crate::math::{Pointing, Pose, SpatialPose, Vector};
@@ -115,7 +116,7 @@ fn orientation(target: &Target<'_>) -> Result<UnitQuaternion, NotARotation> {
 /// A state of the arm as the robot reports it. Its numbers may be anything.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading<'a> {
-    /// When it was measured \[s\]: one that is not later than the last one is no news.
+    /// When it was measured \[s\], by any clock: one that is not later than the last one is no news.
     pub t: f64,
     /// \[rad, m\], (n).
     pub q: &'a [f64],
@@ -271,7 +272,8 @@ impl AnyController {
     pub fn new(arm: &AnyArm, settings: &Table) -> Result<Self, ScenarioError> {
         match arm {
             AnyArm::Planar(arm) => {
-                let settings = scenario::read_settings(settings, arm.limits(), [arm.dof(), 2])?;
+                let settings =
+                    scenario::read_settings(settings, arm.limits(), None, [arm.dof(), 2])?;
                 Ok(match settings.task {
                     TaskKind::Position => {
                         Self::PlanarPosition(Box::new(Standalone::new(arm, settings)))
@@ -281,8 +283,8 @@ impl AnyController {
                 })
             }
             AnyArm::Spatial(arm) => {
-                let settings =
-                    scenario::read_settings(settings, Model::limits(&**arm), [arm.dof(), 3])?;
+                let (limits, name) = (Model::limits(&**arm), arm.description().name.as_deref());
+                let settings = scenario::read_settings(settings, limits, name, [arm.dof(), 3])?;
                 Ok(match settings.task {
                     TaskKind::Position => {
                         Self::SpatialPosition(Box::new(Standalone::new(arm, settings)))
@@ -453,16 +455,20 @@ impl AnyController {
 
     /// Takes obstacle `j` away; those behind it move up.
     pub fn remove(&mut self, j: usize) {
-        either!(self, inner => inner.world.remove(j));
+        either!(self, inner => {
+            inner.world.remove(j);
+            inner.placed.remove(j);
+        });
     }
 
     /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\], a number per
-    /// axis each. It turns as before.
-    pub fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) {
+    /// axis each. It turns as before. With `command.obstacle_speed`, one that cannot have come there since it was placed last is
+    /// doubted: it goes there at that speed, until it is placed again. Returns how far away that is \[m\]; 0 if it is believed.
+    pub fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) -> f64 {
         either!(self, inner => {
             let [position, velocity] = [position, velocity].map(Vector::from_column_slice);
-            inner.world.place(j, t - inner.epoch, position, velocity);
-        });
+            inner.place(j, t, position, velocity)
+        })
     }
 
     /// Forgets the past and the obstacles.
@@ -470,13 +476,14 @@ impl AnyController {
         either!(self, inner => {
             inner.reset();
             inner.world = World::new(vec![]);
+            inner.placed.clear();
         });
     }
 
     /// Begins a loop of `period` \[s\], in which [`cycle`](Self::cycle) says what is to be sent to the robot. Its torque is
     /// blended in over `command.start`, from the `measured` one \[N·m, N\], (n), which contains gravity only if what is sent does,
-    /// or from what holds the arm still; one that is not finite, or farther from that than half the torque limits, is not
-    /// believed. Allocates, so that no cycle does.
+    /// or from what holds the arm still; one that is not finite, beyond the torque limits, or farther from that than half of them, is
+    /// not believed. Until the first state it is held; where none is known, nothing is sent. Allocates, so that no cycle does.
     ///
     /// # Errors
     /// If the period is none, or too long for `command.stop_damping`; then nothing has changed.
@@ -491,7 +498,8 @@ impl AnyController {
     /// the observed pose at rest. [`sent`](Self::sent) is to be sent in any case.
     ///
     /// Does not allocate, and whatever the robot reports is allowed: a state that is missing, old, not finite, or cannot
-    /// follow the one before, is a [`Phase`].
+    /// follow the one before, is a [`Phase`]. What is sent is finite, within the torque limits and the rate of `command`, and
+    /// does not depend on other calls with other states in between.
     ///
     /// # Errors
     /// If there is no loop, or the target is no reference; then nothing has changed.
@@ -514,6 +522,24 @@ impl AnyController {
     /// What the last cycle came to; None without a loop.
     pub fn phase(&self) -> Option<Phase> {
         either!(self, inner => inner.supervisor.as_ref().map(|supervisor| supervisor.phase()))
+    }
+
+    /// Whether the loop damps the arm because a joint is, or was, faster than twice its limit.
+    pub fn brakes(&self) -> bool {
+        either!(self, inner => inner.supervisor.as_ref().is_some_and(|supervisor| supervisor.brakes()))
+    }
+
+    /// What holds the arm still at the observed state \[N·m, N\], as it would be sent.
+    ///
+    /// # Panics
+    /// If the slice has the wrong length.
+    pub fn holding_torque(&self, out: &mut [f64]) {
+        match self.settings().command.gravity {
+            Gravity::Controller => {
+                either!(self, inner => inner.controller.robot().gravity_torque(out));
+            }
+            Gravity::Robot => out.fill(0.0),
+        }
     }
 
     /// Ends the loop safely: from the next cycle on the arm is damped until it stands. Nothing without a loop.
@@ -547,7 +573,7 @@ impl AnyController {
     /// # Panics
     /// If a slice has the wrong length.
     pub fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
-        either!(self, inner => inner.observe(q, dq, t));
+        either!(self, inner => inner.observe(q, dq, inner.loop_time(t)));
     }
 
     /// The second half of [`torque`](Self::torque): the torque at the observed state.
@@ -667,10 +693,12 @@ pub struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     world: World<S::Solid, D>,
     /// When the motions of the obstacles begin \[s\].
     epoch: f64,
+    /// When each obstacle was placed last, from there \[s\]; None if it never was.
+    placed: Vec<Option<f64>>,
     /// What stands between the law and the robot, where that is not nothing.
     output: Option<Box<Output>>,
     /// The watch over the loop that it is in.
-    supervisor: Option<Box<Supervisor>>,
+    supervisor: Option<Box<Supervisor<S::State, D>>>,
     scratch: Vec<f64>,
     /// The reference of its scenario.
     trajectory: Option<Trajectory<S::Pose, M>>,
@@ -690,6 +718,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             controller,
             world: World::new(vec![]),
             epoch: 0.0,
+            placed: vec![],
             output,
             supervisor: None,
             scratch: vec![0.0; arm.dof()],
@@ -721,6 +750,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let world = World::<S::Solid, D>::new(obstacles);
         self.fits(world.barrier_count())?;
         self.world = world;
+        self.placed.clear();
         self.reserve();
         Ok(())
     }
@@ -742,14 +772,34 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         Ok(())
     }
 
+    fn place(&mut self, j: usize, t: f64, position: Vector<D>, velocity: Vector<D>) -> f64 {
+        let t = self.loop_time(t) - self.epoch;
+        let Self { world, placed, settings, .. } = self;
+        let Some(speed) = settings.command.obstacle_speed else {
+            world.place(j, t, position, velocity);
+            return 0.0;
+        };
+        let here = world.position_at(j, t);
+        let (way, since) = (position - here, placed[j].replace(t).map(|last| t - last));
+        let distance = way.norm();
+        if since.is_none_or(|since| distance <= speed * since) {
+            world.place(j, t, position, velocity.cap_magnitude(speed));
+            return 0.0;
+        }
+        world.place(j, t, here, way * (speed / distance));
+        distance
+    }
+
     fn exchange(&mut self, world: &mut World<S::Solid, D>, epoch: f64) {
         swap(&mut self.world, world);
-        self.epoch = epoch;
+        self.epoch = self.loop_time(epoch);
+        self.placed.clear();
         self.reserve();
     }
 
     /// Allocates all that the next torques need among these obstacles.
     fn reserve(&mut self) {
+        self.placed.resize(self.world.len(), None);
         self.controller.reserve(&self.world);
     }
 
@@ -771,8 +821,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         S::State: Commanded<D, M, Pose = S::Pose>,
     {
         S::State::check(target)?;
-        self.observe(q, dq, t);
+        self.observe(q, dq, self.loop_time(t));
         self.command(target)
+    }
+
+    /// The time of the loop \[s\] when the clock of its states says `t`: another one where that was set.
+    fn loop_time(&self, t: f64) -> f64 {
+        t - self.supervisor.as_ref().map_or(0.0, |supervisor| supervisor.clock_ahead())
     }
 
     fn observe(&mut self, q: &[f64], dq: &[f64], t: f64) {
@@ -862,9 +917,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     }
 
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
-        let robot = self.controller.robot();
-        let (n, speed) = (robot.dof(), &robot.limits().velocity);
-        let supervisor = Supervisor::new(&self.settings.command, n, speed, period, measured)?;
+        let robot = self.controller.robot().clone();
+        let supervisor = Supervisor::new(&self.settings.command, robot, period, measured)?;
         self.supervisor = Some(Box::new(supervisor));
         self.controller.reset();
         self.last = None;
@@ -881,8 +935,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     {
         target.map_or(Ok(()), S::State::check)?;
         let mut supervisor = self.supervisor.take().ok_or(CycleError::NotBegun)?;
-        let news = reading.filter(|state| supervisor.admit(state.t, state.q, state.dq));
-        if let Some(Reading { t, q, dq }) = news {
+        let admitted = |Reading { t, q, dq }| Some((supervisor.admit(t, q, dq)?, q, dq));
+        let news = reading.and_then(admitted);
+        if let Some((t, q, dq)) = news {
             self.observe(q, dq, t);
         }
         let wanted = news.is_some() && supervisor.wants_torque();
@@ -893,8 +948,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let law = &self.controller;
         let phase = match news {
             Some(_) if wanted => supervisor.follow(law.robot(), law.bias(), &law.torque().total),
-            Some(_) => supervisor.rest(law.robot()),
-            None => supervisor.miss(law.robot()),
+            Some(_) => supervisor.rest(),
+            None => supervisor.miss(),
         };
         self.supervisor = Some(supervisor);
         Ok(phase)
@@ -927,7 +982,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         if self.spoilt {
             self.reset();
         }
-        self.world.update(t - self.epoch);
+        self.world.update(self.loop_time(t) - self.epoch);
         self.controller.observe(q, &vec![0.0; q.len()], &mut self.world);
         self.controller.stable_period(&mut self.world)
     }

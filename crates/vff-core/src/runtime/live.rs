@@ -178,7 +178,8 @@ impl Live {
     /// If they are wrong, do not fit, or ask for another task.
     pub fn configure_as(&mut self, table: &Table) -> Result<(), ScenarioError> {
         let (limits, sizes) = (self.run.limits(), self.run.sizes());
-        let settings = scenario::read_settings_of_scenario(table, limits, sizes)
+        let robot = self.scenario.robot_name();
+        let settings = scenario::read_settings_of_scenario(table, limits, robot, sizes)
             .map_err(|error| error.inside("controller"))?;
         self.configure(settings)
     }

@@ -1,11 +1,11 @@
 //! For robots that take positions or velocities: the closed loop runs on the model, and its state is the set point.
 //!
-//! The joints of the model have limits of speed, acceleration and jerk ([`JointBounds`]), and the law sees what they make of it. If the
+//! The joints of the model have limits of speed, acceleration and jerk ([`LimitedJoint`]), and the law sees what they make of it. If the
 //! robot parts from the model, because it is held or its drives are weak, the model comes to the robot within the same limits.
 
 use super::controller::{AnyController, Target};
 use crate::math::rotation::NotARotation;
-use crate::math::{JointBounds, JointMotion, ScalarOrVec};
+use crate::math::{JointBounds, JointMotion, LimitedJoint, ScalarOrVec};
 
 /// What a set point comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,10 +85,9 @@ pub enum VirtualArmError {
 /// The arm that the set points are those of. Nothing allocates after construction.
 #[derive(Debug, Clone)]
 pub struct VirtualArm {
-    bounds: Vec<JointBounds>,
     period: f64,
     threshold: f64,
-    joints: Vec<JointMotion>,
+    joints: Vec<LimitedJoint>,
     /// q, q̇, q̈ as they are handed out.
     out: [Vec<f64>; 3],
     /// What the law wants of the joints.
@@ -145,10 +144,9 @@ impl VirtualArm {
         };
         let zeros = || vec![0.0; n];
         let mut this = Self {
-            bounds: (0..n).map(bounds).collect(),
             period,
             threshold: *threshold,
-            joints: vec![JointMotion::default(); n],
+            joints: (0..n).map(|i| LimitedJoint::new(bounds(i), q[i])).collect(),
             out: [zeros(), zeros(), zeros()],
             wanted: zeros(),
             course: Course::Following,
@@ -173,7 +171,7 @@ impl VirtualArm {
             return Err(VirtualArmError::NotFinite { index, given: q[index] });
         }
         for (joint, q) in self.joints.iter_mut().zip(q) {
-            *joint = JointMotion { q: *q, ..JointMotion::default() };
+            joint.rest_at(*q);
         }
         (self.course, self.heard, self.missed, self.stops) = (Course::Following, false, 0, false);
         self.hand_out();
@@ -218,14 +216,15 @@ impl VirtualArm {
         self.course = self.choose(measured);
         let rate = Self::RATE;
         for (i, joint) in self.joints.iter_mut().enumerate() {
+            let JointMotion { q: at, dq: moves, ddq } = joint.motion();
             let wanted = match (self.course, measured) {
                 (Course::Following, _) => self.wanted[i],
                 (Course::Rejoining, Some([q, dq])) => {
-                    -rate * rate * (joint.q - q[i]) - 2.0 * rate * (joint.dq - dq[i])
+                    -rate * rate * (at - q[i]) - 2.0 * rate * (moves - dq[i])
                 }
-                _ => -rate * joint.dq - joint.ddq,
+                _ => -rate * moves - ddq,
             };
-            *joint = self.bounds[i].advance(*joint, wanted, self.period);
+            joint.advance(wanted, self.period);
         }
         self.hand_out();
         Ok(self.course)
@@ -234,7 +233,7 @@ impl VirtualArm {
     /// What the next set point comes from.
     fn choose(&mut self, measured: Option<[&[f64]; 2]>) -> Course {
         if self.stops {
-            let stands = |joint: &JointMotion| joint.dq.abs() <= Self::STANDS;
+            let stands = |joint: &LimitedJoint| joint.motion().dq.abs() <= Self::STANDS;
             return match self.joints.iter().all(stands) {
                 true => Course::Finished,
                 false => Course::Stopping,
@@ -254,7 +253,7 @@ impl VirtualArm {
             .joints
             .iter()
             .zip(q)
-            .fold(0.0, |most: f64, (joint, q)| most.max((joint.q - q).abs()));
+            .fold(0.0, |most: f64, (joint, q)| most.max((joint.motion().q - q).abs()));
         let allowed = match self.course {
             Course::Rejoining => Self::MET * self.threshold,
             _ => self.threshold,
@@ -274,7 +273,8 @@ impl VirtualArm {
     fn hand_out(&mut self) {
         let [q, dq, ddq] = &mut self.out;
         for (i, joint) in self.joints.iter().enumerate() {
-            (q[i], dq[i], ddq[i]) = (joint.q, joint.dq, joint.ddq);
+            let motion = joint.motion();
+            (q[i], dq[i], ddq[i]) = (motion.q, motion.dq, motion.ddq);
         }
     }
 }

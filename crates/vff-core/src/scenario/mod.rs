@@ -27,8 +27,9 @@ pub use space::{SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use tables::WhereUnreachable;
 pub use warnings::sampling_bounds;
 
-use crate::control::Settings;
-use crate::math::memory;
+use crate::control::{Gravity, Settings};
+use crate::math::{ScalarOrVec, memory};
+use crate::robot::models::{self, Interface};
 use crate::robot::{Limits, Model, PlanarArm, SpatialArm};
 use crate::simulation::{
     ActuatorSettings, Control, MeasurementSettings, Options, PerceptionKind, PerceptionSettings,
@@ -38,6 +39,7 @@ use crate::world::Solid;
 use scene::on_scene;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use std::mem::take;
 use std::sync::Arc;
 use toml::{Table, Value};
 
@@ -180,16 +182,45 @@ pub fn read_arm(document: &Table) -> Result<PlanarArm, ScenarioError> {
     Plane::arm(&read(document)?)
 }
 
-/// Reads and validates the settings of a controller for an arm of n joints in so many dimensions.
+/// Takes what the settings leave to the robot of that name.
+///
+/// # Errors
+/// If nothing is known of its interface.
+pub(crate) fn take_from_robot(
+    settings: &mut Settings,
+    robot: Option<&str>,
+) -> Result<(), ScenarioError> {
+    let command = &mut settings.command;
+    if !take(&mut command.of_the_robot) {
+        return Ok(());
+    }
+    let Some(Interface { adds_gravity, torque_rate }) = robot.and_then(models::interface) else {
+        let known: Vec<_> = models::with_interface().collect();
+        let whose =
+            robot.map_or("an arm without a name".into(), |name| format!("the arm `{name}`"));
+        let problem = format!(
+            "what the interface of {whose} takes is not known here, only that of {}: give a table, with \
+             `gravity` and `torque_rate` as the robot's manual says",
+            known.join(", ")
+        );
+        return Err(ScenarioError::new("command", Problem::Other(problem)));
+    };
+    command.gravity = if adds_gravity { Gravity::Robot } else { Gravity::Controller };
+    command.torque_rate = torque_rate.map(ScalarOrVec::Uniform);
+    Ok(())
+}
+
+/// Reads and validates the settings of a controller for an arm of n joints in so many dimensions, and of that name, if it has one.
 ///
 /// # Errors
 /// With the name of the first setting that is wrong.
 pub fn read_settings(
     document: &Table,
     limits: &Limits,
+    robot: Option<&str>,
     sizes: [usize; 2],
 ) -> Result<Settings, ScenarioError> {
-    let settings = read_settings_of_scenario(document, limits, sizes)?;
+    let settings = read_settings_of_scenario(document, limits, robot, sizes)?;
     validate::posture(&settings)?;
     Ok(settings)
 }
@@ -201,9 +232,11 @@ pub fn read_settings(
 pub fn read_settings_of_scenario(
     document: &Table,
     limits: &Limits,
+    robot: Option<&str>,
     [n, dimension]: [usize; 2],
 ) -> Result<Settings, ScenarioError> {
-    let settings = read(document)?;
+    let mut settings: Settings = read(document)?;
+    take_from_robot(&mut settings, robot)?;
     validate::controller(&settings, Some((n, dimension)))?;
     validate::controller_of(&settings, limits)?;
     validate::size(&settings, n, 0, 1)?;
@@ -244,9 +277,20 @@ impl Scenario {
     /// # Errors
     /// With the dotted path of the first fault.
     pub fn from_document(document: &Table) -> Result<Self, ScenarioError> {
-        let scenario = tables::read(document)?;
+        let mut scenario = tables::read(document)?;
+        let name = scenario.robot_name().map(String::from);
+        take_from_robot(&mut scenario.controller, name.as_deref())
+            .map_err(|error| error.inside("controller"))?;
         scenario.validate()?;
         Ok(scenario)
+    }
+
+    /// The name of its arm, if it has one.
+    pub fn robot_name(&self) -> Option<&str> {
+        match &self.scene {
+            AnyScene::Plane(_) => None,
+            AnyScene::Space(scene) => scene.arm.name.as_deref().or(scene.arm.model.as_deref()),
+        }
     }
 
     pub(crate) fn validate(&self) -> Result<(), ScenarioError> {

@@ -262,7 +262,8 @@ pub fn posture(settings: &Settings) -> Validated {
 
 /// `[controller.command]`, for an arm of n joints where that is known.
 fn command(settings: &CommandSettings, n: Option<usize>) -> Validated {
-    let CommandSettings { torque_rate, friction_speed, tip_speed, start, .. } = settings;
+    let CommandSettings { torque_rate, friction_speed, start, .. } = settings;
+    let CommandSettings { tip_speed, obstacle_speed, .. } = *settings;
     let joints = |given: &ScalarOrVec| n.unwrap_or(given.values().len());
     if let Some(rate) = torque_rate {
         each("torque_rate", rate, joints(rate), positive)?;
@@ -274,7 +275,9 @@ fn command(settings: &CommandSettings, n: Option<usize>) -> Validated {
         each(path, given, joints(given), not_negative)?;
     }
     each("friction_speed", friction_speed, joints(friction_speed), positive)?;
-    tip_speed.map_or(Ok(()), |speed| number("tip_speed", speed, positive))?;
+    for (path, speed) in [("tip_speed", tip_speed), ("obstacle_speed", obstacle_speed)] {
+        speed.map_or(Ok(()), |speed| number(path, speed, positive))?;
+    }
     number("start", *start, not_negative)?;
     if settings.patience == 0 {
         return Err(ScenarioError::out_of_range("patience", "1 or more", settings.patience));

@@ -1,19 +1,22 @@
 //! What stands between the torque of the law and a robot, after the command and never inside the law.
 //!
 //! [`Output`] turns a torque of the law into what is sent: the tip is kept below a speed ([`tip_speed`]), friction is
-//! compensated ([`friction`]), gravity is left out where the robot adds it, and nothing changes faster than the drives
-//! allow. [`supervision`] decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
+//! compensated ([`friction`]), gravity is left out where the robot adds it, nothing is beyond a torque limit, and nothing changes
+//! faster than the drives allow. [`supervision`] decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
 
+pub mod admission;
+pub mod clock;
 pub mod friction;
 mod settings;
 pub mod supervision;
 pub mod tip_speed;
 
 use super::TorqueRange;
-use super::limits::largest_share;
 use crate::robot::Robot;
+pub use clock::Clock;
 use friction::Friction;
-pub use settings::{CommandSettings, Gravity};
+pub(crate) use settings::read;
+pub use settings::{CommandSettings, Gravity, OF_THE_ROBOT};
 pub use supervision::{BeginError, Phase, Supervisor};
 use tip_speed::TipSpeed;
 
@@ -25,6 +28,8 @@ pub struct Output {
     tip_speed: Option<TipSpeed>,
     /// \[N·m/s\] per joint, empty without limit.
     rate: Vec<f64>,
+    /// The least and the most that may be sent, as far as a state is known \[N·m\].
+    bounds: Vec<[f64; 2]>,
     /// What is to be sent if the rate allows.
     wanted: Vec<f64>,
     sent: Vec<f64>,
@@ -44,6 +49,7 @@ impl Output {
             friction: Friction::new(settings, n),
             tip_speed: settings.tip_speed.map(|most| TipSpeed::new(most, n)),
             rate: settings.torque_rate.as_ref().map_or(vec![], rates),
+            bounds: vec![[f64::NEG_INFINITY, f64::INFINITY]; n],
             wanted: zeros(),
             sent: zeros(),
             before: [zeros(), zeros()],
@@ -67,7 +73,7 @@ impl Output {
     }
 
     /// What is to be sent for the torque `tau` of the law at the state of `robot`, where `bias` is C q̇ + g, however fast it
-    /// changes \[N·m, N\].
+    /// changes \[N·m, N\]; within the torque limits.
     pub fn convert<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
@@ -82,11 +88,10 @@ impl Output {
         if let Some(friction) = friction {
             friction.compensate(robot.velocity(), &robot.limits().torque, wanted);
         }
-        if self.gravity == Gravity::Robot {
-            let [g, _] = &mut self.scratch;
-            robot.gravity_torque(g);
-            self.wanted.iter_mut().zip(g).for_each(|(wanted, g)| *wanted -= *g);
-        }
+        self.look_at(robot);
+        let Self { wanted, scratch: [theirs, _], .. } = self;
+        wanted.iter_mut().zip(theirs).for_each(|(wanted, theirs)| *wanted -= *theirs);
+        self.confine();
         &self.wanted
     }
 
@@ -100,25 +105,41 @@ impl Output {
         period: f64,
         range: &mut TorqueRange,
     ) {
-        let Self { friction, gravity, rate, scratch: [g, friction_torque], .. } = self;
+        self.look_at(robot);
+        let Self { friction, rate, bounds, scratch: [theirs, friction_torque], .. } = self;
         friction_torque.fill(0.0);
         if let Some(friction) = friction {
             friction.compensate(robot.velocity(), &[], friction_torque);
         }
-        match gravity {
-            Gravity::Robot => robot.gravity_torque(g),
-            Gravity::Controller => g.fill(0.0),
-        }
         range.period = period;
         for (i, rate) in rate.iter().enumerate() {
-            let most = robot.limits().torque.get(i).copied().unwrap_or(f64::INFINITY);
             let [low, high] = [sent[i] - rate * period, sent[i] + rate * period];
-            let added = friction_torque[i] - g[i];
-            let least = (-most - g[i].min(0.0)).max(low).min(high);
-            let largest = (most - g[i].max(0.0)).max(low).min(high);
+            let [least, most] = bounds[i].map(|bound| bound.max(low).min(high));
+            let added = friction_torque[i] - theirs[i];
             range.lower[i] = least - added;
-            range.upper[i] = largest - added;
+            range.upper[i] = most - added;
             range.present[i] = sent[i] - added;
+        }
+    }
+
+    /// Takes in the state: what the robot adds by itself, into the first scratch, and what may be sent beside it. The limits bind what
+    /// is sent, and what the drives exert.
+    fn look_at<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        let Self { gravity, bounds, scratch: [theirs, _], .. } = self;
+        match gravity {
+            Gravity::Controller => theirs.fill(0.0),
+            Gravity::Robot => robot.gravity_torque(theirs),
+        }
+        let joints = bounds.iter_mut().zip(theirs).zip(&robot.limits().torque);
+        for ((bounds, theirs), limit) in joints {
+            *bounds = [(-limit - theirs.min(0.0)).min(0.0), (limit - theirs.max(0.0)).max(0.0)];
+        }
+    }
+
+    /// Brings what is wanted between the bounds.
+    fn confine(&mut self) {
+        for (wanted, [least, most]) in self.wanted.iter_mut().zip(&self.bounds) {
+            *wanted = wanted.clamp(*least, *most);
         }
     }
 
@@ -141,16 +162,19 @@ impl Output {
 
     /// What is to be sent to damp the arm: −`d` M q̇ within the torque limits, and gravity if it is ours (T115).
     pub fn damp<R: Robot<D>, const D: usize>(&mut self, robot: &R, d: f64) {
-        let Self { wanted, scratch: [g, damping], .. } = self;
-        robot.gravity_torque(g);
-        damping_torque(robot, d, g, damping);
-        let ours = f64::from(u8::from(self.gravity == Gravity::Controller));
-        for ((wanted, g), damping) in wanted.iter_mut().zip(g).zip(damping) {
-            *wanted = ours * *g + *damping;
+        self.look_at(robot);
+        let Self { gravity, bounds, wanted, scratch: [_, damping], .. } = self;
+        match gravity {
+            Gravity::Controller => robot.gravity_torque(wanted),
+            Gravity::Robot => wanted.fill(0.0),
         }
+        damping_torque(robot, d, wanted, bounds, damping);
+        wanted.iter_mut().zip(damping).for_each(|(wanted, damping)| *wanted += *damping);
+        self.confine();
     }
 
-    /// Takes but a `share` of what is wanted; the rest is `origin` \[N·m, N\], which was sent before, and damping as above.
+    /// Takes but a `share` of what is wanted at the state of `robot`; the rest is `origin` \[N·m, N\], which was sent before, and damping
+    /// as above.
     pub fn blend<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
@@ -158,13 +182,8 @@ impl Output {
         d: f64,
         share: f64,
     ) {
-        let Self { wanted, scratch: [at_joints, damping], .. } = self;
-        match self.gravity {
-            Gravity::Controller => at_joints.fill(0.0),
-            Gravity::Robot => robot.gravity_torque(at_joints),
-        }
-        at_joints.iter_mut().zip(origin).for_each(|(tau, origin)| *tau += origin);
-        damping_torque(robot, d, at_joints, damping);
+        let Self { wanted, bounds, scratch: [_, damping], .. } = self;
+        damping_torque(robot, d, origin, bounds, damping);
         for ((wanted, origin), damping) in wanted.iter_mut().zip(origin).zip(damping) {
             *wanted = share * *wanted + (1.0 - share) * (origin + *damping);
         }
@@ -181,12 +200,17 @@ impl Output {
         self.sent.copy_from_slice(sent);
     }
 
-    /// Sends what is wanted, as far as it may change within `period` \[s\].
+    /// Sends what is wanted, within the torque limits, as far as it may change within `period` \[s\]: that comes first, where both
+    /// cannot be. Of a joint whose torque is not finite what was sent last is sent.
     pub fn send(&mut self, period: f64) -> &[f64] {
-        let Self { rate, wanted, sent, before: [before, earlier], .. } = self;
+        let Self { rate, bounds, wanted, sent, before: [before, earlier], .. } = self;
         earlier.copy_from_slice(before);
         before.copy_from_slice(sent);
-        sent.copy_from_slice(wanted);
+        for ((sent, wanted), [least, most]) in sent.iter_mut().zip(wanted).zip(bounds) {
+            if wanted.is_finite() {
+                *sent = wanted.clamp(*least, *most);
+            }
+        }
         for ((sent, before), rate) in sent.iter_mut().zip(before).zip(rate) {
             let most = *rate * period;
             *sent = sent.max(*before - most).min(*before + most); // does not panic, whatever they are
@@ -202,10 +226,21 @@ impl Output {
     }
 }
 
-/// `out = −d M q̇`, as much of it as the torque limits leave beside `rest`.
-fn damping_torque<R: Robot<D>, const D: usize>(robot: &R, d: f64, rest: &[f64], out: &mut [f64]) {
+/// `out = −d M q̇`, as much of it as the bounds leave beside `rest`.
+fn damping_torque<R: Robot<D>, const D: usize>(
+    robot: &R,
+    d: f64,
+    rest: &[f64],
+    bounds: &[[f64; 2]],
+    out: &mut [f64],
+) {
     robot.mass_mul(robot.velocity(), out);
     out.iter_mut().for_each(|momentum| *momentum *= -d);
-    let share = largest_share(rest, out, &robot.limits().torque).unwrap_or(1.0);
-    out.iter_mut().for_each(|tau| *tau *= share);
+    let share = |part: f64, left: f64| if part * left > 0.0 { left / part } else { 1.0 };
+    let joints = rest.iter().zip(&*out).zip(bounds);
+    let most = joints.fold(1.0_f64, |most, ((rest, part), [least, top])| {
+        let end = if *part < 0.0 { least } else { top };
+        most.min(share(*part, end - rest))
+    });
+    out.iter_mut().for_each(|tau| *tau *= most);
 }

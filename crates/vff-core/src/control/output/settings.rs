@@ -1,7 +1,10 @@
 //! What a user can say of the robot that gets the torque: the `[controller.command]` table of a scenario.
 
 use crate::math::ScalarOrVec;
-use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer};
+use std::fmt;
 
 /// Who adds the torque that holds the arm against gravity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
@@ -30,12 +33,55 @@ pub struct CommandSettings {
     pub friction_speed: ScalarOrVec,
     /// The speed that the tip is kept below \[m/s\], > 0; no limit by default.
     pub tip_speed: Option<f64>,
+    /// The speed that no obstacle exceeds \[m/s\], > 0: one that is placed where it cannot have come is brought there no faster.
+    pub obstacle_speed: Option<f64>,
     /// How long the torque is blended in at a safe start \[s\], ≥ 0.
     pub start: f64,
     /// The cycle in a row without a new state that is the first to be damped, ≥ 1.
     pub patience: usize,
     /// d \[1/s\] > 0 of the damping −d M q̇ that stops the arm.
     pub stop_damping: f64,
+    /// Whether gravity and rate are still to be those of the robot's interface: [`OF_THE_ROBOT`] was given.
+    #[serde(skip)]
+    pub of_the_robot: bool,
+}
+
+/// What may stand in place of the table.
+pub const OF_THE_ROBOT: &str = "of the robot";
+
+/// The keys of the table.
+const KEYS: [&str; 10] = [
+    "gravity",
+    "torque_rate",
+    "viscous_friction",
+    "coulomb_friction",
+    "friction_speed",
+    "tip_speed",
+    "obstacle_speed",
+    "start",
+    "patience",
+    "stop_damping",
+];
+
+/// Reads the table, or what may stand in its place.
+pub(crate) fn read<'de, T: Deserializer<'de>>(from: T) -> Result<CommandSettings, T::Error> {
+    struct Either;
+    impl<'de> Visitor<'de> for Either {
+        type Value = CommandSettings;
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "a table, or \"{OF_THE_ROBOT}\"")
+        }
+        fn visit_str<E: Error>(self, given: &str) -> Result<CommandSettings, E> {
+            match given {
+                OF_THE_ROBOT => Ok(CommandSettings { of_the_robot: true, ..Default::default() }),
+                other => Err(E::invalid_value(Unexpected::Str(other), &self)),
+            }
+        }
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<CommandSettings, A::Error> {
+            CommandSettings::deserialize(MapAccessDeserializer::new(map))
+        }
+    }
+    from.deserialize_struct("CommandSettings", &KEYS, Either)
 }
 
 impl Default for CommandSettings {
@@ -47,9 +93,11 @@ impl Default for CommandSettings {
             coulomb_friction: ScalarOrVec::Uniform(0.0),
             friction_speed: ScalarOrVec::Uniform(0.1),
             tip_speed: None,
+            obstacle_speed: None,
             start: 0.5,
             patience: 5,
             stop_damping: 10.0,
+            of_the_robot: false,
         }
     }
 }

@@ -1,13 +1,18 @@
 //! Cycle by cycle: whether the torque of the law is sent, blended in, or replaced by damping.
 //!
 //! What goes wrong in a loop is a value, a [`Phase`], never a panic. A state that does not come, comes again, is not finite or
-//! cannot be counts as missing. Fewer than `patience` missing in a row: what was sent last is held. From there on the arm is
-//! damped as if its velocity decayed from the last one known (T115), then nothing but gravity is sent, then it is lost.
+//! cannot be ([`Admission`]) counts as missing. Fewer than `patience` missing in a row: what was sent last is held. From there on the arm is
+//! damped as if its velocity decayed from the last one known (T115), then nothing but gravity is sent, then it is lost. As long as there is
+//! a state, an arm that is too fast, or a law without a torque, is damped where it is.
+//!
+//! The arm that is damped is at the last state of the loop, whatever else the law was asked.
 
+use super::admission::Admission;
 use super::{CommandSettings, Output};
 use crate::control::Controller;
 use crate::math::smoothstep;
-use crate::robot::{Manipulator, Robot};
+use crate::robot::{Limits, Manipulator, Robot};
+use std::mem::replace;
 
 /// What a cycle came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,7 +23,8 @@ pub enum Phase {
     Running,
     /// The state is missing, for fewer than `patience` cycles: what was sent last is held.
     Holding,
-    /// The state is missing for longer, or the torque of the law is not finite: damping only.
+    /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: damping
+    /// only.
     Damping,
     /// It has been missing for 5/d: nothing is sent but gravity, if it is ours.
     Released,
@@ -70,48 +76,41 @@ pub enum BeginError {
     },
 }
 
-/// Where the torque is blended from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Origin {
-    /// The measured torque, if it can be, at the first state.
-    Measured,
-    /// What holds the arm still, at the first state.
-    Rest,
-    /// What is sent already.
-    Sent,
-}
-
 /// The watch over one loop: safe start, safe end, watchdog. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub struct Supervisor {
+pub struct Supervisor<R, const D: usize> {
     output: Output,
+    admission: Admission,
+    /// The arm, and whether it is at the last state.
+    robot: R,
+    is_there: bool,
     period: f64,
     blend: f64,
     patience: usize,
     damping: f64,
-    /// The speed that no joint exceeds \[rad/s, m/s\], (n).
-    speed: Vec<f64>,
     phase: Phase,
-    /// When the last state was taken in \[s\]; None before the first.
-    last: Option<f64>,
-    q: Vec<f64>,
-    /// Cycles in a row without a state.
+    /// Cycles in a row without a state, and without a torque of the law.
     missed: usize,
+    speechless: usize,
+    /// Whether a joint has been too fast and is not slow again.
+    brakes: bool,
     /// Whether the end was asked for.
     stops: bool,
     /// Cycles in a row in which the arm has stood.
     still: usize,
+    /// The torque that the arm may have had before the first state; None if nobody knows it.
+    measured: Option<Vec<f64>>,
+    /// Whether there has been a state, and whether anything was sent.
+    has_begun: bool,
+    has_sent: bool,
     /// What the torque is blended from, and for how long it has been \[s\].
-    from: Origin,
     origin: Vec<f64>,
     blended: f64,
     /// What was sent before this cycle.
     sent: Vec<f64>,
 }
 
-impl Supervisor {
-    /// A joint speed that a state is not believed beyond where the arm says nothing of its own \[rad/s, m/s\].
-    const TOP_SPEED: f64 = 50.0;
+impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     /// A joint that is no faster stands \[rad/s, m/s\].
     const STANDS: f64 = 0.02;
     /// For so many cycles it has to, until the arm has stopped.
@@ -119,9 +118,8 @@ impl Supervisor {
     /// Damping lasts for so many of its time constants.
     const DECAYED: f64 = 5.0;
 
-    /// The watch over a loop of `period` \[s\] with an arm of these velocity limits, which may be none, and `n` joints.
-    /// The torque is blended in from the `measured` one \[N·m, N\], gravity included only if it is sent too, or from what holds the arm
-    /// still.
+    /// The watch over a loop of `period` \[s\] with an arm like `robot`. The torque is blended in from the `measured` one
+    /// \[N·m, N\], gravity included only if it is sent too, or from what holds the arm still.
     ///
     /// # Errors
     /// If the period is none, or too long for the damping.
@@ -130,8 +128,7 @@ impl Supervisor {
     /// If a slice has the wrong length.
     pub fn new(
         settings: &CommandSettings,
-        n: usize,
-        velocity_limits: &[f64],
+        robot: R,
         period: f64,
         measured: Option<&[f64]>,
     ) -> Result<Self, BeginError> {
@@ -142,26 +139,31 @@ impl Supervisor {
         if damping * period >= 2.0 {
             return Err(BeginError::Damping { damping, period });
         }
-        let top = |i: usize| velocity_limits.get(i).map_or(Self::TOP_SPEED, |limit| 2.0 * limit);
-        let mut origin = vec![0.0; n];
-        if let Some(measured) = measured {
-            origin.copy_from_slice(measured);
+        let (n, limits) = (robot.dof(), robot.limits());
+        let mut output = Output::new(settings, n);
+        let measured = measured.filter(|tau| is_within(tau, limits)).map(<[f64]>::to_vec);
+        if let Some(measured) = &measured {
+            output.begin_at(measured);
         }
         Ok(Self {
-            output: Output::new(settings, n),
+            output,
+            admission: Admission::new(period, n, &limits.velocity),
+            robot,
+            is_there: false,
             period,
             blend: settings.start,
             patience: settings.patience,
             damping,
-            speed: (0..n).map(top).collect(),
             phase: Phase::Starting,
-            last: None,
-            q: vec![0.0; n],
             missed: 0,
+            speechless: 0,
+            brakes: false,
             stops: false,
             still: 0,
-            from: if measured.is_some() { Origin::Measured } else { Origin::Rest },
-            origin,
+            measured,
+            has_begun: false,
+            has_sent: false,
+            origin: vec![0.0; n],
             blended: 0.0,
             sent: vec![0.0; n],
         })
@@ -177,6 +179,16 @@ impl Supervisor {
         self.phase
     }
 
+    /// Whether the arm is damped because a joint is, or was, faster than twice its limit.
+    pub fn brakes(&self) -> bool {
+        self.brakes
+    }
+
+    /// How far the clock of the states is ahead of the time of the loop \[s\].
+    pub fn clock_ahead(&self) -> f64 {
+        self.admission.clock().ahead()
+    }
+
     /// Asks for the end: damping only from the next cycle on, until the arm stands.
     pub fn stop(&mut self) {
         self.stops = true;
@@ -184,132 +196,152 @@ impl Supervisor {
 
     /// Whether the law is asked for, now that there is a new state.
     pub fn wants_torque(&self) -> bool {
-        !(self.stops || self.phase.is_over())
+        !(self.stops || self.brakes || self.phase.is_over())
     }
 
-    /// Whether (q, q̇) at `t` \[s\] is a state that is new and can be; it is taken in then.
+    /// The time of the loop \[s\] at (q, q̇), which came at `t` \[s\] of the robot's clock, if that is a state that is new and can
+    /// be; it is taken in then.
     ///
     /// # Panics
     /// If a slice has the wrong length.
-    pub fn admit(&mut self, t: f64, q: &[f64], dq: &[f64]) -> bool {
-        assert!(q.len() == self.q.len() && dq.len() == self.q.len(), "a number per joint");
-        let finite = t.is_finite() && q.iter().chain(dq).all(|x| x.is_finite());
-        let slow = dq.iter().zip(&self.speed).all(|(dq, most)| dq.abs() <= *most);
-        let comes_from = |elapsed: f64| {
-            let elapsed = elapsed.max(self.period);
-            let joints = q.iter().zip(&self.q).zip(&self.speed);
-            joints
-                .fold(true, |all, ((q, before), most)| all & ((q - before).abs() <= most * elapsed))
-        };
-        let follows = self.last.is_none_or(|last| t > last && comes_from(t - last));
-        let can_be = finite && slow && follows;
-        if can_be {
-            self.last = Some(t);
-            self.q.copy_from_slice(q);
-        }
-        can_be
+    pub fn admit(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Option<f64> {
+        let time = self.admission.admit(self.missed.saturating_add(1), t, q, dq)?;
+        self.is_there = false;
+        self.brakes = self.admission.is_fast() || self.brakes && self.admission.exceeds(1.0);
+        Some(time)
     }
 
     /// Lets the next command of `controller`, which has observed the state, ask for what can be sent in this cycle.
-    pub fn announce<R: Manipulator<D, M> + Clone, const D: usize, const M: usize>(
-        &mut self,
-        controller: &mut Controller<R, D, M>,
-    ) {
-        self.take_up(controller.robot());
+    pub fn announce<const M: usize>(&mut self, controller: &mut Controller<R, D, M>)
+    where
+        R: Manipulator<D, M> + Clone,
+    {
+        self.take_up();
         self.sent.copy_from_slice(self.output.sent());
         controller.expect(&mut self.output, &self.sent, self.period);
     }
 
     /// A cycle with a new state, at which `robot` is, and the torque `tau` of the law there, where `bias` is C q̇ + g.
-    pub fn follow<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        bias: &[f64],
-        tau: &[f64],
-    ) -> Phase {
+    pub fn follow(&mut self, robot: &R, bias: &[f64], tau: &[f64]) -> Phase {
+        self.take_up();
         if !tau.iter().chain(bias).all(|x| x.is_finite()) {
-            return self.miss(robot);
+            self.speechless = self.speechless.saturating_add(1);
+            return match self.speechless < self.patience {
+                true => self.hold(),
+                false => self.damp_as(Phase::Damping, self.damping),
+            };
         }
-        self.take_up(robot);
-        self.output.convert(robot, bias, tau);
+        self.speechless = 0;
         self.phase = Phase::Running;
+        self.output.convert(robot, bias, tau);
         if self.blended < self.blend {
             let share = smoothstep(self.blended / self.blend);
             self.output.blend(robot, &self.origin, self.damping, share);
             self.blended += self.period;
             self.phase = Phase::Starting;
         }
-        self.output.send(self.period);
-        self.phase
+        self.send()
     }
 
-    /// A cycle with a new state, at which `robot` is, where the law is not asked for: the arm is damped.
-    pub fn rest<R: Robot<D>, const D: usize>(&mut self, robot: &R) -> Phase {
-        self.take_up(robot);
-        let stands = robot.velocity().iter().all(|dq| dq.abs() <= Self::STANDS);
+    /// A cycle with a new state where the law is not asked for: the arm is damped.
+    pub fn rest(&mut self) -> Phase {
+        self.take_up();
+        let [_, dq] = self.admission.state();
+        let stands = dq.iter().all(|dq| dq.abs() <= Self::STANDS);
         self.still = if stands { self.still + 1 } else { 0 };
-        if self.phase != Phase::Lost {
-            let stopped = self.phase == Phase::Finished || self.still >= Self::STILL;
-            self.phase = if stopped { Phase::Finished } else { Phase::Stopping };
-        }
-        self.damp(robot, self.damping)
+        let phase = match self.phase {
+            over if over.is_over() => over,
+            _ if !self.stops => Phase::Damping,
+            _ if self.still >= Self::STILL => Phase::Finished,
+            _ => Phase::Stopping,
+        };
+        self.damp_as(phase, self.damping)
     }
 
-    /// A cycle without a state, or without a torque; `robot` is at the last one there was.
-    pub fn miss<R: Robot<D>, const D: usize>(&mut self, robot: &R) -> Phase {
+    /// A cycle without a state.
+    pub fn miss(&mut self) -> Phase {
         self.missed = self.missed.saturating_add(1);
         self.still = 0;
         if self.phase.is_over() {
             return self.phase;
         }
         if self.missed < self.patience {
-            self.phase = Phase::Holding;
-            return self.phase;
+            return self.hold();
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
         let decay = self.damping * self.period * (self.missed - self.patience) as f64;
-        self.phase = match decay {
-            decay if decay < Self::DECAYED => Phase::Damping,
-            decay if decay < 2.0 * Self::DECAYED => Phase::Released,
-            _ => Phase::Lost,
+        let (phase, left) = match decay {
+            decay if decay < Self::DECAYED => (Phase::Damping, (-decay).exp()),
+            decay if decay < 2.0 * Self::DECAYED => (Phase::Released, 0.0),
+            _ => (Phase::Lost, 0.0),
         };
-        if self.last.is_none() {
-            return self.phase; // Nothing is known of the arm: nothing is sent.
+        if self.admission.is_empty() {
+            // Nothing is known of the arm but the torque that it may have had.
+            (self.phase, self.has_sent) = (phase, true);
+            return phase;
         }
-        let left = if self.phase == Phase::Damping { (-decay).exp() } else { 0.0 };
-        self.damp(robot, left * self.damping)
+        self.damp_as(phase, left * self.damping)
     }
 
-    fn damp<R: Robot<D>, const D: usize>(&mut self, robot: &R, d: f64) -> Phase {
-        self.output.damp(robot, d);
+    /// What was sent last is sent again.
+    fn hold(&mut self) -> Phase {
+        self.has_sent = true;
+        self.phase = Phase::Holding;
+        self.phase
+    }
+
+    /// Damps the arm at the last state; the torque of the law is blended in anew after that.
+    fn damp_as(&mut self, phase: Phase, d: f64) -> Phase {
+        self.place();
+        self.output.damp(&self.robot, d);
+        (self.phase, self.blended) = (phase, 0.0);
+        self.send();
+        self.origin.copy_from_slice(self.output.sent());
+        phase
+    }
+
+    fn send(&mut self) -> Phase {
+        self.has_sent = true;
         self.output.send(self.period);
         self.phase
     }
 
-    /// There is a state again, or for the first time: what is sent goes on from there without a jump.
-    fn take_up<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
-        if self.from != Origin::Sent {
-            self.output.begin_at_rest(robot);
-            let limits = &robot.limits().torque;
-            if self.from == Origin::Measured && can_be(&self.origin, self.output.sent(), limits) {
-                self.output.begin_at(&self.origin);
-            }
-            self.from = Origin::Sent;
-            self.origin.copy_from_slice(self.output.sent());
-        } else if self.missed >= self.patience {
-            self.origin.copy_from_slice(self.output.sent());
-            self.blended = 0.0;
+    /// Moves the arm to the last state.
+    fn place(&mut self) {
+        if !self.is_there {
+            let [q, dq] = self.admission.state();
+            self.robot.update(q, dq);
+            self.is_there = true;
         }
+    }
+
+    /// There is a state. The torque of the first is blended in from what was measured, if that can be, or from what holds the
+    /// arm still; what is sent goes on from what was sent before it, if anything was.
+    fn take_up(&mut self) {
         self.missed = 0;
+        if replace(&mut self.has_begun, true) {
+            return;
+        }
+        self.place();
+        self.output.damp(&self.robot, 0.0);
+        let (rest, limits) = (self.output.wanted(), self.robot.limits());
+        let measured = self.measured.as_deref().filter(|tau| can_be(tau, rest, limits));
+        self.origin.copy_from_slice(measured.unwrap_or(rest));
+        if !self.has_sent {
+            self.output.begin_at(&self.origin);
+        }
     }
 }
 
-/// Whether the torque of an arm that is held may have been measured: within the limits, and half of them from what holds it by
-/// the model.
-fn can_be(measured: &[f64], model: &[f64], limits: &[f64]) -> bool {
-    let near = |(i, (measured, model)): (usize, (&f64, &f64))| {
-        let limit = limits.get(i).copied().unwrap_or(f64::MAX);
-        measured.abs() <= limit && (measured - model).abs() <= 0.5 * limit
-    };
-    measured.iter().zip(model).enumerate().all(near)
+/// Whether these are torques that the arm can have.
+fn is_within(tau: &[f64], limits: &Limits) -> bool {
+    let limit = |i: usize| limits.torque.get(i).copied().unwrap_or(f64::MAX);
+    tau.iter().enumerate().all(|(i, tau)| tau.abs() <= limit(i))
+}
+
+/// Whether a torque that the arm can have is one of an arm that is held: not farther than half its limits from what holds it
+/// by the model.
+fn can_be(measured: &[f64], model: &[f64], limits: &Limits) -> bool {
+    let mut joints = measured.iter().zip(model).zip(&limits.torque);
+    joints.all(|((measured, model), limit)| (measured - model).abs() <= 0.5 * limit)
 }

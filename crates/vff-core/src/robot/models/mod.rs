@@ -2,8 +2,11 @@
 //!
 //! Where the numbers come from stands at the top of each document; `docs/make_arms.py` makes them.
 
+mod interface;
+
 use super::description::{ArmDescription, DescriptionError};
 use super::names::hint;
+pub use interface::{Interface, interface, with_interface};
 
 /// Text of every bundled arm, by name.
 const TEXTS: [(&str, &str); 7] = [

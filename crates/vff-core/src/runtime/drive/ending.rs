@@ -28,6 +28,12 @@ pub enum Fault {
         /// When \[s\].
         t: f64,
     },
+    /// The arm is thrown.
+    #[error("a joint was faster than twice its speed limit at t = {t} s; the arm was braked")]
+    TooFast {
+        /// When \[s\].
+        t: f64,
+    },
     /// A command was not taken.
     #[error("the robot did not take a command: {0}")]
     Write(String),

@@ -21,7 +21,7 @@ pub use simulated::SimulatedRobot;
 use super::batch::guarded;
 use super::controller::{AnyController, Reading};
 use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
-use crate::control::output::{BeginError, Phase};
+use crate::control::output::{BeginError, Clock, Phase};
 use crate::simulation::pace::{self, Late, Timing};
 use exchange::{Inbox, ROWS, Sighting};
 use reference::Reference;
@@ -104,8 +104,10 @@ struct Inner {
     paces: bool,
     q: Vec<f64>,
     dq: Vec<f64>,
-    /// The robot's time at the first state, and at the last \[s\].
+    /// The robot's time at the first state \[s\], and its clock since.
     start: f64,
+    clock: Clock,
+    /// The time of the drive at the last state \[s\].
     last: f64,
     /// Periods in a row without news.
     stale: u32,
@@ -120,7 +122,36 @@ struct Inner {
     /// Periods since it was asked to end.
     ends: u64,
     refused: u32,
+    doubts: Doubts,
     notes: Vec<String>,
+}
+
+/// Obstacles that were seen where they cannot have come.
+#[derive(Debug, Default)]
+struct Doubts {
+    count: u64,
+    /// The farthest one \[m\], and when \[s\].
+    farthest: (f64, usize, f64),
+}
+
+impl Doubts {
+    /// Obstacle `j` was seen at time `t` \[s\], so far from where it can be \[m\].
+    fn add(&mut self, j: usize, t: f64, distance: f64) {
+        self.count += u64::from(distance > 0.0);
+        if distance > self.farthest.0 {
+            self.farthest = (distance, j, t);
+        }
+    }
+
+    fn note(&self) -> Option<String> {
+        let Self { count, farthest: (distance, j, t) } = self;
+        (*count > 0).then(|| {
+            format!(
+                "obstacles were seen {count} times where they cannot have come at command.obstacle_speed, \
+                 farthest away obstacles[{j}] at t = {t:.3} s, by {distance:.3} m; they were brought there no faster"
+            )
+        })
+    }
 }
 
 impl<D: Driver> Loop<D> {
@@ -158,6 +189,7 @@ impl<D: Driver> Loop<D> {
             q: vec![0.0; n],
             dq: vec![0.0; n],
             start: 0.0,
+            clock: Clock::new(period),
             last: 0.0,
             stale: 0,
             given: None,
@@ -168,6 +200,7 @@ impl<D: Driver> Loop<D> {
             ending: None,
             ends: 0,
             refused: 0,
+            doubts: Doubts::default(),
             notes: vec![],
             controller,
             exchange: Arc::clone(&exchange),
@@ -224,10 +257,12 @@ impl Inner {
         self.start = driver.read(&mut self.q, &mut self.dq).map_err(Fault::Read)?;
         self.is_finite(self.start)?;
         self.last = f64::NEG_INFINITY;
+        self.controller.observe(&self.q, &self.dq, 0.0);
         let mut measured = vec![0.0; self.q.len()];
-        let known = driver.torque(&mut measured);
-        let period = 1.0 / self.options.rate;
-        let begun = self.controller.begin(period, known.then_some(&measured[..]));
+        if !driver.torque(&mut measured) {
+            self.controller.holding_torque(&mut measured);
+        }
+        let begun = self.controller.begin(1.0 / self.options.rate, Some(&measured));
         begun.map_err(|error| Fault::Begin(error.to_string()))?;
         if let Some((model, _)) = &mut self.model {
             model.begin(&self.q).map_err(|error| Fault::Begin(error.to_string()))?;
@@ -261,7 +296,7 @@ impl Inner {
                 thread::sleep(Duration::from_secs_f64(1.0 / self.options.rate)); // nobody else paces now
             }
         }
-        let t = state.ok().map(|t| t - self.start);
+        let t = state.ok().map(|t| self.time_at(t));
         let time = t.unwrap_or(self.last).max(0.0);
         self.receive(time);
         if self.exchange.end.load(Ordering::Acquire) {
@@ -279,9 +314,19 @@ impl Inner {
         (begin, goes_on)
     }
 
+    /// The time of the drive when the robot's clock says `t` \[s\]; that of the last state where this is no later.
+    fn time_at(&mut self, t: f64) -> f64 {
+        let Self { clock, stale, start, .. } = self;
+        let t = t - *start;
+        if let Some(time) = clock.read(t, *stale as usize + 1) {
+            clock.take(t, time);
+        }
+        clock.now()
+    }
+
     /// Takes over what others have sent.
     fn receive(&mut self, time: f64) {
-        let Self { exchange, controller, given, .. } = self;
+        let Self { exchange, controller, given, doubts, .. } = self;
         exchange.receive(|inbox: &mut Inbox| {
             let Inbox { target, surroundings, points, sightings, old } = inbox;
             if let Some(new) = target.take() {
@@ -300,7 +345,7 @@ impl Inner {
             let dimension = controller.dimension();
             for Sighting { obstacle, position, velocity } in sightings.drain(..) {
                 let [position, velocity] = [&position, &velocity].map(|x| &x[..dimension]);
-                controller.place(obstacle, time, position, velocity);
+                doubts.add(obstacle, time, controller.place(obstacle, time, position, velocity));
             }
         });
     }
@@ -343,6 +388,7 @@ impl Inner {
         let finite = self.controller.terms_view().tau.iter().all(|tau| tau.is_finite());
         match t {
             _ if !finite => Fault::Torque,
+            Some(t) if self.controller.brakes() => Fault::TooFast { t: t + self.start },
             Some(t) if news => Fault::Impossible { t: t + self.start },
             _ => Fault::Stale { t: self.last + self.start, periods: self.stale },
         }
@@ -433,6 +479,7 @@ impl Inner {
     fn close(mut self, timing: Timing) -> Report {
         let mut end = std::mem::take(&mut self.kept);
         self.exchange.append(&mut end);
+        self.notes.extend(self.doubts.note());
         if !self.exchange.phase().is_over() {
             self.exchange.enter(Phase::Lost);
         }

@@ -41,6 +41,8 @@ enum Mishap {
     ReadFailsForEver,
     NotFinite,
     TimeStands,
+    ClockSetBack,
+    FirstReadFails,
     Jumps,
     WriteFails,
     WriteFailsForEver,
@@ -78,6 +80,9 @@ impl Driver for Clumsy {
                 Ok(t)
             }
             Mishap::TimeStands if late > 0 => Ok(0.25),
+            Mishap::ClockSetBack if late > 0 => Ok(t - 2.0),
+            // The one before the first period has come.
+            Mishap::FirstReadFails if self.periods == 2 => Err("hiccup".into()),
             Mishap::Jumps if late > 0 => {
                 q[1] += 2.0;
                 Ok(t)
@@ -200,6 +205,27 @@ fn mishaps_are_values() {
     let driven = drive(Mishap::EndFails, half_a_second(), false);
     assert_eq!(driven.report.ending, Ending::Completed);
     assert_eq!(driven.report.notes, ["the robot did not take leave: no goodbye"]);
+}
+
+/// A robot's clock that is set back is not the end, and the drive lasts as long as it is to.
+#[test]
+fn a_clock_is_set_back() {
+    let driven = drive(Mishap::ClockSetBack, half_a_second(), true);
+    assert_eq!(driven.report.ending, Ending::Completed);
+    let [x, x_ref] = ["x", "x_ref"].map(|name| column(&driven, name));
+    assert!((x[0] - x_ref[0]).hypot(x[1] - x_ref[1]) < 1e-3, "{x:?} {x_ref:?}");
+    let periods = driven.report.periods;
+    assert!((501..540).contains(&periods), "{periods}");
+}
+
+/// Where the state of the first period is missing, what holds the arm at the one before is sent.
+#[test]
+fn the_first_state_is_missing() {
+    let driven = drive(Mishap::FirstReadFails, half_a_second(), true);
+    let known = drive(Mishap::None, half_a_second(), true);
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-6;
+    assert!(driven.told[0].iter().zip(&known.told[0]).all(near));
+    assert!(driven.told[0].iter().any(|tau| tau.abs() > 1.0));
 }
 
 /// What others send takes effect in the loop: a target is gone to, an obstacle pushes from the time on that it is said

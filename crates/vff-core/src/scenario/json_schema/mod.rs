@@ -9,6 +9,7 @@ mod trace;
 use super::SCHEMA;
 use super::tables::SPATIAL_KEYS;
 use super::tables::{Tables, UNREACHABLE, WhereUnreachable};
+use crate::control::output::OF_THE_ROBOT;
 use crate::simulation::{Plane, Space};
 use serde_json::{Map, Value, json};
 use text::{Row, Rows, SPACE};
@@ -116,6 +117,10 @@ fn table(keys: &[Key], path: &str, rows: &Rows, variant: Option<&str>) -> Value 
     for key in keys {
         let here = format!("{path}{}", key.name);
         let mut value = schema(&key.kind, &format!("{here}."), rows);
+        if here == "controller.command" {
+            let either = json!([{ "const": OF_THE_ROBOT }, value]);
+            value = json!({ "description": "what stands before the robot", "anyOf": either });
+        }
         if let Some(row) = row_of(&here, rows) {
             describe(&mut value, row);
         }
