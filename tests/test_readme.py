@@ -71,9 +71,10 @@ def test_the_first_commands() -> None:
     """First a run in which avoidance decides, two in space, the paper's, then what to do with them."""
     shell = "".join(code for _, code in blocks("sh"))
     lines = [" ".join(line.split("#")[0].split()) for line in shell.splitlines()]
-    assert lines[:6] == [
+    assert lines[:7] == [
         "pip install . && vffnull run sweep-through --plot figures",
         "vffnull run panda-sweep --plot figures",
+        "vffnull plan panda-shelf --horizon 0 --margin 0.03",
         "vffnull run panda-shelf --plot figures",
         "vffnull run paper-1 --plot figures",
         'pip install ".[viewer]" && vffnull live',

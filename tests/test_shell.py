@@ -212,8 +212,8 @@ def test_validate_prints_no_warning_of_pythons(tmp_path: Path) -> None:
 def test_what_a_study_is_and_fewer_runs_of_it() -> None:
     assert vffnull("study", "show", "disturbances").stdout.startswith("# How well the null space hides")
     said = vffnull("study", "run", "disturbances", "--runs", "200", "--dry-run").stdout
-    assert "112 runs" in said  # 8 points of 14 runs: a power of two
-    assert "takes 14" in vffnull("study", "run", "disturbances", "--runs", "3", "--dry-run", code=2).stderr
+    assert "112 runs" in said  # 16 points of 7 runs: a power of two
+    assert "takes 7" in vffnull("study", "run", "disturbances", "--runs", "3", "--dry-run", code=2).stderr
 
 
 def test_one_picture(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ from vffnull.cli.realtime import realtime
 from vffnull.cli.study import study
 from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE, check_path
-from vffnull.result import Result, Status
+from vffnull.result import Result
 from vffnull.scenario import read, scenarios, shown, source_of
 
 __all__ = ["main"]
