@@ -299,8 +299,8 @@ mod tests {
             refused(|d| d.joints[1].orientation = [0.0; 4]),
             "joints[1].orientation: must have length 1 (within 0.01), has 0"
         );
-        assert!(refused(|d| d.tool.orientation[1] = 0.1).starts_with("tool.orientation"));
-        assert!(refused(|d| d.mount.orientation[2] = 0.1).starts_with("mount.orientation"));
+        assert!(refused(|d| d.tool.orientation[1] = 0.2).starts_with("tool.orientation"));
+        assert!(refused(|d| d.mount.orientation[2] = 0.2).starts_with("mount.orientation"));
         assert!(
             refused(|d| d.mount.position[0] = f64::INFINITY)
                 .starts_with("mount.position: must be finite")
