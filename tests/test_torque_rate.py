@@ -1,4 +1,4 @@
-"""What is sent changes no faster than the drives allow, and all other limits hold behind that (T130 to T134)."""
+"""What is sent changes no faster than drives allow, and all other limits hold behind that (T130 to T134)."""
 
 from __future__ import annotations
 

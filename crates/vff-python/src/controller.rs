@@ -385,9 +385,9 @@ impl Controller {
 
     /// One cycle of a loop that has begun: what is to be sent to the robot, and what state the loop is in.
     ///
-    /// What is sent is finite, within the arm's torque limits and changes by no more than `torque_rate`. A state
-    /// that is missing (None), no newer than the last, not finite, or not to be reached from the last counts
-    /// as missing, and is no error: after fewer than `patience` such
+    /// What is sent is finite, within the arm's torque limits, and changes by no more than `torque_rate`.
+    /// A state that is missing (None), no newer than the last, not finite, or not to be reached from the last
+    /// counts as missing, and is no error: after fewer than `patience` such
     /// cycles what was sent last is held, then the arm is damped as if it came to rest from its last
     /// velocity, then only gravity is held, if that is ours, and in the end the loop is lost;
     /// docs/tutorials/own-loop.md has the times.

@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(told(|k| sine(k / 7)), None);
         assert_eq!(told(|k| if k / 300 % 2 == 0 { 20.0 } else { -20.0 }), None);
         assert_eq!(told(|_| 3.0), None);
-        let rough = |k: u32| sine(k) + if k % 2 == 0 { 0.5 } else { -0.5 };
+        let rough = |k: u32| sine(k) + if k.is_multiple_of(2) { 0.5 } else { -0.5 };
         for torque in [&rough as &dyn Fn(u32) -> f64, &|k| rough(k / 3)] {
             let sentence = told(torque).unwrap();
             assert!(sentence.contains("joint 0") && sentence.contains("5 %"), "{sentence}");

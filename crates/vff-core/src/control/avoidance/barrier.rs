@@ -112,13 +112,15 @@ pub struct Barrier {
     slack_price: f64,
 }
 
-/// What is near: pairs of a body and an obstacle, and of two bodies of the arm.
+/// What is to be kept.
 #[derive(Debug, Clone, Copy)]
-pub struct Near<'a, const D: usize> {
+pub struct Kept<'a, const D: usize> {
     /// The distances from obstacles.
     pub pairs: &'a [Contact<D>],
     /// The distances of the bodies from each other.
     pub own: &'a [OwnPair<D>],
+    /// What the drives accept next, behind a limit of the torque rate.
+    pub range: Option<&'a TorqueRange>,
 }
 
 impl Barrier {
@@ -166,9 +168,8 @@ impl Barrier {
         robot: &R,
         space: &OperationalSpace<M>,
         weight: &SMatrix<f64, M, M>,
-        near: Near<'_, D>,
+        kept: Kept<'_, D>,
         bias: &[f64],
-        range: Option<&TorqueRange>,
         torque: &mut Torque,
     ) -> f64 {
         robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
@@ -176,9 +177,9 @@ impl Barrier {
         self.bounds.clear();
         self.softness.clear();
         let softness = 1.0 / self.slack_price;
-        let distances = match range {
+        let distances = match kept.range {
             None => {
-                self.keep_distances(robot, near);
+                self.keep_distances(robot, kept);
                 let distances = self.bounds.len();
                 self.keep_joints(robot);
                 self.softness.resize(self.bounds.len(), softness);
@@ -186,7 +187,7 @@ impl Barrier {
             }
             Some(range) => {
                 robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
-                self.keep_distances_in_time(robot, near, range);
+                self.keep_distances_in_time(robot, kept, range);
                 let distances = self.bounds.len();
                 self.softness.resize(distances, softness);
                 self.keep_joints_in_time(robot, range);
@@ -195,7 +196,7 @@ impl Barrier {
             }
         };
         self.ends.clear();
-        match range {
+        match kept.range {
             None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
             Some(TorqueRange { lower, upper, .. }) => {
                 self.ends.extend(lower.iter().zip(upper).map(|(lower, upper)| [*lower, *upper]));
@@ -234,14 +235,14 @@ impl Barrier {
     }
 
     /// d̈ + 2kḋ + k²(d − margin) ≥ −δ (T67), with the exact d̈ (T60).
-    fn keep_distances<R: Robot<D>, const D: usize>(&mut self, robot: &R, near: Near<'_, D>) {
-        for pair in near.pairs {
+    fn keep_distances<R: Robot<D>, const D: usize>(&mut self, robot: &R, kept: Kept<'_, D>) {
+        for pair in kept.pairs {
             let motion = DistanceRate::cautious(robot, pair);
             self.keep_distance(pair.distance - self.margin, motion, |row, _| {
                 robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             });
         }
-        for pair in near.own {
+        for pair in kept.own {
             let height = pair.nearest.distance - OWN_MARGIN;
             self.keep_distance(height, pair.cautious(robot), |row, scratch| {
                 pair.gradient(robot, row, scratch);
@@ -271,17 +272,17 @@ impl Barrier {
     fn keep_distances_in_time<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
-        near: Near<'_, D>,
+        kept: Kept<'_, D>,
         range: &TorqueRange,
     ) {
-        for pair in near.pairs {
+        for pair in kept.pairs {
             let motion = DistanceRate::cautious(robot, pair);
             let height = pair.distance - self.margin;
             self.keep_distance_in_time(robot, height, motion, range, |row, _| {
                 robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
             });
         }
-        for pair in near.own {
+        for pair in kept.own {
             let height = pair.nearest.distance - OWN_MARGIN;
             self.keep_distance_in_time(
                 robot,

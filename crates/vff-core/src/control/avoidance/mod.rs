@@ -18,7 +18,7 @@ use crate::geometry::Body;
 use crate::math::Vector;
 use crate::robot::Robot;
 use crate::world::{CollisionQuery, Contact};
-use barrier::{Barrier, Near};
+use barrier::{Barrier, Kept};
 use nalgebra::SMatrix;
 use preview::PreviewSettings;
 use priority::Priority;
@@ -264,11 +264,11 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         }
         let Some(barrier) = barrier else { return };
         if matches!(strategy, Strategy::Barrier) {
-            let near = Near { pairs, own };
-            *slack = barrier.act(robot, space, weight, near, bias, range, torque);
+            let kept = Kept { pairs, own, range };
+            *slack = barrier.act(robot, space, weight, kept, bias, torque);
         } else if range.is_some() || !limits::within(&torque.total, &robot.limits().torque) {
-            let nothing = Near { pairs: &[], own: &[] };
-            barrier.act(robot, space, weight, nothing, bias, range, torque);
+            let kept = Kept { pairs: &[], own: &[], range };
+            barrier.act(robot, space, weight, kept, bias, torque);
         }
     }
 }
