@@ -443,11 +443,15 @@ def test_licences_are_judged() -> None:
     ]
 
 
-def test_the_release_workflow_is_about_this_repository() -> None:
+def test_the_workflows_are_about_this_repository() -> None:
     """It parses, and the files and the extremes of Python that it names exist."""
-    workflow = (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
-    jobs = yaml.safe_load(workflow)["jobs"]
-    named = re.findall(r"(?<![\w/.])((?:tests|\.ci)/[\w.]+)", workflow)
+    check, release = (
+        (ROOT / ".github" / "workflows" / f"{name}.yml").read_text(encoding="utf-8")
+        for name in ("check", "release")
+    )
+    assert list(yaml.safe_load(check)["jobs"]) == ["check"]
+    jobs = yaml.safe_load(release)["jobs"]
+    named = re.findall(r"(?<![\w/.])((?:tests|\.ci)/[\w.]+)", check + release)
     assert named and [name for name in named if not (ROOT / name).exists()] == []
     wheels = {each["target"] for each in jobs["wheels"]["strategy"]["matrix"]["include"]}
     assert {target.split("-", 1)[0] for target in wheels} == {"x86_64", "aarch64", "universal2"}
