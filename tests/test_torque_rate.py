@@ -30,6 +30,8 @@ def behind_a_rate(scene: str | vff.Scenario, rate: float, changes: dict[str, Any
         assert (np.abs(sent) <= arm.torque_limits * (1 + 1e-9)).all()
     if arm.velocity_limits is not None:
         assert (np.abs(result.dq) <= (1.01 if rate >= 1000 else 1.02) * arm.velocity_limits).all()
+    if arm.joint_limits is not None and result.status == "completed":
+        assert result.metrics["joint_limit_time"] is None
     return result
 
 

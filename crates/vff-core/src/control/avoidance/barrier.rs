@@ -62,6 +62,10 @@ const JOINTS: f64 = 100.0;
 /// Share of a joint's largest speed that is kept where the torque rate couples its braking to that of other joints.
 const KEPT_SPEED: f64 = 0.98;
 
+/// What a joint keeps from its limits there \[rad, m\], or a hundredth of its range where that is less: robots end a motion that
+/// comes to them.
+const KEPT_ANGLE: f64 = 0.01;
+
 /// How much faster the three poles of (T131) are than the two of (T67), which react as early.
 pub const THREE_POLES: f64 = 1.5;
 
@@ -341,8 +345,9 @@ impl Barrier {
                     let now = [height, sign * dq[i], sign * present[i]];
                     sign * range.least_acceleration(now, jerk, speed[i], THREE_POLES * *rate)
                 };
-                lower = lower.max(least(q[i] - low, 1.0));
-                upper = upper.min(least(high - q[i], -1.0));
+                let kept = KEPT_ANGLE.min(0.01 * (high - low));
+                lower = lower.max(least(q[i] - low - kept, 1.0));
+                upper = upper.min(least(high - q[i] - kept, -1.0));
             }
             for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
                 let start = normals.len();
