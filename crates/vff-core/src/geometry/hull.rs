@@ -255,6 +255,20 @@ impl Hull {
         })
     }
 
+    /// Whether the segment between two points is inside somewhere.
+    pub(crate) fn is_entered_by(&self, [a, b]: [Vector<3>; 2]) -> bool {
+        let (mut enters, mut leaves) = (0f64, 1f64);
+        for face in &self.faces {
+            match (face.height(&a), face.height(&b)) {
+                (at_a, at_b) if at_a > 0.0 && at_b > 0.0 => return false,
+                (at_a, at_b) if at_a > 0.0 => enters = enters.max(at_a / (at_a - at_b)),
+                (at_a, at_b) if at_b > 0.0 => leaves = leaves.min(at_a / (at_a - at_b)),
+                _ => {}
+            }
+        }
+        enters <= leaves
+    }
+
     /// Where a ray that starts at `origin` gets in, if it does: behind all the faces that it is above, and before it leaves.
     pub(crate) fn meet_ray(&self, origin: &Vector<3>, direction: &Vector<3>) -> Option<f64> {
         let (mut enters, mut leaves) = (0f64, f64::INFINITY);

@@ -178,11 +178,24 @@ impl Carried<'_, 3> {
         if distance.is_nan() {
             return best;
         }
-        // Both lie on their own sides of two planes that far apart, or else they overlap, and no plane is between them: half
-        // of it decides, whatever rounding makes of a normal a long way from here.
+        // Both lie on their own sides of two planes that far apart, or else they overlap, where no edge of this one meets the
+        // other: then one of the other enters this. (A long way from here rounding moves the planes.)
         let plane = Plane::beside(other, normal);
-        let is_apart = || Heights::above(&plane, self).least() >= 0.5 * distance;
+        let is_apart = || {
+            Heights::above(&plane, self).least() >= distance - self.hull.slack
+                || !self.is_entered_by(other)
+        };
         if distance > TOUCHING && is_apart() { best } else { self.way_out(other) }
+    }
+
+    /// Whether an edge of `other` is inside somewhere.
+    fn is_entered_by(&self, other: &impl Convex) -> bool {
+        let mut is_entered = false;
+        other.for_each_edge(|edge, _| {
+            is_entered |=
+                self.hull.is_entered_by([edge.start, edge.end()].map(|end| self.seen(&end)));
+        });
+        is_entered
     }
 
     /// Where it comes nearest to a point, outside and inside.
