@@ -123,7 +123,8 @@ def test_friction_too_stiff_for_the_step_is_warned_of(integrator: str) -> None:
         if re.match(r"the torque chatters: that of joint \d .* by \S+ N·m", each)
     ]
     assert len(told) == (integrator == "semi_implicit_euler")
-    found = re.search(r"simulation\.dt = (\S+) and simulation\.control_every = (\d+)", str(caught[0].message))
+    sentences = "\n".join(str(each.message) for each in caught)
+    found = re.search(r"simulation\.dt = (\S+) and simulation\.control_every = (\d+)", sentences)
     assert found is not None
     step, every = float(found[1]), int(found[2])
     assert step * every == pytest.approx(1e-3)

@@ -275,7 +275,7 @@ mod tests {
             let found = touch(&link, &obstacle);
             let cores = found.distance;
             // What normals are known to is how far points are known over how far they are apart.
-            let size = extent + link.hull.reach() + link.position.norm();
+            let size = extent + link.hull.reach() + link.position.norm() + cores.abs();
             let rounding = 1e-14 * size;
             let close = rounding * (1.0 + size / cores.abs());
             prop_assert!((found.normal.norm() - 1.0).abs() < 1e-14);
@@ -291,7 +291,7 @@ mod tests {
             let seen = link.carried().seen(&found.point);
             let heights = link.hull.faces.iter().map(|face| face.normal.dot(&seen) - face.offset);
             let highest = heights.fold(f64::NEG_INFINITY, f64::max);
-            prop_assert!(highest < link.hull.slack, "{highest} of {size}: {found:?}");
+            prop_assert!(highest < rounding + link.hull.slack, "{highest} of {size}: {found:?}");
             prop_assert!((found.point - found.witness - found.normal * cores).norm() < rounding);
             let mut known = rounding;
             let beyond = match &obstacle.shape {
