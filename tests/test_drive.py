@@ -79,10 +79,11 @@ def finished(drive: vff.Drive) -> vff.DriveReport:
     return drive.report
 
 
-def recorded(robot: Any, path: Path, **more: Any) -> Any:
+def recorded(robot: Any, path: Path, torque_rate: float | None = None, **more: Any) -> Any:
     """The table of a drive among a ball that comes, a row per period."""
     given = {"obstacles": [BALL], "seconds": 1.5, "record_to": path, "record_every": 1} | more
-    with vff.drive(robot, controller(), **given) as drive:
+    law = controller() if torque_rate is None else controller(torque_rate=torque_rate)
+    with vff.drive(robot, law, **given) as drive:
         assert finished(drive).status == "completed"
     return vff.StreamRecorder.read(path).to_pandas()
 
@@ -408,7 +409,7 @@ def test_a_robot_that_carries_its_weight(tmp_path: Path) -> None:
     with vff.drive(robot, law, obstacles=[BALL], seconds=1.5, record_to=path, record_every=1) as drive:
         finished(drive)
     light = vff.StreamRecorder.read(path).to_pandas()
-    heavy = recorded(SimulatedRobot(SCENE), tmp_path / "heavy.arrows")
+    heavy = recorded(SimulatedRobot(SCENE), tmp_path / "heavy.arrows", torque_rate=1000.0)
     sent = light.filter(like="tau_applied").to_numpy()
     assert abs(sent[0]).max() < 1e-9 and abs(np.diff(sent, axis=0)).max() <= 1.0 + 1e-9
     q = [rows.filter(regex="^q_").to_numpy()[1499] for rows in (light, heavy)]

@@ -10,6 +10,7 @@ import pytest
 import vffnull as vff
 from vffnull import scenes
 
+pytestmark = pytest.mark.filterwarnings("ignore:the torque chatters")  # some are driven hard here
 IN_SPACE = [name for name in vff.scenarios() if "model" in vff.Scenario.load(name)["arm"]]
 WAYS = ("null_space", "relaxed", "priority", "cbf")
 RATES = (400.0, 1000.0)  # N·m/s; the second is a Franka's

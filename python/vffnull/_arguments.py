@@ -1,10 +1,14 @@
-"""Numbers that callers give, checked once for every function."""
+"""What callers give: numbers, checked once for every function, and parameters, by their names."""
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import inspect
 import operator
+import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from vffnull.errors import InputError, InputTypeError
 
@@ -12,9 +16,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MOST_THREADS", "array", "number", "positive", "whole", "within"]
+__all__ = ["MOST_THREADS", "array", "documented", "number", "positive", "suggesting", "whole", "within"]
 
 MOST_THREADS = 1024
+
+_Class = TypeVar("_Class", bound=type)
 
 
 def number(name: str, value: object) -> float:
@@ -100,3 +106,49 @@ def array(name: str, given: ArrayLike, shape: Sequence[int | None]) -> NDArray[n
     if not np.isfinite(values).all():
         raise InputError(f"{name}: must be finite")
     return values
+
+
+def suggesting(cls: _Class) -> _Class:
+    """Let a constructor say which parameter was meant by one that it does not have."""
+    made: Any = cls
+    init = made.__init__
+    known = tuple(inspect.signature(init).parameters)[1:]
+
+    @functools.wraps(init)
+    def made_of(self: object, *given: Any, **named: Any) -> None:
+        for name in named:
+            if name not in known:
+                raise InputTypeError(_unknown(cls.__name__, name, known))
+        init(self, *given, **named)
+
+    made.__init__ = made_of
+    return cls
+
+
+def _unknown(owner: str, name: str, known: tuple[str, ...]) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}? There are" if near else "there are"
+    return f"{owner}: unknown parameter {name!r}; {hint} {', '.join(known)}"
+
+
+def documented(cls: _Class) -> _Class:
+    """Let every field of a dataclass answer `help` with what the docstring of the class says of it."""
+    texts = dict(re.findall(r"^    (\w+) : (.+(?:\n        .+)+)", cls.__doc__ or "", re.M))
+    for each in dataclasses.fields(cls):
+        setattr(cls, each.name, _field(each.name, inspect.cleandoc(f"    {texts[each.name]}")))
+    return cls
+
+
+def _field(name: str, text: str) -> property:
+    """What stores a value where a class without it does; a frozen class lets its constructor alone set it."""
+
+    def get(self: Any) -> Any:
+        return self.__dict__[name]
+
+    def put(self: Any, value: Any) -> None:
+        self.__dict__[name] = value
+
+    first, _, rest = text.partition("\n")
+    return property(get, put, doc=f"{first}\n\n{inspect.cleandoc(rest)}")

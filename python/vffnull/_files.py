@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
 import stat
 from collections.abc import Iterable, Iterator
@@ -81,6 +80,8 @@ def digest(text: str, arrays: Iterable[NDArray[np.float64]]) -> str:
     str
         16 hexadecimal digits of SHA-256.
     """
+    import hashlib
+
     import numpy as np
 
     found = hashlib.sha256(text.encode(errors="surrogatepass"))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
 from vffnull import _core
+from vffnull._arguments import documented, suggesting
 from vffnull._document import Document, frozen, plain
-from vffnull._helpful import documented, suggesting
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

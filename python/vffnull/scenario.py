@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
+from vffnull._arguments import suggesting
 from vffnull._arm import arm_of
 from vffnull._arm_files import anchored, explicit
 from vffnull._document import Document, HasDocument, frozen, get, plain, put
 from vffnull._files import replacing
-from vffnull._helpful import suggesting
 from vffnull.errors import InputTypeError, ScenarioError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from vffnull import _core
+from vffnull._arguments import suggesting
 from vffnull._document import Document, frozen, plain
-from vffnull._helpful import suggesting
 from vffnull._hull import hull
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 

@@ -200,7 +200,7 @@ def _heavy(arm: Mapping[str, Any]) -> list[str]:
     if not rotors.any():
         return []
     ends = np.array(arm.get("joint_limits") or np.zeros((len(rotors), 2)), dtype=float)
-    middle = np.where(np.isfinite(ends).all(axis=1), ends.mean(axis=1), 0.0)
+    middle = np.where(np.isfinite(ends).all(axis=1, keepdims=True), ends, 0.0).mean(axis=1)
     shares = rotors / np.diag(arm_of(arm).mass_matrix(middle))
     heavy = [
         f"{joint['name']} {100 * share:.0f} %"

@@ -295,7 +295,7 @@ fn unusable_values_are_named() {
     };
     let two = "times = [0, 1], points = [[0, 0, 0], [1, 0, 0]]";
     let half = "[1, 0, 0, 0], [0, 1, 0, 0]";
-    assert_eq!(field("setpoint = { orientation = [1, 0, 0, 0.1] }"), "orientation");
+    assert_eq!(field("setpoint = { orientation = [1, 0, 0, 0.2] }"), "orientation");
     assert_eq!(
         field("line = { end = [0, 0, 0], duration = 1, start_orientation = [2, 0, 0, 0] }"),
         "start_orientation"
