@@ -133,7 +133,10 @@ def test_torque_rate(scenario: Any, more: dict[str, Any]) -> None:
     assert np.abs(slow.q - free.q).max() > 1e-3
     document["controller"]["command"] = {"torque_rate": 1e7, **more}
     same = vff.simulate(document)
-    assert np.abs(same.q - free.q).max() < (1e-3 if more else 1e-12)
+    if scenario is planar:
+        assert np.abs(same.q - free.q).max() < (1e-3 if more else 1e-12)
+    else:  # a Panda has limits of speed, which other joints keep behind a rate (T132)
+        assert np.abs(same.error[-1]).max() < 1e-3 and same.metrics["velocity_limit_ratio"] < 1.0
     # Held over more than a step, it may change by the rate times the control period.
     document["simulation"] = {"control_every": 4}
     document["controller"]["command"] = {"torque_rate": 300.0}

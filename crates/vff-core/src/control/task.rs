@@ -29,13 +29,14 @@ pub fn sendable_acceleration<const M: usize>(
     de: Vector<M>,
     build_up: &mut impl FnMut(&Vector<M>) -> f64,
 ) -> Vector<M> {
-    let mut pull = gains.stiffness.component_mul(&e);
+    let pull = gains.stiffness.component_mul(&e);
     let pole = gains.stiffness.component_div(&gains.damping).max();
-    let share = (RETURN / (pole * build_up(&pull))).sqrt();
-    if share < 1.0 {
-        pull *= share;
+    let pulled = (RETURN / (pole * build_up(&pull))).sqrt().min(1.0);
+    let demand = -gains.damping.component_mul(&de) - pull * pulled;
+    let share = (gains.damping.max() * build_up(&demand)).recip().min(1.0);
+    if pulled * share < 1.0 {
+        ddx_r + demand * share
+    } else {
+        commanded_acceleration(gains, ddx_r, e, de)
     }
-    let demand = -gains.damping.component_mul(&de) - pull;
-    let share = (gains.damping.max() * build_up(&demand)).recip();
-    if share < 1.0 { ddx_r + demand * share } else { ddx_r + demand }
 }

@@ -110,6 +110,8 @@ pub struct Barrier {
     ends: Vec<[f64; 2]>,
     /// Largest speed of every joint \[rad/s\].
     speed: Vec<f64>,
+    /// Whether that is a limit, and not only what is reckoned with.
+    keeps_speeds: bool,
     /// See [`Yielding`].
     rate: f64,
     margin: f64,
@@ -145,12 +147,18 @@ impl Barrier {
             softness: vec![],
             ends: Vec::with_capacity(n),
             speed: settings.joint_speeds(robot),
+            keeps_speeds: true,
             rate: rate(settings),
             margin: settings.margin,
             slack_price: settings.slack_price.unwrap_or(usual::<D>().slack_price),
         };
         this.reserve(0);
         this
+    }
+
+    /// Leaves the speeds of an arm without velocity limits alone.
+    pub fn without_speeds<R: Robot<D>, const D: usize>(self, robot: &R) -> Self {
+        Self { keeps_speeds: !robot.limits().velocity.is_empty(), ..self }
     }
 
     /// Room for this many pairs.
@@ -326,6 +334,7 @@ impl Barrier {
     /// The same for the angles and the speeds of the joints (T131, T132).
     fn keep_joints_in_time<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: &TorqueRange) {
         let Self { rate, nominal, present, normals, bounds, scratch, hessian, speed, .. } = self;
+        let keeps_speeds = self.keeps_speeds;
         let n = nominal.len();
         let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
         let unit = &mut hessian[..n];
@@ -337,9 +346,12 @@ impl Barrier {
             let jerk = range.jerk(unit, scratch);
             unit[i] = 0.0;
             let next = dq[i] + range.period * present[i];
-            let most = KEPT_SPEED * speed[i];
-            let mut upper = TorqueRange::most_acceleration(most - next, jerk, *rate);
-            let mut lower = -TorqueRange::most_acceleration(most + next, jerk, *rate);
+            let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
+            if keeps_speeds {
+                let most = KEPT_SPEED * speed[i];
+                upper = TorqueRange::most_acceleration(most - next, jerk, *rate);
+                lower = -TorqueRange::most_acceleration(most + next, jerk, *rate);
+            }
             if let Some([low, high]) = ranges.get(i) {
                 let least = |height, sign: f64| {
                     let now = [height, sign * dq[i], sign * present[i]];

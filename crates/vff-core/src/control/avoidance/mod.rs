@@ -154,7 +154,10 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
             most_own,
             bodies: Vec::with_capacity(if keeps_apart { robot.body_count() } else { 0 }),
             strategy,
-            barrier: has_barrier.then(|| Barrier::new(robot, settings)),
+            barrier: has_barrier.then(|| match gains.avoidance {
+                Avoidance::Cbf => Barrier::new(robot, settings),
+                _ => Barrier::new(robot, settings).without_speeds(robot),
+            }),
             slack: 0.0,
         }))
     }
