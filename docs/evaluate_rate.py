@@ -23,10 +23,9 @@ CONTROLLERS = ("null-space field", "relaxed", "priority", "cbf", "cbf + preview"
 
 TEXT = """# Behind a torque rate
 
-The {scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md), without a limit of the torque rate
+{scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md), without a limit of the torque rate
 and with one of {rate:g} N·m/s for every joint, made by `python docs/evaluate_rate.py{count}`, vffnull
-{version}.
-That is a Franka's limit; makers of the other two arms publish none. What changes behind it is in
+{version}. That is a Franka's limit; makers of the other two arms publish none. What changes behind it is in
 [theory.md](theory.md), T130 to T134; its numbers were settled on other seeds, and these were used once.
 
 **Collision**: an overlap of more than 1 mm, in all scenes, feasible or not, in per cent with 95 % confidence
@@ -38,6 +37,9 @@ and torque are the largest of any joint in any of the scenes, in parts of the ma
 Without a rate, only the quadratic program of `cbf` has the speed limits among its constraints, and where they
 and distances contradict each other, both give way by the same weight. Behind a rate every controller has
 them, and they weigh more than distances.
+
+`priority` loses most behind a rate: it adds what one distance after the other is short of, and what the
+drives cannot follow of the sum is missing. `cbf` weighs all of it at once, and is what to use there.
 """
 HEAD = (
     "| family | controller | collisions | behind the rate | back | behind the rate | speed | behind the rate "
