@@ -78,6 +78,7 @@ LEFT_OUT = {
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
     "python docs/evaluate.py --space": "as the one of the plane",
     "python docs/evaluate_goals.py": "runs for half an hour; the tests evaluate in short",
+    "python docs/evaluate_rate.py 20": "runs for minutes; the tests do so on bundled scenes",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python benches/calls.py": "needs the programs that the commands of docs/c.md build",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",
