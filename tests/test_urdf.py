@@ -531,7 +531,8 @@ def with_armature(arm: dict[str, Any], armature: list[float]) -> dict[str, Any]:
 
 
 def test_a_fitted_urdf_comes_back_with_its_capsules() -> None:
-    arm = arms.read_urdf(without_mesh()).document
+    rods = without_mesh().replace('<box size="0.2 0.2 0.1"/>', '<cylinder radius="0.1" length="0.3"/>')
+    arm = arms.read_urdf(rods).document
     again = arms.read_urdf(arms.to_urdf(arm), tip="tool").document
     for ours, theirs in zip(capsules(arm), capsules(again), strict=True):
         # What was written as cylinder and balls is one capsule again, a prism's corners larger.
@@ -636,7 +637,9 @@ def test_the_least_capsule_of_known_bodies() -> None:
     assert ball.shape["kind"] == "sphere"
     (flat,) = fit_solids("x", [Solid.box("plate", (0.3, 0.2, 0.01))])  # any capsules waste more than a litre
     assert flat.shape["kind"] == "convex" and flat.tightness == pytest.approx(1.0)
-    together = fit_solids("x", [Solid.box("half", (0.1, 0.1, 0.2)), Solid.box("other half", (0.1, 0.1, 0.2))])
+    together = fit_solids(
+        "x", [Solid.box("half", (0.05, 0.05, 0.2)), Solid.box("other half", (0.05, 0.05, 0.2))]
+    )
     assert len(together) == 1
     assert together[0].parts == ("half", "other half")
 
