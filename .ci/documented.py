@@ -41,8 +41,8 @@ PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
 INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 # What is there to be read.
-SHOWN = ("", "toml", "text", "json", "cmake", "cpp", "math")
-SHOWN += ("{toctree}", "{rst-class}", "{literalinclude}", "{warning}")
+SHOWN = ("", "toml", "text", "json", "cmake", "c", "cpp", "math")
+SHOWN += ("{toctree}", "{button-ref}", "{rst-class}", "{literalinclude}", "{warning}")
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
@@ -78,6 +78,7 @@ LEFT_OUT = {
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
     "python docs/evaluate.py --space": "as the one of the plane",
     "python docs/evaluate_goals.py": "runs for half an hour; the tests evaluate in short",
+    "python docs/emulate.py FOLDER": "runs for half an hour; the tests do so in short",
     "python docs/evaluate_rate.py 20": "runs for minutes; the tests do so on bundled scenes",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python benches/calls.py": "needs the programs that the commands of docs/c.md build",

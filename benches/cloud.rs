@@ -8,14 +8,14 @@ use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 use vff_core::scenario::Scenario;
-use vff_core::world::space::{MOST_POINTS, Obstacle, Points, Shape, World};
+use vff_core::world::space::{MAX_POINTS, Obstacle, Points, Shape, World};
 use vff_core::world::{CollisionQuery, Motion};
 
 /// What a depth camera might see: points of a table and of three walls, none of them near the arm, and `near` beside its
 /// elbow.
 fn points(near: usize) -> Vec<[f64; 3]> {
     let mut points: Vec<_> = (0..near).map(|k| [-0.05, -0.22 - 0.01 * k as f64, 0.62]).collect();
-    let count = MOST_POINTS - near;
+    let count = MAX_POINTS - near;
     let side = (count as f64 / 4.0).sqrt();
     for k in 0..count {
         let (sheet, k) = (k % 4, (k / 4) as f64);
@@ -102,7 +102,7 @@ fn replacement(c: &mut Criterion) {
     group.bench_function("swapped in/50000", |b| {
         b.iter(|| black_box(world.swap_points(0, &mut other)));
     });
-    assert_eq!(world.contact_count(), MOST_POINTS);
+    assert_eq!(world.contact_count(), MAX_POINTS);
     group.finish();
 }
 

@@ -16,7 +16,7 @@ from gymnasium.vector import SyncVectorEnv
 
 import vffnull as vff
 from vffnull import arms
-from vffnull.gym import ReachEnv, ReachVectorEnv
+from vffnull.engines.gym import ReachEnv, ReachVectorEnv
 
 
 def rate(envs: Any, actions: np.ndarray) -> tuple[float, float]:

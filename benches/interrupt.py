@@ -27,7 +27,8 @@ import json, math, os, random, signal, sys, tempfile, threading, time, warnings
 from pathlib import Path
 import numpy as np
 import vffnull as vff
-from vffnull import _core, errors
+from vffnull import _core
+from vffnull._support import errors
 warnings.simplefilter("ignore")
 os.chdir(tempfile.mkdtemp(dir=sys.argv[4]))
 
@@ -99,8 +100,8 @@ CALLS = {
         "",
         "vff.evaluate(['null-space field'], category='crowd', count=4, space=True, arm='panda')",
     ),
-    "evaluation.loop_times": (
-        "from vffnull.evaluation import loop_times",
+    "evaluate.loop_times": (
+        "from vffnull.run.evaluate import loop_times",
         "loop_times(['null-space field'], n=6, count=100)",
     ),
     "Simulation": ("d = scene(obstacles=discs(50000)) | {'duration': 0.1}", "vff.Simulation(d)"),
@@ -136,7 +137,7 @@ CALLS = {
         "vff.Arm.from_urdf('long.urdf')",
     ),
     "gymnasium reset and step": (
-        "import gymnasium\ne = gymnasium.make_vec('vffnull.gym:vffnull/Reach-v0', num_envs=2000, "
+        "import gymnasium\ne = gymnasium.make_vec('vffnull.engines.gym:vffnull/Reach-v0', num_envs=2000, "
         "scenario='sweep-through')\na = e.action_space.sample()",
         "e.reset(seed=1); [e.step(a) for _ in range(1000)]",
     ),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use vff_core::control::Avoidance;
-use vff_core::control::avoidance::preview::PreviewSettings;
+use vff_core::control::PreviewSettings;
 use vff_core::{runtime::AnyRun, scenario::Scenario};
 
 /// Plant steps of one run; a longer measurement begins another run, outside the measured time.

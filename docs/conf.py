@@ -31,6 +31,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "equations",
     "pages",
+    "snippets",
     "stubs",
 ]
 exclude_patterns = ["_build", "generated/figures", "generated/written", "gallery/*.ipynb", "gallery/*.py"]
@@ -54,7 +55,7 @@ html_theme_options = {
     "logo": {"text": "vffnull", "image_light": "_static/logo.svg", "image_dark": "_static/logo.svg"},
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 8,
     "show_toc_level": 2,
     "show_nav_level": 1,
     "secondary_sidebar_items": ["page-toc"],

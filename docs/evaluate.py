@@ -18,8 +18,10 @@ from pathlib import Path
 import numpy as np
 
 import vffnull as vff
-from vffnull import evaluation, scenes
+from vffnull import evaluation
+from vffnull.evaluation import scenes
 from vffnull.evaluation.planner import ANGLE, TIP, VERDICTS
+from vffnull.run import evaluate as evaluating
 
 DOCS = Path(__file__).resolve().parent
 KEPT = DOCS.parent / "target" / "evaluation"
@@ -38,7 +40,7 @@ ELSEWHERE = {
 HEAD = """# Controllers against each other
 
 {total} random scenes under {controllers} controllers, made by `python docs/evaluate.py{count}`, vffnull
-{version}, in a quarter of an hour on two cores. `vffnull.scenes` generates the scenes from a seed;
+{version}, in a quarter of an hour on two cores. `vffnull.evaluation.scenes` generates the scenes from a seed;
 seeds from 1 000 000 on are used here, and no parameter has been tuned on them.
 
 **Feasibility.** A planner that knows the future searches for a collision-free motion of the arm, without
@@ -80,7 +82,7 @@ These scenes are not random: `vffnull list` names them.
 
 def in_the_plane(count: int) -> None:
     """Run what is not there yet, and write the document."""
-    ours = evaluation.join(
+    ours = evaluating.join(
         kept(
             f"{name.replace(' ', '-')}-{category}-{n}-{first}-{size}",
             first,
@@ -109,7 +111,7 @@ def in_the_plane(count: int) -> None:
         BUNDLED,
         "## Time of a step\n\nControl law and plant, in crowds, called from Python on one thread. The "
         "maximum is caused by other programs on the machine.\n",
-        evaluation.loop_times(n=SIZES),
+        evaluating.loop_times(n=SIZES),
     ]
     (DOCS / "evaluation.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
 
@@ -126,8 +128,8 @@ TASKS = ("position", "pose")
 HEAD_IN_SPACE = """# Controllers against each other in space
 
 {total} random scenes of three arms under {controllers} controllers, made by
-`python docs/evaluate.py --space`{count}, vffnull {version}. `vffnull.scenes.in_space` generates the
-scenes from a seed; seeds from 1 000 000 on are used here, and no parameter has been tuned on them. The
+`python docs/evaluate.py --space`{count}, vffnull {version}. `vffnull.evaluation.scenes.in_space` generates
+the scenes from a seed; seeds from 1 000 000 on are used here, and no parameter has been tuned on them. The
 arms are a Panda, an iiwa 14 and a UR5e with their makers' limits of angle, speed and torque; the tasks
 are a position and a pose, which leaves the seven-joint arms one degree of freedom and the UR5e none.
 Scenes last 4 s.
@@ -161,7 +163,7 @@ that of Khatib (1986).
 
 def in_space(count: int) -> None:
     """The same in space."""
-    ours = evaluation.join(
+    ours = evaluating.join(
         kept(
             f"{name.replace(' ', '-')}-{family}-{arm}-{task}-{FIRST}-{count}",
             FIRST,
@@ -193,7 +195,7 @@ def in_space(count: int) -> None:
         tried(),
         "## Time of a step\n\nControl law and plant, in crowds, called from Python on one thread. The "
         "maximum is caused by other programs on the machine.\n",
-        evaluation.loop_times(space=True, task=TASKS),
+        evaluating.loop_times(space=True, task=TASKS),
     ]
     (DOCS / "evaluation-spatial.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
 
@@ -264,7 +266,7 @@ def kept(
     """A part of the evaluation, run unless there is a file of it."""
     file = KEPT / f"{name}.npz"
     if not file.exists():
-        outcome = evaluation.evaluate(controllers, count=size, seed=first, verdicts=verdicts(), **which)
+        outcome = evaluating.evaluate(controllers, count=size, seed=first, verdicts=verdicts(), **which)
         verdicts(outcome.verdicts)
         np.savez(file, controllers=np.array(outcome.controllers), **outcome.columns)
         print(f"{name}: done", file=sys.stderr, flush=True)
@@ -353,7 +355,7 @@ def parameters() -> str:
         name: cbf | {f"controller.{key}": value for key, value in changes.items()}
         for name, changes in VARIANTS.items()
     }
-    found = evaluation.join(
+    found = evaluating.join(
         kept(f"training-{family}-{n}", scenes.TRAINING.start, CHUNK, controllers, category=family, n=n)
         for family in scenes.FAMILIES
         for n in SIZES
@@ -577,7 +579,7 @@ def tried() -> str:
         if faster := changes.pop("speed", None):
             limits = vff.Arm.named(arm).velocity_limits
             changes["arm.velocity_limits"] = [float(faster * limit) for limit in limits]
-        rates = evaluation.evaluate(
+        rates = evaluating.evaluate(
             {"cbf": changes}, count=SPACE, seed=TRIED_FIRST, category=family, space=True, arm=arm, task=task
         ).rates()
         cells = " | ".join(str(rates[key]) for key in (COLLISIONS, HELD, BACK))

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 import vffnull as vff
+from vffnull.draw import style
 from vffnull.evaluation import scenes
-from vffnull.evaluation.goals import Goals, evaluate_goals
 from vffnull.evaluation.scenes.goals import GOAL_ARMS
 from vffnull.evaluation.table import wilson
-from vffnull.plotting import style
+from vffnull.run.goals import Goals, evaluate_goals
 
 DOCS = Path(__file__).resolve().parent
 COUNTS = (40, 20)

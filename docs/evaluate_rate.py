@@ -13,7 +13,8 @@ from collections import defaultdict
 from pathlib import Path
 
 import vffnull as vff
-from vffnull import evaluation, scenes
+from vffnull import evaluation
+from vffnull.evaluation import scenes
 from vffnull.evaluation.table import wilson
 
 DOCS = Path(__file__).resolve().parent

@@ -19,8 +19,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 import vffnull as vff
-from vffnull.plotting import canvas, joints, replans, strobe, style
-from vffnull.plotting.primitives import Scene
+from vffnull.draw import replans, style
+from vffnull.draw.figures import canvas, joints, strobe
+from vffnull.draw.primitives import Scene
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"

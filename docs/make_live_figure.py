@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw
 from playwright.sync_api import sync_playwright
 
 import vffnull as vff
-from vffnull._arm import rotation
+from vffnull.evaluation.geometry.arm import rotation
 
 FIGURES = Path(__file__).parent / "figures"
 WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]

@@ -135,7 +135,7 @@ def run(delay: float | None, ahead: float = 0.0, duration: float = DURATION) -> 
 
 def main() -> None:
     """What the robots do, and how that differs from what torque does."""
-    from vffnull.plotting import style
+    from vffnull.draw import style
 
     torque = run(None)
     robots = [

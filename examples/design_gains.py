@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 INFLUENCE, WANTED, MASS = 0.6, 0.15, 1.0  # m, m, kg: one link
 speeds = np.linspace(0.2, 3.0, 15)  # m/s

@@ -3,8 +3,8 @@ Where the energy goes
 =====================
 
 Energy enters the null space only through the motion of the obstacles and of the task, and leaves it through
-the null damping (T17). Every run records these powers. Integrated, they account for what the null space
-stores.
+the null damping (T17). Every run records these powers, here those of an iiwa. Integrated, they account for
+what the null space stores.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
-result = vff.simulate("sweep-through", {"simulation.control": "continuous"})
+EXACT = {"simulation.control": "continuous", "simulation.integrator": "rk4", "simulation.record_every": 1}
+result = vff.simulate("iiwa-line", EXACT)
 step = np.diff(result.t)[:, None]
 work = np.vstack([0 * result.power[:1], np.cumsum(step * (result.power[1:] + result.power[:-1]) / 2, axis=0)])
 stored = result.energy[:, vff.ENERGIES.index("null_storage")]

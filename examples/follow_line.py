@@ -9,7 +9,8 @@ links bend away from both, and the tip keeps to its line within micrometres.
 from __future__ import annotations
 
 import vffnull as vff
-from vffnull.plotting import overview, style
+from vffnull.draw import style
+from vffnull.draw.figures import overview
 
 scenario = vff.Scenario(
     arm=vff.Arm.uniform(7, length=0.8, mass=0.6, radius=0.03),

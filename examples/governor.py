@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 PATH = 3.2  # m, the tip's path runs straight up at this x
 NEAR = 0.01  # m, within which the tip is on its path

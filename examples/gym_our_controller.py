@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 SETTINGS = {"scenario": "sweep-through", "action": "torque", "period": 1e-3, "torque": 1000.0}
-env = gymnasium.make("vffnull.gym:vffnull/Reach-v0", **SETTINGS)
+env = gymnasium.make("vffnull.engines.gym:vffnull/Reach-v0", **SETTINGS)
 scenario, layout, scale = env.unwrapped.scenario, env.unwrapped.layout, env.unwrapped.torque
 radii = [obstacle["shape"]["radius"] for obstacle in scenario["obstacles"]]
 

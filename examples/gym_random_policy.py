@@ -13,8 +13,8 @@ import time
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from vffnull.gym import ReachVectorEnv
-from vffnull.plotting import style
+from vffnull.draw import style
+from vffnull.engines.gym import ReachVectorEnv
 
 # With NEXT_STEP, those that are over begin again and do not disturb the others.
 envs = ReachVectorEnv(

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 LIMITS = (800.0, 200.0, 100.0, 50.0)  # N·m
 SHARES = {"task": 1, "damping": 2}  # places in vff.OBJECTIVES

@@ -3,8 +3,8 @@ MuJoCo as the plant
 ===================
 
 The controller is the same, but MuJoCo moves the arm. With its integrator set as ours the two agree; they
-are told apart by what happens in a contact: without a field the disc pushes the arm in MuJoCo, and passes
-through it here. Needs ``pip install ".[mujoco]"``.
+are told apart by what happens in a contact: without a field the ball pushes the UR5e in MuJoCo, and
+passes through it here. Needs ``pip install ".[mujoco]"``.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 CASES = {"with the field": {}, "without a field": {"controller.field.gain": 0.0}}
 
 with style.look():
     fig = style.figure(2.5, style.PAGE)
     for ax, (title, changes) in zip(fig.subplots(1, 2, sharey=True), CASES.items(), strict=True):
-        ours = vff.simulate("sweep-through", changes)
-        theirs = vff.simulate("sweep-through", changes, plant="mujoco")
+        ours = vff.simulate("ur5e-sweep", changes)
+        theirs = vff.simulate("ur5e-sweep", changes, plant="mujoco")
         apart = np.abs(ours.q - theirs.q).max()
         print(f"{title}: joint angles differ by at most {apart:.1e} rad")
         ax.plot(ours.t, ours.clearance.min(axis=1), color="#0072B2", linewidth=2.4, label="vffnull")

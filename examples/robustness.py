@@ -16,7 +16,7 @@ import matplotlib
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 SCENARIO = "sweep-through"
 MASS = 30 * np.sinh(np.linspace(-4, 4, 41)) / np.sinh(4)  # %, more than the model; dense round 0

@@ -14,9 +14,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
-result = vff.simulate("sweep-through")
+result = vff.simulate("panda-cup")
 sizes = {}
 with TemporaryDirectory() as directory:
     for ending in ("csv", "npz", "arrow", "parquet"):

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 ray = np.array([np.cos(0.3), np.sin(0.3)])
 result = vff.simulate(

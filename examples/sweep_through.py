@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 import vffnull as vff
-from vffnull.plotting import style
+from vffnull.draw import style
 
 SETTINGS = {
     "no field": ({"controller.field.gain": 0.0}, "#999999", 1.1),

@@ -12,8 +12,8 @@ import numpy as np
 import optuna
 
 import vffnull as vff
-from vffnull import scenes
-from vffnull.plotting import style
+from vffnull.draw import style
+from vffnull.evaluation import scenes
 
 FAMILIES, SCENES, TRIALS = ("links-swept", "clutter", "crowd"), 2, 6  # quick; 100 and 200 tell more
 RANGES = {

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 # A job in the background is started with Ctrl-C ignored, and what it starts inherits that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -28,6 +31,15 @@ settings.register_profile(
 )
 settings.register_profile("soak", settings.get_profile("vffnull"), max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "vffnull"))
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Iterator[Any]:
+    """The live page of an arm in space, without a browser."""
+    pytest.importorskip("viser")
+    page = vff.live("panda-sweep", open_browser=False, block=False, record_to=tmp_path)
+    yield page
+    page.stop()
 
 
 @pytest.fixture(scope="session")

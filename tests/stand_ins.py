@@ -1,13 +1,11 @@
-"""Stand-ins of makers' interfaces: the methods that our adapters use, with a simulated arm behind them.
+"""A stand-in of ur_rtde: the methods that our adapter uses for each of its commands, before a simulated arm.
 
-They are not the makers' libraries, and tell nothing of how a robot behaves. `test_robots.py` compares their
-signatures with those of the wheels, where these are installed.
+It tells nothing of how a robot behaves, which `vffnull.robots.emulated` does for torques. `test_robots.py`
+compares its signatures with those of the wheel, where that is installed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,74 +27,6 @@ class Plant:
     @property
     def state(self) -> tuple[float, Any, Any]:
         return self.robot.read()
-
-
-class Franka:
-    """A stand-in of ``pylibfranka.Robot`` and of the control that it hands out."""
-
-    def __init__(self, scenario: vff.Scenario) -> None:
-        self.plant = Plant(scenario, 1000.0)
-        self.calls: list[str] = []
-        self.torque = np.zeros(7)
-        self.fails_at: int | None = None
-        self._answered = True
-        self._lost = 0
-
-    def start_torque_control(self) -> Franka:
-        self.calls.append("start_torque_control")
-        return self
-
-    def readOnce(self) -> tuple[Any, Any]:
-        """Wait for the next state; 20 in a row without an answer are the end."""
-        self._lost = 0 if self._answered else self._lost + 1
-        if self._lost > 20:
-            raise RuntimeError("communication_constraints_violation")
-        if not self._answered:
-            self.plant.step(self.torque.tolist())
-        self._answered = False
-        self.calls.append("readOnce")
-        if self.fails_at is not None and self.calls.count("readOnce") >= self.fails_at:
-            raise RuntimeError("libfranka: Move command aborted: motion aborted by reflex!")
-        t, q, dq = self.plant.state
-        state = SimpleNamespace(
-            time=SimpleNamespace(to_sec=lambda: t), q=q.tolist(), dq=dq.tolist(), tau_J_d=self.torque.tolist()
-        )
-        return state, SimpleNamespace(to_sec=lambda: 0.001)
-
-    def writeOnce(self, arg0: Any) -> None:
-        """One answer per state, whose torque may change by 1000 N·m/s."""
-        assert not self._answered, "two commands for one state"
-        torque = np.asarray(arg0.tau_J)
-        if arg0.motion_finished:
-            self.calls.append("finished")
-            return
-        if np.abs(torque - self.torque).max() > 1.0 + 1e-9:
-            raise RuntimeError("controller_torque_discontinuity")
-        self.calls.append("writeOnce")
-        self.torque, self._answered = torque, True
-        self.plant.step(torque.tolist())
-
-    def stop(self) -> None:
-        self.calls.append("stop")
-
-    def read_once(self) -> Any:
-        t, q, dq = self.plant.state
-        return SimpleNamespace(time=SimpleNamespace(to_sec=lambda: t), q=q.tolist(), dq=dq.tolist())
-
-    def load_model(self) -> Any:
-        arm = vff.Arm.named("panda")
-        return SimpleNamespace(
-            gravity=lambda state: arm.gravity_torque(state.q).tolist(),
-            mass=lambda state: arm.mass_matrix(state.q).T.ravel().tolist(),
-        )
-
-
-@dataclass
-class FrankaTorques:
-    """A stand-in of ``pylibfranka.Torques``."""
-
-    tau_J: list[float]
-    motion_finished: bool = False
 
 
 class UR:
@@ -149,6 +79,24 @@ class UR:
     def stopScript(self) -> None:
         self.calls.append("stopScript")
 
+    def setWatchdog(self, min_frequency: float = 10.0) -> bool:
+        self.calls.append("setWatchdog")
+        return True
+
+    def setPayload(self, arg0: float, arg1: list[float]) -> bool:
+        self.calls.append("setPayload")
+        return self.runs
+
+    def isProgramRunning(self) -> bool:
+        return self.runs
+
+    def reuploadScript(self) -> bool:
+        self.runs = not self.stopped
+        return self.runs
+
+    def reconnect(self) -> bool:
+        return self.connected
+
     def getMassMatrix(
         self, q: list[float] | None = None, include_rotors_inertia: bool = False
     ) -> list[float]:
@@ -159,11 +107,8 @@ class UR:
     def isConnected(self) -> bool:
         return self.connected
 
-    def isEmergencyStopped(self) -> bool:
-        return False
-
-    def isProtectiveStopped(self) -> bool:
-        return self.stopped
+    def getSafetyStatusBits(self) -> int:
+        return 1 << 2 if self.stopped else 1
 
     def getTimestamp(self) -> float:
         return 1000.0 + (self._t if self.servo else self.plant.state[0])

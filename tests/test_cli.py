@@ -120,9 +120,9 @@ def test_validate(tmp_path: Path) -> None:
     vff.Scenario.load("paper-2").save(good)
     bad.write_text(good.read_text().replace("stiffness", "stifness", 1))
     odd.write_text(good.read_text().replace("duration = 10.0", "duration = 9.9995", 1))
-    assert "fine" in vffnull("validate", good).stdout
+    assert "valid" in vffnull("validate", good).stdout
     done = vffnull("validate", good, bad, code=2)
-    assert "good.toml: fine" in done.stdout
+    assert "good.toml: valid" in done.stdout
     assert "bad.toml" in done.stderr and "controller" in done.stderr and "`stiffness`" in done.stderr
     assert "warning" in vffnull("validate", odd).stderr
 
@@ -279,7 +279,7 @@ def test_broken_files(tmp_path: Path) -> None:
 
 
 def test_strict_and_exit_codes(tmp_path: Path) -> None:
-    """0 fine, also after a collision; 3 under --strict, and after a divergence."""
+    """0 success, also after a collision; 3 under --strict, and after a divergence."""
     collide = ["run", "sweep-through", "--set", "controller.field.gain=0", "--json"]
     assert json.loads(vffnull(*collide).stdout)["status"] == "collided"
     vffnull(*collide, "--strict", code=3)

@@ -15,10 +15,10 @@ import pytest
 from hypothesis import given, settings
 
 import vffnull as vff
+from vffnull.draw.figures.render import Balls, trace
+from vffnull.draw.primitives import Cloud, Scene
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, InputTypeError, ScenarioError
-from vffnull.plotting.primitives import Cloud, Scene
-from vffnull.plotting.render import Balls, trace
 
 mpl.use("Agg")
 

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull import evaluation, scenes
+from vffnull import evaluation
 from vffnull.errors import InputError, InputTypeError
-from vffnull.evaluation import run
+from vffnull.evaluation import scenes
+from vffnull.run import evaluate as run
 
 PAIR = ("no avoidance", "cbf")
 
@@ -127,7 +128,7 @@ def test_files_and_figures(outcome: vff.Evaluation, tmp_path: Path) -> None:
 def test_joined_rows_are_all_rows(outcome: vff.Evaluation) -> None:
     parts = [outcome.where(controller=name) for name in reversed(outcome.controllers)]
     parts[0].controllers = ("cbf",)
-    both = evaluation.join(parts)
+    both = run.join(parts)
     assert len(both) == len(outcome) and both.controllers[0] == "cbf"
     assert set(both.controllers) == set(outcome.controllers)
 
@@ -242,14 +243,14 @@ def test_an_angle_beyond_its_bound_is_no_success() -> None:
         "rms_jerk": 1.0,
         "end_time": 1.0,
     }
-    straight = evaluation.scores(**given)
+    straight = run.scores(**given)
     assert straight["success"] and straight["returned"] and np.isnan(straight["max_angle"])
-    turned = evaluation.scores(**given, angle=np.array([0.0, 0.06, 0.06, 0.02, 0.0]))
+    turned = run.scores(**given, angle=np.array([0.0, 0.06, 0.06, 0.02, 0.0]))
     assert not turned["success"] and turned["returned"]
     assert turned["max_angle"] == 0.06 and turned["recovery_time"] == pytest.approx(0.45)
-    gone = evaluation.scores(**given, angle=np.full(5, 0.06))
+    gone = run.scores(**given, angle=np.full(5, 0.06))
     assert not gone["returned"] and math.isnan(gone["recovery_time"])
-    hit = evaluation.scores(**(given | {"min_clearance": -0.01}))
+    hit = run.scores(**(given | {"min_clearance": -0.01}))
     assert not hit["success"] and not hit["returned"]
 
 
@@ -308,7 +309,7 @@ def test_an_interrupted_run_makes_the_evaluation_interrupted(monkeypatch: pytest
 INTERRUPTED = """
 import os, signal, sys, threading
 from vffnull.cli import main
-from vffnull.evaluation import run
+from vffnull.run import evaluate as run
 
 def interrupting(work):
     def begun(*arguments):

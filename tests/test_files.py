@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull import _record
-from vffnull._files import replacing
-from vffnull._record import recorded
+from vffnull._support.files import replacing
 from vffnull.errors import InputError
-from vffnull.evaluation import identity, scores
 from vffnull.logs import header
+from vffnull.model import record as _record
+from vffnull.model.record import recorded
+from vffnull.run.evaluate import identity, scores
 
 LOSSLESS = (".npz", ".csv", ".arrow", ".parquet")
 
@@ -146,6 +146,7 @@ def tiny() -> vff.Result:
         "measurement.delay": 0.002,
         "actuator.time_constant": 0.01,
         "perception": {"kind": "range", "sensors": 1, "rays": 3, "range": 2.0},
+        "obstacles.0.contact": {},
     }
     return vff.simulate("sweep-through", changes)
 

@@ -15,10 +15,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import vffnull as vff
-from vffnull.gym import ReachEnv, ReachVectorEnv
+from vffnull.engines.gym import ReachEnv, ReachVectorEnv
 from waiting import HANG
 
-NAME = "vffnull.gym:vffnull/Reach-v0"
+NAME = "vffnull.engines.gym:vffnull/Reach-v0"
 POSE: dict[str, Any] = {
     "controller.task": "pose",
     "reference": {"kind": "setpoint", "point": [4.0, 1.0, 0.3]},
@@ -350,7 +350,7 @@ def test_threads_that_share_an_environment_take_turns() -> None:
 def test_without_gymnasium_the_extra_is_named() -> None:
     code = (
         "import sys; sys.modules['gymnasium'] = None\n"
-        "try: import vffnull.gym\n"
+        "try: import vffnull.engines.gym\n"
         "except ImportError as error: print(error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG)

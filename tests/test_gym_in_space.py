@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import vffnull as vff
-from vffnull.gym import ReachEnv, ReachVectorEnv
+from vffnull.engines.gym import ReachEnv, ReachVectorEnv
 
 EXACT: dict[str, Any] = {"start_noise": 0.0, "obstacle_noise": 0.0}
 WIDTHS = {"position": 3, "pointing": 5, "pose": 6}

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import vffnull as vff
-from vffnull._headline import findings
-from vffnull.viewer.panel import numbers
+from vffnull.live.panel import numbers
+from vffnull.model.headline import findings
 from waiting import HANG
 
 # A UR5e draws its hand to its shoulder: 6 cm into itself.

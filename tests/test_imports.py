@@ -1,8 +1,11 @@
-"""What imports what inside the package, read from the source: no circle, lazy imports included."""
+"""What imports what inside the package, read from the source: no circle, late imports and those for
+annotations included, and rooms that stand on one another.
+"""
 
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,17 +25,15 @@ def modules(package: Path) -> dict[str, Path]:
 
 
 def imports(name: str, path: Path, known: set[str]) -> set[str]:
-    """The modules of `known` that a module imports: at its top, inside its functions, by a name in a string.
-
-    An import under ``if TYPE_CHECKING`` serves annotations alone and is left out, except where the module
-    hands its names out itself when it is asked for them (``__getattr__``): there the string counts.
+    """The modules of `known` that a module imports: at its top, inside its functions, for its annotations
+    (``if TYPE_CHECKING``), by a name in a string.
     """
     if path.suffix == ".pyi":  # types alone
         return set()
     tree = ast.parse(path.read_text(encoding="utf-8"), str(path))
     parent = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    for node in runtime(tree):
+    for node in code(tree):
         match node:
             case ast.Import(names=names):
                 found |= {known_part(alias.name, known) for alias in names}
@@ -57,17 +58,12 @@ def known_part(name: str, known: set[str]) -> str:
     return name
 
 
-def runtime(node: ast.AST) -> Iterator[ast.AST]:
-    """Everything below a node but what only type checkers see, and text that explains."""
+def code(node: ast.AST) -> Iterator[ast.AST]:
+    """Everything below a node but text that explains."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-            for other in child.orelse:
-                yield from runtime(other)
-        elif isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant):
-            continue
-        else:
+        if not (isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)):
             yield child
-            yield from runtime(child)
+            yield from code(child)
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -119,22 +115,59 @@ def test_no_module_depends_on_itself_by_way_of_others() -> None:
     assert not circles(graph), described(graph)
 
 
-def test_drawing_depends_on_data_and_never_the_other_way_round() -> None:
-    """What is made of a result may know what a result consists of; nothing there knows what is made of it."""
+FROM_RUST = {
+    "vffnull._support.representation",  # a notebook's card of an arm
+    "vffnull.arms",  # `Arm.from_urdf`, `Arm.from_mjcf`
+    "vffnull.engines.export",  # `Arm.to_urdf`, `Arm.to_mjcf`
+    "vffnull.model.scenario",  # what is no document yet: a name, a path, a `Scenario`
+}
+"""What compiled classes and functions call back, which no import shows."""
+
+
+def room_of(name: str) -> str:
+    """The folder or file of the package where a module is; the package's own names are one, too."""
+    return [*name.split("."), "__init__"][1]
+
+
+def rooms_of(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """Which room needs which; the compiled module, under all of them, is none."""
+    found: dict[str, set[str]] = {room_of(name): set() for name in graph if name != "vffnull._core"}
+    for name, others in graph.items():
+        if room_of(name) in found:
+            found[room_of(name)] |= {room_of(other) for other in others} & set(found) - {room_of(name)}
+    return found
+
+
+def floor(room: str, rooms: dict[str, set[str]]) -> int:
+    """A room stands above all that it needs."""
+    return 1 + max((floor(other, rooms) for other in rooms[room]), default=0)
+
+
+def test_rooms_are_few_and_arrows_between_them_run_down() -> None:
     graph = graph_of(PACKAGE)
-    drawing = ("vffnull.plotting", "vffnull.report", "vffnull.viewer", "vffnull.notebook")
-    facades = {"vffnull.result", "vffnull._realtime", "vffnull.evaluation", "vffnull.evaluation.run"}
-    wrong = {
+    rooms = rooms_of(graph)
+    between = circles(rooms)
+    assert not between, "\n".join(
         f"{name} imports {other}"
-        for name, others in graph.items()
-        if name.startswith(drawing)
-        for other in others & facades
-    }
-    assert not wrong, "\n".join(sorted(wrong))
+        for name, others in sorted(graph.items())
+        for other in sorted(others)
+        if any({room_of(name), room_of(other)} <= set(group) for group in between)
+        and room_of(name) != room_of(other)
+    )
+    assert len(rooms) <= 16 and max(floor(room, rooms) for room in rooms) <= 8, rooms
+    assert not rooms["_support"] and rooms["model"] == {"_support"}
+
+
+def test_what_is_compiled_calls_back_where_it_has_to() -> None:
+    """Python imports no more of what stands above the core than this, and errors, by name."""
+    sources = (PACKAGE.parents[1] / "crates" / "vff-python" / "src").glob("**/*.rs")
+    text = "\n".join(path.read_text(encoding="utf-8") for path in sources)
+    assert set(re.findall(r'import\("(vffnull[\w.]*)"\)', text)) == FROM_RUST
+    assert set(re.findall(r"import_exception!\((vffnull[\w.]*)", text)) == {"vffnull.errors"}
 
 
 def test_the_reader_of_imports_sees_what_it_has_to(tmp_path: Path) -> None:
-    """Lazy, relative and dynamic imports count, annotations do not; a circle through a third is found."""
+    """Late, relative and dynamic imports count, annotations too; a circle through a third is found."""
     package = tmp_path / "house"
     (package / "rooms").mkdir(parents=True)
     files = {
@@ -151,7 +184,8 @@ def test_the_reader_of_imports_sees_what_it_has_to(tmp_path: Path) -> None:
         (package / name).write_text(text, encoding="utf-8")
     graph = graph_of(package)
     assert graph["house"] == {"house.b"} and graph["house.rooms"] == {"house.rooms.c"}
-    assert graph["house.d"] == set() and graph["house.e"] == {"house.d", "house._core"}
-    assert circles(graph) == [["house.a", "house.b", "house.rooms.c"]]
+    assert graph["house.d"] == {"house.e"} and graph["house.e"] == {"house.d", "house._core"}
+    assert circles(graph) == [["house.a", "house.b", "house.rooms.c"], ["house.d", "house.e"]]
+    assert circles(rooms_of(graph)) == [["a", "b", "rooms"], ["d", "e"]]
     assert "house.rooms.c imports house.a" in described(graph)
     assert sys.getrecursionlimit() > len(modules(PACKAGE))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -281,7 +283,7 @@ def test_what_python_drops_is_raised_in_the_end(heard: bool) -> None:
     """Python itself drops what a callback of a weak reference raises; `heard` does not."""
     code = (
         DROPPED
-        + ("from vffnull._interrupts import heard\ncall = heard()(call)\n" if heard else "")
+        + ("from vffnull._support.interrupts import heard\ncall = heard()(call)\n" if heard else "")
         + "try:\n    print(call())\nexcept KeyboardInterrupt:\n    print('raised')\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -294,7 +296,7 @@ def test_what_python_drops_is_raised_again_while_the_work_goes_on() -> None:
         DROPPED
         + f"""
 import time
-from vffnull._interrupts import AGAIN, heard
+from vffnull._support.interrupts import AGAIN, heard
 def work(until):
     call()
     while time.monotonic() < until:
@@ -333,7 +335,7 @@ def test_an_interrupted_import_begins_anew(heard: bool, tmp_path: Path) -> None:
     code = f"""
 import os, sys
 sys.path.insert(0, {str(tmp_path)!r})
-from vffnull._interrupts import heard
+from vffnull._support.interrupts import heard
 def call():
     import whole
     return whole.registry
@@ -352,7 +354,7 @@ def test_other_handlers_and_threads_stay_as_they_are() -> None:
     """A handler that raises nothing is asked and comes back; in another thread nothing is changed."""
     code = """
 import signal, threading
-from vffnull._interrupts import heard
+from vffnull._support.interrupts import heard
 seen = []
 def mine(*_): seen.append("asked")
 signal.signal(signal.SIGINT, mine)
@@ -369,3 +371,58 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 assert heard()(lambda: 1)() == 1
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# What an installer writes, after the line by which it reaches the command; the test then knows when that is.
+SCRIPT = """
+import sys
+from vffnull_command import main
+print("here", file=sys.stderr, flush=True)
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("delay", [0, 5, 10, 20, 30, 50, 75, 100, 150, 200, 300, 500, 800])
+@pytest.mark.parametrize("words", [["--version"], ["run", "panda-sweep"]], ids=lambda words: words[0])
+def test_a_command_hears_ctrl_c_from_its_first_moment_on(words: list[str], delay: int) -> None:
+    """While it is imported, at work, or on its way out: it ends by the signal, or says 130, or is done."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stderr is not None and process.stderr.readline() == "here\n"
+        time.sleep(delay / 1000)  # whatever it does then
+        process.send_signal(signal.SIGINT)
+        _, complaint = process.communicate(timeout=HANG)
+    assert "Traceback" not in complaint and "KeyboardInterrupt" not in complaint
+    assert process.returncode in (130, -signal.SIGINT, 0)
+
+
+def test_nothing_is_imported_before_a_command_hears_ctrl_c() -> None:
+    """An import cannot be interrupted silently: neither NumPy nor the package itself comes before."""
+    script = "import sys, vffnull_command; print(*sys.modules, flush=True); input()"
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", script], stdin=pipe, stdout=pipe, stderr=pipe) as process:
+        assert process.stdout is not None
+        assert {b"vffnull", b"numpy", b"click", b"typing"} & set(process.stdout.readline().split()) == set()
+        process.send_signal(signal.SIGINT)
+        _, complaint = process.communicate(timeout=HANG)
+    assert (process.returncode, complaint) == (-signal.SIGINT, b"")
+
+
+def test_a_command_in_the_background_does_not_hear_ctrl_c() -> None:
+    """A shell's job that it started with SIGINT ignored goes on ignoring it."""
+    process = subprocess.Popen(
+        ["sh", "-c", 'trap "" INT; exec "$0" "$@"', sys.executable, "-c", SCRIPT, "--version"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stderr is not None and process.stderr.readline() == "here\n"
+        process.send_signal(signal.SIGINT)
+        said, _ = process.communicate(timeout=HANG)
+    assert process.returncode == 0 and "vffnull" in said

@@ -33,6 +33,7 @@ MORE: list[dict[str, Any]] = [
     {"perception": {"kind": "range", "sensors": 2, "rate": 100.0}, "simulation": {"control": "predictor"}},
     {"reference": {"kind": "circle", "center": [1, 1], "radius": 0.2, "angular_velocity": -1.0}},
     {"obstacles": [{**DISC, "motion": {"kind": "static"}}]},
+    {"obstacles": [{**DISC, "contact": {}}, {**DISC, "contact": {"stiffness": 1e4, "friction": 0}}]},
     {"obstacles": [{**DISC, "motion": {"kind": "sinusoid", "amplitude": [0, 1], "angular_frequency": 2}}]},
 ]
 
@@ -53,6 +54,8 @@ BROKEN: list[tuple[str, dict[str, Any]]] = [
     ("obstacles[0].shape", {"obstacles": [{"position": [0.0, 0.0]}]}),
     ("obstacles[0].shape", {"obstacles": [{"shape": {"kind": "ball", "radius": 1.0}}]}),
     ("obstacles[0].shape", {"obstacles": [{"shape": {"kind": "circle"}}]}),
+    ("obstacles[0].contact.stiffness", {"obstacles": [{**DISC, "contact": {"stiffness": 0.0}}]}),
+    ("obstacles[0].contact.softness", {"obstacles": [{**DISC, "contact": {"softness": 1.0}}]}),
     ("obstacles[0].position", {"obstacles": [{**DISC, "position": [0.0, 0.0, 0.0]}]}),
     ("reference", {"reference": {"kind": "line", "duration": 1.0}}),
     ("reference", {"reference": {"kind": "setpoint", "point": [1.0, 1.0], "speed": 1.0}}),

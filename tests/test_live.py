@@ -20,10 +20,10 @@ import vffnull as vff
 from browsing import WEBGL, chromium, visit
 from vffnull import _core
 from vffnull.errors import InputError, InputTypeError, ScenarioError
-from vffnull.viewer.panel import OWN
-from vffnull.viewer.plots import span
-from vffnull.viewer.scene import view
-from vffnull.viewer.stories import STORIES
+from vffnull.live.panel import OWN
+from vffnull.live.plots import span
+from vffnull.live.scene import view
+from vffnull.live.stories import STORIES
 from waiting import HANG, frames, obey, wait_for
 
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": [3.0, 2.9]}
@@ -300,14 +300,14 @@ def test_a_paused_page_shows_what_is_dragged_and_counts_nothing(page: Any) -> No
 def test_settings_that_cannot_be_used_leave_no_trace(page: Any) -> None:
     """Neither in the loop nor in the controls; a loop that has stopped comes back with its own settings."""
     panel = page._panel
-    panel._stiffness.max = 1e12
+    panel._sliders["stiffness"].max = 1e12
     for bad in (-5.0, float("nan")):
-        panel._stiffness.value = bad
+        panel._sliders["stiffness"].value = bad
         with pytest.raises(ScenarioError, match="stiffness"):
-            panel._changed(panel._stiffness)
-        assert panel._stiffness.value == 16.0
-    panel._damping.value = 9.0
-    panel._changed(panel._damping)  # others still can be changed
+            panel._changed(panel._sliders["stiffness"])
+        assert panel._sliders["stiffness"].value == 16.0
+    panel._sliders["damping"].value = 9.0
+    panel._changed(panel._sliders["damping"])  # others still can be changed
     page.reset()
     assert panel._settings["stiffness"] == 16 and panel._settings["damping"] == 9.0
     page.configure(panel._settings | {"stiffness": 1e9, "damping": 1e5})

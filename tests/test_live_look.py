@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,9 +11,11 @@ import numpy as np
 import pytest
 
 import vffnull as vff
+from browsing import WEBGL, chromium, visit
 from vffnull.errors import InputError
-from vffnull.viewer.memory import KEPT, Memory
-from vffnull.viewer.stories import STORIES
+from vffnull.evaluation.geometry.arm import rotation
+from vffnull.live.memory import KEPT, Memory
+from vffnull.live.stories import STORIES
 from waiting import frames, obey, wait_for
 
 # ----------------------------------------------------------------------------------------- the seconds before
@@ -62,14 +63,6 @@ def test_a_memory_has_an_end() -> None:
 
 
 # ------------------------------------------------------------------------------------------------ on the page
-
-
-@pytest.fixture
-def page(tmp_path: Path) -> Iterator[Any]:
-    pytest.importorskip("viser")
-    page = vff.live("panda-sweep", open_browser=False, block=False, record_to=tmp_path)
-    yield page
-    page.stop()
 
 
 def press(callbacks: Any, value: Any = None) -> None:
@@ -144,7 +137,7 @@ def test_the_cup_goes_round_the_board_of_a_shelf() -> None:
         straight = vff.simulate(story.replace(**{"controller.avoidance": "null_space"}))
     assert straight.metrics.min_clearance < -0.03
     assert result.metrics.min_clearance > 0.018
-    axis = vff._arm.rotation(result.orientation)[:, :, 2]
+    axis = rotation(result.orientation)[:, :, 2]
     assert np.degrees(np.arccos(np.clip(-axis[:, 2], -1.0, 1.0))).max() < 8.0
     assert np.linalg.norm(result.error[-1, :3]) < 1e-3
 
@@ -268,3 +261,40 @@ def test_the_command_line_takes_meshes(robot: Any) -> None:
         live, ["swing", "--no-browser", "--meshes", str(path), "--package", str(path.parents[1])]
     )
     assert isinstance(result.exception, InputError) and "in the plane" in str(result.exception)
+
+
+COUNTING = """
+window.kinds = new Set(); const sources = new Map();
+const of = WebGL2RenderingContext.prototype, source = of.shaderSource, attach = of.attachShader;
+of.shaderSource = function(shader, text) {
+    sources.set(shader, text);
+    return source.call(this, shader, text);
+};
+of.attachShader = function(program, shader) {
+    const text = sources.get(shader) || "";
+    if (text.includes("#define STANDARD") && text.includes("gl_FragColor")) window.kinds.add(text);
+    return attach.call(this, program, shader);
+};"""
+
+
+@pytest.mark.parametrize("name", ["panda-cup", "sweep-through"])
+def test_few_kinds_of_shaders_delay_the_first_picture(name: str) -> None:
+    """Whatever its faces are like: one for bodies, one for those that are seen through."""
+    page = vff.live(name, open_browser=False, block=False)
+    try:
+        with chromium(*WEBGL) as browser:
+
+            def counting(**options: Any) -> Any:
+                tab = browser.new_page(**options)
+                tab.add_init_script(COUNTING)
+                return tab
+
+            def settled(_: Any) -> bool:
+                state = page.snapshot()
+                return state["status"] == "running" and state["t"] > 0.3
+
+            seen = visit(SimpleNamespace(new_page=counting), page.url, settled, (900, 700))
+            kinds = seen.tab.evaluate("() => window.kinds.size")
+    finally:
+        page.stop()
+    assert 1 <= kinds <= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -14,14 +15,15 @@ from scipy.spatial.transform import Rotation
 
 import vffnull as vff
 from browsing import WEBGL, chromium, visit
+from vffnull.draw import geometry
 from vffnull.errors import InputError, ScenarioError
-from vffnull.plotting import geometry
-from vffnull.viewer.plots import turned_off
-from vffnull.viewer.scene import meshes
-from vffnull.viewer.scene.cup import SPILLS, Liquid
-from vffnull.viewer.scene.space import VIEWS, carries, stays_level
-from vffnull.viewer.tasks import TASKS, with_task
-from waiting import frames, obey, wait_for
+from vffnull.evaluation.geometry.arm import rotation
+from vffnull.live.plots import turned_off
+from vffnull.live.scene import meshes
+from vffnull.live.scene.cup import SPILLS, Liquid
+from vffnull.live.scene.space import VIEWS, carries, stays_level
+from vffnull.live.tasks import TASKS, with_task
+from waiting import HANG, frames, obey, wait_for
 
 
 def at(*place: float) -> Any:
@@ -30,6 +32,7 @@ def at(*place: float) -> Any:
 
 
 PLACE = at(-0.05, -0.5, 0.62)
+EYE = at(9.0, 0.0, 0.6)  # seen from the front
 STILL = {"obstacles.0.motion": None, "obstacles.0.position": PLACE.tolist()}
 """A Panda with a ball that waits beside its elbow."""
 SPATIAL = [name for name in vff.scenarios() if vff.Scenario.load(name).arm.dimension == 3]
@@ -110,7 +113,7 @@ def test_what_is_drawn_is_where_the_core_has_it(name: str, tmp_path: Path) -> No
         poses = page.scenario.arm.link_poses(state["q"])
         for node, pose in zip(drawing._nodes["arm"], poses, strict=True):
             np.testing.assert_allclose(node.position, pose[:3, 3], atol=3e-4)
-            np.testing.assert_allclose(vff._arm.rotation(node.wxyz), pose[:3, :3], atol=1e-3)
+            np.testing.assert_allclose(rotation(node.wxyz), pose[:3, :3], atol=1e-3)
         tip = page.scenario.arm.forward_kinematics(state["q"])[-1]
         np.testing.assert_allclose(drawing._tip.position, tip, atol=3e-4)
         for handle, place in zip(drawing._obstacles, state["obstacles"], strict=True):
@@ -172,7 +175,7 @@ def test_little_is_sent_of_what_rests(page: Any) -> None:
 # ------------------------------------------------------------------------------------------------------ hands
 
 
-def drag(page: Any, hit: int | None, phase: str, start: Any, end: Any, eye: Any = (9.0, 0.0, 0.6)) -> None:
+def drag(page: Any, hit: int | None, phase: str, start: Any, end: Any, eye: Any = EYE) -> None:
     """What the browser tells of a drag, by default seen from the front."""
     client = SimpleNamespace(camera=SimpleNamespace(position=np.array(eye)))
     event = SimpleNamespace(
@@ -181,41 +184,55 @@ def drag(page: Any, hit: int | None, phase: str, start: Any, end: Any, eye: Any 
     page._scene._drag(event, hit)
 
 
-def test_a_ball_goes_to_the_arm_where_it_is_seen_to_do_so(page: Any) -> None:
-    """From a corner the pointer is brought over the elbow: the ball goes to it, not past it in front."""
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_ball_goes_to_the_arm_where_it_is_seen_to_do_so(page: Any, view: str) -> None:
+    """From wherever one looks: with the pointer over the elbow it is at the elbow, neither before nor behind
+    it; far beside the arm it moves along the picture.
+    """
     frames(page)
     page.pause(True)
-    eye = at(1.8, -2.0, 1.4)
+    frames(page)
+    page.look(view)
+    eye = at(*page._scene.camera(page._box(), 0.84).position)
+    elbow = page.scenario.arm.forward_kinematics(page.snapshot()["q"])[3]
     ahead = (PLACE - eye) / np.linalg.norm(PLACE - eye)
-    elbow = at(0.0, 0.0, 0.7)  # in the plane through the base's axis
-    along = (elbow - eye) / ((elbow - eye) @ ahead)
-    seen = eye + along * ((PLACE - eye) @ ahead)  # on the picture through the ball
-    assert np.linalg.norm(seen - elbow) > 0.2
+
+    def pointer(place: Any) -> Any:
+        """Where the browser has the pointer that is over a place: on the picture through the ball."""
+        return eye + (place - eye) * ((PLACE - eye) @ ahead) / ((place - eye) @ ahead)
+
+    assert np.linalg.norm(pointer(elbow) - elbow) > 0.02
     drag(page, 0, "start", PLACE, PLACE, eye)
-    drag(page, 0, "update", PLACE, seen, eye)
-    np.testing.assert_allclose(page._scene._wanted[0], elbow, atol=1e-6)
-    aside = eye + at(-2.0, 0.6, -0.4)  # where the line of sight meets the plane far away: along the picture
-    drag(page, 0, "update", PLACE, aside, eye)
+    drag(page, 0, "update", PLACE, pointer(elbow), eye)
+    assert np.linalg.norm(page._scene._wanted[0] - elbow) < 0.1
+    across = np.cross(ahead, [0.31, 0.59, 0.74])
+    aside = pointer(elbow + 0.9 * across / np.linalg.norm(across))
+    drag(page, 0, "end", PLACE, aside, eye)
     np.testing.assert_allclose(page._scene._wanted[0], aside, atol=1e-6)
-    drag(page, 0, "end", PLACE, seen, eye)
-    along_view = at(0.0, -3.0, 0.6)  # the plane is seen from its edge: along the picture
-    drag(page, 0, "start", PLACE, PLACE, along_view)
-    drag(page, 0, "end", PLACE, PLACE + at(0.2, 0.0, 0.1), along_view)
-    np.testing.assert_allclose(page._scene._wanted[0], PLACE + at(0.2, 0.0, 0.1), atol=1e-6)
 
 
 def test_a_dragged_ball_pushes_the_elbow_aside_and_the_hand_stays(page: Any) -> None:
-    """Taken hold of at its surface it moves by as much as the pointer; the other arm loses its hand."""
+    """Seen from behind, where the elbow is what the pointer comes over. Taken hold of at its surface the ball
+    moves by as much as the pointer, as the picture shows it: how deep into it depends on where the arm is
+    just then. The other arm loses its hand.
+    """
     frames(page)
+    eye = at(-9.0, 0.0, 0.6)
     grip = PLACE + at(0.0, 0.08, 0.0)
     move = -0.7 * at(PLACE[0], PLACE[1], 0.0)  # towards the base's axis
     before = page.snapshot()["q"]
-    drag(page, 0, "start", grip, grip)
-    drag(page, 0, "update", grip, grip + move)
+    drag(page, 0, "start", grip, grip, eye)
+    drag(page, 0, "update", grip, grip + move, eye)
     wait_for(lambda: 0 in page._scene._shadows or not page._scene.waits)
-    drag(page, 0, "end", grip, grip + move)
-    wait_for(lambda: np.allclose(page.snapshot()["obstacles"][0], PLACE + move, atol=0.02))
+    drag(page, 0, "end", grip, grip + move, eye)
+    sight = (grip + move - eye) / np.linalg.norm(grip + move - eye)
+
+    def beside() -> float:
+        return float(np.linalg.norm(np.cross(page.snapshot()["obstacles"][0] - PLACE - move, sight)))
+
+    wait_for(lambda: beside() < 0.02)
     wait_for(lambda: np.abs(page.snapshot()["q"] - before).max() > 0.1)
+    wait_for(lambda: np.abs(page.snapshot()["dq"]).max() < 1e-3)
     assert page._scene._hint is None, "it still says that the ball can be dragged"
     assert error(page) < 1e-3 and page.snapshot()["min_clearance"] > 0.0
     assert page._ghost is not None
@@ -397,8 +414,8 @@ def test_a_ball_that_flies_off_comes_back_within_sight(tmp_path: Path) -> None:
 def test_another_task_begins_anew_with_the_present_settings(page: Any) -> None:
     """Position, pointing and pose; who asks for what cannot be done is told, and the page stays as it is."""
     panel = page._panel
-    panel._damping.value = 50.0
-    panel._changed(panel._damping)
+    panel._sliders["damping"].value = 50.0
+    panel._changed(panel._sliders["damping"])
     for task, size, words in (("position", 3, 1), ("pointing", 5, 2), ("pose", 6, 2)):
         panel._ask(task)
         assert (
@@ -543,7 +560,7 @@ def test_the_drawn_surface_is_plane_and_horizontal(page: Any, tilt: float) -> No
 
     def places(part: Any) -> Any:
         """Its vertices in the cup's frame."""
-        return part.vertices * part.scale @ vff._arm.rotation(part.wxyz).T + part.position
+        return part.vertices * part.scale @ rotation(part.wxyz).T + part.position
 
     wedge = cup._above.vertices
     surface = places(cup._above)[np.isclose(wedge[:, 2], 1.0 + wedge[:, 0], atol=1e-6) & (wedge[:, 2] > 0.0)]
@@ -560,7 +577,7 @@ def test_a_cup_is_given_to_hands_that_are_to_keep_it_level() -> None:
     assert stays_level({"kind": "setpoint"}) and stays_level({"kind": "line", "end": [0, 0, 0]})
     assert not stays_level({"kind": "line", "orientation": [1, 0, 0, 0]})
     assert not stays_level({"kind": "circle", "turning": True})
-    assert carries(np.diag([1.0, -1.0, -1.0])) and not carries(vff._arm.rotation([0.9, 0.3, 0.1, 0.3]))
+    assert carries(np.diag([1.0, -1.0, -1.0])) and not carries(rotation([0.9, 0.3, 0.1, 0.3]))
 
 
 def test_the_cup_is_spilt_without_the_projection_and_full_after_a_reset(page: Any) -> None:
@@ -587,10 +604,10 @@ def test_the_cup_is_spilt_without_the_projection_and_full_after_a_reset(page: An
 # ---------------------------------------------------------------------------------------------------- cameras
 
 
-@pytest.mark.parametrize("aspect", [0.6, 1.6])
+@pytest.mark.parametrize("aspect", [390 / 844, 602 / 720, 1.6])
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_view_sees_the_arm_and_its_obstacles(page: Any, view: str, aspect: float) -> None:
-    """Within the picture, the floor below; the camera is above the floor."""
+    """Within the picture, and above the controls of a phone; the camera is above the floor."""
     page.look(view)
     camera = page._scene.camera(page._box(), aspect)
     ahead = np.array(camera.look_at) - camera.position
@@ -604,6 +621,7 @@ def test_every_view_sees_the_arm_and_its_obstacles(page: Any, view: str, aspect:
         depth = seen @ ahead
         slope = np.tan(camera.fov / 2)
         assert depth > 0 and abs(seen @ above) < slope * depth and abs(seen @ right) < slope * aspect * depth
+        assert seen @ above > (0.2 if aspect < 0.6 else -1.0) * slope * depth, "a phone's controls cover it"
     assert camera.position[2] > 0.3
 
 
@@ -639,7 +657,7 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 """Where a place [m] is on the screen."""
                 (client,) = page._server.get_clients().values()
                 camera, box = client.camera, canvas.bounding_box()
-                seen = vff._arm.rotation(camera.wxyz).T @ (np.asarray(place) - camera.position)
+                seen = rotation(camera.wxyz).T @ (np.asarray(place) - camera.position)
                 scale = box["height"] / 2 / np.tan(camera.fov / 2)
                 return (
                     box["x"] + box["width"] / 2 + scale * seen[0] / seen[2],
@@ -655,8 +673,8 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
 
             def uncover() -> None:
                 """Close what is said about software renderers: it hides the ball."""
-                for close in tab.locator(".mantine-Notification-closeButton").all():
-                    close.evaluate("button => button.click()")
+                # in one go: a note that goes away by itself between finding and closing it would be waited for
+                tab.evaluate("document.querySelectorAll('.mantine-Notification-closeButton').forEach(close => close.click())")
 
             wait_for(lambda: (uncover(), darkness(PLACE) > 0.5)[1])  # the ball
             assert darkness(at(0.0, 0.0, 0.05)) > 0.2  # the base
@@ -668,11 +686,31 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 tab.mouse.move(*pixel(PLACE + share * (end - PLACE)))
             wait_for(lambda: page._scene._held or page._scene._wanted or page._dragged)
             tab.mouse.up()
-            # taken hold of at its surface, it does not go through the very place of the pointer
-            wait_for(lambda: np.linalg.norm(page.snapshot()["obstacles"][0] - end) < 0.1)
+            # along the picture: its depth is the arm's
+            wait_for(lambda: np.linalg.norm((page.snapshot()["obstacles"][0] - end)[1:]) < 0.1)
             wait_for(lambda: np.abs(page.snapshot()["q"] - before).max() > 0.1)
             assert error(page) < 1e-3 and page.snapshot()["min_clearance"] > 0.0
             wait_for(lambda: float(tab.text_content("#vff-clearance").split()[0]) < 250)
+            for view in page.views:
+                page.reset()
+                page.look(view)
+                wait_for(lambda: (tab.wait_for_timeout(100), settled(tab))[1])
+                frames(page)
+                end_of_time = time.monotonic() + HANG
+                while page.snapshot()["clearance"].min() >= 0.15:
+                    assert time.monotonic() < end_of_time, f"the ball does not come to the elbow, {view}"
+                    # On a busy machine the picture may lag behind the camera: a visitor tries again.
+                    ball = page._scene._obstacles[0].position
+                    elbow = page.scenario.arm.forward_kinematics(page.snapshot()["q"])[3]
+                    x, y = pixel(elbow)
+                    tab.mouse.move(*pixel(ball))
+                    tab.mouse.down()
+                    for aside in (60.0, 30.0, 0.0):
+                        tab.mouse.move(x, y - aside)
+                        tab.wait_for_timeout(100)
+                    tab.mouse.up()
+                    tab.wait_for_timeout(3000)
+                wait_for(lambda: not page._scene._wanted)
             page.open(vff.Scenario.load("ur5e-sweep"))  # without a cup
             wait_for(lambda: seen.errors or tab.locator("#vff-angle").count() == 0)
             assert seen.errors == [] and tab.locator("#vff-tip").count() == 1

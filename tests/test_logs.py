@@ -20,9 +20,9 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
-from vffnull._record import QUANTITIES, Quantity, recorded
 from vffnull.errors import InputError, InputTypeError
-from vffnull.result import Metrics
+from vffnull.model.record import QUANTITIES, Quantity, recorded
+from vffnull.run.result import Metrics
 from waiting import HANG, wait_for
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")

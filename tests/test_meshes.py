@@ -15,8 +15,8 @@ import trimesh
 import vffnull as vff
 from vffnull.arms import _meshes
 from vffnull.arms._hulls import CORNERS
+from vffnull.arms.meshes import Enclosure, enclose
 from vffnull.errors import InputError
-from vffnull.meshes import Enclosure, enclose
 
 PANDA = vff.Arm.named("panda")
 Q = np.array([0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854])

@@ -13,9 +13,9 @@ import pytest
 
 import vffnull as vff
 from vffnull import _core
+from vffnull.engines.export import to_mjcf
 from vffnull.engines.mujoco_plant import MuJoCoPlant
 from vffnull.errors import InputError, InputTypeError, ScenarioError
-from vffnull.export import to_mjcf
 
 FIELD_OFF = {"controller.field.gain": 0.0}
 SHAPES: dict[str, dict[str, Any]] = {

@@ -161,6 +161,9 @@ def test_friction_is_compensated(scenario: Any) -> None:
     assert errors[0] > 8 * errors[1] > 8 * errors[2], errors
 
 
+FRANKA: dict[str, Any] = {"gravity": "robot", "torque_rate": 1000.0, "tip_angular_speed": 2.5}
+
+
 @EITHER
 def test_tip_speed(scenario: Any) -> None:
     """It is kept, to the order of the period; the tip arrives later, and where it should."""
@@ -173,12 +176,64 @@ def test_tip_speed(scenario: Any) -> None:
     assert np.linalg.norm(kept.error[-1]) < 1e-3
 
 
+@EITHER
+@pytest.mark.parametrize("rate", [None, 2000.0])
+def test_how_fast_the_tip_turns(scenario: Any, rate: float | None) -> None:
+    """It is kept, also behind a limit of the torque rate."""
+    settings = {} if rate is None else {"torque_rate": rate}
+    free = turns(vff.simulate(scenario(settings, duration=3.0))).max()
+    limited = scenario(settings | {"tip_angular_speed": 0.5 * free}, duration=3.0)
+    assert 0.4 * free < turns(vff.simulate(limited)).max() < 0.505 * free
+
+
+@pytest.mark.parametrize("rate", [None, 1000.0])
+@pytest.mark.parametrize(("deceleration", "offset"), [(4.0, 0.0), (2.0, 0.3)])
+def test_joints_come_slowly_to_their_stops(rate: float | None, deceleration: float, offset: float) -> None:
+    """As a root of what is left of the way (T152), where they came as fast as the spring took them there."""
+    goal = [2.8, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854]
+    settings: dict[str, Any] = {} if rate is None else {"torque_rate": rate}
+    stops = {"stop_deceleration": deceleration, "stop_offset": offset}
+
+    def beyond(command: dict[str, Any]) -> float:
+        scene = vff.Scenario.load("panda-sweep").replace(
+            duration=3.0,
+            obstacles=[],
+            q0=[0.5, *goal[1:]],
+            reference=reference_at(goal),
+            **{"controller.posture": goal, "controller.posture_stiffness": 80.0},
+            **{"controller.command": command, "simulation.control": "hold", "simulation.record_every": 1},
+        )
+        result = vff.simulate(scene)
+        way = 2.8973 - result.q[:, 0]
+        assert way[-1] < 0.11, "it does not arrive"
+        most = np.sqrt(offset**2 + 2.0 * deceleration * np.maximum(way, 0.0)) - offset
+        return float((result.dq[:, 0] - most).max())
+
+    assert beyond(settings) > 0.5
+    assert beyond(settings | stops) < 0.01
+
+
+def reference_at(q: list[float]) -> dict[str, Any]:
+    """The pose of a Panda's hand there."""
+    point, orientation = vff.Scenario.load("panda-sweep").arm.pose(q)
+    return {"kind": "setpoint", "point": point.tolist(), "orientation": orientation.tolist()}
+
+
+def turns(result: vff.Result) -> Array:
+    """How fast the tip turns (T,) [rad/s]."""
+    arm = result.scenario.arm
+    if arm.dimension == 2:
+        return np.abs(result.dq.sum(axis=1))
+    jacobians = [arm.jacobian(q)[3:] for q in result.q]
+    return np.array([np.linalg.norm(j @ dq) for j, dq in zip(jacobians, result.dq, strict=True)])
+
+
 @pytest.mark.parametrize(
     ("arm", "command"),
     [
-        ("panda", {"gravity": "robot", "torque_rate": 1000.0}),
-        ("fr3", {"gravity": "robot", "torque_rate": 1000.0}),
-        ("ur5e", {"gravity": "robot"}),
+        ("panda", FRANKA | {"tip_speed": 1.7}),
+        ("fr3", FRANKA | {"tip_speed": 3.0}),
+        ("ur5e", {"gravity": "robot", "tip_speed": 1.5}),
     ],
 )
 def test_of_the_robot(arm: str, command: dict[str, Any]) -> None:

@@ -13,8 +13,11 @@ from click.testing import CliRunner
 import vffnull as vff
 from vffnull.arms import _kept, read_urdf
 from vffnull.arms._capsules import Solid, fit_solids
+from vffnull.arms._read import _always
 from vffnull.cli import _commands
 from vffnull.errors import ScenarioError, ScenarioWarning
+from vffnull.model.arm import arm_of
+from vffnull.model.headline import findings
 
 
 @pytest.fixture(autouse=True)
@@ -100,7 +103,7 @@ def test_a_scenario_to_start_from(
     assert done.exception is None, done.exception
     Path("mine.toml").write_text(done.stdout, encoding="utf-8")
     judged = CliRunner().invoke(_commands, ["validate", "mine.toml"], standalone_mode=False)
-    assert judged.return_value == 0 and "mine.toml: fine" in judged.stdout, judged.output
+    assert judged.return_value == 0 and "mine.toml: valid" in judged.stdout, judged.output
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioWarning)  # of what is odd in the file
         result = vff.simulate("mine.toml")
@@ -110,13 +113,75 @@ def test_a_scenario_to_start_from(
     assert result.metrics.min_clearance < 0.3  # the ball does come near
 
 
+@pytest.mark.parametrize("dry", [0.0, 1.0])
+def test_a_scenario_for_joints_with_friction(
+    dry: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the file says of friction is made up for, and simulated finely enough: the tip comes back."""
+    monkeypatch.chdir(tmp_path)
+    text = vff.Arm.named("ur5e").to_urdf()
+    none, some = ('damping="0.0" friction="0.0"', f'damping="1.0" friction="{dry}"')
+    assert text.count(none) >= 6
+    Path("robot.urdf").write_text(text.replace(none, some), encoding="utf-8")
+    tip = ["--tip", vff.arms.named("ur5e")["tip"]]
+    done = CliRunner().invoke(_commands, ["arms", "new", "robot.urdf", *tip], standalone_mode=False)
+    assert done.exception is None, done.exception
+    Path("mine.toml").write_text(done.stdout, encoding="utf-8")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = vff.Scenario.load("mine.toml")
+        result = vff.simulate(found)
+    assert not [each for each in told if "friction" in str(each.message) or "duration" in str(each.message)]
+    assert found["controller.command.viscous_friction"] == pytest.approx([0.9] * 6)
+    assert ("coulomb_friction" in found["controller.command"]) == (dry > 0.0)
+    assert not list(findings(result.metrics, found.arm))
+    assert found["simulation.dt"] * found.to_dict()["simulation"].get("control_every", 1) == pytest.approx(
+        1e-3
+    )
+
+
+def test_a_scenario_for_heavy_rotors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The task of an arm that hardly yields is not damped as near a singularity for it."""
+    monkeypatch.chdir(tmp_path)
+    document = vff.Arm.named("ur5e").to_dict()
+    document["joints"] = [{**joint, "armature": 300.0} for joint in document["joints"]]
+    Path("robot.xml").write_text(arm_of(document).to_mjcf(), encoding="utf-8")
+    tip = ["--tip", document["tip"]]
+    done = CliRunner().invoke(_commands, ["arms", "new", "robot.xml", *tip], standalone_mode=False)
+    assert done.exception is None, done.exception
+    Path("mine.toml").write_text(done.stdout, encoding="utf-8")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        found = vff.Scenario.load("mine.toml")
+        assert vff.simulate(found, {"duration": 0.1}).metrics.singular_steps == 0
+        usual = vff.simulate(found, {"duration": 0.1, "controller.singularity": 0.03})
+    assert usual.metrics.singular_steps > 0
+
+
+def test_pairs_that_always_overlap_are_told_of_in_one_sentence() -> None:
+    one = _always([("a", "b")], "fit", False)
+    assert one == [
+        "the shapes of `a` and `b` overlap in nearly every posture: the pair is ignored, and nothing keeps "
+        'them apart; an `srdf`, or collision = "file" says otherwise'
+    ]
+    (many,) = _always([("a", "b"), ("c", "d")], "file", True)
+    assert many == (
+        "the shapes of `a` and `b`, of `c` and `d` overlap in nearly every posture, and the SRDF keeps these "
+        "pairs: they count as collisions; `ignore` them"
+    )
+    assert _always([], "fit", False) == []
+
+
 def test_mjcf_in_a_scenario(tmp_path: Path) -> None:
     """Beside the scenario, as a URDF; the scenario holds what was read."""
     (tmp_path / "robot.xml").write_text(vff.Arm.named("iiwa14").to_mjcf(), encoding="utf-8")
     scenario = tmp_path / "mine.toml"
     text = 'duration = 0.1\nq0 = [0.0, 0.5, 0.0, -1.2, 0.0, 0.8, 0.0]\nreference.kind = "setpoint"\n[arm]\n'
     scenario.write_text(f'{text}mjcf = "robot.xml"\n', encoding="utf-8")
-    with pytest.warns(ScenarioWarning, match="no limit of speed"):
+    with (
+        pytest.warns(ScenarioWarning, match="overlap in nearly every posture"),
+        pytest.warns(ScenarioWarning, match="no limit of speed"),
+    ):
         found = vff.Scenario.load(scenario)
     assert len(found["arm.joints"]) == 7 and "mjcf" not in found["arm"]
     assert vff.simulate(found).status == "completed"

@@ -17,9 +17,9 @@ import pytest
 
 import vffnull as vff
 from browsing import chromium
+from vffnull.draw import geometry
+from vffnull.draw.primitives import ROLES, Arrow, Body, Scene
 from vffnull.errors import InputError, InputTypeError
-from vffnull.plotting import geometry
-from vffnull.plotting.primitives import ROLES, Arrow, Body, Scene
 from waiting import HANG
 
 
@@ -273,6 +273,17 @@ def test_report_of_a_diverged_run(tmp_path: Path) -> None:
     json.dumps(page.runs, allow_nan=False)
 
 
+def test_the_scenario_is_folded(short: vff.Result, tmp_path: Path) -> None:
+    """One line says what it is about; a click shows the rest, all of which is in the page."""
+    text = short.report(tmp_path / "run.html").read_text(encoding="utf-8")
+    (fold,) = re.findall(
+        r"<details([^>]*)><summary>Scenario<span>(.*?)</span></summary>(.*?)</details>", text, re.S
+    )
+    assert fold[0] == ""  # not open
+    assert fold[1] == f"6 joints, 1 obstacle, {short.scenario.duration:g} s"
+    assert "[controller]" in fold[2]
+
+
 def test_compare(tmp_path: Path) -> None:
     """One column for each run, and the keys in which they differ, no others."""
     gains = {f"gain {g}": vff.simulate("sweep-through", {"controller.field.gain": g}) for g in (0.0, 0.5)}
@@ -322,7 +333,7 @@ def test_what_cannot_be_written_leaves_the_old_file(name: str, short: vff.Result
 
 
 def test_figures_can_be_vectors(short: vff.Result, tmp_path: Path) -> None:
-    from vffnull import plotting
+    from vffnull.draw import figures as plotting
 
     for ending, head in ((".pdf", b"%PDF"), (".svg", b"<?xml")):
         for path in plotting.save(short, tmp_path, ending):

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull import evaluation, scenes
+from vffnull.evaluation import scenes
+from vffnull.run import evaluate as evaluating
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benches"))
 
@@ -62,7 +63,7 @@ def test_the_loop_makes_the_rows_of_evaluate(family: str, task: str, seed: int) 
         task=task,
         verdicts={scene.name: "with tip"},
     )
-    span = evaluation.encounter(free(scene))
+    span = evaluating.encounter(free(scene))
     for way in (*ours.WAYS[:3], LAW):
         row = drive(way, {}, scene, span, "with tip").row
         wanted = {key: column[0] for key, column in expected.where(controller=way.name).columns.items()}
@@ -146,7 +147,7 @@ def test_tuning_finds_a_better_setting_and_keeps_it(tmp_path: Path, monkeypatch:
     chosen = [scenes.in_space("links-swept", "panda", "position", 0)]
     outcome = tune.tune(way, chosen, trials=4)
     assert outcome["loss"] < 0.1 and outcome["settings"]["gain"] > 1.0
-    span = evaluation.encounter(free(chosen[0]))
+    span = evaluating.encounter(free(chosen[0]))
     assert tune.loss(drive(way, {"gain": 1.0}, chosen[0], span, "with tip").row) > 1.0
     tune.keep(way.name, outcome)
     tune.keep("other", outcome)

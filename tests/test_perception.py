@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull._record import QUANTITIES
-from vffnull.gym import ReachEnv
-from vffnull.plotting import draw
+from vffnull.draw.figures import draw
+from vffnull.engines.gym import ReachEnv
+from vffnull.model.record import QUANTITIES
 
 SCENE = "sweep-through"
 DISC, RADIUS = np.array([1.6, 2.9]), 0.15

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull._arm import rotation
+from vffnull.evaluation.geometry.arm import rotation
 
 SCENE = "panda-sweep"
 SAMPLED = {

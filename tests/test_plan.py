@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -242,7 +243,7 @@ def test_what_is_in_the_way_is_named() -> None:
 def test_files_keep_every_bit(found: vff.Plan, tmp_path: Path) -> None:
     path = found.save(tmp_path / "plan.npz")
     back = vff.Plan.load(path)
-    for name in ("t", "q", "dq", "ddq", "tip"):
+    for name in ("t", "q", "dq", "ddq", "tip", "margins"):
         np.testing.assert_array_equal(getattr(back, name), getattr(found, name))
     assert (back.status, back.clearance, back.samples) == (found.status, found.clearance, found.samples)
     assert repr(back) == repr(found)
@@ -287,10 +288,16 @@ def test_files_of_others_are_refused(found: vff.Plan, tmp_path: Path) -> None:
         ({"times": [0.0, 1.0], "points": [[0.0] * 4]}, "reference.points"),
         ({"times": [0.0, 1.0], "points": [[0.0] * 4, [0.0] * 3]}, "reference.points"),
         ({"times": [0.0, 1.0]}, "reference"),
+        ({"times": [0.0, 1.0], "points": [[0.0] * 4] * 2, "margins": [[0.0] * 4]}, "reference.margins"),
+        ({"times": [0.0, 1.0], "points": [[0.0] * 4] * 2, "margins": [[0.0] * 3] * 2}, "reference.margins"),
+        (
+            {"times": [0.0, 1.0], "points": [[0.0] * 4] * 2, "margins": [[0.0] * 4, [0.0, 0.0, -1.0, 0.0]]},
+            "reference.margins[1][2]",
+        ),
     ],
 )
 def test_references_of_no_use_are_named(change: dict[str, Any], path: str) -> None:
-    with pytest.raises(ScenarioError, match=path.replace(".", r"\.")):
+    with pytest.raises(ScenarioError, match=re.escape(path)):
         vff.simulate({**GAP, "reference": {"kind": "plan", **change}})
 
 
@@ -328,6 +335,102 @@ def test_a_plan_between_joint_limits_is_a_reference(seed: int) -> None:
     assert made.status == "found"
     assert (made.q >= lower).all() and (made.q <= upper).all()
     vff.Scenario.from_dict({**scene, "reference": made.reference})
+
+
+NEAR: dict[str, Any] = {
+    **GAP,
+    "q0": [1.5, -0.3, -0.3, -0.3],
+    "obstacles": [],
+}
+
+
+def near(q: list[float], gap: float) -> dict[str, Any]:
+    """A scene with a disc beside the tip of the arm at `q`, that far from it."""
+    ends = vff.Scenario.from_dict(NEAR).arm.forward_kinematics(q)
+    along = ends[-1] - ends[-2]
+    across = np.array([along[1], -along[0]])
+    disc = {
+        "shape": {"kind": "circle", "radius": 0.2},
+        "position": (ends[-1] + across * (0.25 + gap)).tolist(),
+    }
+    return {**NEAR, "obstacles": [disc]}
+
+
+AWAY = [2.6, 0.2, 0.2, 0.2]
+
+
+def distances(plan: vff.Plan, scene: dict[str, Any], times: Any) -> Any:
+    q, dq, _ = plan.at(times)
+    return vff.distances(vff.Scenario.from_dict(scene).arm, q, dq, scene["obstacles"], times).distance
+
+
+def test_a_margin_is_lowered_near_the_end_that_needs_it() -> None:
+    scene = near(NEAR["q0"], 0.005)
+    made = vff.plan(scene, AWAY)
+    assert made.status == "found" and made.margin == pytest.approx(0.0045, abs=1e-9)
+    assert made.message.endswith("less than the margin of 20.0 mm is kept: 4.5 mm at the start")
+    assert 0.0 < made.margins[0, 3] < 0.005 and made.margins[-1, 3] > 0.006
+    # Where the arm is a third of the way away, all of it is kept again.
+    assert (made.margins[len(made.t) // 3 :] > 0.006).all()
+    back = vff.plan({**scene, "q0": AWAY}, NEAR["q0"])
+    assert back.margin == pytest.approx(0.0045, abs=1e-9) and "4.5 mm at the goal" in back.message
+    assert "less than" not in vff.plan(NEAR, AWAY).message
+
+
+def test_what_a_plan_keeps_is_kept(found: vff.Plan) -> None:
+    scene = near(NEAR["q0"], 0.002)
+    for plan, document in ((found, GAP), (vff.plan(scene, AWAY), scene)):
+        times = np.arange(0.0, plan.duration, 5e-4)
+        piece = np.searchsorted(plan.t, times, side="right") - 1
+        kept = np.minimum(plan.margins[piece], plan.margins[piece + 1])
+        apart = distances(plan, document, times).reshape(len(times), -1, 4).min(axis=1)
+        assert (apart >= kept).all()
+        assert kept.min() > 0.0 and kept.max() > 0.006
+
+
+@pytest.mark.parametrize("avoidance", ["cbf", "priority"])
+def test_barriers_keep_what_the_plan_keeps(avoidance: str) -> None:
+    """A goal 3 mm from a disc: with the margin of 20 mm of the barrier the arm stands off."""
+    scene = {**near(AWAY, 0.003), "q0": NEAR["q0"]}
+    plan = vff.plan(scene, AWAY)
+    changes: dict[str, Any] = {"controller.avoidance": avoidance, "controller.posture_stiffness": 200.0}
+    changes |= {"reference": plan.reference, "duration": round(plan.duration + 3.0, 3)}
+    follower = vff.Scenario.from_dict(scene).replace(**changes)
+    arrived = vff.simulate(follower)
+    assert abs(arrived.error[-1]).max() < 1e-3 and arrived.metrics.min_clearance > 0.0
+    reference = {key: value for key, value in plan.reference.items() if key != "margins"}
+    assert abs(vff.simulate(follower.replace(reference=reference)).error[-1]).max() > 5e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_limits_hold_between_the_instants(seed: int) -> None:
+    """Speeds and joint limits at every instant, from one end of joints to the other."""
+    ends = np.random.default_rng(seed).uniform(-1.5, 1.5, (2, 4))
+    lower, upper = np.sort(ends, axis=0)
+    limits = np.stack([lower, upper], axis=1).tolist()
+    limited = {**GAP["arm"], "joint_limits": limits, "velocity_limits": [0.5, 1.0, 1.5, 2.0]}
+    scene = {**GAP, "q0": ends[0].tolist(), "obstacles": [], "arm": limited}
+    made = vff.plan(scene, ends[1], speed=0.9)
+    assert made.status == "found"
+    q, dq, ddq = made.at(np.arange(0.0, made.duration, 1e-4))
+    assert (q >= lower).all() and (q <= upper).all()
+    assert (abs(dq) <= 0.9 * np.array([0.5, 1.0, 1.5, 2.0])).all()
+    assert (abs(ddq) <= 0.9 * 30.0).all()
+    assert made.q[0].tolist() == ends[0].tolist() and made.q[-1].tolist() == ends[1].tolist()
+
+
+def test_the_clearance_is_that_of_what_is_blocked() -> None:
+    scene = near(AWAY, -0.01)
+    blocked = vff.plan({**scene, "q0": NEAR["q0"]}, AWAY)
+    assert blocked.status == "goal blocked" and blocked.clearance == pytest.approx(-0.01, abs=1e-9)
+    assert "10.00 mm inside obstacle 0" in blocked.message
+    blocked = vff.plan({**scene, "q0": AWAY}, NEAR["q0"])
+    assert blocked.status == "start blocked" and blocked.clearance == pytest.approx(-0.01, abs=1e-9)
+    folded = {**vff.Scenario.load("panda-sweep").to_dict(), "obstacles": []}
+    folded["controller"]["self_collision"] = "avoid"
+    own = vff.plan(folded, [0.0, 1.2, 0.0, -3.0, 0.0, -0.01, 0.0])
+    assert f"{-1e3 * own.clearance:.2f} mm inside" in own.message
+    assert ("panda_link0", "panda_link2") in own.ignored
 
 
 def test_a_posture_needs_something_to_pull_to() -> None:

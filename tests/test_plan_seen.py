@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 import vffnull as vff
 from test_replan import BLOCKED
 from test_report_in_space import corners_of, runs_of, same_corners, unpack
-from vffnull.plotting import replans, style
-from vffnull.plotting.animation import frames_of
-from vffnull.plotting.primitives import COLOURS, Body, Scene
-from vffnull.plotting.space import SLIM
+from vffnull.draw import replans, style
+from vffnull.draw.figures.animation import frames_of
+from vffnull.draw.figures.space import SLIM
+from vffnull.draw.primitives import COLOURS, Body, Scene
 from waiting import frames, wait_for
 
 GREEN = np.array(to_rgb(COLOURS["plan"]))
@@ -69,10 +69,10 @@ def test_a_scene_has_the_links_where_the_plan_has_the_joints(
 
 def test_a_picture_shows_the_arm_where_it_is_farthest_from_its_plan(shelf: vff.Result) -> None:
     scene = Scene.of_result(shelf)
-    assert scene.astray.max() > 0.05
+    assert scene.plan_deviation.max() > 0.05
     for count in (3, 5, 7):
         chosen = scene.instants(count)
-        assert {0, int(scene.astray.argmax()), len(scene.t) - 1} <= set(chosen)
+        assert {0, int(scene.plan_deviation.argmax()), len(scene.t) - 1} <= set(chosen)
 
 
 def legend_of(figure: Figure) -> list[str]:
@@ -188,9 +188,9 @@ def test_reasons_from_a_file_are_text(run: vff.Result, tmp_path: Path) -> None:
 
 def test_many_searches_are_told_in_short(run: vff.Result) -> None:
     searches = tuple(vff.Replan(float(i), "stuck", None if i == 3 else "found", i + 0.5) for i in range(9))
-    (line,) = replans.told(dataclasses.replace(run, replans=searches))
+    (line,) = replans.summary(dataclasses.replace(run, replans=searches))
     assert line.startswith("9 new plans: ") and line.endswith("and 4 more.")
-    (line,) = replans.told(dataclasses.replace(run, replans=(vff.Replan(1.0, "strayed", None, None),)))
+    (line,) = replans.summary(dataclasses.replace(run, replans=(vff.Replan(1.0, "strayed", None, None),)))
     assert line.startswith("No new plans: ") and line.endswith("but not in time.")
 
 

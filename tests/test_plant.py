@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
+from vffnull.draw.figures import null_space
 
 Array = NDArray[np.float64]
 DT = 1e-3
@@ -540,3 +541,20 @@ def test_mujoco_s_stops_and_dry_friction_are_softer() -> None:
     assert ours.metrics.joint_limit_violation == 0.0
     assert 0.0 < theirs.metrics.joint_limit_violation < 0.02
     np.testing.assert_allclose(theirs.q, ours.q, atol=0.05)
+
+
+@pytest.mark.parametrize("where", ["plant", "controller.command"])
+@pytest.mark.parametrize("name", ["sweep-through", "panda-sweep"])
+def test_absurd_friction_is_told_of_like_any_other(name: str, where: str, tmp_path: Path) -> None:
+    """Whatever becomes of the run: metrics, headline, figure and report are made of it; or it is refused."""
+    n = vff.Scenario.load(name).arm.n
+    moving = {"dq0": [0.3] * n, "duration": 0.2, "simulation": {"record_every": 20, "integrator": "rk4"}}
+    for size in (1e6, 1e30, 1e100):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", vff.errors.ScenarioWarning)
+            result = vff.simulate(name, moving | {f"{where}.viscous_friction": size})
+        assert result.headline.lines and np.isfinite(result.metrics.min_clearance)
+        assert null_space.null_space(result).axes
+    assert result.report(tmp_path / "run.html").exists()
+    with pytest.raises(vff.VffNullError, match=rf"{where}\.viscous_friction: must be at most 1e100"):
+        vff.simulate(name, {f"{where}.viscous_friction": 1e300})

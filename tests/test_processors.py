@@ -18,7 +18,7 @@ from waiting import HANG
 # Digests of scenes of every generator, and of designs of every kind with every kind of factor.
 PRINTED = """
 import hashlib, json, sys
-from vffnull import scenes
+from vffnull.evaluation import scenes
 from vffnull.evaluation.scenes.goals import to_a_goal
 from vffnull.studies import Study
 

@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull._realtime import measure
-from vffnull._timing import _rate, _readable
 from vffnull.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
+from vffnull.model.timing import _rate, _readable
+from vffnull.run.realtime import measure
 from waiting import HANG
 
 

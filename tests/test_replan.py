@@ -129,6 +129,29 @@ def test_in_space_too() -> None:
     assert result.q_plan is not None and result.q_plan.shape == result.q.shape
 
 
+def test_an_arm_that_stands_at_a_joint_limit_is_asked_for() -> None:
+    """Elbow up, a joint at its limit, and the plan over: elbow down there is a straight motion to its end."""
+    goal = [0.2565, 1.287]
+    scene = {
+        "duration": 8.0,
+        "q0": [1.0, -1.287],
+        "arm": {
+            "lengths": [1.0, 1.0],
+            "masses": 1.0,
+            "radius": 0.05,
+            "joint_limits": [[-0.5, 1.3], [-2.5, 2.5]],
+        },
+        "controller": {"stiffness": 100.0, "damping": 20.0, "posture_stiffness": 50.0, "avoidance": "cbf"},
+        "reference": {"kind": "plan", "times": [0.0, 1.0], "points": [goal, goal]},
+    }
+    alone = vff.simulate(scene)
+    assert np.linalg.norm(alone.error[-1]) > 0.1, "it stands off by itself"
+    watched = vff.simulate({**scene, "replan": {}})
+    assert watched.metrics.replans >= 1
+    assert np.linalg.norm(watched.error[-1]) < 1e-3
+    assert watched.q[-1] == pytest.approx(goal, abs=1e-2)
+
+
 def test_ctrl_c_ends_a_search() -> None:
     """A search without end is answered like everything else: what was computed until then is the result."""
     walls = [

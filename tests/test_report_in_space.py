@@ -17,8 +17,8 @@ from PIL import Image
 
 import vffnull as vff
 from browsing import WEBGL, chromium
-from vffnull._arm import rotation
-from vffnull.plotting.primitives import Part, Scene
+from vffnull.draw.primitives import Part, Scene
+from vffnull.evaluation.geometry.arm import rotation
 from waiting import HANG
 
 HALF = float(np.sqrt(0.5))

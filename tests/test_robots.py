@@ -1,11 +1,10 @@
-"""The adapters beside `vffnull.drive`: MuJoCo's with MuJoCo, Franka's and Universal Robots' with stand-ins;
-and the checks.
+"""The adapters beside `vffnull.drive`: MuJoCo's with MuJoCo, Universal Robots' with a stand-in for each of
+its commands, and the makers' interfaces; and the checks. Torques run in `test_emulated.py`.
 """
 
 from __future__ import annotations
 
 import ast
-import importlib.util
 import inspect
 import os
 import re
@@ -21,7 +20,7 @@ import pytest
 import stand_ins
 import vffnull as vff
 from vffnull.errors import InputError
-from vffnull.robots import Robot, checks
+from vffnull.robots import Robot, checks, emulated
 from vffnull.robots.franka import FrankaRobot
 from vffnull.robots.mujoco import MuJoCoRobot
 from vffnull.robots.ur import URRobot
@@ -116,56 +115,7 @@ def test_mujoco_takes_what_its_actuators_take() -> None:
         MuJoCoRobot(free)
 
 
-# Franka
-
-
-@pytest.fixture
-def franka(monkeypatch: pytest.MonkeyPatch) -> tuple[FrankaRobot, stand_ins.Franka]:
-    """The adapter with a stand-in behind it; its commands are pylibfranka's own where that is installed."""
-    if importlib.util.find_spec("pylibfranka") is None:
-        library = type(sys)("pylibfranka")
-        library.Torques = stand_ins.FrankaTorques  # type: ignore[attr-defined]
-        monkeypatch.setitem(sys.modules, "pylibfranka", library)
-    there = stand_ins.Franka(SCENE)
-    return FrankaRobot(there), there  # type: ignore[arg-type]
-
-
-FRANKA = SCENE["controller"] | {"command": {"gravity": "robot", "torque_rate": 1000.0}}
-
-
-def test_franka_is_driven(franka: tuple[FrankaRobot, stand_ins.Franka]) -> None:
-    """Each state gets one torque, without gravity, within the rate that the robot allows; the end is the
-    robot's own.
-    """
-    robot, there = franka
-    ball = vff.Obstacle.sphere([-0.05, -0.3, 0.62], 0.08, vff.Motion.linear([0.0, 0.4, 0.0]))
-    start = robot.positions()
-    checks_of_model = checks.gravity(PANDA, [start], [robot.gravity_torque()])
-    assert (
-        checks_of_model.worst < 1e-12
-        and checks.mass_matrix(PANDA, [start], [robot.mass_matrix()]).worst < 1e-12
-    )
-    report = drive(robot, PANDA, FRANKA, obstacles=[ball], seconds=1.5)
-    assert (report.status, len(report.latency)) == ("completed", 0)
-    assert there.calls[0] == "start_torque_control" and there.calls[-2:] == ["readOnce", "finished"]
-    assert there.calls.count("writeOnce") >= 1500
-    _, q, dq = there.plant.state
-    assert abs(q - start).max() > 0.02 and abs(dq).max() < 0.02
-    assert np.linalg.norm(PANDA.pose(q)[0] - PANDA.pose(start)[0]) < 2e-3
-    with pytest.raises(InputError, match="torque_rate is none"):
-        vff.drive(robot, vff.Controller(PANDA, SCENE["controller"] | {"command": {"gravity": "robot"}}))
-    with pytest.raises(InputError, match="begin"):
-        robot.read()
-
-
-def test_franka_has_a_reflex(franka: tuple[FrankaRobot, stand_ins.Franka]) -> None:
-    """What pylibfranka raises is the reason, and the motion is stopped."""
-    robot, there = franka
-    there.fails_at = 700
-    with pytest.warns(RuntimeWarning, match="aborted by reflex"):
-        report = drive(robot, PANDA, FRANKA)
-    assert report.status == "fault" and "motion aborted by reflex" in report.reason
-    assert there.calls[-1] == "stop" and isinstance(report.cause, RuntimeError)
+# Franka and Universal Robots: against emulators, tests/test_emulated.py
 
 
 def test_franka_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -253,7 +203,7 @@ def test_stubs_are_those_of_the_wheel(module: str) -> None:
     tree = ast.parse((TESTS / "stubs" / f"{module}.pyi").read_text(encoding="utf-8"))
     described = next(node for node in tree.body if isinstance(node, ast.ClassDef))
     methods = [node for node in described.body if isinstance(node, ast.FunctionDef)]
-    assert len(methods) > 6
+    assert len(methods) >= 6
     for method in methods:
         given = method.args.args[1:]
         required = len(given) - len(method.args.defaults)
@@ -265,27 +215,51 @@ def test_stubs_are_those_of_the_wheel(module: str) -> None:
             assert [each.name + "=" * (each.default is not each.empty) for each in stand_in] == wanted
 
 
-def test_the_stand_in_of_franka_has_its_methods() -> None:
+def test_the_emulated_franka_has_its_methods() -> None:
+    """Methods, parameters and what a state has are those of pylibfranka."""
     real = pytest.importorskip("pylibfranka")
-    for owner, methods in (
-        (real.Robot, ("start_torque_control", "read_once", "load_model", "stop")),
-        (real.ActiveControlBase, ("readOnce", "writeOnce")),
-        (real.Model, ("gravity", "mass")),
+    for owner, there, methods in (
+        (
+            real.Robot,
+            emulated.franka.Robot,
+            (
+                *("start_torque_control", "read_once", "load_model", "stop", "automatic_error_recovery"),
+                *("set_collision_behavior", "set_load"),
+            ),
+        ),
+        (real.ActiveControlBase, emulated.franka.Robot, ("readOnce", "writeOnce")),
+        (real.Model, emulated.franka.Model, ("gravity", "mass", "coriolis")),
     ):
         for method in methods:
-            assert hasattr(owner, method), method
+            told = getattr(owner, method).__doc__
+            wanted = re.findall(r"(\w+): ", re.search(rf"{method}\(self: [\w.]+(.*?)\) ->", told)[1])
             if owner is not real.Model:
-                stand_in = list(inspect.signature(getattr(stand_ins.Franka, method)).parameters)[1:]
-                told = getattr(owner, method).__doc__
-                assert (
-                    re.findall(r"(\w+):", re.search(rf"{method}\(self: [\w.]+(.*?)\) ->", told)[1])[:1]
-                    == stand_in
-                )
-    for name in ("q", "dq", "tau_J_d", "time"):
-        assert hasattr(real.RobotState, name)
+                given = list(inspect.signature(getattr(there, method)).parameters)[1:]
+                assert given == wanted[: len(given)] and bool(given) == bool(wanted), method
+    state = emulated.franka.Robot(SCENE).read_once()
+    ours = {name for name in dir(state) if not name.startswith("_")}
+    assert ours <= {name for name in dir(real.RobotState) if not name.startswith("_")}
+    errors = {name for name in dir(real.Errors) if not name.startswith("_")}
+    rules = {margin.rule.name for margin in emulated.franka.Robot(SCENE).margins()}
+    assert rules - errors == {"cartesian_velocity_violation"} - errors
+    assert [mode.name for mode in emulated.franka.RobotMode] == list(real.RobotMode.__members__)
     torques = real.Torques([1.0] * 7)
     torques.motion_finished = True
-    assert torques.tau_J == stand_ins.FrankaTorques([1.0] * 7).tau_J and torques.motion_finished
+    assert torques.tau_J == emulated.franka.Torques([1.0] * 7).tau_J and torques.motion_finished
+
+
+def test_the_emulated_ur_has_its_methods() -> None:
+    """Methods and parameters are those of ur_rtde."""
+    real = [pytest.importorskip(name) for name in ("rtde_control", "rtde_receive")]
+    owners = real[0].RTDEControlInterface, real[1].RTDEReceiveInterface
+    names = [name for name in vars(emulated.ur.Robot) if not name.startswith("_") and name != "margins"]
+    assert len(names) > 10
+    for name in names:
+        told = next(getattr(owner, name).__doc__ for owner in owners if hasattr(owner, name))
+        given = list(inspect.signature(getattr(emulated.ur.Robot, name)).parameters.values())[1:]
+        assert [each.name + "=" * (each.default is not each.empty) for each in given] == signatures(
+            told, name
+        )
 
 
 def test_adapters_fit_the_stubs(tmp_path: Path) -> None:
@@ -297,7 +271,7 @@ def test_adapters_fit_the_stubs(tmp_path: Path) -> None:
     robots = Path(vff.__file__).parent / "robots"
     wrong = (
         ("franka", "start_torque_control()", "start_torques()"),
-        ("ur", "directTorque(command)", "directTorque()"),
+        ("ur", "directTorque(command, self._viscous, self._coulomb)", "directTorque()"),
     )
     files = []
     for module, right, odd in wrong:

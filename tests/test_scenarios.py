@@ -341,3 +341,13 @@ def test_energy_balance_of_the_null_space(name: str) -> None:
     )
     assert coarse < 1e-2
     assert 3.0 < coarse / fine < 5.5
+
+
+def test_a_single_obstacle_stands_for_a_list() -> None:
+    """In the constructor, in `replace` and among overrides."""
+    disc = vff.Obstacle.circle([3.0, 3.0], 0.1)
+    plain = vff.Scenario.load("paper-1")
+    listed = plain.replace(obstacles=[disc])
+    assert plain.replace(obstacles=disc) == plain.replace(obstacles=disc.to_dict()) == listed
+    one = vff.simulate(plain, {"obstacles": disc, "duration": 0.01})
+    np.testing.assert_array_equal(one.q, vff.simulate(listed, {"duration": 0.01}).q)

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vffnull as vff
-from vffnull import scenes
 from vffnull.errors import InputError, InputTypeError
-from vffnull.evaluation import planner
+from vffnull.evaluation import planner, scenes
 from vffnull.evaluation.geometry import plane
 
 SIZES = (4, 6, 9)

@@ -12,9 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vffnull as vff
-from vffnull import scenes
 from vffnull.errors import InputError, InputTypeError
-from vffnull.evaluation import planner
+from vffnull.evaluation import planner, scenes
 from vffnull.evaluation.geometry import space
 
 INSTANTS = np.arange(0.0, 4.0, 0.02)
@@ -222,7 +221,7 @@ def test_distances_of_the_two_implementations_agree(arm: str) -> None:
         obstacles.append(still | {"motion": motion})
     q = random.uniform(-1.5, 1.5, (50, model.n))
     times = random.uniform(0.0, 2.0, 50)
-    found = space.Things(obstacles).distances(bodies.ends(q)[:, moving], bodies.radius[moving], times)
+    found = space.Obstacles(obstacles).distances(bodies.ends(q)[:, moving], bodies.radius[moving], times)
     core = vff.distances(model, q, np.zeros_like(q), obstacles, times)
     expected = core.distance.reshape(50, moving.sum(), len(obstacles))
     apart = expected > 1e-3  # what overlaps is measured differently, and never asked for

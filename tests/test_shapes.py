@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 import vffnull as vff
 from differences import smooth_pairs
 from vffnull import _core
-from vffnull._arm import rotation
+from vffnull.draw import geometry
+from vffnull.draw.figures.render import Solid, trace
+from vffnull.draw.primitives import Body, Scene
+from vffnull.draw.report import motion as page
+from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
-from vffnull.export import to_mjcf
-from vffnull.plotting import geometry
-from vffnull.plotting.primitives import Body, Scene
-from vffnull.plotting.render import Solid, trace
-from vffnull.report import motion as page
+from vffnull.evaluation.geometry.arm import rotation
 
 Array = NDArray[np.float64]
 
@@ -259,7 +259,7 @@ def test_bodies_are_drawn_as_they_are_turned(result: vff.Result) -> None:
                 drawn = {"kind": "capsule", "a": a, "b": b, "radius": body.radius}
             still = vff.distances(PANDA, result.q[row], result.dq[row], [{"shape": drawn}]).distance
             assert np.abs(still - distances.distance[distances.obstacle == index]).max() < 1e-9
-    assert scene.stirs(0) and scene.stirs(1) and not scene.stirs(2)
+    assert scene.is_moving(0) and scene.is_moving(1) and not scene.is_moving(2)
     some = scene.pick(np.array([1, 3]))
     np.testing.assert_array_equal(some.solid(1), scene.solid(1)[[1, 3]])
 
@@ -297,7 +297,7 @@ def test_pictures_and_pages(result: vff.Result, tmp_path: Any) -> None:
 def test_a_page_moves_outlines_that_turn() -> None:
     """Of an obstacle that turns, an outline at every instant; of others one."""
     pytest.importorskip("bokeh")
-    from vffnull.report.figures import Run
+    from vffnull.draw.report.figures import Run
 
     scenario = vff.Scenario.load("sweep-through").replace(
         obstacles=[
@@ -335,7 +335,7 @@ def test_hulls_and_turning_obstacles_in_mujoco() -> None:
     ours = vff.distances(PANDA, READY, np.zeros(7), [hull]).distance.min()
     assert abs(found - ours) < 1e-6
 
-    from vffnull.mujoco_plant import MuJoCoPlant
+    from vffnull.engines.mujoco_plant import MuJoCoPlant
 
     scenario = vff.Scenario.load("panda-sweep").replace(obstacles=[hull, plate], duration=0.1)
     plant = MuJoCoPlant(scenario)

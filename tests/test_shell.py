@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 import vffnull as vff
-from vffnull import _keys
-from vffnull._validation import faults
 from vffnull.evaluation import CONTROLLERS
+from vffnull.model import keys as _keys
+from vffnull.model.validation import faults
 
 SHORT = ("--set", "duration=0.05")
 
@@ -50,13 +50,13 @@ def offered(words: str) -> list[str]:
 
 
 def test_the_schema_gives_every_key() -> None:
-    """Every key of the bundled scenarios is known by its dotted name, but for those of shapes and motions."""
+    """Every key of the bundled scenarios is known by its dotted name, but for those of what has kinds."""
     for name in vff.scenarios():
         document = vff.Scenario.load(name).to_dict()
         for key in _keys.written(document):
             parts = ["0" if part.isdecimal() else part for part in key.split(".")]
             table = any(each.startswith(".".join([*parts, ""])) for each in _keys.known())
-            inside = parts[0] == "obstacles" and {"shape", "motion"} & set(parts)
+            inside = parts[0] in ("obstacles", "wrenches") and {"shape", "motion", "profile"} & set(parts)
             assert ".".join(parts) in _keys.known() or table or inside, key
     for key in ("controller.joint_limit_field.gain", "controller.yielding.rate", "actuator.time_constant"):
         assert key in _keys.known()
@@ -67,7 +67,7 @@ def test_the_schema_gives_every_key() -> None:
     [
         ("gain=1", "did you mean controller.field.gain"),
         ("controller.gain=1", "did you mean controller.field.gain"),
-        ("stifness=3", "did you mean controller.stiffness?"),
+        ("stifness=3", "did you mean controller.stiffness or obstacles.0.contact.stiffness?"),
         ("dt=1e-3", "did you mean simulation.dt?"),
         ("obstacles.0.radius=2", "obstacles.0.shape.radius"),
         ("obstacle.0.angle=2", "there is no list obstacle"),

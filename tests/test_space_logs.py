@@ -16,9 +16,9 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
-from vffnull import _arm
+from vffnull.draw.primitives import Scene
+from vffnull.evaluation.geometry import arm as _arm
 from vffnull.logs import frames
-from vffnull.plotting.primitives import Scene
 
 Array = NDArray[np.float64]
 

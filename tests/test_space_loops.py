@@ -103,7 +103,7 @@ def test_an_action_in_the_null_space_leaves_the_task_alone(scenario: str) -> Non
     gymnasium = pytest.importorskip("gymnasium")
     moved = {}
     for action in ("null_space", "torque"):
-        env = gymnasium.make("vffnull.gym:vffnull/Reach-v0", scenario=scenario, action=action)
+        env = gymnasium.make("vffnull.engines.gym:vffnull/Reach-v0", scenario=scenario, action=action)
         observation, _ = env.reset(seed=1)
         env.action_space.seed(1)
         errors = []
@@ -119,7 +119,7 @@ def test_an_action_in_the_null_space_leaves_the_task_alone(scenario: str) -> Non
 
 def test_environments_side_by_side() -> None:
     gymnasium = pytest.importorskip("gymnasium")
-    name = "vffnull.gym:vffnull/Reach-v0"
+    name = "vffnull.engines.gym:vffnull/Reach-v0"
     single = gymnasium.make(name, scenario="panda-sweep")
     together = gymnasium.make_vec(name, num_envs=3, scenario="panda-sweep")
     seen, _ = together.reset(seed=5)
@@ -172,7 +172,7 @@ def test_the_shell_knows_arms_in_space(tmp_path: Path) -> None:
         return done.stdout
 
     (tmp_path / "mine.toml").write_text(shell("show", "panda-sweep"), encoding="utf-8")
-    assert "mine.toml: fine" in shell("validate", "mine.toml")
+    assert "mine.toml: valid" in shell("validate", "mine.toml")
     short = ("--set", "duration=0.2")
     run = json.loads(shell("run", "mine.toml", *short, "--save", "run.npz", "--json"))
     assert run["status"] == "completed" and run["metrics"]["min_clearance"] > 0.1

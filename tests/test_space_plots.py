@@ -12,10 +12,11 @@ import pytest
 from PIL import Image
 
 import vffnull as vff
-from vffnull._arm import SpatialArm, rotation
-from vffnull.plotting import animation, film, geometry, limits, null_space, space, style, tracking
-from vffnull.plotting.primitives import Axes, Body, Scene
-from vffnull.plotting.render import Canvas, Layer, Solid, rods, trace
+from vffnull.draw import geometry, style
+from vffnull.draw.figures import animation, film, limits, null_space, render, space, tracking
+from vffnull.draw.figures.render import Canvas, Layer, Solid, rods, trace
+from vffnull.draw.primitives import Axes, Body, Scene
+from vffnull.evaluation.geometry.arm import rotation
 
 FRONT = np.eye(3)  # right x, up y, towards the viewer z
 GREY = np.full(3, 0.5)
@@ -121,7 +122,7 @@ def test_a_scenario_and_an_arm_alone() -> None:
     scene = Scene.of_scenario(scenario)
     np.testing.assert_allclose(scene.joints[0], scenario.arm.forward_kinematics(scenario["q0"]), atol=1e-14)
     assert scene.obstacles.shape == (1, 1, 3) and scene.dimension == 3
-    alone = Scene.of_postures(SpatialArm(vff._core.arm_model("ur5e")), np.full((1, 6), 0.1))
+    alone = Scene.of_postures(vff.Arm.named("ur5e"), np.full((1, 6), 0.1))
     assert alone.joints.shape == (1, 7, 3) and not alone.cores
 
 
@@ -209,6 +210,25 @@ def test_bodies_are_cut_off_at_a_box() -> None:
     assert not cut[:, np.abs(columns) > 0.51, 3].any() and whole[:, np.abs(columns) > 0.51, 3].any()
 
 
+@pytest.mark.parametrize("dot", [0.002, 0.006, 0.02])
+def test_a_ray_where_nothing_ends_is_as_good_as_four(scene: Scene, dot: float) -> None:
+    """Few dots differ from the mean of all rays, edges and lines thinner than a dot included."""
+    row = len(scene.t) // 2
+    ends = np.array([[-0.5, 0.1, 1.0], [0.5, 0.8, 1.0]])
+    lines = [*space.path_layers(scene, row, 0.005 * scene.reach), Layer([Solid(ends, 0.2 * dot, GREY)])]
+    shell = Layer([Solid(scene.obstacles[row, :1], 0.3, GREY)], 0.1)
+    layers = [*space.layers_at(scene, row), *lines, shell]
+    canvas = Canvas.around(layers, FRONT[:2], dot)
+    fine = Canvas(canvas.view, canvas.low, dot / 2.0, (2 * canvas.shape[0], 2 * canvas.shape[1]))
+    every = render.Grid(*(fine.low[i] + fine.dot * (np.arange(fine.shape[1 - i]) + 0.5) for i in (0, 1)))
+    rays, _ = render._seen(layers, FRONT, every)
+    wanted = rays.reshape(canvas.shape[0], 2, canvas.shape[1], 2, 4).mean(axis=(1, 3))
+    found = canvas.draw(layers) / 255.0
+    found[..., :3] *= found[..., 3:]
+    off = np.abs(found - wanted).max(axis=-1)[wanted[..., 3] > 0.0]
+    assert off.mean() < 0.004 and (off > 0.04).mean() < 0.004
+
+
 def test_lines_are_rods() -> None:
     points = np.stack([np.linspace(0, 1, 500), np.zeros(500), np.zeros(500)], axis=1)
     whole, dashed = rods(points, 0.01, GREY), rods(points, 0.01, GREY, dashed=True)
@@ -221,7 +241,7 @@ def test_bodies_are_put_where_the_axes_are(scene: Scene) -> None:
     """In three dimensions the traced bodies and Matplotlib's own projection agree, and scales are equal."""
     from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
-    from vffnull.plotting import style
+    from vffnull.draw import style
 
     with style.look():
         figure = style.figure(4.0, 4.0)
@@ -485,3 +505,16 @@ def test_notebooks(result: vff.Result) -> None:
     for shown in (result, result.scenario):
         text = shown._repr_html_()
         assert text.count("<polygon") >= 20 and "panda-sweep" in text
+
+
+def test_a_pedestal_stands_on_the_floor() -> None:
+    """The floor of figures, films and pages is where the base ends, not where the first joint is mounted."""
+    from vffnull.draw.figures.space import floor_of
+
+    arm = vff.Arm.named("panda").to_dict()
+    plain = vff.Scenario.load("panda-sweep").replace(arm=arm)
+    assert Scene.of_scenario(plain).foot == floor_of(Scene.of_scenario(plain)) == 0.0
+    column = {"kind": "capsule", "a": [0.0, 0.0, -0.9], "b": [0.0, 0.0, -0.2], "radius": 0.1}
+    arm["collision"] = [*arm["collision"], {"link": arm["base"], "shape": column}]
+    scene = Scene.of_scenario(plain.replace(arm=arm))
+    assert scene.foot == floor_of(scene) == pytest.approx(-1.0)

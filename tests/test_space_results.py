@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull import _arm, _core
-from vffnull._record import QUANTITIES, Layout, recorded
-from vffnull._validation import faults
+from vffnull import _core
 from vffnull.errors import InputError, ScenarioError, ScenarioWarning
+from vffnull.evaluation.geometry import arm as _arm
+from vffnull.model.record import QUANTITIES, Layout, recorded
+from vffnull.model.validation import faults
 
 LOSSLESS = (".npz", ".parquet", ".arrow", ".csv")
 WIDTHS = {"position": 3, "pointing": 5, "pose": 6}
@@ -115,6 +116,31 @@ def test_quaternions_of_rotations() -> None:
     again = _arm.quaternion(matrices)
     assert np.all(again[:, 0] >= 0.0)
     np.testing.assert_allclose(np.abs((again * draw).sum(axis=1)), 1.0, rtol=0, atol=1e-14)
+    longer = (3.0 * draw).reshape(2, 100, 4)
+    np.testing.assert_allclose(_core.matrices(longer).reshape(200, 3, 3), matrices, rtol=0, atol=1e-14)
+    same = _core.quaternions(matrices.reshape(2, 100, 3, 3)).reshape(200, 4)
+    np.testing.assert_allclose(np.abs((same * draw).sum(axis=1)), 1.0, rtol=0, atol=1e-14)
+    assert np.all(same[:, 0] >= 0.0) and np.isnan(_core.matrices([np.nan] * 4)).all()
+    assert np.isnan(_core.quaternions(np.full((3, 3), np.nan))).all()
+    assert _core.matrices(np.zeros((0, 4))).shape == (0, 3, 3)
+    for call, shape in ((_core.matrices, (3,)), (_core.quaternions, (4, 3))):
+        with pytest.raises(vff.errors.InputError, match=r"expected shape \(…, "):
+            call(np.zeros(shape))
+
+
+def test_frames_of_many_postures_are_those_of_the_second_geometry() -> None:
+    arm, flat = vff.Arm.named("ur5e"), vff.Arm.uniform(3)
+    q = np.random.default_rng(6).uniform(-3.0, 3.0, (4, 6))
+    judge = _arm.SpatialArm(arm.to_dict())
+    np.testing.assert_allclose(arm.link_poses(q), judge.link_poses(q), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(arm.tip_poses(q), judge.tool_poses(q), rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(arm.tip_poses(q[1]), arm.tip_poses(q)[1])
+    (x, y), angle = flat.pose(q[0, :3])
+    c, s = np.cos(angle), np.sin(angle)
+    np.testing.assert_allclose(flat.tip_poses(q[:1, :3])[0], [[c, -s, x], [s, c, y], [0, 0, 1]], atol=1e-14)
+    for call in (arm.link_poses, arm.tip_poses):
+        with pytest.raises(vff.errors.InputError, match=r"q\[2\]"):
+            call(np.where(np.arange(4)[:, None] == 2, np.nan, q))
 
 
 # --------------------------------------------------------------------------------------------- names, units
@@ -458,7 +484,7 @@ def test_urdf_faults(
 def test_validate_reads_the_urdf(written: Path) -> None:
     command = [sys.executable, "-c", "from vffnull.cli import main; main()", "validate"]
     fine = subprocess.run([*command, str(written)], capture_output=True, text=True, check=False)
-    assert fine.returncode == 0 and "fine" in fine.stdout, fine.stderr
+    assert fine.returncode == 0 and "valid" in fine.stdout, fine.stderr
     (written.parent / "models" / "lever.urdf").unlink()
     gone = subprocess.run([*command, str(written)], capture_output=True, text=True, check=False)
     assert gone.returncode == 2 and "lever.urdf" in gone.stderr

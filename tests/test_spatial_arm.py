@@ -529,3 +529,15 @@ def table(engine_of: Callable[[vff.Arm], Engine]) -> str:
     for quantity, row in rows.items():
         lines.append(f"| {quantity} | {' | '.join(f'{row[name]:.1e}' for name in names)} |")
     return "\n".join(lines)
+
+
+def test_rotors_of_a_bundled_arm() -> None:
+    """They are felt by their own joint, one number for all or one each."""
+    scene = vff.Scenario.load("ur5e-sweep")
+    plain = scene.arm.mass_matrix(scene["q0"])
+    for given in (0.1, [0.1, 0.2, 0.3, 0.0, 0.05, 0.06]):
+        heavy = scene.replace(arm={"model": "ur5e", "armature": given}).arm.mass_matrix(scene["q0"])
+        np.testing.assert_allclose(heavy - plain, np.eye(6) * np.asarray(given), atol=1e-12)
+    for wrong, said in ((-0.1, r"arm\.armature: must be 0 or more"), ([0.1], r"arm\.armature: expected 6")):
+        with pytest.raises(vff.errors.ScenarioError, match=said):
+            scene.replace(arm={"model": "ur5e", "armature": wrong})

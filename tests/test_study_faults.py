@@ -16,7 +16,7 @@ import pytest
 import vffnull as vff
 from vffnull.errors import InputError
 from vffnull.studies import Dataset, Study
-from vffnull.studies.places import _fault
+from vffnull.studies.executors import _fault
 from vffnull.studies.running import Begun, begin
 from vffnull.studies.store import opened
 from waiting import HANG, wait_for

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import vffnull as vff
 from vffnull.cli import _commands, common
-from vffnull.scenario import ScenarioLike, prepare
+from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.studies import studies
 
 PACKAGE = Path(vff.__file__).parent

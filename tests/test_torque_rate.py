@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vffnull as vff
-from vffnull import scenes
+from vffnull.evaluation import scenes
 
 pytestmark = pytest.mark.filterwarnings("ignore:the torque chatters")  # some are driven hard here
 IN_SPACE = [name for name in vff.scenarios() if "model" in vff.Scenario.load(name)["arm"]]
@@ -61,8 +61,23 @@ def test_no_limit_is_exceeded_in_bundled_scenes(name: str, way: str) -> None:
         {"simulation.dt": 0.0005, "simulation.control_every": 2},
         {"controller.command.gravity": "robot"},
         {"controller.command.tip_speed": 0.3},
+        {"controller.command.tip_angular_speed": 0.5},
         {"controller.command.coulomb_friction": 0.8, "plant.coulomb_friction": 1.0},
         {"controller.tank": {"capacity": 2.0}},
+        {"controller.observer": {}, "controller.touch": {"task": "reject"}, "plant.payload": {"mass": 0.7}},
+        {"wrenches": [{"link": "tip", "force": [5.0, 5.0, -5.0], "start": 0.5}]},
+        {
+            "controller.observer": {"source": "measured", "bandwidth": 100.0},
+            "controller.touch": {"task": "reject"},
+            "wrenches": [
+                {"link": "tip", "force": [5.0, 5.0, -5.0], "profile": {"kind": "ramp", "rise": 0.5}}
+            ],
+        },
+        {
+            "controller.observer": {"threshold": 0.5},
+            "controller.touch": {"task": "reject", "null_space": "reject"},
+            "plant.coulomb_friction": 0.5,
+        },
         {"controller.self_collision": "avoid"},
         {"controller.yielding.preview": {}},
         {"controller.governor": {}},

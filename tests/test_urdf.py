@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from published import MODELS, chains, coordinates, pin, reduced_to
 from spatial_oracle import mass_and_gravity, poses
 from strategies import random_arm
-from vffnull import _core, arms
+from vffnull import _core, arms, plan, simulate
 from vffnull.errors import InputError, InputTypeError, ScenarioWarning
 
 mujoco = pytest.importorskip("mujoco")
@@ -217,15 +217,50 @@ def test_rotors_that_outweigh_their_links_are_told() -> None:
     assert "armature" not in str(arms.read_urdf(without_mesh(), collision="none"))
 
 
-def test_neighbours_of_neighbours_that_touch_are_ignored() -> None:
+def test_pairs_that_always_touch_are_ignored_and_told() -> None:
     text = without_mesh().replace('<origin xyz="0 0 0.4"/>', '<origin xyz="0 0 0.01"/>')
-    text = text.replace('<sphere radius="0.1"/>', '<sphere radius="0.5"/>')
+    text = text.replace('<sphere radius="0.1"/>', '<sphere radius="0.6"/>')
     report = arms.read_urdf(text)
     assert report.touching == (("base", "lower"),)
     assert report.document["ignore"] == [["base", "lower"]]
+    with pytest.warns(ScenarioWarning, match="`base` and `lower` overlap .* the pair is ignored"):
+        arms.from_urdf(text)
     srdf = "<robot name='two'><disable_collisions link1='base' link2='lower' reason='Adjacent'/></robot>"
     report = arms.read_urdf(text, srdf=srdf)
     assert (report.touching, report.document["ignore"]) == ((), [["base", "lower"]])
+    assert not report.warnings
+    # An SRDF that keeps the pair is not overruled.
+    report = arms.read_urdf(text, srdf="<robot name='two'/>")
+    assert report.touching == () and "ignore" not in report.document
+    assert "the SRDF keeps the pair" in report.warnings[0]
+
+
+def test_a_pair_that_touches_in_one_posture_is_measured() -> None:
+    """A ball on the forearm that meets one on the base in the middle of all ranges, and hardly anywhere else."""
+    text = """<robot name="fold">
+      <link name="base"><collision><origin xyz="0 0 0.9"/><geometry><sphere radius="0.1"/></geometry></collision></link>
+      <link name="upper"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial></link>
+      <link name="fore"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1"/></inertial>
+        <collision><origin xyz="0 0 0.4"/><geometry><sphere radius="0.1"/></geometry></collision></link>
+      <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="1" effort="50" velocity="3"/></joint>
+      <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0 0 0.4"/>
+        <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="50" velocity="3"/></joint>
+    </robot>"""
+    for srdf in (None, "<robot name='fold'/>"):
+        report = arms.read_urdf(text, srdf=srdf)
+        assert report.touching == () and "ignore" not in report.document
+        scenario = {
+            "arm": report.document,
+            "duration": 0.01,
+            "q0": [0.0, 0.0],
+            "reference": {"kind": "setpoint"},
+            "controller": {"self_collision": "report"},
+        }
+        # The spheres are 0.1 m apart, with radii of 0.1 m: the law, the barrier and a plan see 0.1 m of overlap.
+        assert simulate(scenario).metrics.min_self_clearance == pytest.approx(-0.1, abs=1e-3)
+        found = plan(scenario, [0.5, 0.5])
+        assert found.status == "start blocked" and "`fore`" in found.message
 
 
 # --------------------------------------------------------------------------------------- what is refused
@@ -611,6 +646,38 @@ def test_mjcf_refusals() -> None:
 
 
 # ---------------------------------------------------------------------------------------------- capsules
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_capsule_is_smaller_than_is_possible(seed: int) -> None:
+    """What is joined is decided by a bound that takes no search."""
+    from vffnull.arms._capsules import _at_least, _dotted, least_capsule, volume
+
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(int(rng.integers(2, 30)), 3)) * rng.uniform(0.01, 1.0, 3)
+    assert _at_least(points) <= volume(*least_capsule(points)) * (1 + 1e-9)
+    radii = rng.uniform(0.0, 0.3, len(points))
+    assert _at_least(_dotted(points, radii)) <= volume(*least_capsule(points, radii)) * (1 + 1e-9)
+    assert _at_least(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])) == 0.0
+
+
+def test_few_capsules_are_searched_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 16 pieces there are 120 pairs; of most it is seen at once that they do not go together."""
+    from vffnull.arms import _capsules
+    from vffnull.arms._capsules import Solid, fit_solids
+
+    searched: list[int] = []
+    search = _capsules.least_capsule
+    monkeypatch.setattr(_capsules, "least_capsule", lambda *of: searched.append(1) or search(*of))
+    tops = np.eye(3)
+    rods = [
+        Solid.cylinder(f"{row} {k}", 0.05, 0.1, 12).moved(tops, np.array([1.0 * row, 0.0, 0.1 * k]))
+        for row in range(4)
+        for k in range(4)
+    ]
+    fits = fit_solids("x", rods)
+    assert sorted(len(fit.parts) for fit in fits) == [4, 4, 4, 4]
+    assert len(searched) < 16 + 50
 
 
 @settings(max_examples=25)

@@ -20,7 +20,8 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import vffnull as vff
-from vffnull import evaluation, scenes
+from vffnull.evaluation import scenes
+from vffnull.run import evaluate as evaluating
 
 MODULES = ("mink_limit", "cbfpy_filter")
 WITHOUT = {"controller.field.gain": 0.0, "simulation.record_every": 1}
@@ -84,18 +85,18 @@ def run(way: Way, scene: vff.Scenario, free: vff.Result, verdict: str) -> dict[s
     through = k == round(scene.duration / dt) and bool(np.isfinite(error).all())
     if len(speeds) > 3:
         jerk = float(np.sqrt(np.mean((np.diff(speeds, 2, axis=0) / dt**2) ** 2)))
-    row = evaluation.scores(
+    row = evaluating.scores(
         status="completed" if through else "diverged",
         t=np.array(t),
         error=np.array(error),
-        span=evaluation.encounter(free),
+        span=evaluating.encounter(free),
         min_clearance=min(clearance),
         max_error=max(error, default=np.nan),
         effort=effort,
         rms_jerk=jerk,
         end_time=float(state.t),
     )
-    return {**evaluation.identity(scene, verdict, way.name), **row}
+    return {**evaluating.identity(scene, verdict, way.name), **row}
 
 
 def evaluate(
@@ -119,10 +120,10 @@ def report(kept: Path, count: int, sizes: tuple[int, ...], verdicts: Callable[..
         for n in sizes:
             file = kept / f"peers-{family}-{n}-{count}.npz"
             if not file.exists():
-                own = evaluation.evaluate(ours, family, n, count, seed, verdicts=verdicts())
+                own = evaluating.evaluate(ours, family, n, count, seed, verdicts=verdicts())
                 verdicts(own.verdicts)
                 theirs = evaluate(chosen, family, n, range(seed, seed + count), verdicts())
-                outcome = evaluation.join([own, theirs])
+                outcome = evaluating.join([own, theirs])
                 np.savez(file, controllers=np.array(outcome.controllers), **outcome.columns)
                 print(f"{file.stem}: done", file=sys.stderr, flush=True)
             with np.load(file) as read:
@@ -137,7 +138,7 @@ scenes.
 
 {works}
 
-{evaluation.join(parts).table()}
+{evaluating.join(parts).table()}
 """
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from peers.peer import Array, Peer
-from vffnull.plotting import style
+from vffnull.draw import style
 
 GAP = 0.055  # least distance between two names, as a share of the height
 OURS, *OTHERS = style.joint_colours(8)

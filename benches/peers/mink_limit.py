@@ -18,7 +18,7 @@ import numpy as np
 
 from peers.avoidance import Array, Filter, Reference, Way
 from vffnull import Scenario
-from vffnull.export import to_mjcf
+from vffnull.engines.export import to_mjcf
 
 EVERY = 5  # steps of 1 ms between QPs
 SERVO = 50.0  # rad/s

@@ -31,8 +31,9 @@ from peers.spatial.group import GROUPS, Group  # noqa: E402
 from peers.spatial.page import tables  # noqa: E402
 from peers.spatial.way import Way  # noqa: E402
 from report import write_section  # noqa: E402
-from vffnull import evaluation, scenes  # noqa: E402
-from vffnull._files import replacing  # noqa: E402
+from vffnull._support.files import replacing  # noqa: E402
+from vffnull.evaluation import scenes  # noqa: E402
+from vffnull.run import evaluate as evaluating  # noqa: E402
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 KEPT = Path(__file__).resolve().parents[2] / "target" / "peers"
@@ -46,7 +47,7 @@ def judge(
     group: Group, everybody: list[Way], scene: vff.Scenario, most: int | None = None
 ) -> tuple[list[dict[str, object]], Times]:
     """The rows of every way on a scene, one after the other, and what all steps took [ns]."""
-    span, verdict = evaluation.encounter(free(scene)), vff.feasibility(scene)
+    span, verdict = evaluating.encounter(free(scene)), vff.feasibility(scene)
     done = [drive(way, tune.settings_of(way, group.found), scene, span, verdict, most) for way in everybody]
     return [each.row for each in done], {each.row["controller"]: each.taken for each in done}
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from peers.law import Task
 from peers.peer import Loop, Peer
-from vffnull.export import to_mjcf
+from vffnull.engines.export import to_mjcf
 
 
 class Mink(Loop):

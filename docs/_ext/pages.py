@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from click.testing import CliRunner
+from matplotlib.axes import Axes
 from sphinx.application import Sphinx
 from sphinx_gallery.scrapers import figure_rst
 
 import vffnull as vff
 from vffnull import _core
-from vffnull._record import QUANTITIES
 from vffnull.cli import _commands
-from vffnull.plotting import canvas, strobe, style
-from vffnull.plotting.primitives import Marks, Scene
-from vffnull.scenario import read
+from vffnull.draw import geometry, style
+from vffnull.draw.figures import canvas, space, strobe
+from vffnull.draw.figures.render import Canvas
+from vffnull.draw.primitives import Marks, Scene
+from vffnull.model.record import QUANTITIES
+from vffnull.model.scenario import read
 
 RULE = re.compile(r"^ *-{2,}( +-{2,})+ *$")
 
@@ -27,7 +30,15 @@ RULE = re.compile(r"^ *-{2,}( +-{2,})+ *$")
 class Order:
     """The gallery's order: what the package is for first, then by name."""
 
-    FIRST = ("sweep_through", "follow_line", "own_loop", "compare_projections", "design_gains", "limits")
+    FIRST = (
+        "hold_pose",
+        "look_ahead",
+        "give_way",
+        "sweep_through",
+        "follow_line",
+        "own_loop",
+        "plan_and_react",
+    )
 
     def __init__(self, folder: str) -> None:
         self.folder = folder
@@ -37,44 +48,79 @@ class Order:
         return (self.FIRST.index(name) if name in self.FIRST else len(self.FIRST), name)
 
 
-# What the gallery shows of an example that has no run of its own: a scene, and what is changed of it.
-SCENES: dict[str, tuple[str, dict[str, Any]]] = {
+Shown = tuple[str, dict[str, Any]]
+"""A bundled scenario, and what is changed of it."""
+
+# What the gallery shows of an example that has no run of its own.
+SCENES: dict[str, Shown] = {
     "design_gains": ("sweep-through", {"obstacles.0.motion.velocity": [0.0, -2.0], "duration": 0.7}),
+    "give_way": ("ur5e-crossed", {"duration": 3.1}),
     "gym_our_controller": ("sweep-through", {"controller.field.gain": 0.0}),
     "gym_random_policy": ("sweep-through", {"duration": 3.2}),
-    "many_runs": ("sweep-through", {"controller.field.gain": 2.0}),
-    "mujoco_plant": ("narrow-gap", {}),
-    "own_loop": ("paper-1", {}),
-    "report": ("narrow-gap", {"controller.field.gain": 2.0}),
+    "many_runs": ("panda-sweep", {"controller.field.gain": 20.0, "duration": 4.0}),
+    "mujoco_plant": ("ur5e-sweep", {"controller.field.gain": 0.0, "duration": 3.0}),
+    "own_loop": ("panda-sweep", {"controller.task": "position", "duration": 3.0}),
+    "report": ("panda-sweep", {"duration": 5.0}),
     "robustness": ("paper-2-moving", {}),
     "tune": ("crowd", {"duration": 3.0}),
+}
+# What the list of tutorials shows of each.
+TUTORIALS: dict[str, Shown] = {
+    "ten-minutes": ("gen3-circle", {}),
+    "live": ("panda-cup", {"duration": 3.0}),
+    "hold": ("sweep-through", {}),
+    "follow": ("narrow-gap", {}),
+    "own-loop": ("paper-1", {}),
+    "own-field": ("pincer", {}),
+    "gains": ("sweep-through", {"obstacles.0.motion.velocity": [0.0, -2.0], "duration": 0.7}),
+    "limits": ("paper-1-ramp", {}),
+    "real-arm": ("ur5e-sweep", {}),
+    "many-runs": ("panda-sweep", {"controller.field.gain": 20.0}),
+    "studies": ("crowd", {"duration": 3.0}),
+    "urdf": ("iiwa-line", {}),
+    "bring-your-arm": ("head-on", {}),
+    "from-osc": ("ur5e-crossed", {}),
 }
 THUMBNAIL = 2.4, 1.5  # in: small, so that lines are thick
 
 
-def thumbnail(example: str, names: Mapping[str, Any], path: str) -> None:
-    """Draw what an example moves: plots of its results cannot be read at that size."""
-    if example in SCENES:
-        scene, changes = SCENES[example]
-        result = vff.simulate(scene, changes)
-    else:
-        result = names["result"]
+def thumbnail(result: vff.Result, path: str | Path) -> None:
+    """Draw what moves in a run: plots of its results cannot be read at that size."""
+    scene = Scene.of_result(result)
     with style.look():
         fig = style.figure(THUMBNAIL[1], THUMBNAIL[0])
         ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
         fig.set_layout_engine("none")
-        scene = Scene.of_result(result)
-        when = scene.instants(4)
-        strobe.draw(ax, scene, list(when), strobe.shades(len(when)))
-        canvas.paint(ax, [Marks("target", scene.reference[-1:])], colour=style.INK, zorder=6)
-        canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
-        low, high = scene.frame()
-        scale = float(((high - low) / THUMBNAIL).max())  # m per inch
-        spare = (scale * np.array(THUMBNAIL) - (high - low)) / 2
-        ax.set_xlim(low[0] - spare[0], high[0] + spare[0])
-        ax.set_ylim(low[1] - spare[1], high[1] + spare[1])
+        (in_space if scene.dimension == 3 else in_the_plane)(ax, scene)
         ax.set_axis_off()
         fig.savefig(path, dpi=200)
+
+
+def in_the_plane(ax: Axes, scene: Scene) -> None:
+    """A few instants, the axes filled and to scale."""
+    when = scene.instants(4)
+    strobe.draw(ax, scene, list(when), strobe.shades(len(when)))
+    canvas.paint(ax, [Marks("target", scene.reference[-1:])], colour=style.INK, zorder=6)
+    canvas.paint(ax, scene.at(0, ["base"]), zorder=2.5)
+    low, high = scene.frame()
+    scale = float(((high - low) / THUMBNAIL).max())  # m per inch
+    spare = (scale * np.array(THUMBNAIL) - (high - low)) / 2
+    ax.set_xlim(low[0] - spare[0], high[0] + spare[0])
+    ax.set_ylim(low[1] - spare[1], high[1] + spare[1])
+
+
+def in_space(ax: Axes, scene: Scene) -> None:
+    """The arm among its obstacles at the end, and faintly before."""
+    layers = space.passing_layers(scene, *space.moments(scene, 3))
+    view = geometry.looking(space.AZIMUTH, space.ELEVATION)
+    picture = Canvas.around(layers, view, scene.reach / 600)
+    ax.imshow(picture.draw(layers), extent=picture.extent, origin="lower", interpolation="antialiased")
+
+
+def pictured(name: str) -> vff.Result:
+    """The run that stands for an example."""
+    scenario, changes = SCENES[name]
+    return vff.simulate(scenario, changes)
 
 
 def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -> str:
@@ -84,7 +130,9 @@ def written_files(block: Any, variables: dict[str, Any], conf: dict[str, Any]) -
     source = Path(variables["src_file"])
     folder, found = source.parent, []
     if block.type == "code":
-        thumbnail(source.stem, vars(variables["fake_main"]), next(variables["image_path_iterator"]))
+        example = source.stem
+        result = pictured(example) if example in SCENES else vars(variables["fake_main"])["result"]
+        thumbnail(result, next(variables["image_path_iterator"]))
     for picture in sorted(folder.glob("*.png")):
         found.append(next(variables["image_path_iterator"]))
         shutil.move(picture, found[-1])
@@ -197,6 +245,9 @@ def on_builder_inited(app: Sphinx) -> None:
     """Write them all; a page that stays the same keeps its date."""
     target = Path(app.srcdir) / "generated"
     (target / "figures").mkdir(parents=True, exist_ok=True)
+    for name, (scenario, changes) in TUTORIALS.items():
+        thumbnail(vff.simulate(scenario, changes), target / "figures" / f"tutorial-{name}.png")
+    vff.simulate("panda-sweep").animate(target / "figures" / "panda-sweep.gif", fps=15, size=560)
     pages = {
         "keys": keys(),
         "quantities": quantities(),

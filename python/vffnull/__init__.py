@@ -32,26 +32,33 @@ from vffnull._core import (
     __version__,
     distances,
 )
-from vffnull._many import metrics_table, simulate_many
-from vffnull._simulate import simulate
-from vffnull.control import ControlSettings, Field
+from vffnull._support.representation import drawn_by
 from vffnull.errors import VffNullError
-from vffnull.report import compare  # before `report` below, which takes the place of the package's name
-from vffnull.result import Film, Metrics, Replan, Result, Status, report
-from vffnull.scenario import Scenario, scenarios
-from vffnull.world import Motion, Obstacle
+from vffnull.live import live  # at once: the function takes the place of the package's name
+from vffnull.model.control import ControlSettings, Field
+from vffnull.model.scenario import Scenario, scenarios
+from vffnull.model.world import Motion, Obstacle
+from vffnull.run.result import Film, Metrics, Replan, Result, Status, report
+from vffnull.run.simulate import simulate
 
 if TYPE_CHECKING:
-    from vffnull import arms, scenes
-    from vffnull._drive import Drive, DriveReport, DriveState, drive
-    from vffnull._realtime import RealTimeReport, realtime
-    from vffnull._timing import Histogram
-    from vffnull.evaluation import Evaluation, evaluate
+    from vffnull import arms
+    from vffnull.arms import meshes as meshes
+    from vffnull.draw.report import compare
+    from vffnull.engines import export as export
+    from vffnull.engines import gym as gym
+    from vffnull.engines import mujoco_plant as mujoco_plant
+    from vffnull.evaluation import scenes
     from vffnull.evaluation.planner import feasibility
     from vffnull.logs.stream import StreamRecorder
+    from vffnull.model.timing import Histogram
+    from vffnull.model.wrench import Wrench
     from vffnull.planning import Plan, PlanStatus, plan
+    from vffnull.run.drive import Drive, DriveReport, DriveState, drive
+    from vffnull.run.evaluate import Evaluation, evaluate
+    from vffnull.run.many import metrics_table, simulate_many
+    from vffnull.run.realtime import RealTimeReport, realtime
     from vffnull.studies import Study
-    from vffnull.viewer import live
 
 __all__ = [
     "ENERGIES",
@@ -86,6 +93,7 @@ __all__ = [
     "Terms",
     "VffNullError",
     "VirtualArm",
+    "Wrench",
     "__version__",
     "arms",
     "compare",
@@ -108,31 +116,50 @@ __all__ = [
 
 # What brings NumPy along, or is not needed by most, is loaded when it is asked for.
 _LATER = {
-    "Drive": "vffnull._drive",
-    "DriveReport": "vffnull._drive",
-    "DriveState": "vffnull._drive",
-    "Evaluation": "vffnull.evaluation",
-    "Histogram": "vffnull._timing",
+    "Drive": "vffnull.run.drive",
+    "DriveReport": "vffnull.run.drive",
+    "DriveState": "vffnull.run.drive",
+    "Evaluation": "vffnull.run.evaluate",
+    "Histogram": "vffnull.model.timing",
     "Plan": "vffnull.planning",
     "PlanStatus": "vffnull.planning",
-    "RealTimeReport": "vffnull._realtime",
+    "RealTimeReport": "vffnull.run.realtime",
     "StreamRecorder": "vffnull.logs.stream",
     "Study": "vffnull.studies",
-    "drive": "vffnull._drive",
-    "evaluate": "vffnull.evaluation",
+    "Wrench": "vffnull.model.wrench",
+    "compare": "vffnull.draw.report",
+    "drive": "vffnull.run.drive",
+    "evaluate": "vffnull.run.evaluate",
     "feasibility": "vffnull.evaluation.planner",
-    "live": "vffnull.viewer",
+    "metrics_table": "vffnull.run.many",
     "plan": "vffnull.planning",
-    "realtime": "vffnull._realtime",
+    "realtime": "vffnull.run.realtime",
+    "simulate_many": "vffnull.run.many",
 }
+_MODULES = {
+    "arms": "vffnull.arms",
+    "export": "vffnull.engines.export",
+    "gym": "vffnull.engines.gym",
+    "meshes": "vffnull.arms.meshes",
+    "mujoco_plant": "vffnull.engines.mujoco_plant",
+    "scenes": "vffnull.evaluation.scenes",
+}
+
+
+@drawn_by
+def _card(shown: Any) -> str:
+    """What a notebook shows of an arm, a scenario or a result."""
+    from vffnull.draw.notebook import card
+
+    return card(shown)
 
 
 def __getattr__(name: str) -> Any:
     """What is loaded when it is asked for."""
     import importlib
 
-    if name in ("arms", "scenes"):
-        return importlib.import_module(f"vffnull.{name}")
+    if name in _MODULES:
+        return importlib.import_module(_MODULES[name])
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,6 +1,6 @@
 """``python -m vffnull`` is the command ``vffnull``."""
 
-from vffnull.cli import main
+from vffnull_command import main
 
 if __name__ == "__main__":
     main()

@@ -43,11 +43,14 @@ __all__ = [
     "read_urdf",
     "real_time",
     "reduce_tree",
+    "matrices",
+    "quaternions",
     "rotations",
     "run",
     "run_many",
     "schema",
     "schema_json",
+    "wrenches",
 ]
 
 class _HasDocument(Protocol):
@@ -190,7 +193,8 @@ class Arm:
             Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
             nothing.
         srdf : str or path, optional
-            A file, or the text: pairs of links that it switches off are not measured against each other.
+            A file, or the text: pairs of links that it switches off are not measured against each other, and
+            no others. Without it, those whose shapes overlap nearly always are not, with a warning.
         packages : path, list of paths, or dict, optional
             Folders in which meshes are searched, or the folder of each package by its name.
         armature : float or (n,) array_like, optional
@@ -251,7 +255,8 @@ class Arm:
             Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
             nothing.
         srdf : str or path, optional
-            A file, or the text: pairs of links that it switches off are not measured against each other.
+            A file, or the text: pairs of links that it switches off are not measured against each other, and
+            no others. Without it, those whose shapes overlap nearly always are not, with a warning.
         armature : float or (n,) array_like, optional
             Inertia of the rotors as seen by the joints [kg·m²]; the model's by default.
         fix_inertia : bool, optional
@@ -350,15 +355,8 @@ class Arm:
             A unit quaternion [w, x, y, z] with w ≥ 0; in the plane the angle to the x axis [rad].
         """
 
-    def link_poses(self, q: ArrayLike) -> _Array:
-        """Frames of the links in the world, homogeneous, (n, 4, 4); in the plane (n, 3, 3).
-
-        Parameters
-        ----------
-        q : (n,) array_like
-            Joint positions [rad or m].
-        """
-
+    def link_poses(self, q: ArrayLike) -> _Array: ...
+    def tip_poses(self, q: ArrayLike) -> _Array: ...
     def forward_kinematics(self, q: ArrayLike) -> _Array:
         """Positions of the joints; the last row is the tip.
 
@@ -427,15 +425,15 @@ class Arm:
         """
 
     def to_mjcf(self, name: str | None = None) -> str:
-        """The arm as MJCF, for MuJoCo; see `vffnull.export.to_mjcf`."""
+        """The arm as MJCF, for MuJoCo; see `vffnull.engines.export.to_mjcf`."""
 
     def to_urdf(self, name: str | None = None) -> str:
-        """The arm as URDF; see `vffnull.export.to_urdf`."""
+        """The arm as URDF; see `vffnull.engines.export.to_urdf`."""
 
     def to_dict(self) -> dict[str, Any]:
         """The arm as a part of a scenario document; no other file is needed to make it again."""
 
-    def _repr_html_(self) -> str: ...
+    def _repr_html_(self) -> str | None: ...
 
 @final
 class ExtendedJacobian:
@@ -672,6 +670,41 @@ class Controller:
         >>> phase
         'starting'
         """
+    def sense(self, tau_ext: ArrayLike) -> None:
+        """Let the law know what the robot measures of the torque from outside, for the states that come.
+
+        It counts with ``observer = {"source": "measured"}`` in the settings, until the next time; `drive`
+        does this with a robot's ``external_torque``.
+
+        Parameters
+        ----------
+        tau_ext : (n,) array_like
+            The measured torque [N·m] that the surroundings exert on the joints. A Franka's
+            ``tau_ext_hat_filtered`` counts what the robot exerts: its negative belongs here. One that is not
+            finite changes nothing.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it has the wrong shape.
+
+        Examples
+        --------
+        >>> arm = Arm.named("panda")
+        >>> controller = Controller(arm, {"observer": {"source": "measured"}})
+        >>> controller.sense([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        >>> rest = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+        >>> tau = controller.torque(rest, [0.0] * 7, arm.pose(rest)[0])
+        >>> controller.tau_ext_estimate
+        array([0., 5., 0., 0., 0., 0., 0.])
+        """
+
+    @property
+    def tau_ext_estimate(self) -> _Array | None:
+        """The torque from outside at the last state, as estimated, (n,) [N·m]; None without an observer."""
+    @property
+    def wrench_estimate(self) -> _Array | None:
+        """The wrench at the end effector that this is, (m,) [N, N·m]; None without an observer."""
     def stop(self) -> None:
         """End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is
         finished.
@@ -839,6 +872,19 @@ class State:
     def dq_measured(self) -> _Array | None:
         """Joint velocities as measured, (n,) [rad/s]; None without sensors."""
     @property
+    def tau_ext(self) -> _Array | None:
+        """Torque of wrenches and contacts that push the arm from now on, (n,) [N·m]; None without any."""
+    @property
+    def contact_force(self) -> _Array | None:
+        """Force of each obstacle on the arm, (k, D) [N]; None where none has a `contact`."""
+
+    @property
+    def tau_ext_estimate(self) -> _Array | None:
+        """Torque that the model does not know, as estimated, (n,) [N·m]; None without an observer."""
+    @property
+    def wrench_estimate(self) -> _Array | None:
+        """The wrench at the end effector that this is, (m,) [N, N·m]; None without an observer."""
+    @property
     def sensed(self) -> _Array | None:
         """Points that the range sensors have met, (rays, 2) [m], NaN for none; None without sensors."""
 
@@ -883,6 +929,16 @@ class LiveState(TypedDict):
     """Where the repulsion acts on each link, (n, D) [m]."""
     forces: _Array
     """The repulsion, (n, D) [N]."""
+    wrench_points: _Array
+    """Where the scenario's wrenches push, (w, D) [m]."""
+    wrench_forces: _Array
+    """Their forces, (w, D) [N]."""
+    pull_point: _Array
+    """Where a link is held, (1, D) [m], or (0, D)."""
+    pull_force: _Array
+    """The force that it is pulled with, (1, D) [N], or (0, D)."""
+    pull_anchor: _Array
+    """Where it is pulled to, (1, D) [m], or (0, D)."""
     q_plan: _Array | None
     """Where the plan has the joints; None if the reference is none."""
     replans: int
@@ -921,6 +977,15 @@ class Live:
         """Take the reference to a place (D,) [m] or as near to it as the arm can reach, smoothly and not
         faster than a quarter of the reach per second.
         """
+    def grab(self, link: str, point: ArrayLike) -> None:
+        """Take hold of a link at a point (D,) of its frame [m], with a spring that `pull_by` lets pull."""
+
+    def pull_by(self, offset: ArrayLike) -> None:
+        """Pull the link towards the place that is so far (D,) [m] from where it was taken hold of."""
+
+    def let_go(self) -> None:
+        """Let go of the link."""
+
     def turn(self, obstacle: int, orientation: ArrayLike) -> None:
         """Turn an obstacle in space to an orientation (4,) on the short way, at 4 rad/s."""
     def turn_target(self, orientation: ArrayLike) -> None:
@@ -1005,6 +1070,80 @@ class Simulation:
             points are those of before then.
         """
 
+    def push(self, wrench: _Document) -> State:
+        """Push the arm, from now on, until the wrench is over.
+
+        Parameters
+        ----------
+        wrench : Wrench or dict
+            Where and how; its `start` counts from now. `reset` takes it away.
+
+        Returns
+        -------
+        State
+            The state with it.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If the arm has no such link, a number makes no sense, or 1000 push already.
+
+        Examples
+        --------
+        >>> simulation = Simulation(Scenario.load("panda-sweep"))  # doctest: +SKIP
+        >>> push = Wrench("panda_link4", force=[0, 20, 0], duration=0.5)  # doctest: +SKIP
+        >>> simulation.push(push).tau_ext.shape  # doctest: +SKIP
+        (7,)
+        """
+
+    def pull(
+        self,
+        link: str | None = None,
+        *,
+        point: ArrayLike | None = None,
+        anchor: ArrayLike | None = None,
+        stiffness: float | None = None,
+        damping: float | None = None,
+    ) -> State:
+        """Pull at a point of a link towards a place with a spring and a damper, from now on, or let go.
+
+        A hand that holds the link: K (anchor − p) − D ṗ acts at the point p, evaluated with the dynamics. A
+        step of the plant is taken in parts where the spring is stiff for it (docs/theory.md, T146, T147). It
+        is part of `tau_ext`.
+
+        Parameters
+        ----------
+        link : str, optional
+            The name of the link, or ``"tip"``; by default whoever pulls lets go.
+        point : (D,) array_like, optional
+            The point, in the link's frame [m]; its origin by default.
+        anchor : (D,) array_like, optional
+            The place in the world that it is pulled towards [m]; by default where the point is now.
+        stiffness : float, optional
+            K [N/m]; by default 100 1/s² times the mean mass with which the point resists now, so that the
+            link swings at 10 rad/s.
+        damping : float, optional
+            D [N·s/m]; critical by default.
+
+        Returns
+        -------
+        State
+            The state with it.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If the arm has no such link, or a number makes no sense. Whoever pulled goes on then.
+
+        Examples
+        --------
+        >>> simulation = Simulation(Scenario.load("panda-sweep"))  # doctest: +SKIP
+        >>> simulation.pull("panda_link4", anchor=[0.2, 0.3, 0.7], stiffness=300.0)  # doctest: +SKIP
+        <State: t = 0 s>
+        >>> simulation.pull(None)  # doctest: +SKIP
+        <State: t = 0 s>
+        """
+
     def reset(self) -> State:
         """Go back to the start."""
 
@@ -1066,6 +1205,25 @@ class ExternalRun:
         -------
         (k, 2) or (k, 3) ndarray
             A row per obstacle [m].
+        """
+
+    def wrenches(self, t: float, q: ArrayLike) -> tuple[list[int], _Array, _Array, _Array]:
+        """What pushes the arm over the plant step from a time on.
+
+        Parameters
+        ----------
+        t : float
+            Time [s].
+        q : (n,) array_like
+            Joint angles then [rad].
+
+        Returns
+        -------
+        links : list of int
+            Index of the link that each wrench acts on.
+        points, forces, torques : (k, 3) ndarray
+            Where the force acts [m], the force [N], and the torque beside its own [N·m], in the world;
+            in the plane with a third coordinate.
         """
 
     def drive(self) -> _Array:
@@ -1157,6 +1315,9 @@ class SimulatedRobot:
         tuple
             Time [s], positions (n,) [rad], velocities (n,) [rad/s].
         """
+    def external_torque(self) -> _Array:
+        """The torque of the scenario's wrenches, as a sensor measures it, (n,) [N·m]."""
+
     def write(self, command: ArrayLike) -> None:
         """Hold a torque for a period.
 
@@ -1385,8 +1546,8 @@ def plan(
     Returns
     -------
     dict
-        ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``gap``,
-        ``samples``, ``nodes``.
+        ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
+        ``gap``, ``samples``, ``nodes``.
 
     Raises
     ------
@@ -1471,7 +1632,9 @@ def real_time(
     """
 
 def check(
-    kind: Literal["scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation"],
+    kind: Literal[
+        "scenario", "arm", "controller", "field", "obstacle", "motion", "reference", "simulation", "wrench"
+    ],
     document: Mapping[str, Any],
     dimension: int | None = None,
 ) -> list[str]:
@@ -1494,7 +1657,7 @@ def check(
 
 @final
 class Episodes:
-    """Episodes of one scenario side by side: what the environments of `vffnull.gym` are made of.
+    """Episodes of one scenario side by side: what the environments of `vffnull.engines.gym` are made of.
 
     Parameters
     ----------
@@ -1502,7 +1665,7 @@ class Episodes:
         What happens in an episode.
     settings : Mapping
         ``action``, ``period``, ``torque``, ``start_noise``, ``obstacle_noise``, ``margin``, ``weights``; see
-        `vffnull.gym.ReachEnv`.
+        `vffnull.engines.gym.ReachEnv`.
     count : int
         How many episodes.
     threads : int
@@ -1608,6 +1771,8 @@ def rotations(obstacle: _Document, dimension: int, times: ArrayLike) -> _Array |
         If it is no obstacle there.
     """
 
+def matrices(quaternions: ArrayLike) -> _Array: ...
+def quaternions(matrices: ArrayLike) -> _Array: ...
 def parse_toml(text: str, name: str) -> dict[str, Any]:
     """Read TOML.
 
@@ -1827,3 +1992,27 @@ class VirtualArm:
     @property
     def course(self) -> _Course:
         """What the last set point comes from, as `step` names it."""
+
+def wrenches(document: _Document, t: Sequence[float], q: Sequence[Sequence[float]]) -> list[_Array]:
+    """What pushes the arm of a scenario at instants of a run.
+
+    Parameters
+    ----------
+    document : Mapping
+        The scenario.
+    t : (T,) array_like
+        Times [s].
+    q : (T, n) array_like
+        Joint angles then [rad].
+
+    Returns
+    -------
+    points, forces : (T, k, 3) ndarray
+        Where the force of every wrench acts [m], and the force [N], in the world; in the plane with a third
+        coordinate.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run.
+    """

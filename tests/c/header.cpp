@@ -73,5 +73,9 @@ int main() {
     } catch (const vff::Error& error) {
         if (error.code() != VFF_STATUS_DOCUMENT) return 20;
     }
+    if (!controller.warnings().empty()) return 21;
+    controller.add_obstacle("shape = { kind = 'sphere', radius = 0.05 }\nposition = [400.0, 0.0, 300.0]");
+    const std::vector<std::string> warnings = controller.warnings();
+    if (warnings.size() != 1 || warnings[0].find("millimetres?") == std::string::npos) return 22;
     return first.get() == nullptr ? 0 : 12;
 }

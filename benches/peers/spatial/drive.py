@@ -15,9 +15,10 @@ import vffnull as vff
 from peers.spatial.task import Array, Task
 from peers.spatial.way import Controller, Settings, Way
 from vffnull import evaluation
-from vffnull._arm import SpatialArm
-from vffnull.evaluation.geometry.space import Things
-from vffnull.evaluation.run import TOUCH
+from vffnull.evaluation.geometry.arm import SpatialArm
+from vffnull.evaluation.geometry.space import Obstacles
+from vffnull.run import evaluate as evaluating
+from vffnull.run.evaluate import TOUCH
 
 EVERY = 10  # steps between the instants at which errors are taken, as in `vffnull.evaluate`
 
@@ -92,7 +93,7 @@ def drive(
     if controller is not None:
         torques[k] = torques[k - 1] if k else 0.0
     return Outcome(
-        evaluation.identity(scene, verdict, way.name)
+        evaluating.identity(scene, verdict, way.name)
         | _scores(task, span, q[: k + 1], dq[: k + 1], torques[: k + 1], clearance, k == steps)
         | {
             "cut_off": cut / max(k, 1),
@@ -111,7 +112,7 @@ def _by_spheres(controller: Controller | None, task: Task, q: Array) -> float:
     poses = SpatialArm(task.arm.to_dict()).link_poses(q[seen])[:, spheres.link]
     centers = np.einsum("ksij,sj->ksi", poses[..., :3, :3], spheres.center) + poses[..., :3, 3]
     ends = np.repeat(centers[:, :, None], 2, axis=2)
-    return float(Things(task.solids).distances(ends, spheres.radius, task.times[: len(q)][seen]).min())
+    return float(Obstacles(task.solids).distances(ends, spheres.radius, task.times[: len(q)][seen]).min())
 
 
 def _scores(
@@ -129,7 +130,7 @@ def _scores(
     far, angle = task.astray(poses)
     seen = np.unique(np.append(np.arange(0, k + 1, EVERY), k))
     jerk = np.diff(dq, 2, axis=0) / dt**2
-    row = evaluation.scores(
+    row = evaluating.scores(
         status="completed" if through else "diverged",
         t=task.times[seen],
         error=far[seen],

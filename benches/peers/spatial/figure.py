@@ -8,7 +8,7 @@ import numpy as np
 
 import vffnull as vff
 from peers.spatial.task import Array
-from vffnull.plotting import style
+from vffnull.draw import style
 
 MARKS = ("o", "s", "^", "D")
 

@@ -29,9 +29,9 @@ from peers.spatial import panda_spheres
 from peers.spatial.spheres import Spheres, along_capsules, as_placed
 from peers.spatial.task import Array, Task, orientations
 from peers.spatial.way import Controller, Range, Settings, Way
-from vffnull import scenes
-from vffnull._arm import frame
-from vffnull.evaluation.geometry.space import Things
+from vffnull.evaluation import scenes
+from vffnull.evaluation.geometry.arm import frame
+from vffnull.evaluation.geometry.space import Obstacles
 
 jax.config.update("jax_enable_x64", True)  # too late for the variable where qpsolvers has imported JAX
 
@@ -230,7 +230,7 @@ def check(name: str) -> None:
         place[: len(task.solids)] = task.obstacles[0]
         found = distances(filtering.centers(q), place + middle, turn, half, radius)
         points = np.repeat(centers[None, :, None], 2, axis=2)
-        apart = Things(task.solids).distances(points, np.zeros(len(centers)), np.zeros(1))[0]
+        apart = Obstacles(task.solids).distances(points, np.zeros(len(centers)), np.zeros(1))[0]
         off = np.abs(np.asarray(found)[:, : len(task.solids)] - apart).max()
         if not off <= ALLOWED:
             raise SystemExit(f"{task.scene.name}: distances in JAX are off by {off:.1e} > {ALLOWED:.0e} m")

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vffnull as vff
-from vffnull._arm import frame, quaternion, rotation
+from vffnull.evaluation.geometry.arm import frame, quaternion, rotation
 from vffnull.evaluation.geometry.motion import Motion
 from vffnull.evaluation.planner import reference_poses
 

@@ -19,8 +19,10 @@ import numpy as np
 import vffnull as vff
 from peers.spatial.drive import drive, free
 from peers.spatial.way import Settings, Way
-from vffnull import _core, evaluation, scenes
+from vffnull import _core
+from vffnull.evaluation import scenes
 from vffnull.evaluation.scenes.space import DURATION
+from vffnull.run import evaluate as evaluating
 
 FOUND = Path(__file__).with_name("tuned.toml")
 TASKS = ("position", "pose")
@@ -58,7 +60,7 @@ def tune(way: Way, chosen: list[vff.Scenario], trials: int, file: Path | None = 
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    known = [(scene, evaluation.encounter(free(scene)), vff.feasibility(scene)) for scene in chosen]
+    known = [(scene, evaluating.encounter(free(scene)), vff.feasibility(scene)) for scene in chosen]
 
     def suggested(trial: optuna.Trial) -> Settings:
         ranges = way.space.items()

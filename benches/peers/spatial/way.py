@@ -9,7 +9,7 @@ from typing import Any
 
 from peers.spatial.spheres import Spheres
 from peers.spatial.task import Array, Task
-from vffnull import scenes
+from vffnull.evaluation import scenes
 
 Settings = Mapping[str, Any]
 

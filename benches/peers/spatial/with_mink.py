@@ -21,7 +21,7 @@ import numpy as np
 
 from peers.spatial.task import Array, Task
 from peers.spatial.way import Controller, Range, Settings, Way
-from vffnull.export import to_mjcf
+from vffnull.engines.export import to_mjcf
 
 
 class MovingLimit(mink.CollisionAvoidanceLimit):

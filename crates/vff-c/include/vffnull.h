@@ -266,6 +266,12 @@ vff_status vff_controller_from_scenario(const char *toml,
 // The same from a file.
 vff_status vff_controller_from_scenario_file(const char *path, struct vff_controller **controller);
 
+// The sentence about the `index`th thing, from 0, that is allowed but probably not meant in the scenario of the controller or in an obstacle
+// that was added: an obstacle in millimetres, a quaternion with w in the last place, a reference out of reach that is followed
+// nevertheless. NULL where there are no more. It is valid until the controller is freed.
+const char *vff_controller_warning(const struct vff_controller *controller,
+                                   size_t index);
+
 // Frees a controller. No thread may be in a call with it; handles of its clouds live on and come to `VFF_STATUS_NOT_A_CLOUD`.
 // NULL is nothing.
 void vff_controller_free(struct vff_controller *controller);
@@ -285,6 +291,18 @@ vff_status vff_controller_observe(struct vff_controller *controller,
                                   const double *q,
                                   const double *dq,
                                   size_t joints);
+
+// For the loop: takes in what the robot measures of the torque that its surroundings exert on the joints, n numbers [N·m, N], for
+// the states that come, with `observer.source = "measured"`. A Franka's `tau_ext_hat_filtered` counts what the robot exerts: its
+// negative belongs here. One that is not finite changes nothing.
+vff_status vff_controller_sense(struct vff_controller *controller,
+                                const double *tau_ext,
+                                size_t joints);
+
+// For the loop: the torque from outside as estimated at the observed state, n numbers [N·m, N]; zeros without an observer.
+vff_status vff_controller_external_torque(struct vff_controller *controller,
+                                          double *tau_ext,
+                                          size_t joints);
 
 // For the loop: the pose of the end effector at the observed state, as many numbers as `sizes.pose`.
 vff_status vff_controller_pose(const struct vff_controller *controller, double *pose, size_t length);
@@ -329,6 +347,13 @@ vff_status vff_controller_cycle(struct vff_controller *controller,
                                 size_t joints,
                                 vff_phase *phase);
 
+// For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
+vff_status vff_controller_stop(struct vff_controller *controller);
+
+// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
+// next state may be at any time. Obstacles and reference stay.
+vff_status vff_controller_reset(struct vff_controller *controller);
+
 // Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
 // runs on the model, whose state is the set point. Allocates.
 vff_status vff_controller_begin_set_points(struct vff_controller *controller,
@@ -350,21 +375,15 @@ vff_status vff_controller_set_point(struct vff_controller *controller,
                                     size_t joints,
                                     vff_course *course);
 
-// For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
-vff_status vff_controller_stop(struct vff_controller *controller);
-
 // For the loop: the parts of the last torque.
 vff_status vff_controller_terms(const struct vff_controller *controller, struct vff_terms *terms);
 
 // The null-space projector at the observed state, n × n numbers, row by row. Allocates.
 vff_status vff_controller_null_projector(const struct vff_controller *controller, double *projector, size_t length);
 
-// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
-// next state may be at any time. Obstacles and reference stay.
-vff_status vff_controller_reset(struct vff_controller *controller);
-
 // Adds an obstacle from TOML: one of the tables `obstacles` of a scenario. `id` gets its number, which stays its own; it may be
-// NULL. Allocates, so that no later torque does for it; observe the state again before the next torque.
+// NULL. Allocates, so that no later torque does for it; observe the state again before the next torque. What is odd about the obstacle
+// joins the warnings of `vff_controller_warning`.
 vff_status vff_controller_add_obstacle(struct vff_controller *controller,
                                        const char *toml,
                                        uint32_t *id);

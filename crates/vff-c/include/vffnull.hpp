@@ -215,6 +215,14 @@ public:
         detail::check(vff_controller_add_obstacle(get(), toml.c_str(), &id));
         return id;
     }
+    /// What is allowed but probably not meant in its scenario and in obstacles that were added, in sentences.
+    std::vector<std::string> warnings() const {
+        std::vector<std::string> out;
+        while (const char* sentence = vff_controller_warning(get(), out.size())) {
+            out.emplace_back(sentence);
+        }
+        return out;
+    }
     void remove_obstacle(std::uint32_t id) { detail::check(vff_controller_remove_obstacle(get(), id)); }
     std::vector<std::uint32_t> obstacles() const {
         std::size_t count = 0;
@@ -255,6 +263,10 @@ public:
         // Of two lengths the one that is wrong, if one is.
         return vff_controller_observe(get(), t, q.data(), dq.data(), q.size() == joints() ? dq.size() : q.size());
     }
+    /// Takes in what the robot measures of the torque from outside [N·m], for the states that come.
+    Status sense(Input tau_ext) noexcept { return vff_controller_sense(get(), tau_ext.data(), tau_ext.size()); }
+    /// The torque from outside as estimated at the observed state [N·m].
+    Status external_torque(Output out) noexcept { return vff_controller_external_torque(get(), out.data(), out.size()); }
     /// The observed pose of the end effector.
     Status pose(Output out) const noexcept { return vff_controller_pose(get(), out.data(), out.size()); }
     /// The reference from now on; velocity and acceleration are 0 if they are not given.

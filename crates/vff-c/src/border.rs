@@ -174,6 +174,14 @@ impl Room<'_> {
         // SAFETY: there is room for so many, which nobody else uses, so that they do not overlap.
         unsafe { self.data.copy_from_nonoverlapping(values.as_ptr(), self.length) };
     }
+
+    /// Writes the same number everywhere.
+    pub(crate) fn fill_with(self, value: f64) {
+        for i in 0..self.length {
+            // SAFETY: there is room for `length` numbers that nobody else uses.
+            unsafe { self.data.add(i).write(value) };
+        }
+    }
 }
 
 /// A text.

@@ -5,7 +5,8 @@ use crate::mailbox::Mailbox;
 use crate::robot::{Robot, file, hand_out, no_urdf, part};
 use crate::status::{Fault, Status};
 use std::cell::UnsafeCell;
-use std::ffi::c_char;
+use std::ffi::{CString, c_char};
+use std::ptr::null;
 use std::sync::Arc;
 use std::sync::atomic::{
     AtomicBool,
@@ -13,8 +14,7 @@ use std::sync::atomic::{
 };
 use toml::{Table, Value};
 use vff_core::control::output::Phase;
-use vff_core::math::ScalarOrVec;
-use vff_core::runtime::{AnyController, Course, Reading, SetPointLimits, Target, VirtualArm};
+use vff_core::runtime::{AnyController, Reading, Target, VirtualArm};
 use vff_core::scenario::{Scenario, parse_toml};
 use vff_core::world::space::Points;
 
@@ -34,7 +34,7 @@ unsafe impl Sync for Controller {}
 
 /// What the torque is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Follows {
+pub(crate) enum Follows {
     Nothing,
     Scenario,
     Given,
@@ -43,23 +43,25 @@ enum Follows {
 #[derive(Debug)]
 pub(crate) struct Inner {
     pub(crate) controller: AnyController,
-    n: usize,
+    pub(crate) n: usize,
     /// How many numbers a pose, its velocity and its acceleration have.
-    widths: [usize; 3],
-    follows: Follows,
+    pub(crate) widths: [usize; 3],
+    pub(crate) follows: Follows,
     /// The reference that was given: as many of these numbers as it has.
-    reference: [[f64; 7]; 3],
+    pub(crate) reference: [[f64; 7]; 3],
     /// The model of a robot that takes set points.
-    virtual_arm: Option<VirtualArm>,
+    pub(crate) virtual_arm: Option<VirtualArm>,
     /// Whether a state was observed that no torque was computed for.
     pub(crate) observed: bool,
     /// Whether there is a torque.
-    commanded: bool,
+    pub(crate) commanded: bool,
     /// The number of each obstacle, ascending.
     pub(crate) ids: Vec<u32>,
     pub(crate) next_id: u32,
     /// Where new points come from, with the number of their cloud.
     pub(crate) clouds: Vec<(u32, Arc<Mailbox<Points>>)>,
+    /// What is odd about its scenario and obstacles: texts that stay where they are.
+    warnings: Vec<CString>,
     /// Whether a panic has left it in no known state.
     broken: bool,
 }
@@ -68,7 +70,7 @@ impl Inner {
     fn new(controller: AnyController) -> Result<Self, Fault> {
         let ids: Vec<u32> = (0u32..).take(controller.obstacle_count()).collect();
         let own = controller.has_reference();
-        Ok(Self {
+        let mut this = Self {
             n: controller.dof(),
             widths: controller.widths(),
             follows: if own { Follows::Scenario } else { Follows::Nothing },
@@ -79,9 +81,19 @@ impl Inner {
             next_id: ids.last().map_or(0, |last| last + 1),
             ids,
             clouds: vec![],
+            warnings: vec![],
             broken: false,
             controller,
-        })
+        };
+        this.warn(this.controller.warnings().to_vec());
+        Ok(this)
+    }
+
+    /// Keeps sentences for `vff_controller_warning`.
+    pub(crate) fn warn(&mut self, sentences: impl IntoIterator<Item = String>) {
+        // A 0 within would end one.
+        let texts = sentences.into_iter().map(|text| text.replace('\0', ""));
+        self.warnings.extend(texts.filter_map(|text| CString::new(text).ok()));
     }
 
     /// The place of an obstacle.
@@ -90,7 +102,7 @@ impl Inner {
     }
 
     /// Takes in the clouds that were sent meanwhile.
-    fn receive(&mut self) {
+    pub(crate) fn receive(&mut self) {
         let Self { clouds, ids, controller, .. } = self;
         for (id, mailbox) in clouds {
             mailbox.receive(|points| {
@@ -118,19 +130,6 @@ impl Inner {
         Ok((self.controller.sent().ok_or(Fault::NotBegun)?, phase.into()))
     }
 
-    fn set_point(
-        &mut self,
-        t: f64,
-        measured: Option<[&[f64]; 2]>,
-    ) -> Result<([&[f64]; 3], vff_course), Fault> {
-        self.receive();
-        let given = given(self.follows, &self.reference, self.widths);
-        let arm = self.virtual_arm.as_mut().ok_or(Fault::NoSetPoints)?;
-        let course = arm.step(&mut self.controller, t, given.as_ref(), measured)?;
-        (self.observed, self.commanded) = (false, true);
-        Ok((arm.set_point(), course.into()))
-    }
-
     fn torque(&mut self) -> Result<&[f64], Fault> {
         if !self.observed {
             return Err(Fault::NotObserved);
@@ -154,7 +153,11 @@ impl Inner {
 }
 
 /// The reference that was given, if that is what is followed.
-fn given(follows: Follows, reference: &[[f64; 7]; 3], widths: [usize; 3]) -> Option<Target<'_>> {
+pub(crate) fn given(
+    follows: Follows,
+    reference: &[[f64; 7]; 3],
+    widths: [usize; 3],
+) -> Option<Target<'_>> {
     let ([x, dx, ddx], [nx, ndx, nddx]) = (reference, widths);
     let target = Target { x: &x[..nx], dx: &dx[..ndx], ddx: &ddx[..nddx] };
     (follows == Follows::Given).then_some(target)
@@ -255,6 +258,25 @@ pub unsafe extern "C" fn vff_controller_from_scenario_file(
     })
 }
 
+/// The sentence about the `index`th thing, from 0, that is allowed but probably not meant in the scenario of the controller or in an obstacle
+/// that was added: an obstacle in millimetres, a quaternion with w in the last place, a reference out of reach that is followed
+/// nevertheless. NULL where there are no more. It is valid until the controller is freed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_warning(
+    controller: *const Controller,
+    index: usize,
+) -> *const c_char {
+    let mut sentence = null();
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            sentence = inner.warnings.get(index).map_or(null(), |text| text.as_ptr());
+            Ok(())
+        });
+    }
+    sentence
+}
+
 /// Frees a controller. No thread may be in a call with it; handles of its clouds live on and come to `VFF_STATUS_NOT_A_CLOUD`.
 /// NULL is nothing.
 #[unsafe(no_mangle)]
@@ -340,6 +362,44 @@ pub unsafe extern "C" fn vff_controller_observe(
             let dq = numbers("dq", dq, joints, inner.n)?;
             numbers("t", &raw const t, 1, 1)?;
             inner.observe(t, q, dq);
+            Ok(())
+        })
+    }
+}
+
+/// For the loop: takes in what the robot measures of the torque that its surroundings exert on the joints, n numbers [N·m, N], for
+/// the states that come, with `observer.source = "measured"`. A Franka's `tau_ext_hat_filtered` counts what the robot exerts: its
+/// negative belongs here. One that is not finite changes nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_sense(
+    controller: *mut Controller,
+    tau_ext: *const f64,
+    joints: usize,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            inner.controller.sense(any_numbers("tau_ext", tau_ext, joints, inner.n)?);
+            Ok(())
+        })
+    }
+}
+
+/// For the loop: the torque from outside as estimated at the observed state, n numbers [N·m, N]; zeros without an observer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_external_torque(
+    controller: *mut Controller,
+    tau_ext: *mut f64,
+    joints: usize,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let out = room("tau_ext", tau_ext, joints, inner.n)?;
+            match inner.controller.external_torque() {
+                Some(tau_ext) => out.fill(tau_ext),
+                None => out.fill_with(0.0),
+            }
             Ok(())
         })
     }
@@ -533,120 +593,6 @@ pub unsafe extern "C" fn vff_controller_cycle(
     }
 }
 
-/// What the joints of a robot that takes positions or velocities may do.
-#[repr(C)]
-#[derive(Debug, Clone, Copy)]
-#[allow(non_camel_case_types, reason = "as in C")]
-pub struct vff_set_point_limits {
-    /// Largest speeds, n numbers [rad/s, m/s]; NULL for those of the arm.
-    pub speed: *const f64,
-    /// Largest accelerations, n numbers [rad/s², m/s²].
-    pub acceleration: *const f64,
-    /// Largest jerks, n numbers [rad/s³, m/s³].
-    pub jerk: *const f64,
-    /// How far a joint of the robot may be from its set point [rad, m].
-    pub threshold: f64,
-}
-
-/// What a set point comes from.
-#[repr(i32)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(non_camel_case_types, reason = "as in C")]
-pub enum vff_course {
-    /// From the law.
-    Following = 0,
-    /// A joint and its set point were farther apart than the threshold: the set point comes to the robot.
-    Rejoining = 1,
-    /// The robot has not been heard of for 20 cycles, or the torque of the law is not finite: the set point stops.
-    Waiting = 2,
-    /// The end was asked for: the set point stops.
-    Stopping = 3,
-    /// It stands.
-    Finished = 4,
-}
-
-impl From<Course> for vff_course {
-    fn from(course: Course) -> Self {
-        match course {
-            Course::Following => Self::Following,
-            Course::Rejoining => Self::Rejoining,
-            Course::Waiting => Self::Waiting,
-            Course::Stopping => Self::Stopping,
-            Course::Finished => Self::Finished,
-        }
-    }
-}
-
-/// Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
-/// runs on the model, whose state is the set point. Allocates.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vff_controller_begin_set_points(
-    controller: *mut Controller,
-    period: f64,
-    limits: *const vff_set_point_limits,
-    q: *const f64,
-    joints: usize,
-) -> Status {
-    // SAFETY: pointers as C has them.
-    unsafe {
-        with(controller, |inner| {
-            let (given, n) = (object("limits", limits)?, inner.n);
-            let q = numbers("q", q, joints, n)?;
-            let each = |name, values| numbers(name, values, n, n).map(<[f64]>::to_vec);
-            let speed = match given.speed.is_null() {
-                true => None,
-                false => Some(ScalarOrVec::Each(each("speed", given.speed)?)),
-            };
-            let limits = SetPointLimits {
-                speed,
-                acceleration: ScalarOrVec::Each(each("acceleration", given.acceleration)?),
-                jerk: ScalarOrVec::Each(each("jerk", given.jerk)?),
-                threshold: given.threshold,
-            };
-            inner.virtual_arm = Some(VirtualArm::new(&inner.controller, &limits, period, q)?);
-            Ok(())
-        })
-    }
-}
-
-/// For the loop: one cycle, from the set point for the time `t` [s] to the next. Writes its angles, velocities and accelerations, n
-/// numbers each, and what it comes from. `measured_q` and `measured_dq` are the state of the robot; NULL, both, or numbers that are none
-/// mean that it has not been heard of. Without a reference, the motion of the end effector is damped.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vff_controller_set_point(
-    controller: *mut Controller,
-    t: f64,
-    measured_q: *const f64,
-    measured_dq: *const f64,
-    q: *mut f64,
-    dq: *mut f64,
-    ddq: *mut f64,
-    joints: usize,
-    course: *mut vff_course,
-) -> Status {
-    // SAFETY: pointers as C has them.
-    unsafe {
-        with(controller, |inner| {
-            let n = inner.n;
-            let out = [("q", q), ("dq", dq), ("ddq", ddq)];
-            let [q, dq, ddq] = out.map(|(name, data)| room(name, data, joints, n));
-            let (out, to) = ([q?, dq?, ddq?], place("course", course)?);
-            numbers("t", &raw const t, 1, 1)?;
-            let measured = match measured_q.is_null() && measured_dq.is_null() {
-                true => None,
-                false => Some([
-                    any_numbers("measured_q", measured_q, joints, n)?,
-                    any_numbers("measured_dq", measured_dq, joints, n)?,
-                ]),
-            };
-            let (values, course) = inner.set_point(t, measured)?;
-            out.into_iter().zip(values).for_each(|(out, values)| out.fill(values));
-            to.write(course);
-            Ok(())
-        })
-    }
-}
-
 /// For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_stop(controller: *mut Controller) -> Status {
@@ -655,103 +601,6 @@ pub unsafe extern "C" fn vff_controller_stop(controller: *mut Controller) -> Sta
         with(controller, |inner| {
             inner.controller.stop();
             inner.virtual_arm.iter_mut().for_each(VirtualArm::stop);
-            Ok(())
-        })
-    }
-}
-
-/// The parts of the last torque. Arrays have n numbers and are valid until the next call with the controller but
-/// `vff_controller_terms`.
-#[repr(C)]
-#[derive(Debug, Clone, Copy)]
-pub struct Terms {
-    /// The number of joints n.
-    pub joints: usize,
-    /// Joint torque of the law, whatever `command` makes of it [N·m].
-    pub tau: *const f64,
-    /// What serves the task, and what makes it give way [N·m].
-    pub tau_task: *const f64,
-    /// What acts in the null space [N·m].
-    pub tau_null: *const f64,
-    /// Repulsion before its projection [N·m].
-    pub tau_vff: *const f64,
-    /// Magnitude of the repulsion on each link [N].
-    pub force: *const f64,
-    /// Signed distance of each link's surface to the nearest obstacle's [m]; infinite without one.
-    pub clearance: *const f64,
-    /// Energies: kinetic, gravitational, of the null space [J].
-    pub energy: [f64; 3],
-    /// Powers of actuators, damping, task, obstacles, approach, scaling [W].
-    pub power: [f64; 6],
-    /// What the limits let through of posture, task, damping, avoidance, compensation, speed; 0 to 1.
-    pub objective_scale: [f64; 6],
-    /// By how much barriers are violated at most [m/s²]; NaN without `avoidance = "cbf"`.
-    pub slack: f64,
-    /// Energy in the tank [J]; NaN without one.
-    pub tank: f64,
-    /// Signed distance of the nearest two links that share no joint [m]; infinite if not measured.
-    pub self_clearance: f64,
-    /// √det(J Jᵀ), 0 in a singularity.
-    pub manipulability: f64,
-    /// ‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task.
-    pub null_acceleration: f64,
-    /// Whether the task force is damped because of a singularity.
-    pub singular: bool,
-}
-
-/// For the loop: the parts of the last torque.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vff_controller_terms(
-    controller: *const Controller,
-    terms: *mut Terms,
-) -> Status {
-    // SAFETY: pointers as C has them.
-    unsafe {
-        with(controller, |inner| {
-            let out = place("terms", terms)?;
-            if !inner.commanded {
-                return Err(Fault::NoTorque);
-            }
-            let found = inner.controller.terms_view();
-            let scalars = &found.scalars;
-            out.write(Terms {
-                joints: inner.n,
-                tau: found.tau.as_ptr(),
-                tau_task: found.tau_task.as_ptr(),
-                tau_null: found.tau_null.as_ptr(),
-                tau_vff: found.tau_vff.as_ptr(),
-                force: found.force.as_ptr(),
-                clearance: found.clearance.as_ptr(),
-                energy: scalars.energy,
-                power: scalars.power,
-                objective_scale: scalars.objective_scale,
-                slack: scalars.slack.unwrap_or(f64::NAN),
-                tank: scalars.tank.unwrap_or(f64::NAN),
-                self_clearance: scalars.self_clearance,
-                manipulability: scalars.manipulability,
-                null_acceleration: scalars.null_acceleration,
-                singular: scalars.singular,
-            });
-            Ok(())
-        })
-    }
-}
-
-/// The null-space projector at the observed state, n × n numbers, row by row. Allocates.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vff_controller_null_projector(
-    controller: *const Controller,
-    projector: *mut f64,
-    length: usize,
-) -> Status {
-    // SAFETY: pointers as C has them.
-    unsafe {
-        with(controller, |inner| {
-            let out = room("projector", projector, length, inner.n * inner.n)?;
-            if !inner.commanded {
-                return Err(Fault::NoTorque);
-            }
-            out.fill(inner.controller.null_projector().transpose().as_slice());
             Ok(())
         })
     }

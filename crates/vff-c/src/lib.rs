@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `border` | every call: no panic leaves, a fault becomes a status and a message |
 //! | `status` | what can be wrong |
-//! | `robot`, `controller`, `obstacles`, `cloud` | the functions |
+//! | `robot`, `controller`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
 //! | `mailbox` | one value handed from one thread to another without a lock |
 
 // Names and documentation are those of the C header.
@@ -19,7 +19,9 @@ mod controller;
 mod mailbox;
 mod obstacles;
 mod robot;
+mod set_points;
 mod status;
+mod terms;
 mod version;
 
 pub use border::vff_last_message;
@@ -27,5 +29,7 @@ pub use cloud::*;
 pub use controller::*;
 pub use obstacles::*;
 pub use robot::*;
+pub use set_points::*;
 pub use status::{Status, vff_status_name};
+pub use terms::*;
 pub use version::*;

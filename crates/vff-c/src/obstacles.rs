@@ -7,7 +7,8 @@ use std::ffi::c_char;
 use vff_core::scenario::parse_toml;
 
 /// Adds an obstacle from TOML: one of the tables `obstacles` of a scenario. `id` gets its number, which stays its own; it may be
-/// NULL. Allocates, so that no later torque does for it; observe the state again before the next torque.
+/// NULL. Allocates, so that no later torque does for it; observe the state again before the next torque. What is odd about the obstacle
+/// joins the warnings of `vff_controller_warning`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_add_obstacle(
     controller: *mut Controller,
@@ -18,8 +19,9 @@ pub unsafe extern "C" fn vff_controller_add_obstacle(
     unsafe {
         with(controller, |inner| {
             let document = parse_toml(text("toml", toml)?)?;
-            inner.controller.add(&document)?;
+            let odd = inner.controller.add(&document)?;
             let number = inner.next_id;
+            inner.warn(odd.iter().map(|warning| format!("obstacles[{number}].{warning}")));
             inner.ids.push(number);
             inner.next_id += 1;
             inner.observed = false;

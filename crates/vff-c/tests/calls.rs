@@ -292,6 +292,35 @@ fn questions_between_cycles() {
     }
 }
 
+/// What a robot measures from outside is what is known of it, and is rejected where that is asked for.
+#[test]
+fn a_measured_torque_counts() {
+    let told = [0.0, 3.0, 0.0, -2.0, 0.0, 0.5, 0.0];
+    let torque = |touch: &str| {
+        let settings = format!("observer = {{ source = 'measured' }}\ntouch = {{ {touch} }}");
+        let owned = Owned::new("model = 'panda'", &settings);
+        assert_eq!(owned.refer(&[0.4, 0.1, 0.5], &[], &[]), Status::Ok);
+        let mut known = [1.0; 7];
+        // SAFETY: below, arrays have the lengths that are given.
+        unsafe {
+            let external = vff_controller_external_torque(owned.0, known.as_mut_ptr(), 7);
+            assert_eq!((external, known), (Status::Ok, [0.0; 7]));
+            assert_eq!(vff_controller_sense(owned.0, told.as_ptr(), 7), Status::Ok);
+            assert_eq!(vff_controller_sense(owned.0, [f64::NAN; 7].as_ptr(), 7), Status::Ok);
+            assert_eq!(vff_controller_sense(owned.0, told.as_ptr(), 6), Status::Length);
+            assert_eq!(vff_controller_sense(owned.0, null(), 7), Status::Null);
+            assert_eq!(owned.observe(0.0, &READY, &[0.0; 7]), Status::Ok);
+            let external = vff_controller_external_torque(owned.0, known.as_mut_ptr(), 7);
+            assert_eq!((external, known), (Status::Ok, told));
+        }
+        owned.torque(7).unwrap()
+    };
+    let [complying, rejecting] = ["", "task = 'reject', null_space = 'reject'"].map(torque);
+    for ((complying, rejecting), told) in complying.iter().zip(rejecting).zip(told) {
+        assert!((rejecting - complying + told).abs() < 1e-12);
+    }
+}
+
 #[test]
 fn loops_are_those_of_the_core() {
     let settings =
@@ -598,6 +627,38 @@ fn faults_have_a_sentence() {
 }
 
 /// Numbers of obstacles stay their own; what is removed pushes no more.
+#[test]
+fn what_was_probably_not_meant_is_told() {
+    let warnings = |owned: &Owned| -> Vec<String> {
+        // SAFETY: what is not NULL ends with 0 and lives as long as the controller.
+        let told = |i| unsafe {
+            vff_controller_warning(owned.0, i).as_ref().map(|text| CStr::from_ptr(text))
+        };
+        (0..).map_while(told).map(|text| text.to_str().unwrap().to_owned()).collect()
+    };
+    let millimetres = "shape = { kind = 'sphere', radius = 0.05 }\nposition = [400.0, 0.0, 300.0]";
+    let turned = format!("{SPHERE}\norientation = [0.0, 0.0, 0.0, 1.0]");
+    let scenario = |obstacle: &str, mount: &str| {
+        format!(
+            "duration = 1.0\nq0 = {READY:?}\narm = {{ model = 'panda'{mount} }}\n\
+             reference = {{ kind = 'setpoint' }}\n[[obstacles]]\n{obstacle}"
+        )
+    };
+    assert_eq!(warnings(&Owned::of(&scenario(SPHERE, ""))), [""; 0]);
+    let mount = ", mount = { orientation = [0, 0, 0, 1] }";
+    let owned = Owned::of(&scenario(millimetres, mount));
+    let told = warnings(&owned);
+    assert!(told[0].starts_with("obstacles[0].position: 500.0000 m away"), "{told:?}");
+    assert!(told[1].starts_with("arm.mount.orientation: [0, 0, 0, 1] is half a turn"), "{told:?}");
+    let added = owned.add(&turned);
+    let told = warnings(&owned);
+    assert!(added == 1 && told.len() == 3, "{told:?}");
+    assert!(told[2].starts_with("obstacles[1].orientation: [0, 0, 0, 1]"), "{told:?}");
+    // SAFETY: NULL is no controller, which is said.
+    assert!(unsafe { vff_controller_warning(null(), 0) }.is_null());
+    assert_eq!(message(), "controller is NULL");
+}
+
 #[test]
 fn obstacles_come_and_go() {
     let owned = Owned::new("model = 'panda'", FIELD);

@@ -8,7 +8,17 @@ fn the_header_is_that_of_the_sources() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml")).unwrap();
     let mut sources = cbindgen::Builder::new().with_config(config);
-    for name in ["version", "status", "border", "robot", "controller", "obstacles", "cloud"] {
+    for name in [
+        "version",
+        "status",
+        "border",
+        "robot",
+        "controller",
+        "set_points",
+        "terms",
+        "obstacles",
+        "cloud",
+    ] {
         sources = sources.with_src(root.join("src").join(name).with_extension("rs"));
     }
     let mut made = vec![];

@@ -13,7 +13,7 @@ use std::mem;
 use std::panic::{self, AssertUnwindSafe};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-#[cfg(feature = "parallel")]
+#[cfg(any(feature = "parallel", test))]
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -196,6 +196,7 @@ impl Parts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    #[cfg(feature = "parallel")]
     use rayon::prelude::*;
 
     fn endless() -> u64 {
@@ -209,16 +210,21 @@ mod tests {
         }
     }
 
+    /// The sum of four parts on two threads.
+    #[cfg(feature = "parallel")]
+    fn in_parts(part: fn() -> u64) -> u64 {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
+        on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(part)).sum())
+    }
+
     /// An endless loop ends when the answer is no, on the present thread and on others.
     #[test]
     fn endless_loops_end() {
         assert_eq!(watched(Watch::Ask(|| false), endless), Err(Interrupted));
         let flag = Arc::new(AtomicBool::new(true));
         assert_eq!(watched(Watch::Flag(flag), endless), Err(Interrupted));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-        let sum =
-            || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(endless)).sum());
-        assert_eq!(watched::<u64>(Watch::Ask(|| false), sum), Err(Interrupted));
+        #[cfg(feature = "parallel")]
+        assert_eq!(watched(Watch::Ask(|| false), || in_parts(endless)), Err(Interrupted));
     }
 
     /// Where the work is ended, what it was to fill is dropped by another thread; where it comes to its end, it is kept.
@@ -251,18 +257,19 @@ mod tests {
     /// What is wanted comes to its end, also in parts, within another watch, and without any.
     #[test]
     fn what_is_wanted_is_done() {
-        let work = || {
+        fn work() -> u64 {
             (0..10_000_000).for_each(|_| spend(1));
             5
-        };
+        }
         assert_eq!(work(), 5);
         assert_eq!(watched(Watch::Ask(|| true), work), Ok(5));
         let inner = || (watched(Watch::Ask(|| false), endless), work());
         assert_eq!(watched(Watch::Ask(|| true), inner), Ok((Err(Interrupted), 5)));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-        let sum =
-            || on_pool(&pool, |parts| (0..4).into_par_iter().map(|_| parts.within(work)).sum());
-        assert_eq!((sum(), watched(Watch::Ask(|| true), sum)), (20, Ok(20)));
+        #[cfg(feature = "parallel")]
+        {
+            let sum = || in_parts(work);
+            assert_eq!((sum(), watched(Watch::Ask(|| true), sum)), (20, Ok(20)));
+        }
     }
 
     /// A panic that is none of ours stays one.

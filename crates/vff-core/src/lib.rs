@@ -69,9 +69,9 @@
 //! | `scenario` | `scenario`, `runtime`, `planning` | toml, strsim, serde_json |
 //! | `parallel` | `runtime::batch`, `runtime::vector` | rayon |
 //! | `models` | `robot::models`, `robot::urdf` | roxmltree, strsim, toml |
-//! | `realtime` | `runtime::real_time`, `simulation::pace`; `runtime::live` with `parallel` | hdrhistogram |
+//! | `realtime` | `runtime::{drive, live, real_time}`, `simulation::pace` | hdrhistogram |
 //!
-//! Arrows run one way: `runtime → planning → scenario → simulation → control → {field, robot, world, trajectory} → geometry → math`.
+//! Arrows run one way: `runtime → planning → scenario → simulation → control → {field, robot, world, trajectory} → geometry → {math, settings}`.
 #![forbid(unsafe_code)]
 
 pub mod control;
@@ -79,8 +79,8 @@ pub mod field;
 pub mod geometry;
 pub mod interrupt;
 pub mod inverse_kinematics;
-pub mod leader;
 pub mod math;
+pub mod planned_reference;
 #[cfg(feature = "scenario")]
 pub mod planning;
 pub mod robot;
@@ -88,8 +88,11 @@ pub mod robot;
 pub mod runtime;
 #[cfg(feature = "scenario")]
 pub mod scenario;
+pub mod settings;
 pub mod simulation;
 #[cfg(test)]
 mod testing;
+#[cfg(all(test, feature = "scenario"))]
+mod tests;
 pub mod trajectory;
 pub mod world;

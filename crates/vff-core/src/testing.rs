@@ -1,6 +1,7 @@
 //! Random arms and states for the unit tests.
 
 use crate::math::Vector;
+pub use crate::math::close::assert_close;
 use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -58,14 +59,4 @@ pub fn case(joints: impl Strategy<Value = usize>) -> impl Strategy<Value = Case>
             u,
             v,
         })
-}
-
-/// `|a − b| ≤ tolerance · max(1, |b|)` in the maximum norm.
-#[track_caller]
-pub fn assert_close(a: &[f64], b: &[f64], tolerance: f64) {
-    assert_eq!(a.len(), b.len());
-    let scale = b.iter().fold(1.0, |m: f64, b| m.max(b.abs()));
-    for (i, (x, y)) in a.iter().zip(b).enumerate() {
-        assert!((x - y).abs() <= tolerance * scale, "[{i}]: {x} against {y} (scale {scale})");
-    }
 }

@@ -6,12 +6,14 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use std::sync::Arc;
-use vff_core::control::avoidance::preview::{Preview, PreviewSettings};
-use vff_core::control::{Avoidance, Controller, Formulation, Gains, Settings, Yielding};
+use vff_core::control::avoidance::preview::Preview;
+use vff_core::control::{
+    Avoidance, Controller, Formulation, Gains, PreviewSettings, Settings, Yielding,
+};
 use vff_core::field::{Field, FieldKind};
 use vff_core::geometry::Body;
 use vff_core::math::{Capsule, Vector};
-use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot};
+use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot, pace};
 use vff_core::simulation::{
     ClosedLoop, Control, Options, Outcome, Perceive, Perception, PerceptionKind,
     PerceptionSettings, Physics, Reality, Run, Setting, Status, System, Value,
@@ -401,6 +403,10 @@ impl Robot<2> for ChainState {
         links.map(|(link, frame)| -link.mass * self.chain.gravity.dot(&frame.at(link.com))).sum()
     }
 
+    fn turning(&self, gradient: &mut [f64]) -> [f64; 2] {
+        pace::<_, 2, 3>(self, 2..3, gradient)
+    }
+
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M> {
         self.jacobian_mul(&self.dq)
     }
@@ -473,6 +479,17 @@ impl Robot<2> for ChainState {
     fn add_force(&self, wrenches: &mut [Push], i: usize, point: &V, f: &V) {
         wrenches[i].force += f;
         wrenches[i].moment += quarter(*point).dot(f);
+    }
+
+    fn add_torque(&self, wrenches: &mut [Push], i: usize, torque: &nalgebra::Vector3<f64>) {
+        wrenches[i].moment += torque.z;
+    }
+
+    fn link_frame(&self, i: usize) -> (V, nalgebra::Matrix2<f64>) {
+        let frame = &self.frames[i.min(self.frames.len() - 1)];
+        let origin = if i < self.frames.len() { frame.origin } else { self.tip };
+        let along = turned(frame.angle, V::x());
+        (origin, nalgebra::Matrix2::from_columns(&[along, quarter(along)]))
     }
 
     fn wrenches_tr_mul(&self, wrenches: &[Push], out: &mut [f64]) {
@@ -640,8 +657,14 @@ fn perceived(
     let chain = Chain::on_a_rail();
     let tip = start().tip;
     let reference = Reference::Setpoint { point: vec![tip.x, tip.y] };
-    let reality =
-        Reality { plant: Physics::of(&chain), measurement: None, perception, actuator: None };
+    let reality = Reality {
+        plant: Physics::of(&chain),
+        measurement: None,
+        perception,
+        actuator: None,
+        wrenches: vec![],
+        contacts: vec![],
+    };
     let closed_loop = ClosedLoop::new(
         &chain,
         Gains::new(settings).with_seed(3),

@@ -1,6 +1,7 @@
 //! The reference that a governor makes wait, as the closed loop drags it to the law.
 
 use vff_core::math::Vector;
+use vff_core::simulation::{Plane, Run};
 use vff_core::trajectory::{GovernorSettings, Sample};
 use vff_core::{runtime::AnyRun, scenario::Scenario};
 
@@ -12,10 +13,14 @@ fn references(control: &str, control_every: usize) -> Vec<Sample<Vector<2>, 2>> 
     scenario.controller.avoidance = vff_core::control::Avoidance::Cbf;
     scenario.controller.governor = Some(GovernorSettings::default());
     scenario.simulation.control_every = control_every;
-    let AnyRun::PlanarPosition(mut run) = scenario.prepare().unwrap().run else { unreachable!() };
-    let mut samples = vec![*run.closed_loop().controller().reference()];
+    let reference = |run: &AnyRun| {
+        let run: &Run<Plane, 2, 2> = run.downcast_ref().unwrap();
+        *run.closed_loop().controller().reference()
+    };
+    let mut run = scenario.prepare().unwrap().run;
+    let mut samples = vec![reference(&run)];
     while run.step() {
-        samples.push(*run.closed_loop().controller().reference());
+        samples.push(reference(&run));
     }
     samples
 }

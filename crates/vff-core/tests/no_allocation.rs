@@ -5,7 +5,7 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
-use vff_core::control::avoidance::preview::PreviewSettings;
+use vff_core::control::PreviewSettings;
 use vff_core::control::output::Phase;
 use vff_core::math::Vector;
 use vff_core::robot::Robot;
@@ -281,6 +281,52 @@ fn no_step_of_a_real_plant_allocates() {
         let stands = outcome.record.dq.iter().filter(|v| **v == 0.0).count();
         assert!(stands > 0 && stands < outcome.record.dq.len(), "{stands}");
     }
+}
+
+/// Nor does what pushes from outside, felt or measured, of whatever profile.
+#[test]
+fn no_step_allocates_that_is_pushed() {
+    for source in ["momentum", "measured"] {
+        let tables = r#"
+            wrenches = [
+                { link = "tip", force = [3, 4], profile = { kind = "ramp", rise = 0.5 } },
+                { link = "link_3", point = [0.5, 0], force = [0, 9], frame = "link", start = 0.5, duration = 1 },
+                { link = "link_2", torque = 2, profile = { kind = "sinusoid", angular_frequency = 9 } },
+                { link = "tip", torque = 1, profile = { kind = "table", times = [0, 1], factors = [0, 1] } },
+            ]
+            "#;
+        let setpoint = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+        let observed = format!(
+            "observer = {{ source = \"{source}\" }}\ntouch = {{ task = \"reject\" }}\nprojection ="
+        );
+        let text = text("position", setpoint, r#"control = "hold""#, "dynamic")
+            .replace("projection =", &observed);
+        let scenario = Scenario::from_toml(&format!("{tables}\n{text}")).unwrap();
+        let mut run = scenario.prepare().unwrap().run;
+        let count = allocations(|| while run.step() {});
+        assert_eq!(count, 0, "{source}");
+        let outcome = run.outcome();
+        assert!(outcome.record.tau_ext.iter().any(|tau| *tau > 1.0), "{}", outcome.message);
+    }
+}
+
+/// Nor does one of an arm that is held by a hand and lies on what stands in its way.
+#[test]
+fn no_step_allocates_that_is_touched() {
+    let setpoint = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    let text = text("position", setpoint, r#"control = "hold""#, "dynamic")
+        .replace("shape = { kind", "contact = { damping = 20 }\nshape = { kind");
+    let mut run = Scenario::from_toml(&text).unwrap().prepare().unwrap().run;
+    let pull = toml::from_str("link = 'link_3'\nanchor = [2.5, 0.5]\nstiffness = 1e5").unwrap();
+    run.pull(Some(&pull)).unwrap();
+    let mut is_pressed = false;
+    let count = allocations(|| {
+        while run.snapshot().t < 1.0 && run.advance(None) {
+            is_pressed |= run.snapshot().contact_force.unwrap().iter().any(|force| *force != 0.0);
+        }
+    });
+    assert_eq!(count, 0);
+    assert!(is_pressed);
 }
 
 /// Nor does one in which the end effector gives way, QP included.

@@ -42,10 +42,10 @@ impl Bench {
 
     fn moved(&mut self) {
         match &mut self.state {
-            AnyState::Planar(state) => {
+            AnyState::Plane(state) => {
                 vff_core::robot::Robot::update(state, &self.q, &self.dq);
             }
-            AnyState::Spatial(_) => unreachable!("planar"),
+            AnyState::Space(_) => unreachable!("planar"),
         }
     }
 
@@ -340,6 +340,33 @@ fn the_rate_is_limited() {
     assert!(largest("start = 0") > 5.0);
     let limited = largest("start = 0, torque_rate = 1000");
     assert!((0.99..1.0 + 1e-9).contains(&limited), "{limited}");
+}
+
+/// An arm that moves towards the stop of a joint is damped as hard as it takes to stand before.
+#[test]
+fn a_stop_ends_before_the_stops_of_the_joints() {
+    let limits = "joint_limits = [[-1, 1], [-2, 2], [-2, 2]]";
+    let left_at = |speed: f64| {
+        let mut bench = Bench::new(&format!("{ARM}\n{limits}"), "start = 0");
+        bench.q = vec![0.9, -0.9, 0.7];
+        bench.moved();
+        bench.controller.begin(H, None).unwrap();
+        bench.cycle(None);
+        bench.dq = vec![speed, 0.0, 0.0];
+        bench.moved();
+        bench.controller.stop();
+        let mut most = f64::NEG_INFINITY;
+        for _ in 0..2000 {
+            bench.cycle(None);
+            bench.go_on();
+            most = most.max(bench.q[0]);
+        }
+        assert!(bench.dq[0].abs() < 0.01, "{}", bench.dq[0]);
+        0.99 - most
+    };
+    // 0.05 rad of way at 10 1/s are fewer than there are; 0.15 would be more.
+    assert!((left_at(0.5) - 0.04).abs() < 0.005, "{}", left_at(0.5));
+    assert!((-1e-3..0.02).contains(&left_at(1.5)), "{}", left_at(1.5));
 }
 
 /// The tip stays below its speed; where it is far slower, the torque is what it was, to the last bit.

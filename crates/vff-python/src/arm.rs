@@ -1,24 +1,20 @@
 //! `Arm`: an arm and its matrices.
 
-use crate::convert::{
-    array1, array2, finite, float_array, from_toml, matrix, misshapen, number, table_to_dict,
-    to_toml, vector, whole_number,
-};
-use crate::errors::{self, InputError};
-use crate::loading::load_numpy;
-use crate::run::prepared;
-use crate::watch::interruptible;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+mod reading;
+mod states;
+
+use crate::convert::{array1, array2, from_toml, matrix, table_to_dict, to_toml, vector};
+use crate::errors::InputError;
+use crate::extended_jacobian::ExtendedJacobian;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use std::iter;
-use toml::{Table, Value};
+pub use reading::plant;
+use reading::{read_by, uniform};
+use toml::Table;
 use vff_core::control::extended_jacobian;
-use vff_core::interrupt;
-use vff_core::math::memory;
 use vff_core::runtime::{AnyArm, AnyState};
-use vff_core::scenario::Scenario;
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
@@ -69,39 +65,8 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Reads an arm from its part of a scenario.
-    fn read(py: Python<'_>, document: Table) -> PyResult<Self> {
-        load_numpy(py)?;
-        let arm = AnyArm::read(&document).map_err(|error| errors::arm(&error))?;
-        let document = arm.document(document);
-        Ok(Self { arm, document })
-    }
-
     fn n(&self) -> usize {
         self.arm.dof()
-    }
-
-    fn at(&self, q: &Bound<'_, PyAny>) -> PyResult<AnyState> {
-        let n = self.n();
-        Ok(self.arm.at(&vector("q", q, n)?, &vec![0.0; n]))
-    }
-
-    fn moving(&self, q: &Bound<'_, PyAny>, dq: &Bound<'_, PyAny>) -> PyResult<AnyState> {
-        let n = self.n();
-        Ok(self.arm.at(&vector("q", q, n)?, &vector("dq", dq, n)?))
-    }
-
-    /// What is made of dense matrices, with the GIL released; some of the `count` that it takes of this size.
-    fn dense<T: Send>(
-        &self,
-        py: Python<'_>,
-        count: usize,
-        make: impl FnOnce() -> T + Send,
-    ) -> PyResult<T> {
-        let n = self.n();
-        memory::fits(count.saturating_mul(n).saturating_mul(n))
-            .map_err(|error| InputError::new_err(format!("matrices of {n} joints: {error}")))?;
-        interruptible(py, make)
     }
 }
 
@@ -116,34 +81,6 @@ fn planar<'py>(py: Python<'py>, name: &str, values: Option<Vec<f64>>) -> PyResul
         let sentence = format!("an arm in space has no `{name}`: see `link_poses` and `collision`");
         PyAttributeError::new_err(sentence)
     })
-}
-
-/// An arm of the package's own readers of models, which return its description.
-fn read_by<'py>(
-    reader: &str,
-    model: &Bound<'py, PyAny>,
-    arguments: &Bound<'py, PyTuple>,
-    options: Option<&Bound<'py, PyDict>>,
-) -> PyResult<Arm> {
-    let py = model.py();
-    let all: Vec<_> = iter::once(model.clone()).chain(arguments.iter()).collect();
-    let all = PyTuple::new(py, all)?;
-    let read = py.import("vffnull.arms")?.getattr(reader)?.call(all, options)?;
-    Arm::read(py, crate::convert::document(&read)?)
-}
-
-/// The physical arm of a scenario document, payload included.
-///
-/// Raises
-/// ------
-/// vffnull.errors.ScenarioError
-///     If the scenario cannot be used.
-#[pyfunction]
-pub fn plant(py: Python<'_>, document: &Bound<'_, PyAny>) -> PyResult<Arm> {
-    let document = crate::convert::document(document)?;
-    let (arm, document) =
-        prepared(py, &document, |scenario: Scenario| AnyArm::plant(&scenario, &document))?;
-    Ok(Arm { arm, document })
 }
 
 #[pymethods]
@@ -226,7 +163,8 @@ impl Arm {
     ///     Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
     ///     nothing.
     /// srdf : str or path, optional
-    ///     A file, or the text: pairs of links that it switches off are not measured against each other.
+    ///     A file, or the text: pairs of links that it switches off are not measured against each other, and
+    ///     no others. Without it, those whose shapes overlap nearly always are not, with a warning.
     /// packages : path, list of paths, or dict, optional
     ///     Folders in which meshes are searched, or the folder of each package by its name.
     /// armature : float or (n,) array_like, optional
@@ -284,7 +222,8 @@ impl Arm {
     ///     Capsules around the links, which are measured fastest; boxes, balls and hulls as in the file; or
     ///     nothing.
     /// srdf : str or path, optional
-    ///     A file, or the text: pairs of links that it switches off are not measured against each other.
+    ///     A file, or the text: pairs of links that it switches off are not measured against each other, and
+    ///     no others. Without it, those whose shapes overlap nearly always are not, with a warning.
     /// armature : float or (n,) array_like, optional
     ///     Inertia of the rotors as seen by the joints [kg·m²]; the model's by default.
     /// fix_inertia : bool, optional
@@ -340,19 +279,7 @@ impl Arm {
         radius: Option<&Bound<'_, PyAny>>,
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let (py, n) = (n.py(), whole_number("n", n)?);
-        let Some(count) = usize::try_from(n).ok().filter(|n| (1..=100_000).contains(n)) else {
-            return Err(InputError::new_err(format!("n: must be from 1 to 100000, got {n}")));
-        };
-        let read = |name, value: Option<&Bound<'_, PyAny>>, default| {
-            value.map_or(Ok(default), |value| number(name, value)).map(Value::Float)
-        };
-        let mut document = Table::new();
-        document.insert("lengths".into(), Value::Array(vec![read("length", length, 1.0)?; count]));
-        document.insert("masses".into(), read("mass", mass, 1.0)?);
-        document.insert("radius".into(), read("radius", radius, 0.0)?);
-        document.insert("gravity".into(), read("gravity", gravity, 0.0)?);
-        Self::read(py, document)
+        Self::read(n.py(), uniform(n, [length, mass, radius, gravity])?)
     }
 
     /// Number of joints.
@@ -474,12 +401,22 @@ impl Arm {
     ///
     /// Parameters
     /// ----------
-    /// q : (n,) array_like
-    ///     Joint positions [rad or m].
+    /// q : (n,) or (T, n) array_like
+    ///     Joint positions [rad or m]; of T configurations the frames are (T, n, 4, 4) or (T, n, 3, 3).
     fn link_poses<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let d = self.arm.dimension() + 1;
-        let poses = PyArray1::from_vec(q.py(), self.at(q)?.link_poses());
-        Ok(poses.reshape([self.n(), d, d])?.into_any())
+        self.at_each(q, &[self.n(), d, d], |state, out| out.extend(state.link_poses()))
+    }
+
+    /// Frame of the tip in the world, homogeneous, (4, 4); in the plane (3, 3).
+    ///
+    /// Parameters
+    /// ----------
+    /// q : (n,) or (T, n) array_like
+    ///     Joint positions [rad or m]; of T configurations the frames are (T, 4, 4) or (T, 3, 3).
+    fn tip_poses<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let d = self.arm.dimension() + 1;
+        self.at_each(q, &[d, d], |state, out| out.extend(state.tip_pose()))
     }
 
     /// Positions of the joints; the last row is the tip.
@@ -494,34 +431,8 @@ impl Arm {
     /// (n+1, 2) or (n+1, 3) ndarray, (T, n+1, 2) or (T, n+1, 3) for T configurations
     ///     Positions [m].
     fn forward_kinematics<'py>(&self, q: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (py, n, d) = (q.py(), self.n(), self.arm.dimension());
-        let array = float_array("q", q)?;
-        let rows = match *array.shape() {
-            [last] if last == n => None,
-            [rows, last] if last == n => Some(rows),
-            _ => return Err(misshapen("q", array.shape(), &format!("({n},) or (T, {n})"))),
-        };
-        let angles = array.readonly().as_slice()?.to_vec();
-        for (k, row) in angles.chunks_exact(n).enumerate() {
-            let name = || rows.map_or("q".into(), |_| format!("q[{k}]"));
-            if row.iter().any(|angle| !angle.is_finite()) {
-                finite(&name(), row)?;
-            }
-        }
-        let positions = interruptible(py, || {
-            let (mut state, mut positions) = (self.arm.state(), Vec::new());
-            for row in angles.chunks_exact(n) {
-                interrupt::spend(32 * n);
-                state.update_positions(row);
-                state.append_joint_positions(&mut positions);
-            }
-            positions
-        })?;
-        let positions = PyArray1::from_vec(py, positions);
-        match rows {
-            None => Ok(positions.reshape([n + 1, d])?.into_any()),
-            Some(rows) => Ok(positions.reshape([rows, n + 1, d])?.into_any()),
-        }
+        let shape = [self.n() + 1, self.arm.dimension()];
+        self.at_each(q, &shape, AnyState::append_joint_positions)
     }
 
     /// Jacobian J of the tip, (2, n): ẋ = J q̇ (eq. 2 of the paper).
@@ -629,23 +540,23 @@ impl Arm {
             })
     }
 
-    /// The arm as MJCF, for MuJoCo; see `vffnull.export.to_mjcf`.
+    /// The arm as MJCF, for MuJoCo; see `vffnull.engines.export.to_mjcf`.
     #[pyo3(signature = (name=None))]
     fn to_mjcf(slf: &Bound<'_, Self>, name: Option<&str>) -> PyResult<String> {
-        let export = slf.py().import("vffnull.export")?;
+        let export = slf.py().import("vffnull.engines.export")?;
         export.call_method1("to_mjcf", (slf, name))?.extract()
     }
 
-    /// The arm as URDF; see `vffnull.export.to_urdf`.
+    /// The arm as URDF; see `vffnull.engines.export.to_urdf`.
     #[pyo3(signature = (name=None))]
     fn to_urdf(slf: &Bound<'_, Self>, name: Option<&str>) -> PyResult<String> {
-        let export = slf.py().import("vffnull.export")?;
+        let export = slf.py().import("vffnull.engines.export")?;
         export.call_method1("to_urdf", (slf, name))?.extract()
     }
 
-    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<String> {
-        let notebook = slf.py().import("vffnull.notebook")?;
-        notebook.call_method1("arm", (slf,))?.extract()
+    fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<Option<String>> {
+        let representation = slf.py().import("vffnull._support.representation")?;
+        representation.call_method1("html", (slf,))?.extract()
     }
 
     /// The arm as a part of a scenario document; no other file is needed to make it again.
@@ -687,72 +598,5 @@ impl Arm {
                 format!("<Arm: {name}{n} {links} in space, reach at most {reach:.3} m>")
             }
         }
-    }
-}
-
-/// Task and null space of an arm at one state; m rows of `jacobian`, r = n − m.
-///
-/// The extended velocity (ẋ, ν) = J_e q̇ is made of the tip's velocity and r coordinates of the motion that
-/// the tip does not see.
-#[pyclass(frozen, module = "vffnull")]
-pub struct ExtendedJacobian {
-    inner: extended_jacobian::ExtendedJacobian,
-}
-
-#[pymethods]
-#[expect(non_snake_case, reason = "the names of the paper")]
-impl ExtendedJacobian {
-    /// Orthonormal basis of the null space, (n, r): J Z = 0.
-    #[getter]
-    fn Z<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.z)
-    }
-
-    /// Null-space velocity map (ZᵀMZ)⁻¹ZᵀM, (r, n): ν = N_M q̇ (eq. 7, 8).
-    #[getter]
-    fn N_M<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.n_m)
-    }
-
-    /// Extended Jacobian [J; N_M], (n, n) (eq. 9).
-    #[getter]
-    fn J_e<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.j_e)
-    }
-
-    /// Its inverse [J#, Z], (n, n).
-    #[getter]
-    fn J_e_inv<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.j_e_inv)
-    }
-
-    /// Extended inertia J_e⁻ᵀ M J_e⁻¹, (n, n); block diagonal (eq. 13).
-    #[getter]
-    fn E_e<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.e_e)
-    }
-
-    /// Extended Coriolis matrix J_e⁻ᵀ(C − M J_e⁻¹ J̇_e)J_e⁻¹, (n, n) (eq. 13).
-    #[getter]
-    fn mu<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.mu)
-    }
-
-    /// Inertia that the tip shows, (m, m) [kg, and kg·m² of its turns].
-    #[getter]
-    fn Lambda_x<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.lambda_x)
-    }
-
-    /// Inertia in the null space, (r, r) [kg·m²].
-    #[getter]
-    fn Lambda_n<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.lambda_n)
-    }
-
-    /// Dynamically consistent null-space projector I − J#J, (n, n).
-    #[getter]
-    fn N<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        matrix(py, &self.inner.null_projector())
     }
 }

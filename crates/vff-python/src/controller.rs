@@ -2,14 +2,15 @@
 
 use crate::arm::Arm;
 use crate::convert::{
-    any_vector, array1, document, instead, matrix, named_document, new_points, number, read_vector,
-    vector, wrong_type,
+    any_vector, array1, document, instead, named_document, new_points, number, read_vector, vector,
+    wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
+use crate::terms::Terms;
 use crate::turns::Turns;
 use crate::watch::{attended, interruptible};
-use numpy::{PyArray1, PyArray2};
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySequence};
 use std::mem::{replace, take};
@@ -17,7 +18,7 @@ use vff_core::control::output::Phase;
 use vff_core::math::memory;
 use vff_core::math::rotation::NotARotation;
 use vff_core::runtime::points::make;
-use vff_core::runtime::{AnyController, AnyObstacles, CycleError, Reading, Target, controller};
+use vff_core::runtime::{AnyController, AnyObstacles, CycleError, Reading, Target};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -462,6 +463,50 @@ impl Controller {
         Ok((array1(py, &tau), phase.name()))
     }
 
+    /// Let the law know what the robot measures of the torque from outside, for the states that come.
+    ///
+    /// It counts with ``observer = {"source": "measured"}`` in the settings, until the next time; `drive`
+    /// does this with a robot's ``external_torque``.
+    ///
+    /// Parameters
+    /// ----------
+    /// tau_ext : (n,) array_like
+    ///     The measured torque [N·m] that the surroundings exert on the joints. A Franka's
+    ///     ``tau_ext_hat_filtered`` counts what the robot exerts: its negative belongs here. One that is not
+    ///     finite changes nothing.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If it has the wrong shape.
+    ///
+    /// Examples
+    /// --------
+    /// >>> arm = Arm.named("panda")
+    /// >>> controller = Controller(arm, {"observer": {"source": "measured"}})
+    /// >>> controller.sense([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    /// >>> rest = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+    /// >>> tau = controller.torque(rest, [0.0] * 7, arm.pose(rest)[0])
+    /// >>> controller.tau_ext_estimate
+    /// array([0., 5., 0., 0., 0., 0., 0.])
+    fn sense(&self, py: Python<'_>, tau_ext: &Bound<'_, PyAny>) -> PyResult<()> {
+        let tau_ext = any_vector("tau_ext", tau_ext, self.n)?;
+        self.inner.take(py)?.controller.sense(&tau_ext);
+        Ok(())
+    }
+
+    /// The torque from outside at the last state, as estimated, (n,) [N·m]; None without an observer.
+    #[getter]
+    fn tau_ext_estimate<'py>(&self, py: Python<'py>) -> PyResult<Option<Array1<'py>>> {
+        Ok(self.inner.take(py)?.controller.external_torque().map(|tau| array1(py, tau)))
+    }
+
+    /// The wrench at the end effector that this is, (m,) [N, N·m]; None without an observer.
+    #[getter]
+    fn wrench_estimate<'py>(&self, py: Python<'py>) -> PyResult<Option<Array1<'py>>> {
+        Ok(self.inner.take(py)?.controller.external_wrench().map(|wrench| array1(py, wrench)))
+    }
+
     /// End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is
     /// finished.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
@@ -570,127 +615,5 @@ impl Controller {
 
     fn __repr__(&self) -> String {
         format!("<Controller: {}>", self.summary)
-    }
-}
-
-/// The parts of the torque at one state.
-#[pyclass(frozen, module = "vffnull")]
-pub struct Terms {
-    inner: controller::Terms,
-}
-
-#[pymethods]
-impl Terms {
-    /// Joint torque, (n,) [N·m].
-    #[getter]
-    fn tau<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.tau)
-    }
-
-    /// What serves the task, and what makes it give way, (n,) [N·m].
-    #[getter]
-    fn tau_task<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.tau_task)
-    }
-
-    /// What acts in the null space, (n,) [N·m].
-    #[getter]
-    fn tau_null<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.tau_null)
-    }
-
-    /// Repulsion Σ JᵢᵀFᵢ before its projection, (n,) [N·m].
-    #[getter]
-    fn tau_vff<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.tau_vff)
-    }
-
-    /// Magnitude of the repulsion on each link, (n,) [N].
-    #[getter]
-    fn force<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.force)
-    }
-
-    /// Signed distance of each link's surface to the nearest obstacle's, (n,) [m].
-    #[getter]
-    fn clearance<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.clearance)
-    }
-
-    /// Energies as named in `ENERGIES`, (3,) [J].
-    #[getter]
-    fn energy<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.scalars.energy)
-    }
-
-    /// Powers as named in `PORTS`, (6,) [W].
-    #[getter]
-    fn power<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.scalars.power)
-    }
-
-    /// What the limits let through of each of `OBJECTIVES`, (6,), from 0 to 1.
-    #[getter]
-    fn objective_scale<'py>(&self, py: Python<'py>) -> Array1<'py> {
-        array1(py, &self.inner.scalars.objective_scale)
-    }
-
-    /// By how much barriers are violated at most [m/s²]; None without ``avoidance="cbf"``.
-    #[getter]
-    fn slack(&self) -> Option<f64> {
-        self.inner.scalars.slack
-    }
-
-    /// Energy in the tank [J]; None without one.
-    #[getter]
-    fn tank(&self) -> Option<f64> {
-        self.inner.scalars.tank
-    }
-
-    /// Signed distance of the nearest two links that share no joint [m]; infinite if not measured.
-    #[getter]
-    fn self_clearance(&self) -> f64 {
-        self.inner.scalars.self_clearance
-    }
-
-    /// √det(J Jᵀ), 0 in a singularity [m², for a task in space m³].
-    #[getter]
-    fn manipulability(&self) -> f64 {
-        self.inner.scalars.manipulability
-    }
-
-    /// Whether the task force is damped because of a singularity.
-    #[getter]
-    fn singular(&self) -> bool {
-        self.inner.scalars.singular
-    }
-
-    /// ‖J M⁻¹ τ_null‖ [m/s²]: what leaks into the task.
-    #[getter]
-    fn null_acceleration(&self) -> f64 {
-        self.inner.scalars.null_acceleration
-    }
-
-    /// Whether the torque is finite: it is not at states and references beyond what numbers can hold.
-    #[getter]
-    fn finite(&self) -> bool {
-        self.inner.tau.iter().all(|tau| tau.is_finite())
-    }
-
-    fn __repr__(&self) -> String {
-        let clearance = self.inner.clearance.iter().copied().fold(f64::INFINITY, f64::min);
-        let largest = self.inner.tau.iter().fold(0.0, |most: f64, tau| most.max(tau.abs()));
-        let torque = match self.finite() {
-            true => format!("up to {largest:.4} N·m"),
-            false => "torque not finite".into(),
-        };
-        format!("<Terms: {} joints, {torque}, clearance {clearance:.4} m>", self.inner.tau.len())
-    }
-
-    /// Null-space projector, (n, n).
-    #[getter]
-    #[expect(non_snake_case, reason = "the name of the paper")]
-    fn N<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.inner.projector)
     }
 }

@@ -43,11 +43,26 @@ pub fn named_document(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Table> {
     }
 }
 
+/// The document of those keywords that are given.
+pub fn keywords(
+    name: &str,
+    py: Python<'_>,
+    given: &[(&str, Option<&Bound<'_, PyAny>>)],
+) -> PyResult<Table> {
+    let document = PyDict::new(py);
+    for (key, value) in given {
+        if let Some(value) = value {
+            document.set_item(key, value)?;
+        }
+    }
+    named_document(name, &document)
+}
+
 /// A scenario in any form that `vffnull.simulate` takes: what is no document yet, the name of a bundled
 /// scenario or a path, is read by the Python package.
 pub fn scenario(value: &Bound<'_, PyAny>) -> PyResult<Table> {
     if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
-        let scenarios = value.py().import("vffnull.scenario")?;
+        let scenarios = value.py().import("vffnull.model.scenario")?;
         return document(&scenarios.call_method1("document_of", (value,))?);
     }
     document(value)

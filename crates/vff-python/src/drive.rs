@@ -1,139 +1,28 @@
-//! `DriveLoop`: a controller in the loop of a robot, on a thread of its own; `SimulatedRobot`, a robot without Python.
+//! `DriveLoop`: a controller in the loop of a robot, on a thread of its own.
 
-use crate::arm::Arm;
 use crate::controller::{Controller, read_obstacles, read_pose, sequence};
 use crate::convert::{
-    self, array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
+    array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
 use crate::privileges::{core_id, take_privileges};
 use crate::real_time::put_times;
-use crate::run::prepared;
+use crate::simulated_robot::{Simulated, SimulatedRobot, lock, rate_of};
 use crate::virtual_arm::each;
 use crate::watch::SIGNALS;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyDict;
 use std::process;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
-use vff_core::control::output::{CommandSettings, Gravity};
+use vff_core::control::{CommandSettings, Gravity};
 use vff_core::runtime::drive::{
-    self, CommandKind, DriveError, Driver, Ending, Exchange, Loop, Options, RATES, Report,
+    CommandKind, DriveError, Driver, Ending, Exchange, Loop, Options, Report,
 };
 use vff_core::runtime::{AnyController, AnyObstacles, SetPointLimits, Target};
-use vff_core::scenario::Scenario;
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The plant of a scenario as a robot: `vffnull.robots.simulated` is where users find it.
-///
-/// It has its friction, joint stops, sensors and drives, but not its controller. It goes on by one period
-/// whenever it gets a torque, so that its time does not depend on the clock. `vffnull.drive` drives it
-/// without Python in the loop; called as any other robot, it is one in Python.
-///
-/// Parameters
-/// ----------
-/// scenario : Scenario, dict, str or path
-///     Arm, plant, start, obstacles, sensors.
-/// rate : float, optional
-///     Torques per second [Hz]: that of the drive.
-/// arm : Arm, optional
-///     If given, the robot adds the torque against gravity of this arm by itself, as many robots do.
-///
-/// Raises
-/// ------
-/// vffnull.errors.ScenarioError
-///     If the scenario cannot be run at this rate.
-#[pyclass(frozen, module = "vffnull.robots.simulated")]
-pub struct SimulatedRobot {
-    inner: Arc<Mutex<drive::SimulatedRobot>>,
-    n: usize,
-    weightless: bool,
-}
-
-#[pymethods]
-impl SimulatedRobot {
-    #[new]
-    #[pyo3(signature = (scenario, rate=None, arm=None), text_signature = "(scenario, rate=1000.0, arm=None)")]
-    fn new(
-        scenario: &Bound<'_, PyAny>,
-        rate: Option<&Bound<'_, PyAny>>,
-        arm: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let rate = rate_of(rate)?;
-        let arm = match arm {
-            Some(arm) => {
-                let fault = |_| wrong_type("arm: expected an Arm", arm);
-                Some(arm.cast::<Arm>().map_err(fault)?.get().arm.clone())
-            }
-            None => None,
-        };
-        let weightless = arm.is_some();
-        let dof = arm.as_ref().map(|arm| arm.dof());
-        let make = |scenario: Scenario| drive::SimulatedRobot::new(&scenario, rate, arm.as_ref());
-        let inner = prepared(scenario.py(), &convert::scenario(scenario)?, make)?;
-        let n = inner.dof();
-        if dof.is_some_and(|dof| dof != n) {
-            return Err(InputError::new_err(format!(
-                "arm: expected one of {n} joints, as in the scenario"
-            )));
-        }
-        Ok(Self { inner: Arc::new(Mutex::new(inner)), n, weightless })
-    }
-
-    /// Who adds the torque against gravity: ``"robot"`` with an `arm`, else ``"controller"``.
-    #[getter]
-    fn gravity(&self) -> &'static str {
-        if self.weightless { "robot" } else { "controller" }
-    }
-
-    /// Time, and joint positions and velocities as they are measured.
-    ///
-    /// Returns
-    /// -------
-    /// tuple
-    ///     Time [s], positions (n,) [rad], velocities (n,) [rad/s].
-    fn read<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        load_numpy(py)?;
-        let [mut q, mut dq] = [(); 2].map(|()| vec![0.0; self.n]);
-        let read = py.detach(|| lock(&self.inner).read(&mut q, &mut dq));
-        let t = read.map_err(InputError::new_err)?;
-        (t, array1(py, &q), array1(py, &dq)).into_pyobject(py)
-    }
-
-    /// Hold a torque for a period.
-    ///
-    /// Parameters
-    /// ----------
-    /// command : (n,) array_like
-    ///     Joint torque [N·m].
-    ///
-    /// Raises
-    /// ------
-    /// vffnull.errors.InputError
-    ///     If it has the wrong shape or is not finite, or the next state would not be finite.
-    fn write(&self, py: Python<'_>, command: &Bound<'_, PyAny>) -> PyResult<()> {
-        let command = vector("command", command, self.n)?;
-        py.detach(|| lock(&self.inner).write(&command)).map_err(InputError::new_err)
-    }
-}
-
-/// The shared one, in the loop.
-struct Simulated(Arc<Mutex<drive::SimulatedRobot>>);
-
-impl Driver for Simulated {
-    fn read(&mut self, q: &mut [f64], dq: &mut [f64]) -> Result<f64, String> {
-        lock(&self.0).read(q, dq)
-    }
-    fn write(&mut self, command: &[f64]) -> Result<(), String> {
-        lock(&self.0).write(command)
-    }
-}
 
 /// A robot in Python. It has the GIL for a whole period, so that it waits for it once.
 struct InPython {
@@ -216,6 +105,16 @@ impl Driver for InPython {
         known.unwrap_or(false) // what cannot be measured need not be
     }
 
+    fn external_torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
+        self.with(|_, robot| match robot.getattr_opt("external_torque")? {
+            Some(method) => {
+                copy_vector("external_torque()", &method.call0()?, tau)?;
+                Ok(true)
+            }
+            None => Ok(false),
+        })
+    }
+
     fn write(&mut self, command: &[f64]) -> Result<(), String> {
         self.with(|py, robot| robot.call_method1("write", (array1(py, command),)).map(drop))
     }
@@ -264,18 +163,6 @@ fn set_point_limits(given: &Bound<'_, PyAny>, n: usize) -> PyResult<SetPointLimi
         jerk: needed("jerk")?,
         threshold: get("threshold")?.map_or(Ok(0.1), |it| number("threshold", &it))?,
     })
-}
-
-/// A rate of the loop [Hz].
-fn rate_of(rate: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
-    let rate = rate.map_or(Ok(1000.0), |rate| number("rate", rate))?;
-    match RATES.contains(&rate) {
-        true => Ok(rate),
-        false => {
-            let (low, high) = (RATES.start(), RATES.end());
-            Err(InputError::new_err(format!("rate: must be from {low} to {high} Hz, got {rate}")))
-        }
-    }
 }
 
 /// How it ended, once it has.

@@ -6,13 +6,14 @@ use crate::run::{prepared, to_dict};
 use crate::simulation::State;
 use crate::turns::{Turn, Turns};
 use crate::watch::{attended, stepwise};
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Instant;
-use vff_core::runtime::AnyRun;
-use vff_core::runtime::any::Ready;
+use vff_core::runtime::Ready;
 use vff_core::runtime::batch::Rollout;
+use vff_core::runtime::{ActingWrench, AnyRun, wrenches_along};
+use vff_core::scenario::Scenario;
 use vff_core::simulation::Control;
 
 /// A run whose plant is elsewhere: the controller with its reference, sensors and drives, the obstacles,
@@ -150,6 +151,35 @@ impl ExternalRun {
         array2(py, values, [count, dimension])
     }
 
+    /// What pushes the arm over the plant step from a time on.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float
+    ///     Time [s].
+    /// q : (n,) array_like
+    ///     Joint angles then [rad].
+    ///
+    /// Returns
+    /// -------
+    /// links : list of int
+    ///     Index of the link that each wrench acts on.
+    /// points, forces, torques : (k, 3) ndarray
+    ///     Where the force acts [m], the force [N], and the torque beside its own [N·m], in the world;
+    ///     in the plane with a third coordinate.
+    fn wrenches<'py>(
+        &self,
+        py: Python<'py>,
+        t: &Bound<'py, PyAny>,
+        q: &Bound<'py, PyAny>,
+    ) -> PyResult<WrenchArrays<'py>> {
+        let t = number("t", t)?;
+        let mut angles = vec![0.0; self.joints];
+        copy_vector("q", q, &mut angles)?;
+        let acting = self.take(py)?.run()?.wrenches_at(t, &angles);
+        wrench_arrays(py, &acting)
+    }
+
     /// The torque to hold over the next plant step, after the drives; the same until `arrive`.
     ///
     /// Returns
@@ -257,6 +287,78 @@ impl ExternalRun {
         };
         Ok(format!("<ExternalRun: {} joints, {stands}>", self.joints))
     }
+}
+
+/// What pushes the arm of a scenario at instants of a run.
+///
+/// Parameters
+/// ----------
+/// document : Mapping
+///     The scenario.
+/// t : (T,) array_like
+///     Times [s].
+/// q : (T, n) array_like
+///     Joint angles then [rad].
+///
+/// Returns
+/// -------
+/// points, forces : (T, k, 3) ndarray
+///     Where the force of every wrench acts [m], and the force [N], in the world; in the plane with a third
+///     coordinate.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be run.
+#[pyfunction]
+#[expect(clippy::needless_pass_by_value, reason = "Python hands them over by value")]
+pub fn wrenches<'py>(
+    py: Python<'py>,
+    document: &Bound<'py, PyAny>,
+    t: Vec<f64>,
+    q: Vec<Vec<f64>>,
+) -> PyResult<[Bound<'py, PyArray3<f64>>; 2]> {
+    let document = convert::document(document)?;
+    let along = |scenario: Scenario| {
+        let n = scenario.q0.len();
+        if q.len() != t.len() || q.iter().any(|q| q.len() != n) {
+            return Ok(None);
+        }
+        wrenches_along(&scenario, &t, &q.concat()).map(|all| Some((all, scenario.wrench_count())))
+    };
+    let Some((all, count)) = prepared(py, &document, along)? else {
+        return Err(InputError::new_err(
+            "q: expected as many rows as times, of a number per joint",
+        ));
+    };
+    let array = |of: fn(&ActingWrench) -> &[f64]| {
+        let coordinate = |wrench: &ActingWrench, axis| of(wrench).get(axis).copied().unwrap_or(0.0);
+        let values: Vec<f64> = all
+            .iter()
+            .flatten()
+            .flat_map(|wrench| [0, 1, 2].map(|axis| coordinate(wrench, axis)))
+            .collect();
+        PyArray1::from_vec(py, values).reshape([t.len(), count, 3])
+    };
+    Ok([array(|w| &w.point)?, array(|w| &w.force)?])
+}
+
+/// Links, points, forces and torques.
+pub type WrenchArrays<'py> =
+    (Vec<usize>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// Wrenches as arrays of three coordinates each.
+pub fn wrench_arrays<'py>(py: Python<'py>, acting: &[ActingWrench]) -> PyResult<WrenchArrays<'py>> {
+    let rows = |of: fn(&ActingWrench) -> &[f64]| {
+        let mut values = vec![];
+        for wrench in acting {
+            let given = of(wrench);
+            values.extend((0..3).map(|axis| given.get(axis).copied().unwrap_or(0.0)));
+        }
+        array2(py, values, [acting.len(), 3])
+    };
+    let links = acting.iter().map(|wrench| wrench.link).collect();
+    Ok((links, rows(|w| &w.point)?, rows(|w| &w.force)?, rows(|w| &w.torque)?))
 }
 
 fn taken() -> PyErr {

@@ -7,6 +7,7 @@ mod convert;
 mod distances;
 mod drive;
 mod errors;
+mod extended_jacobian;
 mod external;
 mod live;
 mod loading;
@@ -14,9 +15,12 @@ mod models;
 mod planning;
 mod privileges;
 mod real_time;
+mod rotations;
 mod run;
 mod shapes;
+mod simulated_robot;
 mod simulation;
+mod terms;
 mod turns;
 mod vector;
 mod virtual_arm;
@@ -28,15 +32,17 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use crate::arm::{Arm, ExtendedJacobian, plant};
+    use crate::arm::{Arm, plant};
     #[pymodule_export]
-    use crate::controller::{Controller, Terms};
+    use crate::controller::Controller;
     #[pymodule_export]
     use crate::distances::{Distances, distances};
     #[pymodule_export]
-    use crate::drive::{DriveLoop, SimulatedRobot};
+    use crate::drive::DriveLoop;
     #[pymodule_export]
-    use crate::external::ExternalRun;
+    use crate::extended_jacobian::ExtendedJacobian;
+    #[pymodule_export]
+    use crate::external::{ExternalRun, wrenches};
     #[pymodule_export]
     use crate::live::Live;
     #[pymodule_export]
@@ -48,13 +54,19 @@ mod _core {
     #[pymodule_export]
     use crate::real_time::real_time;
     #[pymodule_export]
+    use crate::rotations::{matrices, quaternions};
+    #[pymodule_export]
     use crate::run::{
         assess_feasibility, check, format_toml, parse_toml, run, run_many, schema, schema_json,
     };
     #[pymodule_export]
     use crate::shapes::{hull, rotations};
     #[pymodule_export]
+    use crate::simulated_robot::SimulatedRobot;
+    #[pymodule_export]
     use crate::simulation::{Simulation, State};
+    #[pymodule_export]
+    use crate::terms::Terms;
     #[pymodule_export]
     use crate::vector::Episodes;
     #[pymodule_export]

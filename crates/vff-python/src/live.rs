@@ -1,6 +1,6 @@
 //! `Live`: a scenario that runs against the wall clock on a thread of its own, under people's hands.
 
-use crate::convert::{self, array2, named_document, read_vector};
+use crate::convert::{self, array2, keywords, named_document, read_vector};
 use crate::errors::{self, InputError};
 use crate::run::{arrays, measured, prepared};
 use crate::watch::interruptible;
@@ -12,9 +12,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{mem, process};
 use vff_core::math::UnitQuaternion;
-use vff_core::runtime::PointsError;
 use vff_core::runtime::live::{self, LoopStats, State};
 use vff_core::runtime::points::make;
+use vff_core::runtime::{ActingPull, ActingWrench, PointsError};
 use vff_core::scenario::Scenario;
 use vff_core::simulation::{Metric, RecordTooLarge, ReplanCounts, Value};
 
@@ -79,6 +79,10 @@ struct Shown {
     dimension: usize,
     points: Vec<f64>,
     forces: Vec<f64>,
+    /// Where wrenches push, and with which forces.
+    pushed: [Vec<f64>; 2],
+    /// What a link is pulled with, if it is.
+    pulled: Option<ActingPull>,
     obstacles: Vec<f64>,
     turns: Vec<f64>,
     t: f64,
@@ -90,6 +94,9 @@ struct Shown {
 impl Shown {
     fn new(live: &mut live::Live) -> Self {
         let ([points, forces], turns) = (live.pushes(), live.turns());
+        let wrenches = live.wrenches();
+        let all = |of: fn(&ActingWrench) -> &[f64]| wrenches.iter().flat_map(of).copied().collect();
+        let pushed = [all(|wrench| &wrench.point), all(|wrench| &wrench.force)];
         let s = live.snapshot();
         let mut obstacles = vec![];
         s.obstacles.append_to(&mut obstacles);
@@ -102,6 +109,8 @@ impl Shown {
             dimension: s.dimension,
             points,
             forces,
+            pushed,
+            pulled: live.pulled(),
             obstacles,
             turns,
             t: s.t,
@@ -142,8 +151,19 @@ impl Shown {
         dict.set_item("q_plan", self.q_plan.map(|q| PyArray1::from_vec(py, q)))?;
         dict.set_item("replans", self.replans.taken)?;
         dict.set_item("times_stuck", self.replans.stuck)?;
-        let tables =
-            [("points", self.points), ("forces", self.forces), ("obstacles", self.obstacles)];
+        let [at, with] = self.pushed;
+        let pulled = self.pulled.map(|pull| [pull.wrench.point, pull.wrench.force, pull.anchor]);
+        let [pulled_at, pulled_with, anchor] = pulled.unwrap_or_default();
+        let tables = [
+            ("points", self.points),
+            ("forces", self.forces),
+            ("wrench_points", at),
+            ("wrench_forces", with),
+            ("pull_point", pulled_at),
+            ("pull_force", pulled_with),
+            ("pull_anchor", anchor),
+            ("obstacles", self.obstacles),
+        ];
         for (name, values) in tables {
             let shape = [values.len() / self.dimension, self.dimension];
             dict.set_item(name, array2(py, values, shape)?)?;
@@ -228,6 +248,30 @@ impl Live {
     fn aim(&self, py: Python<'_>, place: &Bound<'_, PyAny>) -> PyResult<()> {
         let place = point(place, self.with(py, |live| live.dimension())?)?;
         self.with(py, |live| live.aim(&place))
+    }
+
+    /// Take hold of a link at a point (D,) of its frame [m], with a spring that `pull_by` lets pull.
+    fn grab(
+        &self,
+        py: Python<'_>,
+        link: &Bound<'_, PyAny>,
+        point: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        let given = [("link", Some(link)), ("point", Some(point))];
+        let document = keywords("grab", py, &given)?;
+        self.with(py, |live| live.grab(&document))?
+            .map_err(|error| errors::scenario(&error.inside("grab")))
+    }
+
+    /// Pull the link towards the place that is so far (D,) [m] from where it was taken hold of.
+    fn pull_by(&self, py: Python<'_>, offset: &Bound<'_, PyAny>) -> PyResult<()> {
+        let offset = point(offset, self.with(py, |live| live.dimension())?)?;
+        self.with(py, |live| live.pull_by(&offset))
+    }
+
+    /// Let go of the link.
+    fn let_go(&self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, live::Live::let_go)?.map_err(|error| errors::scenario(&error))
     }
 
     /// Turn an obstacle in space to an orientation (4,) on the short way, at 4 rad/s.

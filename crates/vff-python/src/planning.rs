@@ -35,8 +35,8 @@ use vff_core::trajectory::JointSpline;
 /// Returns
 /// -------
 /// dict
-///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``gap``,
-///     ``samples``, ``nodes``.
+///     ``status``, ``message``, ``t``, ``q``, ``dq``, ``ddq``, ``clearance``, ``margin``, ``margins``,
+///     ``gap``, ``samples``, ``nodes``.
 ///
 /// Raises
 /// ------
@@ -65,7 +65,8 @@ pub fn plan<'py>(
     found.set_item("status", plan.status.name())?;
     found.set_item("message", plan.message)?;
     found.set_item("t", PyArray1::from_vec(py, plan.times))?;
-    for (name, numbers) in [("q", plan.q), ("dq", plan.dq), ("ddq", plan.ddq)] {
+    let arrays = [("q", plan.q), ("dq", plan.dq), ("ddq", plan.ddq), ("margins", plan.margins)];
+    for (name, numbers) in arrays {
         let rows = numbers.len() / n;
         found.set_item(name, array2(py, numbers, [rows, n])?)?;
     }

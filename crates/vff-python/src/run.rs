@@ -260,7 +260,7 @@ pub fn check(
     #[pyo3(from_py_with = document)] document: toml::Table,
     dimension: Option<usize>,
 ) -> PyResult<Vec<String>> {
-    let check = |part| runtime::any::check(part, &document, dimension);
+    let check = |part| runtime::check(part, &document, dimension);
     let checked = interruptible(py, || Part::named(kind).and_then(check));
     if checked.is_err() {
         interrupt::leave(document);

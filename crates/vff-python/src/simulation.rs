@@ -180,6 +180,100 @@ impl Simulation {
         inner.present()
     }
 
+    /// Push the arm, from now on, until the wrench is over.
+    ///
+    /// Parameters
+    /// ----------
+    /// wrench : Wrench or dict
+    ///     Where and how; its `start` counts from now. `reset` takes it away.
+    ///
+    /// Returns
+    /// -------
+    /// State
+    ///     The state with it.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.ScenarioError
+    ///     If the arm has no such link, a number makes no sense, or 1000 push already.
+    ///
+    /// Examples
+    /// --------
+    /// >>> simulation = Simulation(Scenario.load("panda-sweep"))  # doctest: +SKIP
+    /// >>> push = Wrench("panda_link4", force=[0, 20, 0], duration=0.5)  # doctest: +SKIP
+    /// >>> simulation.push(push).tau_ext.shape  # doctest: +SKIP
+    /// (7,)
+    fn push(&self, py: Python<'_>, wrench: &Bound<'_, PyAny>) -> PyResult<State> {
+        let wrench = convert::named_document("wrench", wrench)?;
+        let mut inner = self.inner.take(py)?;
+        inner.present()?;
+        let done = inner.run.push(&wrench);
+        done.map_err(|error| errors::scenario(&error.inside("wrench")))?;
+        inner.present()
+    }
+
+    /// Pull at a point of a link towards a place with a spring and a damper, from now on, or let go.
+    ///
+    /// A hand that holds the link: K (anchor − p) − D ṗ acts at the point p, evaluated with the dynamics. A
+    /// step of the plant is taken in parts where the spring is stiff for it (docs/theory.md, T146, T147). It
+    /// is part of `tau_ext`.
+    ///
+    /// Parameters
+    /// ----------
+    /// link : str, optional
+    ///     The name of the link, or ``"tip"``; by default whoever pulls lets go.
+    /// point : (D,) array_like, optional
+    ///     The point, in the link's frame [m]; its origin by default.
+    /// anchor : (D,) array_like, optional
+    ///     The place in the world that it is pulled towards [m]; by default where the point is now.
+    /// stiffness : float, optional
+    ///     K [N/m]; by default 100 1/s² times the mean mass with which the point resists now, so that the
+    ///     link swings at 10 rad/s.
+    /// damping : float, optional
+    ///     D [N·s/m]; critical by default.
+    ///
+    /// Returns
+    /// -------
+    /// State
+    ///     The state with it.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.ScenarioError
+    ///     If the arm has no such link, or a number makes no sense. Whoever pulled goes on then.
+    ///
+    /// Examples
+    /// --------
+    /// >>> simulation = Simulation(Scenario.load("panda-sweep"))  # doctest: +SKIP
+    /// >>> simulation.pull("panda_link4", anchor=[0.2, 0.3, 0.7], stiffness=300.0)  # doctest: +SKIP
+    /// <State: t = 0 s>
+    /// >>> simulation.pull(None)  # doctest: +SKIP
+    /// <State: t = 0 s>
+    #[pyo3(signature = (link=None, *, point=None, anchor=None, stiffness=None, damping=None))]
+    fn pull(
+        &self,
+        py: Python<'_>,
+        link: Option<&Bound<'_, PyAny>>,
+        point: Option<&Bound<'_, PyAny>>,
+        anchor: Option<&Bound<'_, PyAny>>,
+        stiffness: Option<&Bound<'_, PyAny>>,
+        damping: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<State> {
+        let values = [
+            ("link", link),
+            ("point", point),
+            ("anchor", anchor),
+            ("stiffness", stiffness),
+            ("damping", damping),
+        ];
+        let pull = link.map(|_| convert::keywords("pull", py, &values)).transpose()?;
+        let mut inner = self.inner.take(py)?;
+        inner.present()?;
+        let done = inner.run.pull(pull.as_ref());
+        done.map_err(|error| errors::scenario(&error.inside("pull")))?;
+        inner.present()
+    }
+
     /// Go back to the start.
     fn reset(&self, py: Python<'_>) -> PyResult<State> {
         let mut inner = self.inner.take(py)?;
@@ -234,6 +328,10 @@ pub struct State {
     q_measured: Vec<f64>,
     dq_measured: Vec<f64>,
     tau_applied: Vec<f64>,
+    tau_ext: Vec<f64>,
+    contact_force: Vec<f64>,
+    tau_ext_estimate: Vec<f64>,
+    wrench_estimate: Vec<f64>,
     sensed: Vec<f64>,
 }
 
@@ -253,6 +351,10 @@ impl From<Snapshot<'_>> for State {
             q_measured: s.q_measured.to_vec(),
             dq_measured: s.dq_measured.to_vec(),
             tau_applied: s.tau_applied.to_vec(),
+            tau_ext: s.tau_ext.unwrap_or_default().to_vec(),
+            contact_force: s.contact_force.unwrap_or_default().to_vec(),
+            tau_ext_estimate: s.tau_ext_estimate.unwrap_or_default().to_vec(),
+            wrench_estimate: s.wrench_estimate.unwrap_or_default().to_vec(),
             sensed: written(s.sensed),
         }
     }
@@ -341,19 +443,50 @@ impl State {
         given(py, &self.tau_applied)
     }
 
+    /// Torque of wrenches and contacts that push the arm from now on, (n,) [N·m]; None without any.
+    #[getter]
+    fn tau_ext<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        given(py, &self.tau_ext)
+    }
+
+    /// Force of each obstacle on the arm, (k, D) [N]; None where none has a `contact`.
+    #[getter]
+    fn contact_force<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.table(py, &self.contact_force)
+    }
+
+    /// Torque that the model does not know, as estimated, (n,) [N·m]; None without an observer.
+    #[getter]
+    fn tau_ext_estimate<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        given(py, &self.tau_ext_estimate)
+    }
+
+    /// The wrench at the end effector that this is, (m,) [N, N·m]; None without an observer.
+    #[getter]
+    fn wrench_estimate<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
+        given(py, &self.wrench_estimate)
+    }
+
     /// Points that the range sensors have met, (rays, 2) [m], NaN for none; None without sensors.
     #[getter]
     fn sensed<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        let points = Some(&self.sensed).filter(|points| !points.is_empty());
-        points
-            .map(|points| {
-                array2(py, points.clone(), [points.len() / self.dimension, self.dimension])
-            })
-            .transpose()
+        self.table(py, &self.sensed)
     }
 
     fn __repr__(&self) -> String {
         format!("<State: t = {} s>", self.t)
+    }
+}
+
+impl State {
+    /// Points or forces (k, D), if there are any.
+    fn table<'py>(
+        &self,
+        py: Python<'py>,
+        values: &[f64],
+    ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let shape = [values.len() / self.dimension, self.dimension];
+        (!values.is_empty()).then(|| array2(py, values.to_vec(), shape)).transpose()
     }
 }
 

@@ -17,7 +17,7 @@ type Array2<'py> = Bound<'py, PyArray2<f64>>;
 type Steps<'py> =
     (Array2<'py>, Array1<'py, f64>, Array1<'py, bool>, Array1<'py, bool>, Array2<'py>);
 
-/// Episodes of one scenario side by side: what the environments of `vffnull.gym` are made of.
+/// Episodes of one scenario side by side: what the environments of `vffnull.engines.gym` are made of.
 ///
 /// Parameters
 /// ----------
@@ -25,7 +25,7 @@ type Steps<'py> =
 ///     What happens in an episode.
 /// settings : Mapping
 ///     ``action``, ``period``, ``torque``, ``start_noise``, ``obstacle_noise``, ``margin``, ``weights``; see
-///     `vffnull.gym.ReachEnv`.
+///     `vffnull.engines.gym.ReachEnv`.
 /// count : int
 ///     How many episodes.
 /// threads : int

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from vffnull import _core
+import vffnull._core as _core
 
 if TYPE_CHECKING:
     from vffnull.arms._capsules import Fit

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
-from vffnull._extras import extra
+import vffnull._core as _core
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
 from vffnull.arms._capsules import Fit, Solid, volume
 from vffnull.arms._frames import matrix
 from vffnull.arms._hulls import PROTRUSION, Hull, simplified
-from vffnull.errors import InputError
 
 __all__ = ["as_given", "joined", "name_of"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterable, Sequence
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,6 +33,9 @@ LOOSE = 2.0
 """How many times the volume of the hulls inside a capsule may have, if it wastes more than `SLIGHT`."""
 SLIGHT = 1e-3
 """What a capsule may waste however loose it is [m³]."""
+_DOTS = np.array([d for d in itertools.product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
+_DOTS /= np.linalg.norm(_DOTS, axis=1)[:, None]
+"""Directions all around a ball."""
 _SIDES = 48
 """Of the prism that stands around a cylinder."""
 
@@ -134,7 +138,7 @@ class Fit:
         return self.volume / self.hull_volume if self.hull_volume > 0 else math.inf
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Piece:
     """Points that one capsule contains."""
 
@@ -406,43 +410,84 @@ def _hull_triangles(points: Array) -> NDArray[np.int64]:
 def _merge(pieces: list[_Piece]) -> list[_Piece]:
     """Join capsules of one link, those first that cost least, while all together stay within `JOINING`.
 
-    None is joined with another that makes it loose, and one that is, is left alone.
+    None is joined with another that makes it loose, and one that is, is left alone. How small a capsule for
+    both can be at all takes no search: pairs come in the order of what they cost at least.
     """
     alone = [piece for piece in pieces if piece.loose]
     pieces = [piece for piece in pieces if not piece.loose]
     limit = (1 + JOINING) * sum(piece.volume for piece in pieces)
-    known: dict[tuple[int, int], _Piece | None] = {}
-    # Pieces that are gone stay alive, so that no other gets their id.
-    gone: list[_Piece] = []
+    pairs = {pair: _Pair(*pair) for pair in itertools.combinations(pieces, 2) if _may_join(*pair)}
     while True:
-        best: tuple[float, _Piece, _Piece, _Piece] | None = None
-        for first, second in itertools.combinations(pieces, 2):
-            if first.origin & second.origin:
-                continue
-            key = (id(first), id(second))
-            apart = first.volume + second.volume
-            if key not in known:
-                known[key] = _joined(first, second, limit - sum(piece.volume for piece in pieces) + apart)
-            both = known[key]
-            if both is None or (both.loose and both.volume > apart):
-                continue
-            if best is None or both.volume - apart < best[0]:
-                best = (both.volume - apart, first, second, both)
-        if best is None or best[0] + sum(piece.volume for piece in pieces) > limit:
+        room = limit - sum(piece.volume for piece in pieces)
+        best: tuple[float, _Pair] | None = None
+        for pair in sorted(pairs.values(), key=lambda pair: pair.least):
+            if pair.least > (room if best is None else min(room, best[0])):
+                break
+            cost = pair.cost
+            if cost is not None and cost <= room and (best is None or cost < best[0]):
+                best = (cost, pair)
+        if best is None:
             return [*alone, *pieces]
-        _, first, second, both = best
-        gone += [first, second]
-        pieces = [each for each in pieces if each is not first and each is not second] + [both]
+        both, gone = best[1].both, {best[1].first, best[1].second}
+        pieces = [each for each in pieces if each not in gone]
+        pairs = {pair: each for pair, each in pairs.items() if not gone.intersection(pair)}
+        pairs |= {(each, both): _Pair(each, both) for each in pieces if _may_join(each, both)}
+        pieces.append(both)
 
 
-def _joined(first: _Piece, second: _Piece, most: float) -> _Piece | None:
-    """One capsule for both; None where their hull alone is larger than that may be."""
-    points, radii = np.vstack([first.points, second.points]), np.append(first.radii, second.radii)
-    spanning, thick, least = _hull(points, radii)
-    if least > most:
-        return None
-    parts, origin = first.parts + second.parts, first.origin | second.origin
-    return _Piece(parts, origin, spanning, thick, first.hull + second.hull, least_capsule(spanning, thick))
+def _may_join(first: _Piece, second: _Piece) -> bool:
+    """Halves of one solid are not put together again."""
+    return not first.origin & second.origin
+
+
+def _at_least(points: Array) -> float:
+    """What no capsule around points falls short of [m³].
+
+    It is as long as the points are apart, and its radius is half of the least altitude of a triangle of them:
+    in the direction across its axis, in the plane of the triangle, that is at least as wide.
+    """
+    far = points[int(np.argmax(np.linalg.norm(points - points[0], axis=1)))]
+    end = points[int(np.argmax(np.linalg.norm(points - far, axis=1)))]
+    length = float(np.linalg.norm(end - far))
+    doubled = np.linalg.norm(np.cross(points - far, end - far), axis=1)  # areas of the triangles, twice
+    third = points[int(np.argmax(doubled))]
+    longest = max(length, float(np.linalg.norm(third - far)), float(np.linalg.norm(third - end)))
+    radius = float(doubled.max()) / max(longest, 1e-300) / 2
+    return math.pi * radius**2 * (max(length, 2 * radius) - 2 / 3 * radius)
+
+
+def _dotted(points: Array, radii: Array) -> Array:
+    """Points on the surfaces of balls."""
+    on: Array = points[:, None] + radii[:, None, None] * _DOTS
+    return on.reshape(-1, 3)
+
+
+class _Pair:
+    """Two pieces that may become one."""
+
+    def __init__(self, first: _Piece, second: _Piece) -> None:
+        self.first, self.second = first, second
+        points, radii = np.vstack([first.points, second.points]), np.append(first.radii, second.radii)
+        self._points, self._radii, hull = _hull(points, radii)
+        surface = self._points
+        if np.any(radii):
+            surface, _, hull = _hull(_dotted(points, radii), np.zeros(_DOTS.shape[0] * len(points)))
+        self.apart = first.volume + second.volume
+        self.least = max(hull, _at_least(surface)) - self.apart
+        """What one capsule costs at least [m³]."""
+
+    @functools.cached_property
+    def both(self) -> _Piece:
+        """What they become."""
+        parts, origin = self.first.parts + self.second.parts, self.first.origin | self.second.origin
+        hull, capsule = self.first.hull + self.second.hull, least_capsule(self._points, self._radii)
+        return _Piece(parts, origin, self._points, self._radii, hull, capsule)
+
+    @property
+    def cost(self) -> float | None:
+        """What that costs [m³]; None if it is loose for it."""
+        cost = self.both.volume - self.apart
+        return None if self.both.loose and cost > 0 else cost
 
 
 def _as_hull(link: str, piece: _Piece) -> Fit | None:

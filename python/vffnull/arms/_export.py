@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from vffnull import _core
+import vffnull._core as _core
+from vffnull._support.errors import InputError, ScenarioError, ScenarioWarning
 from vffnull.arms._frames import roll_pitch_yaw
-from vffnull.errors import InputError, ScenarioError, ScenarioWarning
-from vffnull.world import Obstacle, checked
+from vffnull.model.world import Obstacle, checked
 
 __all__ = ["text_of", "to_mjcf", "to_urdf"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._extras import extra
+from vffnull._support.extras import extra
 
 __all__ = ["CORNERS", "PROTRUSION", "Hull", "simplified"]
 

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vffnull._files import replacing
+from vffnull._support.files import replacing
 from vffnull.arms._capsules import WAY, Fit
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from vffnull._support.errors import InputError
 from vffnull.arms._capsules import Solid
-from vffnull.errors import InputError
 
 __all__ = ["MissingMeshError", "Packages", "find", "read"]
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
+import vffnull._core as _core
+from vffnull._support.errors import InputError, InputTypeError
 from vffnull.arms._frames import frame, matrix, six
 from vffnull.arms._read import Collision, finish, options, tell
 from vffnull.arms._report import Report
 from vffnull.arms._urdf import text_of
-from vffnull.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -124,7 +124,7 @@ def read_mjcf(
         pairs,
     )
     reading = _core.reduce_tree(reader.tree(), asked)
-    return finish(reading, collision, reader.mesh, source)
+    return finish(reading, collision, reader.mesh, source, srdf is not None)
 
 
 def _import() -> Any:

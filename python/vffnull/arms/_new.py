@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
-from vffnull._arm import arm_of
+import vffnull._core as _core
+from vffnull._support.errors import InputError
 from vffnull.arms._touching import spread
-from vffnull.errors import InputError
+from vffnull.model.arm import arm_of
+from vffnull.model.settings import setting
 
 if TYPE_CHECKING:
     from vffnull.arms._report import Report
@@ -27,6 +28,10 @@ INNER = 0.5
 """Share of the ranges of the joints in which they are."""
 HELD = 0.5
 """Share of the torque limits that may be needed to stand there."""
+COMPENSATED = 0.9
+"""Share of the friction in the joints that the controller is to make up for: all of it would drive them."""
+STEP, EXPLICIT = 1e-3, 2.0
+"""Control period [s], and how far friction may decay in a step of the simulation, which swings beyond."""
 PUSH = 4.5
 """Force of the field at contact for each kilogram that moves [N/kg]: a gentle push."""
 
@@ -58,6 +63,8 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
     task = "pose" if arm.n >= 7 else "position"
     name = report.document.get("name") or report.document["tip"]
     spare = arm.n - (6 if task == "pose" else 3)
+    rubs = {key: np.array([joint.get(key, 0.0) for joint in report.document["joints"]]) for key in _FRICTION}
+    finer = _finer(arm.mass_matrix(q0), rubs["damping"])
     lines = [
         "# A ball passes the elbow of an arm that holds its tip. `vffnull schema` explains every key.",
         "# The file of the arm is named as seen from this one. Then: vffnull run mine.toml --plot figures",
@@ -71,15 +78,16 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
         *(f"{key} = {_value(value)}" for key, value in table.items()),
         "",
         "[controller]",
-        f'task = "{task}"                           # leaves {max(spare, 0)} of {arm.n} joints free',
-        "stiffness = 400.0                         # 1/s²; critically damped, 0.05 s",
-        "damping = 40.0                            # 1/s",
+        f"task = {json.dumps(task):34} # leaves {max(spare, 0)} of {arm.n} joints free",
+        *_gains(bool(rubs["friction"].any())),
         "null_damping = 8.0                        # 1/s",
         f"posture = {_row(q0)} # rad; back to q0 when nothing is near",
         f"posture_stiffness = {_row(pull)} # N·m/rad; 9/s² times the inertia that each joint feels at q0",
         f'field = {{ kind = "bounded", gain = {PUSH * mass:.3g}, influence = {influence:.3g} }} '
         f"# N at contact: {PUSH} N/kg; m: 0.3 of the reach",
         'avoidance = "cbf"                         # the tip gives way where the elbow alone cannot',
+        *_compensation(rubs),
+        *_singularity(arm, q0, task, reach, mass),
         "",
         "[reference]",
         'kind = "setpoint"                         # where the tip is at q0',
@@ -90,12 +98,77 @@ def scenario_text(report: Report, table: Mapping[str, Any]) -> str:
         f'motion = {{ kind = "linear", velocity = {_row(speed * across)} }} # m/s',
         "",
         "[simulation]",
-        "dt = 0.001                                # s",
-        'control = "hold"                          # 1 kHz',
+        *_steps(finer),
         'integrator = "semi_implicit_euler"',
-        "record_every = 10",
+        f"record_every = {10 * finer}",
     ]
     return "\n".join(lines)
+
+
+_FRICTION = {"damping": "viscous_friction", "friction": "coulomb_friction"}
+"""Of a joint in the document of an arm, and what makes up for it."""
+
+
+_DIVISORS = (1, 2, 4, 5, 8, 10, 16, 20, 25, 40, 50, 80, 100)
+"""Into how many steps a control period is divided: without a remainder in decimals."""
+
+
+def _gains(dry: bool) -> list[str]:
+    """Gains of the task; higher ones against dry friction, of which what is not compensated holds the tip."""
+    if dry:
+        return [
+            "stiffness = 1600.0                        # 1/s²; critically damped, 0.025 s, for dry friction",
+            "damping = 80.0                            # 1/s",
+        ]
+    return [
+        "stiffness = 400.0                         # 1/s²; critically damped, 0.05 s",
+        "damping = 40.0                            # 1/s",
+    ]
+
+
+def _compensation(rubs: Mapping[str, Array]) -> list[str]:
+    """What makes up for most of the friction in the joints, which else keeps the tip from its reference."""
+    given = [f"{_FRICTION[key]} = {_row(COMPENSATED * each)}" for key, each in rubs.items() if each.any()]
+    if not given:
+        return []
+    units = " and ".join(
+        unit for key, unit in (("damping", "N·m·s/rad"), ("friction", "N·m")) if rubs[key].any()
+    )
+    what = f"# {units}; {COMPENSATED} of the friction in the joints"
+    return [f"command = {{ {', '.join(given)} }} {what}"]
+
+
+def _singularity(arm: Any, q0: Sequence[float], task: str, reach: float, mass: float) -> list[str]:
+    """From where on a task is damped, for an arm whose rotors are so heavy that it always would be."""
+    jacobian = np.array(arm.jacobian(q0))[: 6 if task == "pose" else 3]
+    jacobian[3:] *= reach / 6.0
+    least = float(np.linalg.eigvalsh(jacobian @ np.linalg.solve(arm.mass_matrix(q0), jacobian.T))[0])
+    share = 0.25 * least * mass
+    if 2.0 * setting({}, "controller.singularity") < 4.0 * share:
+        return []
+    return [f"singularity = {f'{share:.2g}':27} # a quarter of the least of the task at q0: heavy rotors"]
+
+
+def _finer(mass: Array, damping: Array) -> int:
+    """How many steps of the simulation a control period needs, so that it can follow the friction."""
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    fastest = float(np.linalg.eigvalsh(root * damping @ root.T)[-1])
+    least = fastest * STEP / EXPLICIT
+    return next((each for each in _DIVISORS if each >= least), _DIVISORS[-1])
+
+
+def _steps(finer: int) -> list[str]:
+    """Step and control period of the simulation."""
+    if finer == 1:
+        return [
+            f"dt = {STEP}                                # s",
+            'control = "hold"                          # 1 kHz',
+        ]
+    return [
+        f"dt = {f'{STEP / finer:g}':36} # s; as fine as the friction in the joints needs it",
+        f"control_every = {finer:<25} # 1 kHz",
+        'control = "hold"',
+    ]
 
 
 def _bent(document: Mapping[str, Any], arm: Any) -> list[float]:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from vffnull import _core, _progress
-from vffnull._arm import listed, unshaped
+import vffnull._core as _core
+from vffnull._support import progress as _progress
+from vffnull._support.errors import InputError, InputTypeError, ScenarioWarning
 from vffnull.arms._as_given import Item, as_given, joined, name_of
 from vffnull.arms._frames import frame, matrix
 from vffnull.arms._meshes import MissingMeshError
 from vffnull.arms._report import Report
-from vffnull.errors import InputError, InputTypeError, ScenarioWarning
+from vffnull.model.arm import listed, unshaped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -95,8 +96,10 @@ def _placement(name: str, value: Any) -> dict[str, list[float]]:
     return frame(_vector(f"{name}.position", position, 3), _vector(f"{name}.orientation", quaternion, 4))
 
 
-def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, source: str) -> Report:
-    """Shapes from the geometry, and the report."""
+def finish(
+    reading: dict[str, Any], collision: Collision, mesh: MeshReader, source: str, srdf: bool
+) -> Report:
+    """Shapes from the geometry, and the report; with an SRDF, that alone says which pairs are ignored."""
     if collision not in ("fit", "file", "none"):
         raise InputError(f"collision: expected 'fit', 'file' or 'none', got {collision!r}")
     arm, odd = reading["arm"], list(reading["warnings"])
@@ -105,11 +108,13 @@ def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, sour
         geometry = joined(reading["geometry"])
         fits = _fit(arm, geometry, mesh) if collision == "fit" else _as_in_file(geometry, mesh, odd)
     arm["collision"] = [{"link": fit.link, "shape": fit.shape} for fit in fits]
-    touching = []
+    touching: list[tuple[str, str]] = []
     if fits:
         from vffnull.arms._touching import touching as pairs
 
-        touching = pairs(arm)
+        found = pairs(arm)
+        odd += _always(found, collision, srdf)
+        touching = [] if srdf else found
         arm["ignore"] = [list(pair) for pair in arm.get("ignore", [])] + [list(pair) for pair in touching]
     if collision != "none" and not fits:
         odd.append("nothing of it collides: obstacles and self-collision will not be noticed")
@@ -128,6 +133,21 @@ def finish(reading: dict[str, Any], collision: Collision, mesh: MeshReader, sour
         fits=tuple(fits),
         touching=tuple(touching),
     )
+
+
+def _always(pairs: Sequence[tuple[str, str]], collision: Collision, srdf: bool) -> list[str]:
+    """What is told of pairs whose shapes overlap nearly always: one sentence for all of them."""
+    if not pairs:
+        return []
+    named = ", of ".join(f"`{first}` and `{second}`" for first, second in pairs)
+    told = f"the shapes of {named} overlap in nearly every posture"
+    tighter = ', or collision = "file"' if collision == "fit" else ""
+    one = len(pairs) == 1
+    if srdf:
+        kept = "the pair: it counts as a collision" if one else "these pairs: they count as collisions"
+        return [f"{told}, and the SRDF keeps {kept}; `ignore` {'it' if one else 'them'}{tighter}"]
+    ignored = "the pair is ignored" if one else "these pairs are ignored"
+    return [f"{told}: {ignored}, and nothing keeps them apart; an `srdf`{tighter} says otherwise"]
 
 
 def tell(report: Report) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from vffnull._arm import arm_of, listed
+from vffnull.model.arm import arm_of, listed
 
 if TYPE_CHECKING:
     from vffnull.arms._capsules import Fit
@@ -39,7 +39,8 @@ class Report:
     fits : tuple of Fit
         The fitted capsules, or the shapes as in the file.
     touching : tuple of (str, str)
-        Pairs of links that touch in the reference posture, or nearly always, and are therefore not measured.
+        Pairs of links whose shapes overlap nearly always and are therefore not measured, where no SRDF says
+        which are.
     """
 
     source: str
@@ -90,9 +91,7 @@ class Report:
         if pairs:
             lines.append("not measured against each other: " + _pairs(pairs))
         if self.touching:
-            lines.append(
-                "of these, touching in the reference posture or nearly always: " + _pairs(self.touching)
-            )
+            lines.append("of these, because their shapes overlap nearly always: " + _pairs(self.touching))
         lines += ["", *(f"odd: {message}" for message in self.warnings)] if self.warnings else []
         return "\n".join(lines)
 

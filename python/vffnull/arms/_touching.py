@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
+import vffnull._core as _core
 
 __all__ = ["reference_posture", "spread", "touching"]
 
 Array = NDArray[np.float64]
 
-POSTURES = 32
+POSTURES = 256
 """In how many postures links are looked at."""
+
+ALWAYS = 0.95
+"""In which share of them a pair overlaps that nothing keeps apart."""
 
 
 def reference_posture(arm: Mapping[str, Any]) -> Array:
@@ -29,17 +32,17 @@ def reference_posture(arm: Mapping[str, Any]) -> Array:
 
 
 def touching(arm: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Pairs of links, not neighbours, whose shapes overlap in the reference posture, or nearly always.
+    """Pairs of links, not neighbours, whose shapes overlap nearly always.
 
     Shapes are often a little larger than what they contain: such a pair would be in collision all the time.
-    "Nearly always" is in 95 % of `POSTURES` postures spread evenly over the ranges of the joints. Pairs that
-    the document ignores already are not told again.
+    "Nearly always" is in `ALWAYS` of `POSTURES` postures spread evenly over the ranges of the joints: a pair
+    that overlaps in some postures only is one that can collide. Pairs that the document ignores already are
+    not told again.
     """
-    postures = [reference_posture(arm), *spread(arm, POSTURES)]
-    at_rest, *elsewhere = _core.overlapping_links(arm, [q.tolist() for q in postures])
-    often = Counter(pair for pairs in elsewhere for pair in pairs)
-    found = {*at_rest, *(pair for pair, times in often.items() if times >= 0.95 * POSTURES)}
+    overlaps = _core.overlapping_links(arm, [q.tolist() for q in spread(arm, POSTURES)])
+    often = Counter(pair for pairs in overlaps for pair in pairs)
     links = [arm["base"], *(joint["link"] for joint in arm["joints"])]
+    found = (pair for pair, times in often.items() if times >= ALWAYS * POSTURES)
     return sorted(found, key=lambda pair: [links.index(link) for link in pair])
 
 

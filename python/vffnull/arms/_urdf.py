@@ -8,11 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vffnull import _core
+import vffnull._core as _core
+from vffnull._support.errors import InputError, InputTypeError
 from vffnull.arms import _meshes
 from vffnull.arms._read import Collision, finish, options, tell
 from vffnull.arms._report import Report
-from vffnull.errors import InputError, InputTypeError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -66,7 +66,8 @@ def from_urdf(
         64 corners as larger ones of at most 64, a few percent in volume. `read_urdf` tells how much larger
         each is. Or nothing.
     srdf : str or path, optional
-        A file, or the text: pairs of links that it switches off are not measured against each other.
+        A file, or the text: pairs of links that it switches off are not measured against each other, and no
+        others. Without it, those whose shapes overlap nearly always are not, with a warning.
     packages : path, list of paths, or dict, optional
         Folders in which meshes are searched, or the folder of each package by its name.
     armature : float or (n,) array_like, optional
@@ -149,7 +150,7 @@ def read_urdf(
         except _meshes.MissingMeshError as error:
             raise _meshes.MissingMeshError(f"{name.partition(':')[0]}: {error}") from None
 
-    return finish(reading, collision, mesh, str(path or "URDF"))
+    return finish(reading, collision, mesh, str(path or "URDF"), srdf is not None)
 
 
 def text_of(name: str, given: str | os.PathLike[str]) -> tuple[str, Path | None]:

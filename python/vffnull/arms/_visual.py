@@ -9,11 +9,11 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
-from vffnull import _core
+import vffnull._core as _core
+from vffnull._support.errors import InputError
 from vffnull.arms import _meshes
 from vffnull.arms._read import options, solid_of
 from vffnull.arms._urdf import text_of
-from vffnull.errors import InputError
 
 if TYPE_CHECKING:
     from vffnull.arms._capsules import Solid

@@ -15,12 +15,9 @@ from typing import Any, NoReturn
 
 import click
 
-from vffnull import _core
-from vffnull._arm_files import explicit
-from vffnull._document import Document
-from vffnull._figures import FIGURE_ENDINGS
-from vffnull._simulate import PLANTS
-from vffnull._validation import faults
+import vffnull._core as _core
+from vffnull._support.errors import ScenarioError, VffNullError
+from vffnull._support.figures import FIGURE_ENDINGS
 from vffnull.cli import results
 from vffnull.cli.arms import arms
 from vffnull.cli.common import (
@@ -44,16 +41,19 @@ from vffnull.cli.live import live
 from vffnull.cli.plan import plan
 from vffnull.cli.realtime import realtime
 from vffnull.cli.study import study
-from vffnull.errors import ScenarioError, VffNullError
 from vffnull.logs import READABLE, check_path
-from vffnull.result import Result
-from vffnull.scenario import read, scenarios, shown, source_of
+from vffnull.model.arm_files import explicit
+from vffnull.model.document import Document
+from vffnull.model.scenario import read, scenarios, shown, source_of
+from vffnull.model.validation import faults
+from vffnull.run.result import Result
+from vffnull.run.simulate import PLANTS
 
 __all__ = ["main"]
 
 
 def main() -> NoReturn:
-    """Run the command line and exit: 0 fine, 2 wrong input, 3 failed, 130 interrupted, 143 terminated."""
+    """Run the command line and exit: 0 success, 2 wrong input, 3 failed, 130 interrupted, 143 terminated."""
     _set_up()
     terminated = _heard_as_ctrl_c(signal.SIGTERM)
     try:
@@ -211,7 +211,7 @@ def run(
 
     --save writes .npz or .csv; with extras also .parquet, .arrow, .mcap or .rrd, by the ending of FILE.
 
-    Exit codes: 0 fine, 2 wrong input, 3 the run diverged, 130 interrupted. Under --strict also 3 after
+    Exit codes: 0 success, 2 wrong input, 3 the run diverged, 130 interrupted. Under --strict also 3 after
     contact with obstacles or among the arm's own links, a joint at its stop, a limit of torque or speed
     exceeded, a barrier broken, or a reference that is not held at the end: whatever the headline tells of.
     """
@@ -345,8 +345,6 @@ def _print(result: Result, files: list[Path]) -> None:
 
 def _validated(file: str) -> dict[str, Any]:
     """What is wrong with a file, and what is odd about it."""
-    from vffnull._oddities import oddities
-
     name = shown(file)
     document: Document = {}
     try:
@@ -354,7 +352,7 @@ def _validated(file: str) -> dict[str, Any]:
         with warned() as odd:
             document = explicit(document)
         errors = [f"{name}: {fault}" for fault in faults(document)]
-        found = [*odd, *([] if errors else [*_core.check("scenario", document), *oddities(document)])]
+        found = [*odd, *([] if errors else _core.check("scenario", document))]
     except ScenarioError as error:
         errors, found = [str(error) if name in str(error) else f"{name}: {error}"], []
         if document:  # its arm is in a file that cannot be read: what is wrong beside it
@@ -369,4 +367,4 @@ def _print_faults(found: list[dict[str, Any]]) -> None:
         for message in each["warnings"]:
             say(f"{each['file']}: warning: {message}", "yellow")
         if not each["errors"]:
-            click.echo(f"{each['file']}: fine")
+            click.echo(f"{each['file']}: valid")

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from vffnull import _core
+import vffnull._core as _core
+from vffnull._support.errors import InputError
 from vffnull.cli.common import FINE, say
-from vffnull.errors import InputError
 
 if TYPE_CHECKING:
     from vffnull.arms import Report

@@ -14,14 +14,15 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from vffnull import _core, _progress
-from vffnull._figures import FIGURE_FORMATS
-from vffnull._simulate import PLANTS
-from vffnull._simulate import run as run_scenario
-from vffnull.errors import ScenarioError, ScenarioWarning, VffNullError
+import vffnull._core as _core
+from vffnull._support import progress as _progress
+from vffnull._support.errors import ScenarioError, ScenarioWarning, VffNullError
+from vffnull._support.figures import FIGURE_FORMATS
 from vffnull.logs import READABLE
-from vffnull.result import Result, Status
-from vffnull.scenario import Scenario, prepare, scenarios, shown, source_of
+from vffnull.model.scenario import Scenario, prepare, scenarios, shown, source_of
+from vffnull.run.result import Result, Status
+from vffnull.run.simulate import PLANTS
+from vffnull.run.simulate import run as run_scenario
 
 FINE, WRONG_INPUT, FAILED, INTERRUPTED, TERMINATED = 0, 2, 3, 130, 143
 COLOURS = {"good": "green", "odd": "yellow", "bad": "red"}
@@ -35,7 +36,7 @@ def complete_scenario(_context: click.Context, _param: click.Parameter, begun: s
 
 def complete_key(context: click.Context, _param: click.Parameter, begun: str) -> list[CompletionItem]:
     """Keys of scenarios, those of the scenario at hand first."""
-    from vffnull._keys import known, written
+    from vffnull.model.keys import known, written
 
     if "=" in begun:
         return []

@@ -11,7 +11,8 @@ from click.shell_completion import CompletionItem
 from vffnull.cli.common import FINE, echo_json, format_option, interactive
 
 if TYPE_CHECKING:
-    from vffnull.evaluation import Evaluation, Rate
+    from vffnull.evaluation.table import Rate
+    from vffnull.run.evaluate import Evaluation
 
 __all__ = ["evaluate"]
 
@@ -132,10 +133,11 @@ def evaluate(
 
     Seeds below 1000000 are for tuning, the others for evaluation. Needs the extra vffnull[evaluate].
 
-    Exit codes: 0 fine, 2 wrong input, 130 interrupted.
+    Exit codes: 0 success, 2 wrong input, 130 interrupted.
     """
     from vffnull import evaluation
     from vffnull.evaluation import scenes
+    from vffnull.run import evaluate as evaluating
 
     if not space and (arms or tasks):
         raise click.UsageError("--arm and --task are of scenes in space: add --space")
@@ -143,9 +145,9 @@ def evaluate(
         raise click.UsageError("--joints is of scenes in the plane: --space takes --arm")
     of_arms, of_tasks = arms or scenes.ARMS, tasks or ("position", "pose")
     if save_to is not None:  # find out before the runs, not after them
-        evaluation.check_path(save_to)
+        evaluating.check_path(save_to)
     evaluation.wilson(0, 1)
-    outcome = evaluation.evaluate(
+    outcome = evaluating.evaluate(
         controllers or None,
         [int(each) if each.isdigit() else each for each in categories] or (1, 2),
         joints or (4, 6, 9),
@@ -162,7 +164,7 @@ def evaluate(
     else:
         click.echo(outcome.table())
     if times:
-        table = evaluation.loop_times(
+        table = evaluating.loop_times(
             controllers or None,
             n=joints or (4, 6, 9),
             seed=seed,

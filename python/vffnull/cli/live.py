@@ -7,15 +7,17 @@ from pathlib import Path
 import click
 
 from vffnull.cli.common import INTERRUPTED, complete_scenario, prepared, set_option
-from vffnull.viewer import live as open_page
-from vffnull.viewer.ports import free
+from vffnull.live import live as open_page
+from vffnull.live.ports import free
 
 __all__ = ["live"]
 
 
 @click.command()
 @click.argument("scenario", default="swing", shell_complete=complete_scenario)
-@click.option("--port", type=int, default=8080, show_default=True, help="Where the page is on 127.0.0.1.")
+@click.option(
+    "--port", type=int, help="Where the page is on 127.0.0.1; default: the first free one from 8080 on."
+)
 @click.option("--no-browser", is_flag=True, help="Print the address instead of opening it.")
 @click.option(
     "--record-to",
@@ -48,7 +50,7 @@ __all__ = ["live"]
 @set_option
 def live(
     scenario: str,
-    port: int,
+    port: int | None,
     no_browser: bool,
     record_to: Path,
     origins: tuple[str, ...],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vffnull import _core
+import vffnull._core as _core
 from vffnull.cli.common import (
     FAILED,
     FINE,

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from vffnull.cli.common import complete_scenario, echo_json, exit_code, interactive, run_or_load, set_option
-from vffnull.result import Result
+from vffnull.run.result import Result
 
 __all__ = ["animate", "compare", "report"]
 
@@ -69,7 +69,7 @@ def animate(
     vffnull animate panda-sweep side.gif --view left --size 400 --fps 10
     vffnull animate paper-1 none.gif --set controller.projection=none
     """
-    from vffnull.plotting.animation import check
+    from vffnull.draw.figures.animation import check
 
     check(file, fps, speed, size, view)  # before the run, not after it
     result = run_or_load(source, assignments, quiet)
@@ -90,7 +90,7 @@ def report(source: str, file: Path, assignments: tuple[str, ...], as_json: bool,
     vffnull report sweep-through sweep.html
     vffnull report run.npz run.html
     """
-    from vffnull.report import check_path
+    from vffnull.draw.report import check_path
 
     check_path(file)
     result = run_or_load(source, assignments, quiet)
@@ -108,8 +108,8 @@ def compare(sources: tuple[str, ...], file: Path, as_json: bool, quiet: bool) ->
     vffnull compare paper-1 paper-1-ramp both.html
     vffnull compare weak.npz strong.npz gains.html
     """
-    from vffnull.report import check_path
-    from vffnull.report import compare as write
+    from vffnull.draw.report import check_path
+    from vffnull.draw.report import compare as write
 
     check_path(file)
     results = {Path(source).stem: run_or_load(source, (), quiet) for source in sources}

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from vffnull import _core
+import vffnull._core as _core
+from vffnull._support.errors import InputError
 from vffnull.cli.common import FINE, INTERRUPTED, echo_json, interactive, say
-from vffnull.errors import InputError
 
 if TYPE_CHECKING:
     from vffnull.studies import Tuned
@@ -105,7 +105,7 @@ def run(
 
     Whatever ends it, --resume goes on: what is whole is kept, what is damaged is made again.
 
-    Exit codes: 0 fine, 2 wrong input or a full disk, 130 interrupted.
+    Exit codes: 0 success, 2 wrong input or a full disk, 130 interrupted.
     """
     from vffnull.studies import Study
 
@@ -161,7 +161,7 @@ def tune(
 
     The trials are runs like any others: `vffnull study show` shows them. Optuna's journal is tuning.log.
 
-    Exit codes: 0 fine, 2 wrong input or a full disk, 130 interrupted.
+    Exit codes: 0 success, 2 wrong input or a full disk, 130 interrupted.
     """
     from vffnull.studies import Study
 

@@ -1,4 +1,11 @@
-"""The arm as MJCF and URDF; `vffnull.export` is where users find it."""
+"""The arm for other engines: MJCF for MuJoCo, URDF for Pinocchio and nearly everything else.
+
+An arm in space is written as it is, with its names, shapes, mount and tool; see `vffnull.arms`.
+
+An arm in the plane becomes a chain of revolute joints about z with the links' frames at their joints, x along
+the link. Masses, centres of mass and moments of inertia about z are exact; the two other moments of inertia,
+which a motion in the plane never feels, are set equal to it, so that the tensor is a possible one.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +19,7 @@ import numpy as np
 from vffnull import arms
 from vffnull._core import Arm
 from vffnull.arms._export import text_of
-from vffnull.world import Obstacle, checked
+from vffnull.model.world import Obstacle, checked
 
 __all__ = ["to_mjcf", "to_urdf"]
 

@@ -1,4 +1,37 @@
-"""Gymnasium's interface to the core's episodes; `vffnull.gym` is where users find it."""
+"""Scenarios as Gymnasium environments, needs the extra ``vffnull[gym]``.
+
+>>> import gymnasium
+>>> env = gymnasium.make("vffnull.engines.gym:vffnull/Reach-v0", scenario="sweep-through")
+>>> observation, info = env.reset(seed=1)
+>>> observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+
+`ReachEnv` is one episode after the other, `ReachVectorEnv` many side by side that are stepped by the core
+on all cores, to the same bits.
+
+**Action**: n numbers from −1 to 1. With ``action="null_space"`` they are a joint torque that is projected
+into the null space and added to the law's, so that the task goes on while the agent learns to avoid; with
+``action="torque"`` they are the joint torque itself, instead of the law's.
+
+**Observation**: what the controller knows, as one row of numbers that `layout` takes apart: ``cos_q``,
+``sin_q``, ``dq`` [rad/s], ``tip``, ``reference``, ``reference_velocity``, ``error`` and, where there are
+obstacles, ``clearance`` of every link, ``nearest`` (the way from its axis, or from the surface of a box or
+hull, to the nearest obstacle), ``obstacles`` and ``obstacle_velocities``, in m and m/s. What lies beyond the
+bounds of the space is shown at the bound. Of an arm in space, points have three coordinates, and ``error``
+has three numbers for a position, five for pointing and six for a pose. For these two tasks there are also
+``tip_axes`` and ``reference_axes``, the x and y axis of hand and reference (their z axis, for pointing), and
+``reference_angular_velocity`` [rad/s]. Joints that slide have no cosine and sine but their position in
+``slide`` [m].
+
+**Reward** per step, with weights w:
+
+    w_alive − w_tracking ‖error‖ − w_clearance max(0, 1 − clearance/margin)² − w_effort mean(action²)
+
+and −w_collision when the episode is terminated. The clearance is the smallest within the step; ``info`` has
+every part. Error and clearance here are the true ones, also where a scenario has sensors.
+
+An episode is **terminated** when a link touches an obstacle or a joint turns faster than 100 rad/s, and
+**truncated** at the end of the scenario.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +42,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from vffnull import _core
-from vffnull._arguments import MOST_THREADS, whole
-from vffnull.errors import InputError, InputTypeError
-from vffnull.scenario import prepare
+import vffnull._core as _core
+from vffnull._support.arguments import MOST_THREADS, whole
+from vffnull._support.errors import InputError, InputTypeError
+from vffnull.model.scenario import prepare
 
 try:
     import gymnasium
@@ -20,12 +53,12 @@ try:
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 except ImportError as error:
-    raise ImportError("vffnull.gym needs gymnasium 1 or later: pip install 'vffnull[gym]'") from error
+    raise ImportError("vffnull.engines.gym needs gymnasium 1 or later: pip install 'vffnull[gym]'") from error
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from vffnull.scenario import Scenario, ScenarioLike
+    from vffnull.model.scenario import Scenario, ScenarioLike
 
     Array = NDArray[np.float64]
     Flags = NDArray[np.bool_]
@@ -94,7 +127,7 @@ class _Episodes:
 class ReachEnv(gymnasium.Env["Array", "Array"]):
     """A scenario as a Gymnasium environment, registered as ``vffnull/Reach-v0``.
 
-    Action, observation, reward and the end of an episode are described in `vffnull.gym`.
+    Action, observation, reward and the end of an episode are described in `vffnull.engines.gym`.
 
     Parameters
     ----------
@@ -205,8 +238,8 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
     """Many episodes of a scenario, stepped together by the core on all cores, the GIL released.
 
     Environment i does what `ReachEnv` does with the same actions and the seed ``seed + i``, to the last bit,
-    whatever the number of threads. ``gymnasium.make_vec("vffnull.gym:vffnull/Reach-v0", num_envs=64)`` makes
-    one.
+    whatever the number of threads.
+    ``gymnasium.make_vec("vffnull.engines.gym:vffnull/Reach-v0", num_envs=64)`` makes one.
 
     Parameters
     ----------
@@ -344,6 +377,6 @@ def _seed(name: str, value: Any) -> int | None:
 
 gymnasium.register(
     "vffnull/Reach-v0",
-    entry_point="vffnull.gym:ReachEnv",
-    vector_entry_point="vffnull.gym:ReachVectorEnv",
+    entry_point="vffnull.engines.gym:ReachEnv",
+    vector_entry_point="vffnull.engines.gym:ReachVectorEnv",
 )

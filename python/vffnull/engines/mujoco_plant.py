@@ -1,4 +1,9 @@
-"""MuJoCo as the plant; `vffnull.mujoco_plant` is where users find it."""
+"""MuJoCo as the plant: our controller, their physics, contacts included.
+
+Everything but the plant is the core's: reference, governor, law, sensors, drives, record and metrics. The
+arm moves by MuJoCo's dynamics and integrator, and an obstacle that reaches a link pushes it. The arm is the
+one of the table ``[plant]``, friction and joint stops included, and the wrenches of ``[[wrenches]]`` push it.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +16,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
-from vffnull._arm import quaternion, rotation
-from vffnull._from_core import result_of
+import vffnull._core as _core
+from vffnull._core import matrices, quaternions
+from vffnull._support.errors import InputError, ScenarioError
 from vffnull.engines.export import to_mjcf
-from vffnull.errors import InputError, ScenarioError
-from vffnull.result import Result
-from vffnull.scenario import ScenarioLike, prepare
+from vffnull.model.scenario import Scenario, ScenarioLike, prepare
+from vffnull.model.settings import setting
 
-__all__ = ["MuJoCoPlant", "run"]
+__all__ = ["MuJoCoPlant"]
 
 Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], Array]
 
 _MAX_SPEED = 1e4  # rad/s; the core's bound, beyond which a run has diverged
+_FRICTION = 0.5  # of an obstacle's `contact`, as the core has it
 _PATIENCE = 0.1  # s between two reports of progress
 
 
@@ -32,10 +37,12 @@ class MuJoCoPlant:
     """The arm of a scenario and its obstacles in MuJoCo, one step of `simulation.dt` at a time.
 
     In the plane and in space. Links touch obstacles with the shapes that are measured against them, without
-    friction, and never each other. Obstacles are moved before a step to where
-    they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a link
-    that is held, a disc at 0.35 m/s sinks in by 14 mm. So are joint stops and dry friction: a joint goes a
-    little beyond a stop, and creeps where it should stick. Torque limits do not act.
+    friction but that of an obstacle's ``contact``, and never each other. Obstacles are moved before a step to
+    where they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a
+    link that is held, a disc at 0.35 m/s sinks in by 14 mm. With an obstacle that has a ``contact`` they are
+    as hard as MuJoCo's can be, whatever its stiffness and damping: a force that a controller keeps up differs
+    by its own stiffness times the depth to which ours sink in. Soft are joint stops and dry friction: a joint
+    goes a little beyond a stop, and creeps where it should stick. Torque limits do not act.
 
     While a step is taken, MuJoCo's global callbacks for control and warnings are in use: take steps from one
     thread only.
@@ -48,7 +55,7 @@ class MuJoCoPlant:
     Attributes
     ----------
     model : mujoco.MjModel
-        The model, made by `vffnull.export.to_mjcf`.
+        The model, made by `vffnull.engines.export.to_mjcf`.
     data : mujoco.MjData
         The state.
     contacts : int
@@ -67,9 +74,8 @@ class MuJoCoPlant:
         scenario = prepare(scenario)
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
-        self._loop = _core.ExternalRun(document)
+        self._loop = _core.ExternalRun(_without_contact(document))
         physics = document.get("plant", {})
-        numerics = document.get("simulation", {})
         try:
             with _alone(mujoco):
                 self.model = mujoco.MjModel.from_xml_string(
@@ -78,9 +84,9 @@ class MuJoCoPlant:
         except ValueError as error:
             raise ScenarioError(f"not for MuJoCo: {error}") from None
         options, disable, integrator = self.model.opt, mujoco.mjtDisableBit, mujoco.mjtIntegrator
-        options.timestep = numerics.get("dt", 1e-3)
+        options.timestep = setting(document, "simulation.dt")
         # MuJoCo's Euler is semi-implicit; `eulerdamp` would integrate joint damping implicitly as well.
-        rk4 = numerics.get("integrator", "rk4") == "rk4"
+        rk4 = setting(document, "simulation.integrator") == "rk4"
         options.integrator = integrator.mjINT_RK4 if rk4 else integrator.mjINT_EULER
         options.disableflags |= disable.mjDSBL_EULERDAMP | disable.mjDSBL_AUTORESET
         if not physics.get("joint_stops", True):
@@ -89,6 +95,9 @@ class MuJoCoPlant:
         self.model.jnt_solimp[:, :2] = 0.9999, 0.9999
         self.model.dof_solref[:] = 2 * options.timestep, 1.0  # and its dry friction
         self.model.dof_solimp[:, :2] = 0.9999, 0.9999
+        for k, obstacle in enumerate(document.get("obstacles", []), start=1):
+            if "contact" in obstacle:
+                self._harden(f"obstacle_{k}", obstacle["contact"].get("friction", _FRICTION))
         # What is not given is that of the arm, which the model has.
         for friction, given in (
             ("dof_damping", "viscous_friction"),
@@ -103,8 +112,10 @@ class MuJoCoPlant:
         dimension = self._loop.obstacles(0.0).shape[1]
         turning = [_core.rotations(each, dimension, [0.0]) is not None for each in obstacles]
         self._turning = {k: each for k, each in enumerate(obstacles) if turning[k]}
-        self._upright = rotation(self.data.mocap_quat)
+        self._upright = matrices(self.data.mocap_quat)
         self.contacts = 0
+        self._bodies = [int(body) for body in self.model.jnt_bodyid]  # that each joint moves
+        self._pushed = bool(document.get("wrenches"))
 
     def step(self, t: float, torque: Array | Law) -> bool:
         """Advance by one step.
@@ -130,7 +141,9 @@ class MuJoCoPlant:
             turn = np.eye(3)
             size = places.shape[1]
             turn[:size, :size] = _core.rotations(obstacle, size, [t])
-            data.mocap_quat[k] = quaternion(turn @ self._upright[k])
+            data.mocap_quat[k] = quaternions(turn @ self._upright[k])
+        if self._pushed:
+            self._push(t)
         law = None
         if callable(torque):
             law = _callback(torque)
@@ -144,9 +157,33 @@ class MuJoCoPlant:
         self.contacts = data.ncon
         return bool(np.isfinite(data.qpos).all() and (np.abs(data.qvel) < _MAX_SPEED).all())
 
+    def _harden(self, name: str, friction: float) -> None:
+        """Let the geoms of an obstacle be as hard as they can be, with friction of their own."""
+        model = self.model
+        for geom in range(model.ngeom):
+            called = model.geom(geom).name
+            if called == name or called.startswith(f"{name}_"):
+                model.geom_priority[geom], model.geom_condim[geom] = 1, 3
+                model.geom_friction[geom, 0] = max(friction, 1e-5)  # MuJoCo's least
+                model.geom_solref[geom] = 2 * model.opt.timestep, 1.0
+                model.geom_solimp[geom, :2] = 0.9999, 0.9999
 
-def run(scenario: ScenarioLike, progress: Callable[[float, float], None] | None = None) -> Result:
-    """Run a scenario with MuJoCo as the plant.
+    def _push(self, t: float) -> None:
+        """Let the scenario's wrenches act over the step that begins at a time [s], as they are then."""
+        data = self.data
+        if not np.isfinite(data.qpos).all():
+            return
+        self._mujoco.mj_kinematics(self.model, data)
+        self._mujoco.mj_comPos(self.model, data)
+        data.xfrc_applied[:] = 0.0
+        for link, point, force, torque in zip(*self._loop.wrenches(t, data.qpos), strict=True):
+            body = self._bodies[link]  # MuJoCo takes forces at its centre of mass
+            data.xfrc_applied[body, :3] += force
+            data.xfrc_applied[body, 3:] += torque + np.cross(point - data.xipos[body], force)
+
+
+def run(scenario: Scenario, progress: Callable[[float, float], None] | None = None) -> dict[str, Any]:
+    """Run a scenario with MuJoCo as the plant; `vffnull.simulate` makes a result of what this returns.
 
     Reference, governor, sensors, drives, record and metrics are the core's; MuJoCo moves the arm, and its
     state is what the sensors read. Every step is measured, whatever is recorded. ``"collided"`` and the
@@ -154,24 +191,23 @@ def run(scenario: ScenarioLike, progress: Callable[[float, float], None] | None 
 
     Parameters
     ----------
-    scenario : str, path, Mapping or Scenario
-        What to run, as in `vffnull.simulate`.
+    scenario : Scenario
+        What to run.
     progress : callable, optional
         Gets the simulated time and the duration [s] about every 100 ms.
 
     Returns
     -------
-    Result
-        As from the core; after Ctrl-C it holds what was computed until then.
+    dict
+        What the core tells of the run, as of one of its own; after Ctrl-C of what was computed until then.
 
     Raises
     ------
     vffnull.errors.ScenarioError
-        If the scenario cannot be run, or MuJoCo cannot simulate the arm.
+        If MuJoCo cannot simulate the arm.
     ImportError
         Without the extra ``vffnull[mujoco]``.
     """
-    scenario = prepare(scenario)
     plant = MuJoCoPlant(scenario)
     loop, data, told = plant._loop, plant.data, time.perf_counter()
     continuous = scenario.to_dict().get("simulation", {}).get("control") == "continuous"
@@ -187,7 +223,16 @@ def run(scenario: ScenarioLike, progress: Callable[[float, float], None] | None 
             raise
     outcome = loop.outcome()
     outcome["message"] = f"in MuJoCo: {outcome['message']}"
-    return result_of(scenario, outcome, plant="mujoco")
+    return outcome
+
+
+def _without_contact(document: dict[str, Any]) -> dict[str, Any]:
+    """The scenario for a loop whose plant is elsewhere: what is felt there is not felt once more."""
+    obstacles = [
+        {key: value for key, value in each.items() if key != "contact"}
+        for each in document.get("obstacles", [])
+    ]
+    return document | ({"obstacles": obstacles} if obstacles else {})
 
 
 def _import() -> Any:

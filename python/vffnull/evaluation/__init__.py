@@ -1,34 +1,12 @@
-"""Controllers against each other on random scenes.
+"""Random scenes, what could have been done in them, and the tables of what controllers did.
 
 `scenes` makes the scenes, `planner` says in which of them a collision-free motion exists, `controllers` names
-what is compared, `run` runs it, and `table` counts.
+what is compared, and `table` counts; `vffnull.run.evaluate` runs it.
 """
 
 from __future__ import annotations
 
 from vffnull.evaluation.controllers import CONTROLLERS
-from vffnull.evaluation.run import (
-    Evaluation,
-    check_path,
-    encounter,
-    evaluate,
-    identity,
-    join,
-    loop_times,
-    scores,
-)
 from vffnull.evaluation.table import Rate, wilson
 
-__all__ = [
-    "CONTROLLERS",
-    "Evaluation",
-    "Rate",
-    "check_path",
-    "encounter",
-    "evaluate",
-    "identity",
-    "join",
-    "loop_times",
-    "scores",
-    "wilson",
-]
+__all__ = ["CONTROLLERS", "Rate", "wilson"]

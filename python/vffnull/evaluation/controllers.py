@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from vffnull.errors import InputError, InputTypeError
+from vffnull._support.errors import InputError, InputTypeError
 
 __all__ = ["CONTROLLERS", "chosen"]
 

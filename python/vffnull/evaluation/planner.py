@@ -28,13 +28,15 @@ from typing import Any
 
 import numpy as np
 
-from vffnull import _core
-from vffnull._arm import arm_of, cos_sin, is_spatial, product, quaternion, rotation
-from vffnull.errors import InputError
+import vffnull._core as _core
+from vffnull._support.errors import InputError
+from vffnull.evaluation.geometry.arm import cos_sin, product, quaternion, rotation
 from vffnull.evaluation.geometry.motion import Array
 from vffnull.evaluation.geometry.plane import Kinematics, World
-from vffnull.evaluation.geometry.space import Bodies, Things
-from vffnull.scenario import ScenarioLike, prepare
+from vffnull.evaluation.geometry.space import Bodies, Obstacles
+from vffnull.model.arm import arm_of, is_spatial
+from vffnull.model.scenario import ScenarioLike, prepare
+from vffnull.model.settings import setting
 
 __all__ = [
     "ANGLE",
@@ -126,16 +128,16 @@ def is_clear(scene: Mapping[str, Any], motion: Array, hold: bool) -> bool:
 
 def _is_clear_in_space(scene: Mapping[str, Any], motion: Array, hold: bool) -> bool:
     arm = arm_of(scene["arm"]).to_dict()
-    bodies, things = Bodies(arm), Things(scene.get("obstacles", ()))
+    bodies, obstacles = Bodies(arm), Obstacles(scene.get("obstacles", ()))
     times, q = _between(motion)
     moving = bodies.link >= 0  # the base is not measured in the plant either
-    apart = things.distances(bodies.ends(q)[:, moving], bodies.radius[moving], times)
+    apart = obstacles.distances(bodies.ends(q)[:, moving], bodies.radius[moving], times)
     if apart.min(initial=np.inf) < CLEARANCE:
         return False
     tip = bodies.arm.tool_poses(q)
     due = reference_poses(scene["reference"], tip[0], times)
     far = np.linalg.norm(tip[:, :3, 3] - due[:, :3, 3], axis=1).max()
-    task = scene.get("controller", {}).get("task", "position")
+    task = setting(scene, "controller.task")
     if task == "pointing":
         cosine = (tip[:, :3, 2] * due[:, :3, 2]).sum(axis=1)
     else:

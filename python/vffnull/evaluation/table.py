@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._extras import extra
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
 from vffnull.evaluation.planner import VERDICTS
 from vffnull.evaluation.scenes.common import FAMILIES
 

@@ -10,12 +10,12 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from vffnull._extras import extra
-from vffnull._files import replacing
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.files import replacing
 
 if TYPE_CHECKING:
-    from vffnull._outcome import Outcome
+    from vffnull.model.outcome import Outcome
 
     Kind = TypeVar("Kind", bound=Outcome)
 

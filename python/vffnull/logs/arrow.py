@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vffnull import _record
-from vffnull._extras import extra
+from vffnull._support.extras import extra
 from vffnull.logs import header
+from vffnull.model import record as _record
 
 if TYPE_CHECKING:
     import pyarrow
 
-    from vffnull._outcome import Outcome
+    from vffnull.model.outcome import Outcome
 
 
 def write(result: Outcome, path: Path) -> None:

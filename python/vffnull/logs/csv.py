@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
 from vffnull.logs import header
 
 if TYPE_CHECKING:
-    from vffnull._outcome import Outcome
+    from vffnull.model.outcome import Outcome
 
 _MARK = "# vffnull "
 

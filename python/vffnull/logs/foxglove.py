@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vffnull._arm import quaternion
+from vffnull._core import quaternions
 from vffnull.logs.frames import Box, Capsule, Frame, Mesh, Tree, axes_of, opacity, rgb
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def nanoseconds(t: Array) -> NDArray[np.int64]:
 def transforms(tree: Tree) -> Iterator[tuple[int, Message]]:
     """The frames of every instant, with its time [ns]; all of them, so that any one message is enough."""
     columns = [
-        (each.parent, each.name, each.poses[:, :3, 3].tolist(), quaternion(each.poses[:, :3, :3]).tolist())
+        (each.parent, each.name, each.poses[:, :3, 3].tolist(), quaternions(each.poses[:, :3, :3]).tolist())
         for each in tree.frames
     ]
     for row, time in enumerate(nanoseconds(tree.t).tolist()):
@@ -130,7 +130,7 @@ def _turn(orientation: Iterable[float]) -> Message:
 def _pose(position: Array, axes: Array | None = None) -> Message:
     return {
         "position": _vector(position),
-        "orientation": _turn(quaternion(np.eye(3) if axes is None else axes)),
+        "orientation": _turn(quaternions(np.eye(3) if axes is None else axes)),
     }
 
 

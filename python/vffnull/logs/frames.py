@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
-from vffnull._arm import frame, rotation
-from vffnull.errors import ScenarioWarning
-from vffnull.plotting import geometry
-from vffnull.plotting.primitives import COLOURS, Role, corners_of, drawable, geometry_of
+import vffnull._core as _core
+from vffnull._core import matrices
+from vffnull._support.errors import ScenarioWarning
+from vffnull.draw import geometry
+from vffnull.draw.primitives import COLOURS, Role, corners_of, drawable, mount_of
+from vffnull.model.arm import frame
 
 if TYPE_CHECKING:
-    from vffnull._arm import SpatialArm
-    from vffnull.result import Result
+    from vffnull._core import Arm
+    from vffnull.model.outcome import Outcome
 
 Array = NDArray[np.float64]
 
@@ -126,7 +127,7 @@ class Tree:
         return max(float(np.linalg.norm(each - arm[0], axis=-1).max()) for each in arm)
 
 
-def description(result: Result) -> str:
+def description(result: Outcome) -> str:
     """The arm as URDF; its links have the shapes that are measured against obstacles."""
     with warnings.catch_warnings():
         # The solids, and the scenario that is in every log, have what URDF cannot say.
@@ -153,7 +154,7 @@ def axes_of(frame: Frame, reach: float) -> list[tuple[Array, tuple[float, float,
     return [(0.12 * reach * end, shade) for end, shade in zip(np.eye(3), _AXES, strict=True)]
 
 
-def tree_of(result: Result) -> Tree:
+def tree_of(result: Outcome) -> Tree:
     """The frames of a run in space.
 
     Links and tip are called as in the arm's description and hang in a chain, as in its URDF; obstacles are
@@ -165,42 +166,42 @@ def tree_of(result: Result) -> Tree:
         If there is no recorded instant to draw.
     """
     result = drawable(result)
-    arm = geometry_of(result.scenario.arm)
-    assert arm is not None, "an arm in space"
-    taken = {arm.base, *arm.link_names}
+    arm, mount = result.scenario.arm, mount_of(result.scenario.arm)
+    taken = {arm.to_dict()["base"], *arm.link_names}
     root = _free("world", taken)
     found = list(_of_arm(arm, result.q, root, taken))
     reach = 1.25 * Tree(root, result.t, tuple(found)).reach
     for i, obstacle in enumerate(result.scenario.to_dict().get("obstacles", [])):
         places = _moving(obstacle, result.obstacles[:, i], result.t)
-        solids = _of_obstacle(obstacle, arm.mount[:3, 3] - places[0, :3, 3], reach)
+        solids = _of_obstacle(obstacle, mount[:3, 3] - places[0, :3, 3], reach)
         found.append(Frame(_free(f"obstacle_{i}", taken), root, "obstacle", places, places, solids))
     target = np.tile(np.eye(4), (len(result.t), 1, 1))
     target[:, :3, 3] = result.x_ref
     if result.orientation_ref is not None:
-        target[:, :3, :3] = rotation(result.orientation_ref)
+        target[:, :3, :3] = matrices(result.orientation_ref)
     found.append(Frame(_free("target", taken), root, "target", target, target))
     return Tree(root, result.t, tuple(found))
 
 
-def _of_arm(arm: SpatialArm, q: Array, root: str, taken: set[str]) -> Iterator[Frame]:
+def _of_arm(arm: Arm, q: Array, root: str, taken: set[str]) -> Iterator[Frame]:
     """Base, links and tip in a chain."""
-    solids: dict[str, list[Solid]] = {name: [] for name in (arm.base, *arm.link_names)}
+    document = arm.to_dict()
+    name_of_base, tool = document["base"], frame(document.get("tool", {}))
+    solids: dict[str, list[Solid]] = {name: [] for name in (name_of_base, *arm.link_names)}
     for link, shape in arm.collision:
         solids[link].append(solid(corners_of(shape), float(shape.get("radius", 0.0))))
-    joints = arm.to_dict()["joints"]
-    steps = [np.asarray(frame(joint)[:3, 3]) for joint in joints[1:]] + [arm.tool[:3, 3]]
+    steps = [frame(joint)[:3, 3] for joint in document["joints"][1:]] + [tool[:3, 3]]
     thin = _THIN * sum(float(np.linalg.norm(step)) for step in steps)
-    base = np.broadcast_to(arm.mount, (len(q), 4, 4))
-    yield Frame(arm.base, root, "base", base, base, tuple(solids[arm.base]))
-    poses, before, parent = arm.link_poses(q), base, arm.base
+    base = np.broadcast_to(mount_of(arm), (len(q), 4, 4))
+    yield Frame(name_of_base, root, "base", base, base, tuple(solids[name_of_base]))
+    poses, before, parent = arm.link_poses(q), base, name_of_base
     for i, (name, step) in enumerate(zip(arm.link_names, steps, strict=True)):
         there = poses[:, i]
         bare = Capsule(np.zeros(3), step, thin)
         yield Frame(name, parent, "link", _within(before, there), there, tuple(solids[name] or [bare]))
         before, parent = there, name
-    tip = _free(arm.tip, taken)
-    yield Frame(tip, parent, "tool", np.broadcast_to(arm.tool, base.shape), before @ arm.tool)
+    tip = _free(document["tip"], taken)
+    yield Frame(tip, parent, "tool", np.broadcast_to(tool, base.shape), arm.tip_poses(q))
 
 
 def _within(parent: Array, child: Array) -> Array:
@@ -216,7 +217,7 @@ def _moving(obstacle: Mapping[str, Any], positions: Array, t: Array) -> Array:
     """Where an obstacle's own frame is (T, 4, 4)."""
     found = np.tile(np.eye(4), (len(t), 1, 1))
     turned = _core.rotations(obstacle, 3, t)  # compared with its orientation at the start
-    first = rotation(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+    first = matrices(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
     found[:, :3, :3] = first if turned is None else turned @ first
     found[:, :3, 3] = positions
     return found
@@ -229,7 +230,7 @@ def _of_obstacle(obstacle: Mapping[str, Any], base: Array, reach: float) -> tupl
     if points is not None:
         radius = max(shape["radius"], _DOT * reach)
         return tuple(Capsule(point, point, radius) for point in points)
-    first = rotation(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
+    first = matrices(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
     return (solid(*geometry.core_in_space(shape, None, first.T @ base, reach)),)
 
 

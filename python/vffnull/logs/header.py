@@ -17,11 +17,11 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._files import digest
-from vffnull._outcome import Metrics, Outcome, Replan, Status
-from vffnull._record import QUANTITIES, Layout, recorded
-from vffnull.errors import InputError, VffNullError
-from vffnull.scenario import Scenario
+from vffnull._support.errors import InputError, VffNullError
+from vffnull._support.files import digest
+from vffnull.model.outcome import Metrics, Outcome, Replan, Status
+from vffnull.model.record import QUANTITIES, Layout, recorded
+from vffnull.model.scenario import Scenario
 
 __all__ = ["Arrays", "Header", "foreign", "pack", "restore", "split", "unpack"]
 

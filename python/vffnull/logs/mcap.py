@@ -15,21 +15,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._extras import extra
-from vffnull._record import Layout, recorded
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
 from vffnull.logs import foxglove, header
 from vffnull.logs.frames import description, tree_of
+from vffnull.model.record import Layout, recorded
 
 if TYPE_CHECKING:
-    from vffnull.result import Result
+    from vffnull.model.outcome import Outcome
 
 TOPIC = "/vffnull"
 DESCRIPTION = "/robot_description"
 """Where Foxglove looks for a robot."""
 
 
-def write(result: Result, path: Path) -> None:
+def write(result: Outcome, path: Path) -> None:
     """Write a result; simulated time counts from 0 as the log's time."""
     library = extra("mcap.writer", "mcap")
     with path.open("wb") as stream:
@@ -55,7 +55,7 @@ def write(result: Result, path: Path) -> None:
 _Channel = tuple[str, str, dict[str, Any], Iterable[tuple[int, dict[str, Any]]]]
 
 
-def _channels(result: Result, robot: str | None) -> Iterator[_Channel]:
+def _channels(result: Outcome, robot: str | None) -> Iterator[_Channel]:
     """Topic, name of the schema, schema, and messages with their times [ns]."""
     arrays = {"t": result.t, **recorded(result)}
     layout = result.layout

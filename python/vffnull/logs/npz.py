@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._record import recorded
 from vffnull.logs import header
+from vffnull.model.record import recorded
 
 if TYPE_CHECKING:
-    from vffnull._outcome import Outcome
+    from vffnull.model.outcome import Outcome
 
 
 def write(result: Outcome, path: Path) -> None:

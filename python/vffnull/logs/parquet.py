@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vffnull._extras import extra
+from vffnull._support.extras import extra
 from vffnull.logs import arrow, header
 
 if TYPE_CHECKING:
-    from vffnull._outcome import Outcome
+    from vffnull.model.outcome import Outcome
 
 
 def write(result: Outcome, path: Path) -> None:

@@ -13,22 +13,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _record
-from vffnull._arm import quaternion
-from vffnull._extras import extra
-from vffnull.errors import InputError
+from vffnull._core import quaternions
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
 from vffnull.logs import header
+from vffnull.model import record as _record
 
 if TYPE_CHECKING:
+    from vffnull.draw.primitives import Role
     from vffnull.logs.frames import Frame
-    from vffnull.plotting.primitives import Role
-    from vffnull.result import Result
+    from vffnull.model.outcome import Outcome
 
 GROUPS: dict[Role, str] = {"base": "arm", "link": "arm", "tool": "arm", "obstacle": "obstacles"}
 """Where the frames of a role are below ``scene``; others are there themselves."""
 
 
-def write(result: Result, path: Path) -> None:
+def write(result: Outcome, path: Path) -> None:
     """Write a result."""
     rr = extra("rerun", "rerun")
     with rr.RecordingStream("vffnull") as log:
@@ -41,7 +41,7 @@ def write(result: Result, path: Path) -> None:
         log.flush()
 
 
-def _plots(rr: Any, log: Any, result: Result) -> None:
+def _plots(rr: Any, log: Any, result: Outcome) -> None:
     """Every recorded number over time, named with its unit."""
     layout = result.layout
     time = [rr.TimeColumn("t", duration=result.t)]
@@ -53,9 +53,9 @@ def _plots(rr: Any, log: Any, result: Result) -> None:
             log.send_columns(f"record/{name}", time, rr.Scalars.columns(scalars=rows.astype(float)))
 
 
-def _plane(rr: Any, log: Any, result: Result) -> None:
-    from vffnull.plotting import geometry
-    from vffnull.plotting.primitives import Scene
+def _plane(rr: Any, log: Any, result: Outcome) -> None:
+    from vffnull.draw import geometry
+    from vffnull.draw.primitives import Scene
 
     log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
     time = [rr.TimeColumn("t", duration=result.t)]
@@ -76,7 +76,7 @@ def _plane(rr: Any, log: Any, result: Result) -> None:
         log.send_columns(f"scene/obstacle_{i}", time, _columns(rr, places, turned))
 
 
-def _space(rr: Any, log: Any, result: Result) -> None:
+def _space(rr: Any, log: Any, result: Outcome) -> None:
     from vffnull.logs.frames import description, tree_of
 
     log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -101,7 +101,7 @@ def _columns(rr: Any, places: NDArray[Any], turned: NDArray[Any]) -> Any:
 
 
 def _xyzw(turned: NDArray[Any]) -> NDArray[Any]:
-    return np.roll(quaternion(turned), -1, axis=-1)
+    return np.roll(quaternions(turned), -1, axis=-1)
 
 
 def _solids(rr: Any, frame: Frame, reach: float) -> list[tuple[str, Any]]:

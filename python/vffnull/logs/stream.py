@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from vffnull import _core, _record
-from vffnull._arguments import number, whole
-from vffnull._extras import extra
-from vffnull._record import Layout
-from vffnull.errors import InputError, InputTypeError
+import vffnull._core as _core
+from vffnull._support.arguments import number, whole
+from vffnull._support.errors import InputError, InputTypeError
+from vffnull._support.extras import extra
 from vffnull.logs import arrow
-from vffnull.scenario import ScenarioLike, prepare
+from vffnull.model import record as _record
+from vffnull.model.record import Layout
+from vffnull.model.scenario import ScenarioLike, prepare
 
 if TYPE_CHECKING:
     import pyarrow

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vffnull import _core
-from vffnull._arguments import number, whole
-from vffnull._document import Document
-from vffnull.errors import InputError, InputTypeError
+import vffnull._core as _core
+from vffnull._support.arguments import number, whole
+from vffnull._support.errors import InputError, InputTypeError
+from vffnull.model.document import Document
+from vffnull.model.scenario import Scenario, ScenarioLike, prepare
 from vffnull.planning.motion import Plan, PlanStatus
-from vffnull.scenario import Scenario, ScenarioLike, prepare
 
 __all__ = ["Goal", "plan"]
 
@@ -59,7 +59,8 @@ def plan(
     time : float, optional
         When the motion starts [s]: obstacles are where their motion has them then.
     margin : float, optional
-        What every link keeps from obstacles [m]; less where start or goal have less.
+        What every link keeps from obstacles [m]; less near a start or goal that has less, and less all the
+        way where nothing else is found: the message says so.
     horizon : float or None, optional
         For how long the places that obstacles will pass are kept free [s], as their motion is known. With 0
         they are
@@ -118,7 +119,14 @@ def plan(
 def _finished(ready: Scenario, found: dict[str, Any], wall_time: float) -> Plan:
     tip = np.array(ready.arm.forward_kinematics(found["q"])[:, -1])
     status = PlanStatus(found.pop("status"))
-    return Plan(status=status, tip=tip, wall_time=wall_time, **found)
+    ignored = tuple((str(a), str(b)) for a, b in _ignored(ready.to_dict()["arm"]))
+    return Plan(status=status, tip=tip, wall_time=wall_time, ignored=ignored, **found)
+
+
+def _ignored(arm: Mapping[str, Any]) -> list[Sequence[str]]:
+    """The pairs of links that an arm ignores."""
+    of_model = _core.arm_model(arm["model"]).get("ignore", []) if "model" in arm else []
+    return [*of_model, *arm.get("ignore", [])]
 
 
 def _aimed(document: Document, goal: Goal | None, dimension: int) -> tuple[Document, list[float] | None]:

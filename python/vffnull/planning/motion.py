@@ -6,7 +6,7 @@ import json
 import math
 import os
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vffnull import _core
-from vffnull._files import digest, replacing
-from vffnull.errors import InputError
+import vffnull._core as _core
+from vffnull._support.errors import InputError
+from vffnull._support.files import digest, replacing
 
 __all__ = ["Plan", "PlanStatus"]
 
 Array = NDArray[np.float64]
 
 _FORMAT = 1
-_ARRAYS = ("t", "q", "dq", "ddq", "tip")
+_ARRAYS = ("t", "q", "dq", "ddq", "tip", "margins")
 _NUMBERS = ("clearance", "margin", "gap", "samples", "nodes", "wall_time")
 
 
@@ -72,12 +72,13 @@ class Plan:
     tip : (k, 2) or (k, 3) ndarray
         Positions of the tip at `q` [m].
     clearance : float
-        The smallest distance from obstacles, at the instants and seven times in between [m]; at the start if
-        nothing was found. Infinite if there is nothing.
+        The smallest distance from obstacles, at the instants and seven times in between [m]. Infinite if
+        there is nothing. Where start or goal are blocked, the distance of what blocks them; at the start if
+        nothing was found otherwise.
     margin : float
-        The distance that the path keeps [m], half of it where corners were rounded: that which was asked
-        for, or 90 %
-        of what start or goal have.
+        The distance that the path keeps where it keeps least [m], half of it where corners were rounded: that
+        which was asked for, or 90 % of what a start or goal has near that, and all the way where nothing else
+        was found.
     gap : float
         What was left to a goal: joint angles, taken together as a vector [rad], if no path was found; a
         distance [m],
@@ -88,7 +89,12 @@ class Plan:
         How long planning took [s].
     message : str
         The status in a sentence: what is in the way of which link, or which joint, by how much, and what
-        would help.
+        would help. Of a motion, where it keeps less than the margin.
+    margins : (k, n) ndarray
+        What each link is certain to keep from obstacles between each instant and the next, the smaller of
+        both [m]: barriers that follow the plan keep no more. Empty if nothing was found, and in older files.
+    ignored : tuple of (str, str)
+        Pairs of links that were not measured against each other: the ``ignore`` of the arm.
     """
 
     status: PlanStatus
@@ -104,6 +110,8 @@ class Plan:
     nodes: int
     wall_time: float
     message: str = ""
+    margins: Array = field(default_factory=lambda: np.empty((0, 0)))
+    ignored: tuple[tuple[str, str], ...] = ()
 
     @property
     def duration(self) -> float:
@@ -121,7 +129,8 @@ class Plan:
             If nothing was found.
         """
         self._needed()
-        return {"kind": "plan", "times": self.t.tolist(), "points": self.q.tolist()}
+        made = {"kind": "plan", "times": self.t.tolist(), "points": self.q.tolist()}
+        return made | {"margins": self.margins.tolist()} if len(self.margins) else made
 
     def at(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations of the joints at any instants.
@@ -168,6 +177,7 @@ class Plan:
         path = checked_path(path)
         header = {"format": _FORMAT, "version": _core.__version__, "status": str(self.status)}
         header["message"] = self.message
+        header["ignored"] = self.ignored
         header |= {name: getattr(self, name) for name in _NUMBERS}
         arrays: dict[str, Any] = {name: getattr(self, name) for name in _ARRAYS}
         header["digest"] = digest(json.dumps(header), arrays.values())
@@ -190,7 +200,9 @@ class Plan:
         try:
             with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 header = json.loads(str(file["vffnull_plan"]))
-                arrays: dict[str, Any] = {name: np.asarray(file[name]) for name in _ARRAYS}
+                # Files of older versions have no margins.
+                names = [name for name in _ARRAYS if name != "margins" or name in file]
+                arrays: dict[str, Any] = {name: np.asarray(file[name]) for name in names}
             if header["format"] != _FORMAT:
                 raise InputError(
                     f"{path}: a plan in format {str(header['format'])[:20]}; "
@@ -201,7 +213,9 @@ class Plan:
                 raise InputError(f"{path}: damaged: its digest is not that of what it holds")
             values: dict[str, Any] = {name: type_(header[name]) for name, type_ in _types().items()}
             message = str(header.get("message", ""))  # older files have none
-            plan = cls(status=PlanStatus(header["status"]), message=message, **values, **arrays)
+            ignored = tuple((str(a), str(b)) for a, b in header.get("ignored", ()))
+            status = PlanStatus(header["status"])
+            plan = cls(status=status, message=message, ignored=ignored, **values, **arrays)
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, EOFError, AttributeError, zipfile.BadZipFile, MemoryError):
@@ -221,6 +235,7 @@ class Plan:
             and self.tip.shape[1] in (2, 3)
             and self.dq.shape == self.ddq.shape == ((times, points[1]) if found else (0, points[1]))
             and times == (points[0] if found else 0)
+            and (not self.margins.size or (found and self.margins.shape == points))
             and all(np.isfinite(getattr(self, name)).all() for name in _ARRAYS)
             and not any(math.isnan(getattr(self, name)) for name in _NUMBERS)
         )

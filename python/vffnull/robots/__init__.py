@@ -7,6 +7,7 @@ command. `Robot` says what else it may have. The modules are adapters for robots
 - `vffnull.robots.mujoco`: an arm in MuJoCo (``pip install "vffnull[mujoco]"``);
 - `vffnull.robots.franka`: Franka's arms, by pylibfranka (``pip install "vffnull[franka]"``);
 - `vffnull.robots.ur`: Universal Robots' arms, by ur_rtde (``pip install "vffnull[ur]"``);
+- `vffnull.robots.emulated`: the interfaces of the last two with their makers' rules, and no robot behind;
 - `vffnull.robots.checks`: the model of an arm against the robot, before the first motion.
 
 `franka` and `ur` have not been run on hardware; each says what to check first.
@@ -14,6 +15,6 @@ command. `Robot` says what else it may have. The modules are adapters for robots
 
 from __future__ import annotations
 
-from vffnull.robots.protocol import CommandKind, Robot, State
+from vffnull.model.robot import CommandKind, Robot, State
 
 __all__ = ["CommandKind", "Robot", "State"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vffnull._arguments import array, positive, whole
+from vffnull._support.arguments import array, positive, whole
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

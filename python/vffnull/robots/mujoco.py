@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vffnull._arguments import array, number
-from vffnull._extras import extra
+from vffnull._support.arguments import array, number
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
 from vffnull.engines.export import to_mjcf
-from vffnull.errors import InputError
 
 if TYPE_CHECKING:
     import mujoco
     from numpy.typing import ArrayLike, NDArray
 
     from vffnull._core import Arm
-    from vffnull.robots.protocol import CommandKind, State
-    from vffnull.world import Obstacle
+    from vffnull.model.robot import CommandKind, State
+    from vffnull.model.world import Obstacle
 
     Array = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class MuJoCoRobot:
         step: float = 1e-3,
         period: float | None = None,
     ) -> MuJoCoRobot:
-        """The arm with a motor per joint, as `vffnull.export.to_mjcf` describes it.
+        """The arm with a motor per joint, as `vffnull.engines.export.to_mjcf` describes it.
 
         Parameters
         ----------

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from vffnull._arguments import number, whole
-from vffnull.errors import InputError, InputTypeError
+from vffnull._support.arguments import number, whole
+from vffnull._support.errors import InputError, InputTypeError
 
 __all__ = ["Keyed"]
 

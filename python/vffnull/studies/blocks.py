@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from vffnull import _core
-from vffnull._document import Document
-from vffnull.errors import ScenarioError
+import vffnull._core as _core
+from vffnull._support.errors import ScenarioError
+from vffnull.model.document import Document
 from vffnull.studies.document import Block, Plan
+from vffnull.studies.downsampled import records_part
 from vffnull.studies.parts import Part, runs_part
-from vffnull.studies.thinned import records_part
 
 __all__ = ["REFUSED", "Report", "Stopped", "compute"]
 

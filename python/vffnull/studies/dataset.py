@@ -6,10 +6,10 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from vffnull._extras import extra
-from vffnull._interrupts import heard
-from vffnull.errors import InputError
-from vffnull.report import check_path, save
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.interrupts import heard
+from vffnull.draw.report import check_path, save
 from vffnull.studies.findings import Findings, findings
 from vffnull.studies.reading import Runs
 from vffnull.studies.tuning import Tuned, trials_of

@@ -15,8 +15,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._extras import extra
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
 from vffnull.studies._keyed import Keyed
 from vffnull.studies.factors import Factor
 

@@ -19,17 +19,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull import _core
-from vffnull._document import Document, plain
-from vffnull._keys import nearest
-from vffnull._record import QUANTITIES, Layout
-from vffnull.errors import InputError, InputTypeError, ScenarioError
-from vffnull.scenario import check_overrides, with_hint
+import vffnull._core as _core
+from vffnull._support.errors import InputError, InputTypeError, ScenarioError
+from vffnull.model.document import Document, plain
+from vffnull.model.keys import nearest
+from vffnull.model.record import QUANTITIES, Layout
+from vffnull.model.scenario import check_overrides, with_hint
+from vffnull.model.settings import setting
 from vffnull.studies._keyed import Keyed, finite
 from vffnull.studies.designs import DESIGNS, MOST, Counted, Design, read_design
 from vffnull.studies.factors import Factor, read_factor
-from vffnull.studies.given import columns_of, read_table, with_spread
 from vffnull.studies.scenes import Base, read_base
+from vffnull.studies.tabulated import columns_of, read_table, with_spread
 
 __all__ = ["FIXED", "Block", "Goal", "Plan", "Records", "Tuning", "read_plan"]
 
@@ -210,8 +211,7 @@ class Plan:
             return self.block_runs
         together = self.per_point if self.design is None else self.runs
         base = self.base.document(0, self.overrides)
-        simulation = base.get("simulation", {})
-        steps = float(base["duration"]) / float(simulation.get("dt", 1e-3))
+        steps = float(base["duration"]) / float(setting(base, "simulation.dt"))
         joints = len(base["q0"])
         most = max(_BLOCK_TIME / (steps * joints * _NOMINAL), together / _MOST_BLOCKS)
         most = min(most, _MOST_IN_BLOCK)

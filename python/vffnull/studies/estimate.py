@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vffnull import _core
-from vffnull.errors import ScenarioError
+import vffnull._core as _core
+from vffnull._support.errors import ScenarioError
 from vffnull.studies.blocks import compute
 from vffnull.studies.document import Block, Plan
-from vffnull.studies.glance import broken_off
+from vffnull.studies.probe import probe
 
 __all__ = ["Estimate", "estimated"]
 
@@ -73,7 +73,7 @@ def estimated(plan: Plan) -> Estimate:
             continue
         total += float(document["duration"])
         if time.monotonic() - begin < _ENOUGH:
-            outcome = broken_off(document, begin + _ENOUGH - time.monotonic(), False)
+            outcome = probe(document, begin + _ENOUGH - time.monotonic(), False)
             spent, simulated = spent + outcome["wall_time"], simulated + outcome["end_time"]
             if outcome["status"] != "interrupted":
                 whole.append(Block(len(whole), number, number + 1, row[None]))

@@ -11,8 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._document import plain
-from vffnull.errors import InputError, InputTypeError
+from vffnull._support.errors import InputError, InputTypeError
+from vffnull.model.document import plain
 from vffnull.studies._keyed import Keyed, finite, kind
 
 __all__ = ["Factor", "read_factor"]

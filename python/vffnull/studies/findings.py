@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
 from vffnull.evaluation.table import Rate, wilson
 from vffnull.studies.designs import Saltelli
 from vffnull.studies.effects import Indices, explained, indices

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from vffnull import _core
-from vffnull._document import Document
-from vffnull._extras import extra
-from vffnull._files import digest
-from vffnull.errors import InputError
+import vffnull._core as _core
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.files import digest
+from vffnull.model.document import Document
 from vffnull.studies.document import Plan
+from vffnull.studies.downsampled import record_schema_of
 from vffnull.studies.parts import schema_of
 from vffnull.studies.store import Store
-from vffnull.studies.thinned import record_schema_of
 
 __all__ = ["MANIFEST", "begun", "manifest_of", "read_manifest", "versions"]
 

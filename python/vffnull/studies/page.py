@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from bokeh.embed import components
 
-from vffnull.plotting.style import prefixed
-from vffnull.report.frame import fill
+from vffnull.draw.report.frame import fill
+from vffnull.draw.style import prefixed
 from vffnull.studies import pictures
 from vffnull.studies.findings import Findings, chosen, findings, whole_runs
 from vffnull.studies.reading import Runs

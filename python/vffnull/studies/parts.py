@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from vffnull import _core
-from vffnull._extras import extra
+import vffnull._core as _core
+from vffnull._support.extras import extra
 from vffnull.studies.document import FIXED, Block, Plan
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from bokeh.plotting import figure
 from bokeh.transform import linear_cmap
 from numpy.typing import NDArray
 
-from vffnull.plotting.style import ALARM, INK, MUTED
+from vffnull.draw.style import ALARM, INK, MUTED
 from vffnull.studies.effects import bins_of, effect, explained, front
 from vffnull.studies.factors import Factor
 from vffnull.studies.findings import FAILURES, coordinates

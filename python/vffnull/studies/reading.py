@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._document import Document
-from vffnull._extras import extra
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull.model.document import Document
 from vffnull.studies.document import Plan, read_plan
 from vffnull.studies.manifest import MANIFEST, read_manifest
 from vffnull.studies.parts import READERS, Kind, named

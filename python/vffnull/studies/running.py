@@ -9,13 +9,13 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from vffnull._extras import extra
-from vffnull._progress import Counter
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.progress import Counter
 from vffnull.studies.document import Block, Plan
+from vffnull.studies.executors import Done, Executor
 from vffnull.studies.manifest import begun
 from vffnull.studies.parts import KINDS, READERS, Part, named, wanted
-from vffnull.studies.places import Done, Site
 from vffnull.studies.store import Store
 
 __all__ = ["Begun", "begin", "carry_out", "verified"]
@@ -106,7 +106,7 @@ def carry_out(
     plan: Plan,
     store: Store,
     token: str,
-    site: Site,
+    executor: Executor,
     blocks: Iterable[Block],
     report: Counter | None,
     total: int,
@@ -115,7 +115,7 @@ def carry_out(
 
     Parameters
     ----------
-    plan, store, token, site
+    plan, store, token, executor
         What is computed, where it is written, under which lock, and who computes.
     blocks : iterable of Block
         What is to be done.
@@ -130,7 +130,7 @@ def carry_out(
         if report is not None:
             report(over + under_way, total)
 
-    with closing(site.each(plan, iter(blocks), store, token, told)) as found:  # type: ignore[type-var]
+    with closing(executor.each(plan, iter(blocks), store, token, told)) as found:  # type: ignore[type-var]
         for done in found:
             for part in done.parts[::-1]:
                 if part.data is not None:

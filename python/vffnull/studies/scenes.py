@@ -8,11 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from vffnull._arm_files import explicit
-from vffnull._document import Document, plain
-from vffnull.errors import InputError, InputTypeError
+from vffnull._support.errors import InputError, InputTypeError
 from vffnull.evaluation.scenes import ARMS, EVALUATION, FAMILIES, TASKS, TRAINING, in_space, random
-from vffnull.scenario import Scenario, changed, source_of
+from vffnull.model.arm_files import explicit
+from vffnull.model.document import Document, plain
+from vffnull.model.scenario import Scenario, changed, source_of
 from vffnull.studies._keyed import Keyed
 
 __all__ = ["Base", "read_base"]
@@ -147,6 +147,6 @@ def _known(path: str, value: str, known: Iterable[str]) -> None:
 
 
 def _joints(table: Keyed, i: int, value: Any) -> int:
-    from vffnull._arguments import whole
+    from vffnull._support.arguments import whole
 
     return whole(f"{table.at('joints')}[{i}]", value, 3, 12)

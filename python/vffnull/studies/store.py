@@ -15,9 +15,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-from vffnull._extras import extra
-from vffnull._files import replacing
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.files import replacing
 
 __all__ = ["LOCK", "Store", "opened"]
 

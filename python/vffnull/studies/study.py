@@ -8,18 +8,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vffnull import _core, _progress
-from vffnull._arguments import whole
-from vffnull._document import Document
-from vffnull._extras import extra
-from vffnull._progress import Counter, counted
-from vffnull.errors import InputError
-from vffnull.scenario import Scenario, read, shown
+import vffnull._core as _core
+from vffnull._support import progress as _progress
+from vffnull._support.arguments import whole
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.progress import Counter, counted
+from vffnull.model.document import Document
+from vffnull.model.scenario import Scenario, read, shown
 from vffnull.studies.dataset import Dataset
 from vffnull.studies.document import Plan, read_plan
 from vffnull.studies.estimate import Estimate, estimated
+from vffnull.studies.executor import check_executor, executor
 from vffnull.studies.running import Begun, Tell, begin, carry_out, missing, new_token, runs_of
-from vffnull.studies.sites import check_site, site
 from vffnull.studies.store import Store, opened
 from vffnull.studies.tuning import Tuned, tune
 
@@ -74,7 +75,7 @@ class Study:
     ``seed``          of the design and of all runs; 0 by default
     ``seeds``         ``"run"``, every run has its own, or ``"repetition"``, the same for all points
     ``metrics``       which to keep; all by default
-    ``[records]``     thinned records: ``every`` so many steps, ``quantities``
+    ``[records]``     downsampled records: ``every`` so many steps, ``quantities``
     ``[block]``       ``runs`` of a block; by default some seconds of work
     ``[tune]``        ``trials``, ``objectives = [{ metric, direction, over, missing }]``, ``sampler``
                       (``tpe``, ``random``, ``nsga2``), ``batch``
@@ -317,7 +318,7 @@ def _open(
 ) -> Iterator[tuple[Store, str, Any, Begun]]:
     """Lock the directory, verify what is there, and connect to who computes."""
     _progress.check(progress)
-    check_site(threads, workers, scheduler)
+    check_executor(threads, workers, scheduler)
     for module in ("pyarrow", "scipy"):
         extra(module, "study")
     store, token = opened(out), new_token()
@@ -327,7 +328,7 @@ def _open(
             of = f" of {plan.blocks}" if plan.design is not None else ""
             damaged = f", and {begun.damaged} damaged parts are made again" if begun.damaged else ""
             tell(f"{len(begun.blocks)}{of} blocks are there and whole{damaged}")
-        with site(threads, workers, scheduler, tell) as where:
+        with executor(threads, workers, scheduler, tell) as where:
             yield store, token, where, begun
 
 

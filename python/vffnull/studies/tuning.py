@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._extras import extra
-from vffnull._progress import Counter
-from vffnull.errors import InputError
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull._support.progress import Counter
 from vffnull.studies.document import Goal, Plan
+from vffnull.studies.executors import Executor
 from vffnull.studies.factors import Factor
 from vffnull.studies.parts import Part, named
-from vffnull.studies.places import Site
 from vffnull.studies.reading import Runs
 from vffnull.studies.running import Begun, carry_out
 from vffnull.studies.store import Store
@@ -90,7 +90,13 @@ class Tuned:
 
 
 def tune(
-    plan: Plan, store: Store, token: str, site: Site, begun: Begun, trials: int, report: Counter | None
+    plan: Plan,
+    store: Store,
+    token: str,
+    executor: Executor,
+    begun: Begun,
+    trials: int,
+    report: Counter | None,
 ) -> Iterator[int]:
     """Try candidates until there are so many; yields the number of those that are over.
 
@@ -98,7 +104,7 @@ def tune(
     ----------
     plan : Plan
         The study, as a tuning.
-    store, token, site, begun, report
+    store, token, executor, begun, report
         As for `carry_out`.
     trials : int
         How many there are to be in all.
@@ -137,7 +143,7 @@ def tune(
                 if report is not None:
                     report(base + done, total)
 
-            for done in carry_out(plan, store, token, site, blocks, told, total):
+            for done in carry_out(plan, store, token, executor, blocks, told, total):
                 parts |= {part.block: part for part in done.parts if part.kind == "runs"}
                 over += done.runs
             for number, trial in running.items():

@@ -62,7 +62,7 @@ impl Torque {
 pub struct Law {
     /// The result of the last evaluation.
     pub torque: Torque,
-    /// C q̇ + g at the state of the last evaluation \[N·m\].
+    /// C q̇ + g at the state of the last evaluation, less the external torque that an observer knows \[N·m\].
     pub bias: Vec<f64>,
     /// ½ (N q̇)ᵀ M N q̇ \[J\].
     pub null_energy: f64,

@@ -84,7 +84,7 @@ impl Parts {
 }
 
 /// The largest s ∈ \[0, 1\] with |rest + s part| ≤ limit at every joint, if there is one.
-pub(crate) fn largest_share(rest: &[f64], part: &[f64], limit: &[f64]) -> Option<f64> {
+fn largest_share(rest: &[f64], part: &[f64], limit: &[f64]) -> Option<f64> {
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
     for ((rest, part), limit) in rest.iter().zip(part).zip(limit) {
         if *part == 0.0 {

@@ -7,6 +7,15 @@
 use nalgebra::{SMatrix, SVector};
 
 /// S for a task of dimension `M`.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use vff_core::control::TaskMetric;
+///
+/// // In the plane an angle counts as its arc at 0.5 m.
+/// let metric = TaskMetric::<3>::new::<2>(0.5);
+/// assert_eq!(metric.norm(&Vector3::new(0.3, 0.0, 0.8)), 0.5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TaskMetric<const M: usize> {
     scale: SVector<f64, M>,

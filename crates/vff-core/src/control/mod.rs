@@ -3,7 +3,7 @@
 //! [`ReactiveController`] strings the parts together: [`operational_space`] (Λ and the null projector),
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
-//! where that is not enough). [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
+//! where that is not enough); [`observer`] estimates what its model does not know. [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
 //! [`output`] is what stands between its torque and a robot.
 
 pub mod avoidance;
@@ -11,10 +11,12 @@ mod controller;
 pub mod distance;
 pub mod energy;
 pub mod extended_jacobian;
+mod gains;
 pub mod law;
 pub mod limits;
 pub mod metric;
 mod moving_posture;
+pub mod observer;
 pub mod operational_space;
 pub mod output;
 pub mod quadratic_program;
@@ -25,16 +27,19 @@ pub mod task;
 pub mod torque_range;
 pub mod virtual_forces;
 
-pub use avoidance::Yielding;
 pub use controller::{Controller, ReactiveController};
 pub use energy::{Energy, Power};
+pub use gains::{Gains, NullDamping};
 pub use law::{Law, Torque};
 pub use limits::ObjectiveScale;
 pub use metric::TaskMetric;
 pub use operational_space::OperationalSpace;
-pub use output::{CommandSettings, Gravity, Output};
+pub use output::Output;
 pub use sampling::StablePeriod;
-pub use settings::{Avoidance, Formulation, Gains, Projection, SelfCollision, Settings, TaskKind};
+pub use settings::{
+    Avoidance, CommandSettings, Formulation, Gravity, Keep, PreviewSettings, Projection,
+    SelfCollision, Settings, TaskKind, Yielding,
+};
 pub use tank::Tank;
 pub use torque_range::TorqueRange;
 pub use virtual_forces::VirtualForces;

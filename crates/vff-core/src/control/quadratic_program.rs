@@ -4,18 +4,18 @@
 //! min ½ xᵀHx + gᵀx + Σ ½ δ_i²/s_i     so that     a_i·x + δ_i ≥ b_i
 //! ```
 //!
-//! A row of softness s_i = 0 is hard (δ_i = 0); a soft row may be violated by δ_i at a cost, so that a QP
-//! whose hard rows do not contradict each other always has a solution.
+//! A constraint of softness s_i = 0 is hard (δ_i = 0); a soft constraint may be violated by δ_i at a cost, so that a QP
+//! whose hard constraints do not contradict each other always has a solution.
 //!
 //! The method of D. Goldfarb and A. Idnani (*A numerically stable dual method for solving strictly
-//! convex quadratic programs*, 1983) starts from the minimum without rows and adds violated rows one
+//! convex quadratic programs*, 1983) starts from the minimum without constraints and adds violated constraints one
 //! by one, dropping those whose multipliers would become negative. Most instants of a controller need one
-//! row or none, and the method needs no feasible point to start from. It keeps
-//! `JᵀHJ = I` and `JᵀN = [R; 0]` for the normals N of the active rows, R upper triangular.
+//! constraint or none, and the method needs no feasible point to start from. It keeps
+//! `JᵀHJ = I` and `JᵀN = [R; 0]` for the normals N of the active constraints, R upper triangular.
 
 use crate::interrupt;
 
-/// What is to be minimised, and under which rows (constraints). m rows, n unknowns.
+/// What is to be minimised, and under which constraints: m of them, n unknowns.
 #[derive(Debug, Clone, Copy)]
 pub struct Problem<'a> {
     /// H, (n, n) row by row, symmetric and positive definite; its lower triangle is read.
@@ -26,7 +26,7 @@ pub struct Problem<'a> {
     pub normals: &'a [f64],
     /// The bounds b_i, (m).
     pub bounds: &'a [f64],
-    /// s_i ≥ 0, (m): 0 for a hard row.
+    /// s_i ≥ 0, (m): 0 for a hard constraint.
     pub softness: &'a [f64],
 }
 
@@ -35,17 +35,33 @@ pub struct Problem<'a> {
 pub enum Outcome {
     /// At its minimum.
     Solved,
-    /// The hard rows contradict each other.
+    /// The hard constraints contradict each other.
     Infeasible,
     /// H is not positive definite.
     NotConvex,
-    /// Not finished within the allowed number of iterations or of violated soft rows; the unknowns are those of
-    /// the QP without the rows that were not reached.
+    /// Not finished within the allowed number of iterations or of violated soft constraints; the unknowns are those of
+    /// the QP without the constraints that were not reached.
     Unfinished,
 }
 
 /// The solver with its workspace; nothing allocates after [`new`](Self::new)
 /// and [`reserve`](Self::reserve).
+///
+/// ```
+/// use vff_core::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
+///
+/// // The point nearest to (0, 0) whose coordinates add up to 2 or more.
+/// let problem = Problem {
+///     hessian: &[1.0, 0.0, 0.0, 1.0],
+///     gradient: &[0.0, 0.0],
+///     normals: &[1.0, 1.0],
+///     bounds: &[2.0],
+///     softness: &[0.0],
+/// };
+/// let mut program = QuadraticProgram::new(2, 1, 0);
+/// assert_eq!(program.solve(&problem), Outcome::Solved);
+/// assert!(program.x().iter().all(|x| (x - 1.0).abs() < 1e-12));
+/// ```
 #[derive(Debug, Clone)]
 pub struct QuadraticProgram {
     n: usize,
@@ -59,16 +75,16 @@ pub struct QuadraticProgram {
     j: Vec<f64>,
     /// R, column by column.
     r: Vec<f64>,
-    /// Jᵀa of the row that is being added, and what becomes of it.
+    /// Jᵀa of the constraint that is being added, and what becomes of it.
     d: Vec<f64>,
-    /// Rates of change of the active rows' multipliers.
+    /// Rates of change of the active constraints' multipliers.
     rates: Vec<f64>,
-    /// Active rows, in the order of the columns of R, and their multipliers.
+    /// Active constraints, in the order of the columns of R, and their multipliers.
     active: Vec<usize>,
     multipliers: Vec<f64>,
-    /// Which unknown is the δ of a row, [`UNTOUCHED`] if none yet.
+    /// Which unknown is the δ of a constraint, [`UNTOUCHED`] if none yet.
     slack: Vec<usize>,
-    /// Rows that the search passes over: active ones, and those that depend on active ones.
+    /// Constraints that the search passes over: active ones, and those that depend on active ones.
     passed: Vec<bool>,
     /// |a_i|.
     lengths: Vec<f64>,
@@ -76,16 +92,16 @@ pub struct QuadraticProgram {
 }
 
 const UNTOUCHED: usize = usize::MAX;
-/// A row counts as fulfilled within this part of the size of its terms.
+/// A constraint counts as fulfilled within this part of the size of its terms.
 const FULFILLED: f64 = 1e-12;
 /// A normal whose part outside the active ones is smaller than this fraction depends on them.
 const DEPENDENT: f64 = 1e-11;
-/// A dependent row contradicts the active ones if it is violated by more than this part of its terms.
+/// A dependent constraint contradicts the active ones if it is violated by more than this part of its terms.
 const CONTRADICTS: f64 = 1e-10;
 
 impl QuadraticProgram {
-    /// For `n` unknowns and at most `rows` rows, `soft` of which may be violated on the way.
-    pub fn new(n: usize, rows: usize, soft: usize) -> Self {
+    /// For `n` unknowns and at most so many `constraints`, `soft` of which may be violated on the way.
+    pub fn new(n: usize, constraints: usize, soft: usize) -> Self {
         let stride = n + soft;
         Self {
             n,
@@ -98,23 +114,23 @@ impl QuadraticProgram {
             rates: vec![0.0; stride],
             active: Vec::with_capacity(stride),
             multipliers: Vec::with_capacity(stride),
-            slack: vec![UNTOUCHED; rows],
-            passed: vec![false; rows],
-            lengths: vec![0.0; rows],
+            slack: vec![UNTOUCHED; constraints],
+            passed: vec![false; constraints],
+            lengths: vec![0.0; constraints],
             iterations: 0,
         }
     }
 
-    /// Makes room for `rows` rows in all; needed of a clone, too, before it can do without allocating.
-    pub fn reserve(&mut self, rows: usize) {
+    /// Makes room for so many `constraints` in all; needed of a clone, too, before it can do without allocating.
+    pub fn reserve(&mut self, constraints: usize) {
         self.active.clear();
         self.active.reserve(self.stride);
         self.multipliers.clear();
         self.multipliers.reserve(self.stride);
-        if rows > self.slack.len() {
-            self.slack.resize(rows, UNTOUCHED);
-            self.passed.resize(rows, false);
-            self.lengths.resize(rows, 0.0);
+        if constraints > self.slack.len() {
+            self.slack.resize(constraints, UNTOUCHED);
+            self.passed.resize(constraints, false);
+            self.lengths.resize(constraints, 0.0);
         }
     }
 
@@ -123,12 +139,12 @@ impl QuadraticProgram {
         &self.x[..self.n]
     }
 
-    /// The rows that hold with equality, δ included, and their multipliers, > 0.
+    /// The constraints that hold with equality, δ included, and their multipliers, > 0.
     pub fn active(&self) -> impl Iterator<Item = (usize, f64)> {
         self.active.iter().copied().zip(self.multipliers.iter().copied())
     }
 
-    /// How often a row was added or dropped.
+    /// How often a constraint was added or dropped.
     pub fn iterations(&self) -> usize {
         self.iterations
     }
@@ -136,7 +152,7 @@ impl QuadraticProgram {
     /// Solves a QP.
     ///
     /// # Panics
-    /// If it has more rows than there is room for, or a slice has the wrong length.
+    /// If it has more constraints than there is room for, or a slice has the wrong length.
     pub fn solve(&mut self, problem: &Problem<'_>) -> Outcome {
         let (n, m) = (self.n, problem.bounds.len());
         assert_eq!(problem.normals.len(), n * m, "one normal per bound");
@@ -153,11 +169,11 @@ impl QuadraticProgram {
         if !self.factorise(problem.hessian) {
             return Outcome::NotConvex;
         }
-        self.minimise_without_rows(problem.gradient);
+        self.minimise_without_constraints(problem.gradient);
 
         let limit = 20 * (n + m) + 20;
-        while let Some(row) = self.most_violated(problem) {
-            if !self.touch(row, problem) {
+        while let Some(constraint) = self.most_violated(problem) {
+            if !self.touch(constraint, problem) {
                 return Outcome::Unfinished;
             }
             let mut multiplier = 0.0;
@@ -167,15 +183,17 @@ impl QuadraticProgram {
                 if self.iterations > limit {
                     return Outcome::Unfinished;
                 }
-                let outside = self.directions(row, problem);
+                let outside = self.directions(constraint, problem);
                 let (dual, leaving) = self.longest_dual_step();
-                let violation = -self.residual(row, problem);
+                let violation = -self.residual(constraint, problem);
                 if outside == 0.0 && leaving.is_none() {
                     self.polish(problem);
-                    if -self.residual(row, problem) > CONTRADICTS * self.terms(row, problem) {
+                    if -self.residual(constraint, problem)
+                        > CONTRADICTS * self.terms(constraint, problem)
+                    {
                         return Outcome::Infeasible;
                     }
-                    self.passed[row] = true;
+                    self.passed[constraint] = true;
                     break;
                 }
                 let primal = if outside > 0.0 { violation / outside } else { f64::INFINITY };
@@ -190,7 +208,7 @@ impl QuadraticProgram {
                 match leaving {
                     Some(position) if dual < primal => self.drop_row(position),
                     _ => {
-                        self.add(row, multiplier);
+                        self.add(constraint, multiplier);
                         break;
                     }
                 }
@@ -242,7 +260,7 @@ impl QuadraticProgram {
     }
 
     /// x = −J Jᵀ g.
-    fn minimise_without_rows(&mut self, gradient: &[f64]) {
+    fn minimise_without_constraints(&mut self, gradient: &[f64]) {
         let (n, stride) = (self.n, self.stride);
         self.x[..n].fill(0.0);
         for column in self.j.chunks_exact(stride).take(n) {
@@ -252,45 +270,45 @@ impl QuadraticProgram {
     }
 
     /// a·x + δ − b.
-    fn residual(&self, row: usize, problem: &Problem<'_>) -> f64 {
-        let a = &problem.normals[row * self.n..(row + 1) * self.n];
-        let delta = self.slack[row];
+    fn residual(&self, constraint: usize, problem: &Problem<'_>) -> f64 {
+        let a = &problem.normals[constraint * self.n..(constraint + 1) * self.n];
+        let delta = self.slack[constraint];
         let delta = if delta == UNTOUCHED { 0.0 } else { self.x[delta] };
-        dot(a, &self.x[..self.n]) + delta - problem.bounds[row]
+        dot(a, &self.x[..self.n]) + delta - problem.bounds[constraint]
     }
 
     /// The size of the terms of [`residual`](Self::residual), against which it is small or not.
-    fn terms(&self, row: usize, problem: &Problem<'_>) -> f64 {
+    fn terms(&self, constraint: usize, problem: &Problem<'_>) -> f64 {
         let x = &self.x[..self.n];
-        self.lengths[row] * dot(x, x).sqrt() + problem.bounds[row].abs()
+        self.lengths[constraint] * dot(x, x).sqrt() + problem.bounds[constraint].abs()
     }
 
-    /// The row that lies farthest away from x on its wrong side.
+    /// The constraint that lies farthest away from x on its wrong side.
     fn most_violated(&self, problem: &Problem<'_>) -> Option<usize> {
         interrupt::spend(self.n * problem.bounds.len());
         let x = &self.x[..self.n];
         let size = dot(x, x).sqrt();
         let (mut worst, mut found) = (0.0, None);
-        for (row, &bound) in problem.bounds.iter().enumerate() {
-            if self.passed[row] {
+        for (constraint, &bound) in problem.bounds.iter().enumerate() {
+            if self.passed[constraint] {
                 continue;
             }
-            let length = self.lengths[row];
-            let violation = -self.residual(row, problem);
+            let length = self.lengths[constraint];
+            let violation = -self.residual(constraint, problem);
             if violation > FULFILLED * (length * size + bound.abs()) {
                 let distance = if length > 0.0 { violation / length } else { f64::INFINITY };
                 if distance > worst {
-                    (worst, found) = (distance, Some(row));
+                    (worst, found) = (distance, Some(constraint));
                 }
             }
         }
         found
     }
 
-    /// Gives a soft row its δ: one more unknown, with √s on the diagonal of J. False without room.
-    fn touch(&mut self, row: usize, problem: &Problem<'_>) -> bool {
-        let softness = problem.softness[row];
-        if softness <= 0.0 || self.slack[row] != UNTOUCHED {
+    /// Gives a soft constraint its δ: one more unknown, with √s on the diagonal of J. False without room.
+    fn touch(&mut self, constraint: usize, problem: &Problem<'_>) -> bool {
+        let softness = problem.softness[constraint];
+        if softness <= 0.0 || self.slack[constraint] != UNTOUCHED {
             return true;
         }
         let (new, stride) = (self.size, self.stride);
@@ -304,17 +322,17 @@ impl QuadraticProgram {
         column.fill(0.0);
         column[new] = softness.sqrt();
         self.x[new] = 0.0;
-        self.slack[row] = new;
+        self.slack[constraint] = new;
         self.size += 1;
         true
     }
 
     /// d = Jᵀa; the multipliers' rates R⁻¹d₁. Returns |d₂|², the speed at which a step along
-    /// z = J₂d₂ fulfils the row; 0 if the row depends on the active ones.
-    fn directions(&mut self, row: usize, problem: &Problem<'_>) -> f64 {
+    /// z = J₂d₂ fulfils the constraint; 0 if the constraint depends on the active ones.
+    fn directions(&mut self, constraint: usize, problem: &Problem<'_>) -> f64 {
         let (n, size, stride, q) = (self.n, self.size, self.stride, self.active.len());
-        let a = &problem.normals[row * n..(row + 1) * n];
-        let delta = self.slack[row];
+        let a = &problem.normals[constraint * n..(constraint + 1) * n];
+        let delta = self.slack[constraint];
         for (d, column) in self.d[..size].iter_mut().zip(self.j.chunks_exact(stride)) {
             *d = dot(a, &column[..n]) + if delta == UNTOUCHED { 0.0 } else { column[delta] };
         }
@@ -350,8 +368,8 @@ impl QuadraticProgram {
         }
     }
 
-    /// Makes a row active: a reflection of J₂ turns d₂ into a multiple of the first unit vector.
-    fn add(&mut self, row: usize, multiplier: f64) {
+    /// Makes a constraint active: a reflection of J₂ turns d₂ into a multiple of the first unit vector.
+    fn add(&mut self, constraint: usize, multiplier: f64) {
         let (size, stride, q) = (self.size, self.stride, self.active.len());
         let norm = dot(&self.d[q..size], &self.d[q..size]).sqrt();
         let pivot = if self.d[q] > 0.0 { -norm } else { norm };
@@ -373,12 +391,12 @@ impl QuadraticProgram {
         let column = &mut self.r[q * stride..=q * stride + q];
         column[..q].copy_from_slice(&self.d[..q]);
         column[q] = pivot;
-        self.active.push(row);
+        self.active.push(constraint);
         self.multipliers.push(multiplier);
-        self.passed[row] = true;
+        self.passed[constraint] = true;
     }
 
-    /// Drops an active row: rotations make what remains of R triangular again.
+    /// Drops an active constraint: rotations make what remains of R triangular again.
     fn drop_row(&mut self, position: usize) {
         let (size, stride) = (self.size, self.stride);
         self.passed[self.active.remove(position)] = false;
@@ -403,7 +421,7 @@ impl QuadraticProgram {
         }
     }
 
-    /// Takes the rounding error out of the active rows: x −= J₁R⁻ᵀ(residuals).
+    /// Takes the rounding error out of the active constraints: x −= J₁R⁻ᵀ(residuals).
     fn polish(&mut self, problem: &Problem<'_>) {
         let (size, stride) = (self.size, self.stride);
         for k in 0..self.active.len() {
@@ -430,12 +448,14 @@ mod tests {
     fn solve(
         hessian: &[f64],
         gradient: &[f64],
-        rows: &[(&[f64], f64, f64)],
+        constraints: &[(&[f64], f64, f64)],
     ) -> (Outcome, QuadraticProgram) {
-        let normals: Vec<_> = rows.iter().flat_map(|row| row.0.iter().copied()).collect();
-        let bounds: Vec<_> = rows.iter().map(|row| row.1).collect();
-        let softness: Vec<_> = rows.iter().map(|row| row.2).collect();
-        let mut program = QuadraticProgram::new(gradient.len(), rows.len(), rows.len());
+        let normals: Vec<_> =
+            constraints.iter().flat_map(|constraint| constraint.0.iter().copied()).collect();
+        let bounds: Vec<_> = constraints.iter().map(|constraint| constraint.1).collect();
+        let softness: Vec<_> = constraints.iter().map(|constraint| constraint.2).collect();
+        let mut program =
+            QuadraticProgram::new(gradient.len(), constraints.len(), constraints.len());
         let problem =
             Problem { hessian, gradient, normals: &normals, bounds: &bounds, softness: &softness };
         (program.solve(&problem), program)
@@ -460,8 +480,8 @@ mod tests {
     #[test]
     fn soft_rows_share_a_contradiction() {
         // x ≥ 1 and −x ≥ 1 with softness s each: x = 0, δ = 1.
-        let rows: &[(&[f64], f64, f64)] = &[(&[1.0], 1.0, 1e-4), (&[-1.0], 1.0, 1e-4)];
-        let (outcome, program) = solve(&[1.0], &[0.0], rows);
+        let constraints: &[(&[f64], f64, f64)] = &[(&[1.0], 1.0, 1e-4), (&[-1.0], 1.0, 1e-4)];
+        let (outcome, program) = solve(&[1.0], &[0.0], constraints);
         assert_eq!(outcome, Outcome::Solved);
         assert!(program.x()[0].abs() < 1e-13);
         for (_, multiplier) in program.active() {

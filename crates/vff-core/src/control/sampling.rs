@@ -36,7 +36,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
             interrupt::spend(64 * n);
             let compliance = null_compliance(robot, space, &column);
             let mode = stiffness * dot(&column, &compliance);
-            if springs.len() * n >= MOST_NUMBERS {
+            if springs.len() * n >= MAX_NUMBERS {
                 if mode > alone[0] {
                     alone = [mode, stiffness, clearance];
                 }
@@ -76,7 +76,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
 }
 
 /// Numbers that the springs may be made of: a matrix of as many is soon decomposed.
-const MOST_NUMBERS: usize = 1 << 20;
+const MAX_NUMBERS: usize = 1 << 20;
 
 /// The largest mode of the springs together \[1/s²\], and the spring that has the largest part in it.
 fn stiffest_mode(springs: &[Spring], n: usize) -> (f64, usize) {

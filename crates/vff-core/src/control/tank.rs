@@ -5,10 +5,10 @@
 //! approach keeps its full strength.
 
 use crate::math::smoothstep;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// `[controller.tank]`.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct TankSettings {
     /// The most that it holds \[J\], > 0.
@@ -26,6 +26,16 @@ fn floor() -> f64 {
 }
 
 /// The tank at one instant.
+///
+/// ```
+/// use vff_core::control::tank::{Tank, TankSettings};
+///
+/// let mut tank = Tank::new(TankSettings { capacity: 2.0, initial: None, floor: 0.2 });
+/// assert_eq!(tank.share(100.0), 1.0); // it is full
+/// tank.elapse(0.1, -20.0); // repulsion has injected 2 J
+/// assert_eq!(tank.level(), 0.0);
+/// assert!((tank.share(100.0) - 0.2).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tank {
     settings: TankSettings,

@@ -5,13 +5,13 @@
 //! influence distance. The forces of all link–obstacle pairs add up.
 
 use crate::math::Vector;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// Sine of the angle to the normal at which a link slides with 1/√2 of the full force.
 const HEAD_ON: f64 = 0.1;
 
 /// The shape of a field (T27). η is the gain, d_s the influence distance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldKind {
     /// Khatib's potential U = ½ η (1/d − 1/d_s)², the paper's with its missing square; η \[N·m³\].
@@ -33,7 +33,7 @@ pub enum FieldKind {
 /// assert_eq!(field.at(0.0).force, 10.0);
 /// assert!((field.at(0.25).force - 2.5).abs() < 1e-12);
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Field {
     /// The shape of the field.

@@ -1,21 +1,23 @@
 //! The shapes that links carry, and where they come nearest to axes and to each other.
 //!
 //! What is here knows neither robots nor obstacles, and does not move: both sides use it. A file per pair: an `axis`, which is what
-//! remains of a capsule without its radius, and a `point`, a `segment` or a `hull`; a hull and anything convex, their `meeting`; two
-//! bodies of an arm, their `encounter`.
+//! remains of a capsule without its radius, and a `point`, a `segment` or a `hull`; a hull and anything
+//! convex, `convex_hull_query`; two bodies of an arm, their `contact_features`.
 
 pub(crate) mod axis;
 mod body;
-mod encounter;
-mod fewest;
+#[cfg(test)]
+pub(crate) mod cases;
+mod contact_features;
+mod convex_hull_query;
 mod hull;
-mod meeting;
+mod k_smallest;
 pub(crate) mod point;
 pub(crate) mod segment;
 
 pub use axis::{Probe, perpendicular};
 pub use body::{Body, Carried, StillBody};
-pub use encounter::{Encounter, encounter};
-pub(crate) use fewest::Fewest;
-pub use hull::{Hull, HullError, MOST_CORNERS, check_hull, faces_of_hull};
-pub(crate) use meeting::{Convex, MOST_ROWS, Meeting, Onward, averted};
+pub use contact_features::{Encounter, encounter};
+pub(crate) use convex_hull_query::{Convex, MAX_FEATURES, Meeting, Onward, averted};
+pub use hull::{Hull, HullError, MAX_CORNERS, check_hull, faces_of_hull};
+pub(crate) use k_smallest::KSmallest;

@@ -1,5 +1,7 @@
 //! The few types that every layer shares.
 
+#[cfg(test)]
+pub(crate) mod close;
 mod feature;
 mod jerk_limit;
 pub mod memory;

@@ -13,6 +13,16 @@ pub const UNIT_TOLERANCE: f64 = 0.01;
 /// A rotation in space as a quaternion w + x i + y j + z k of norm 1.
 ///
 /// q and −q are the same rotation; [`to_array`](Self::to_array) writes the one with w ≥ 0.
+///
+/// ```
+/// use std::f64::consts::FRAC_PI_2;
+/// use vff_core::math::{UnitQuaternion, Vector};
+///
+/// let quarter = UnitQuaternion::exp(&Vector::<3>::new(0.0, 0.0, FRAC_PI_2));
+/// let turned = quarter.rotate(&Vector::<3>::new(1.0, 0.0, 0.0));
+/// assert!((turned - Vector::<3>::new(0.0, 1.0, 0.0)).norm() < 1e-15);
+/// assert!((quarter.log().z - FRAC_PI_2).abs() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UnitQuaternion {
     w: f64,
@@ -55,7 +65,7 @@ impl UnitQuaternion {
 
     /// The rotation of a quaternion `[w, x, y, z]` of any length but 0.
     #[inline]
-    pub(crate) fn normalised([w, x, y, z]: [f64; 4]) -> Self {
+    pub fn normalised([w, x, y, z]: [f64; 4]) -> Self {
         let v = Vector::<3>::new(x, y, z);
         let norm = (w * w + v.norm_squared()).sqrt();
         Self { w: w / norm, v: v / norm }
@@ -265,7 +275,7 @@ impl Coefficients {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::assert_close;
+    use crate::math::close::assert_close;
     use proptest::prelude::*;
     use std::f64::consts::PI;
 

@@ -1,11 +1,12 @@
 //! One number for all, or one each.
 
-use serde::Deserialize;
 use serde::de::{Deserializer, Error, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A setting per axis, joint or link that may be given once for all of them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
 pub enum ScalarOrVec {
     /// The same everywhere.
     Uniform(f64),

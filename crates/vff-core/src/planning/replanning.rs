@@ -1,15 +1,15 @@
 //! Makes another plan while one is being followed, where that leads nowhere any more (T121).
 
-use super::motion::{Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends};
+use super::motion::{Goal, Jointed, Plan, PlanSettings, PlanStatus, Task, has_ends, ranges_of};
 use crate::control::SelfCollision;
 use crate::interrupt::{self, Watch};
-use crate::leader::led_by;
+use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Model, Robot};
-use crate::scenario::{Prepared, Scenario, ScenarioError};
+use crate::scenario::{CheckReach, Scenario, ScenarioError};
 use crate::simulation::{
     ClosedLoop, Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System,
 };
-use crate::trajectory::{JointSpline, Trajectory};
+use crate::trajectory::{JointSpline, Pace, Trajectory};
 use crate::world::{CollisionQuery, World};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,6 +20,12 @@ use std::thread;
 const STEP: f64 = 0.04;
 /// What is left of the margin in a plan's corners, and a little less.
 const KEPT: f64 = 0.45;
+/// The same of what a plan says that it keeps.
+const CERTAIN: f64 = 0.9;
+/// How often what passes by is waited for before another plan is searched.
+const WAITS: u32 = 3;
+/// Beyond its limits by no more than this, a joint counts as being at them \[rad or m\].
+const AT_LIMIT: f64 = 0.02;
 /// What has to be gained on the way to the goal \[rad or m\] to be progress.
 const PROGRESS: f64 = 0.01;
 /// After a search that finds nothing the next one waits, twice as long each time, from so long to so long \[s\].
@@ -36,8 +42,10 @@ pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     beside: bool,
     search: Option<Search>,
     searches: Vec<Replanned>,
-    /// What the plan keeps from everything \[m\].
+    /// What the plan keeps from everything \[m\], where it does not say so itself.
     kept: f64,
+    /// How often what passes by has been waited for.
+    waits: u32,
     ahead: Ahead<S, D, M>,
     progress: Progress,
     /// No search before this \[s\], and how long the last wait was.
@@ -63,7 +71,7 @@ impl Drop for Search {
 
 impl<S, const D: usize, const M: usize> Replanner<S, D, M>
 where
-    S: Prepared<D, M> + 'static,
+    S: CheckReach<D, M> + 'static,
     S::State: Jointed<D>,
 {
     /// For the plan that `closed_loop` follows.
@@ -95,6 +103,7 @@ where
             search: None,
             searches: vec![],
             kept: 0.0,
+            waits: 0,
             ahead: Ahead::new(state, closed_loop.world()),
             progress: Progress::default(),
             wait: [f64::NEG_INFINITY, PAUSES[0]],
@@ -108,11 +117,12 @@ where
         *ahead = Ahead::new(task.arm.state(), &task.world);
         let [start, end] = first.span();
         let room = [(first.first(), start), (first.last(), end)]
-            .map(|(q, t)| 0.9 * ahead.clearance(q, t))
+            .map(|(q, t)| 0.9 * ahead.room(q, t, |_| 0.0))
             .into_iter()
             .fold(settings.margin, f64::min);
         self.kept = room.max(0.0);
         self.progress = Progress::default();
+        self.waits = 0;
     }
 
     /// Takes a plan over that has come.
@@ -138,12 +148,16 @@ where
         asked.taken = Some(moment.t);
         self.wait = [moment.t + PAUSES[0], PAUSES[0]];
         self.kept = plan.margin;
+        self.waits = 0;
         self.ahead.begin_anew();
         let times: Vec<f64> = plan.times.iter().map(|t| moment.path_time + t).collect();
-        let points: Vec<_> = plan.q.chunks(moment.q.len()).map(<[f64]>::to_vec).collect();
-        let joints = JointSpline::new(&times, &points).ok()?;
+        let rows = |numbers: &[f64]| -> Vec<Vec<f64>> {
+            numbers.chunks(moment.q.len()).map(<[f64]>::to_vec).collect()
+        };
+        let joints = JointSpline::new(&times, &rows(&plan.q)).ok()?;
+        let joints = joints.keeping(&rows(&plan.margins)).ok()?;
         let joints = joints.taking_over(moment.joints, moment.path_time, self.settings.blend);
-        Some(led_by::<S::State, D, M>(self.task.arm.state(), joints))
+        Some(follow_plan::<S::State, D, M>(self.task.arm.state(), joints))
     }
 
     /// Begins a search.
@@ -160,10 +174,19 @@ where
             seed: self.seed.wrapping_add(self.searches.len() as u64),
         };
         let mut task = Task { world: moment.world.clone(), ..self.task.clone() };
-        task.start.copy_from_slice(moment.q);
-        // A plan that is over pulls straight to its end: if that way is free, what is passing by has to be waited for.
+        // A joint that is pushed against its limit may be a little beyond it.
+        for (i, (start, q)) in task.start.iter_mut().zip(moment.q).enumerate() {
+            let [lower, upper] = ranges_of(task.arm.limits(), i);
+            let inside = q.max(lower).min(upper);
+            *start = if (q - inside).abs() <= AT_LIMIT { inside } else { *q };
+        }
+        // A plan that is over pulls straight to its end: if that way is free, what is passing by has to be waited for, but not
+        // for ever.
         let is_over = moment.path_time >= moment.joints.span()[1];
-        if is_over && task.is_straight(moment.joints.last()) {
+        let [_, moving] = moment.world.parted();
+        let may_wait = is_over && !moving.is_empty() && self.waits < WAITS;
+        if may_wait && task.is_straight(moment.joints.last()) {
+            self.waits += 1;
             self.wait[0] = moment.t + self.settings.patience;
             return;
         }
@@ -208,7 +231,7 @@ where
 
 impl<S, const D: usize, const M: usize> Replan<S, D, M> for Replanner<S, D, M>
 where
-    S: Prepared<D, M> + 'static,
+    S: CheckReach<D, M> + 'static,
     S::State: Jointed<D>,
 {
     fn look(&mut self, moment: &Moment<'_, S, D, M>) -> Option<Trajectory<S::Pose, M>> {
@@ -216,7 +239,7 @@ where
         if self.search.is_some() {
             return self.receive(moment);
         }
-        let blocked = self.ahead.look(moment, &self.settings) < KEPT * self.kept;
+        let blocked = self.ahead.look(moment, &self.settings, KEPT * self.kept) < 0.0;
         let reason = off.or(blocked.then_some(Reason::Blocked));
         if let Some(reason) = reason.filter(|_| moment.t >= self.wait[0]) {
             self.ask(reason, moment);
@@ -229,7 +252,7 @@ where
         self.searches.clear();
         self.wait = [f64::NEG_INFINITY, PAUSES[0]];
         self.begin();
-        led_by::<S::State, D, M>(self.task.arm.state(), self.first.clone())
+        follow_plan::<S::State, D, M>(self.task.arm.state(), self.first.clone())
     }
 
     fn plan_beside(&mut self) {
@@ -276,13 +299,16 @@ struct Ahead<S: System<D, M>, const D: usize, const M: usize> {
     /// When the last look was \[s\].
     last: f64,
     q: [Vec<f64>; 3],
+    /// What each link is to keep there.
+    margins: Vec<[f64; 3]>,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
     fn new(robot: S::State, world: &World<S::Solid, D>) -> Self {
         let n = robot.dof();
         let q = [0; 3].map(|_| vec![0.0; n]);
-        Self { robot, worlds: world.parted(), next: None, last: 0.0, q }
+        let margins = vec![[0.0; 3]; n];
+        Self { robot, worlds: world.parted(), next: None, last: 0.0, q, margins }
     }
 
     /// Begins with another plan.
@@ -290,21 +316,22 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
         self.next = None;
     }
 
-    /// How far the arm at `q` will be from everything at `t` \[s\] \[m\].
-    fn clearance(&mut self, q: &[f64], t: f64) -> f64 {
+    /// How far the arm at `q` will be from everything at `t` \[s\] beyond what each link is to keep \[m\].
+    fn room(&mut self, q: &[f64], t: f64, kept: impl Fn(usize) -> f64) -> f64 {
         let Self { robot, worlds, .. } = self;
         robot.update_positions(q);
         let mut least = f64::INFINITY;
         for world in worlds.iter_mut().filter(|world| !world.is_empty()) {
             world.update(t);
-            let nearest = |_: usize, d: f64| least = least.min(d);
+            let nearest = |link: usize, d: f64| least = least.min(d - kept(link));
             world.for_each_contact(robot.bodies(), f64::NEG_INFINITY, nearest, |_| {});
         }
         least
     }
 
-    /// The smallest distance at the next places of the plan \[m\]. Beyond the horizon, what moves is not known.
-    fn look(&mut self, moment: &Moment<'_, S, D, M>, settings: &ReplanSettings) -> f64 {
+    /// The least distance at the next places of the plan beyond what it says that it keeps, or where it says nothing, `kept`
+    /// \[m\]. Beyond the horizon, what moves is not known.
+    fn look(&mut self, moment: &Moment<'_, S, D, M>, settings: &ReplanSettings, kept: f64) -> f64 {
         let rest = moment.joints.span()[1] - moment.path_time;
         let since = moment.t - self.last;
         self.last = moment.t;
@@ -328,8 +355,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             if ahead > settings.horizon && !self.worlds[1].is_empty() {
                 self.worlds[1] = World::new(vec![]);
             }
-            least = least.min(self.clearance(&state[0], moment.t + ahead));
-            self.q = state;
+            let mut margins = std::mem::take(&mut self.margins);
+            match moment.joints.margins() {
+                Some(said) => said.at(&Pace::of_time(then), f64::INFINITY, &mut margins),
+                None => margins.fill([kept / CERTAIN, 0.0, 0.0]),
+            }
+            let room = self.room(&state[0], moment.t + ahead, |link| CERTAIN * margins[link][0]);
+            least = least.min(room);
+            (self.q, self.margins) = (state, margins);
         }
         least
     }

@@ -4,11 +4,12 @@
 //! the base to the tip; link `i` is the body that joint `i` moves, and its frame is the frame of that
 //! joint. Units are SI, angles radians, quaternions `[w, x, y, z]`.
 
+use super::inertia::{self, tensor};
+use super::names;
 use super::spatial::SpatialArm;
-use super::{inertia, names};
 use crate::geometry::{Hull, HullError};
 use crate::math::{Capsule, Vector};
-use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 pub use crate::math::rotation::UNIT_TOLERANCE;
@@ -463,16 +464,6 @@ impl Joint {
         };
         about + self.armature
     }
-}
-
-/// The matrix of `[xx, yy, zz, xy, xz, yz]`.
-pub fn tensor(&[xx, yy, zz, xy, xz, yz]: &[f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
-/// The six numbers of a symmetric matrix.
-pub fn six(m: &Matrix3<f64>) -> [f64; 6] {
-    [m[(0, 0)], m[(1, 1)], m[(2, 2)], m[(0, 1)], m[(0, 2)], m[(1, 2)]]
 }
 
 impl ArmDescription {

@@ -1,6 +1,5 @@
 //! Inertia tensors: which are possible, and the nearest possible one.
 
-use super::description::{six, tensor};
 use nalgebra::{Isometry3, Matrix3, SymmetricEigen, Vector3};
 
 /// An inertia tensor that no distribution of mass has.
@@ -18,6 +17,16 @@ pub struct Impossible {
     pub c: f64,
     /// c − a − b \[kg·m²\].
     pub excess: f64,
+}
+
+/// The matrix of `[xx, yy, zz, xy, xz, yz]`.
+pub fn tensor(&[xx, yy, zz, xy, xz, yz]: &[f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// The six numbers of a symmetric matrix.
+pub fn six(m: &Matrix3<f64>) -> [f64; 6] {
+    [m[(0, 0)], m[(1, 1)], m[(2, 2)], m[(0, 1)], m[(0, 2)], m[(1, 2)]]
 }
 
 /// Checks `[xx, yy, zz, xy, xz, yz]` of a body.

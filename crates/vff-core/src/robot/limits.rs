@@ -10,3 +10,13 @@ pub struct Limits {
     /// Largest torque or force per joint \[N·m, N\], > 0.
     pub torque: Vec<f64>,
 }
+
+impl Limits {
+    /// Where joint `i` is kept \[rad, m\]: so far from its stops, or a hundredth of its range where that is less. None without
+    /// stops.
+    pub fn kept_angles(&self, i: usize, reserve: f64) -> Option<[f64; 2]> {
+        let [low, high] = *self.joint.get(i)?;
+        let kept = reserve.min(0.01 * (high - low));
+        Some([low + kept, high - kept])
+    }
+}

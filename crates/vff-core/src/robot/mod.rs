@@ -22,6 +22,7 @@ use crate::geometry::{Body, Encounter, StillBody};
 use crate::math::{Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
+use std::ops::Range;
 use std::sync::Arc;
 
 pub use dense::Matrices;
@@ -41,6 +42,14 @@ pub trait Model<const D: usize>: Debug + Clone + Send + Sync + 'static {
     /// Whether a joint slides; it turns otherwise.
     fn slides(&self, _joint: usize) -> bool {
         false
+    }
+    /// What a joint is called.
+    fn joint_name(&self, joint: usize) -> String {
+        format!("joint_{}", joint + 1)
+    }
+    /// What the link is called that a joint moves.
+    fn link_name(&self, link: usize) -> String {
+        format!("link_{}", link + 1)
     }
     /// Advances a configuration along the joint velocity `v` for the time `dt`.
     fn integrate(&self, q: &mut [f64], v: &[f64], dt: f64);
@@ -77,6 +86,24 @@ pub trait Manipulator<const D: usize, const M: usize>: Robot<D> {
     fn motion(&self, ddq: &[f64]) -> [SVector<f64, M>; 2] {
         [self.task_velocity(), self.jacobian_mul(ddq) + self.task_bias_acceleration()]
     }
+}
+
+/// |v| for these `parts` v of the twist of the end effector, of which there are `P`, and its rate while q̈ = 0; writes its gradient
+/// in q̇ (n), zeros at rest.
+pub fn pace<R: Robot<D>, const D: usize, const P: usize>(
+    robot: &R,
+    parts: Range<usize>,
+    gradient: &mut [f64],
+) -> [f64; 2] {
+    let velocity: SVector<f64, P> = robot.task_velocity();
+    let mut along = SVector::<f64, P>::zeros();
+    parts.for_each(|i| along[i] = velocity[i]);
+    let speed = along.norm();
+    if speed > 0.0 {
+        along /= speed;
+    }
+    robot.jacobian_tr_mul(&along, gradient);
+    [speed, along.dot(&robot.task_bias_acceleration())]
 }
 
 /// An arm in `D`-dimensional space at one instant: the operators M, C, g, J, J̇ at a state (q, q̇).
@@ -164,6 +191,9 @@ pub trait Robot<const D: usize> {
     /// The potential energy of gravity \[J\]; its gradient is g.
     fn potential_energy(&self) -> f64;
 
+    /// How fast the end effector turns \[rad/s\], and how fast that changes while q̈ = 0 \[rad/s²\]; writes its gradient in q̇
+    /// (n), zeros at rest. A robot says by [`pace`] which parts of its twist these are.
+    fn turning(&self, gradient: &mut [f64]) -> [f64; 2];
     /// ẋ = J q̇, the velocity of the end effector.
     fn task_velocity<const M: usize>(&self) -> SVector<f64, M>;
     /// J̇ q̇, the acceleration of the end effector while q̈ = 0.
@@ -252,6 +282,11 @@ pub trait Robot<const D: usize> {
     fn point_mobility(&self, i: usize, point: &Vector<D>, n: &Vector<D>) -> f64;
     /// Adds a force acting at `point` of link `i` to the wrench of that link.
     fn add_force(&self, wrenches: &mut [Self::Wrench], i: usize, point: &Vector<D>, f: &Vector<D>);
+    /// Adds a torque \[N·m\] to the wrench of link `i`: about the axes of the world, of which the plane has the third.
+    fn add_torque(&self, wrenches: &mut [Self::Wrench], i: usize, torque: &Vector<3>);
+    /// The origin \[m\] and the axes, one per column, of the frame of link `i` in the world; `i = n` is that of the end
+    /// effector.
+    fn link_frame(&self, i: usize) -> (Vector<D>, SMatrix<f64, D, D>);
     /// `out = Σ J_iᵀ F_i`, all links' wrenches in one backward sweep \[N·m\]. Both may end at the last
     /// link with a wrench.
     fn wrenches_tr_mul(&self, wrenches: &[Self::Wrench], out: &mut [f64]);

@@ -5,7 +5,7 @@ use crate::control::distance::DistanceRate;
 use crate::control::extended_jacobian::ExtendedJacobian;
 use crate::interrupt::{self, Aside};
 use crate::math::Pose;
-use crate::robot::description::tensor;
+use crate::robot::inertia::tensor;
 use crate::robot::{
     Limits, Manipulator, Model, PlanarArm, PlanarState, Robot, SpatialArm, SpatialState, planar,
 };
@@ -20,26 +20,26 @@ use toml::{Table, Value};
 #[derive(Debug, Clone)]
 pub enum AnyArm {
     /// In the plane.
-    Planar(Arc<PlanarArm>),
+    Plane(Arc<PlanarArm>),
     /// In space.
-    Spatial(Arc<SpatialArm>),
+    Space(Arc<SpatialArm>),
 }
 
 /// Such an arm at one instant.
 #[derive(Debug, Clone)]
 pub enum AnyState {
     /// In the plane.
-    Planar(PlanarState),
+    Plane(PlanarState),
     /// In space.
-    Spatial(SpatialState),
+    Space(SpatialState),
 }
 
 /// Does the same with whatever arm it is.
 macro_rules! either {
     ($arm:expr, $inner:ident => $body:expr) => {
         match $arm {
-            AnyArm::Planar($inner) => $body,
-            AnyArm::Spatial($inner) => $body,
+            AnyArm::Plane($inner) => $body,
+            AnyArm::Space($inner) => $body,
         }
     };
 }
@@ -48,8 +48,8 @@ macro_rules! either {
 macro_rules! either_state {
     ($state:expr, $inner:ident => $body:expr) => {
         match $state {
-            AnyState::Planar($inner) => $body,
-            AnyState::Spatial($inner) => $body,
+            AnyState::Plane($inner) => $body,
+            AnyState::Space($inner) => $body,
         }
     };
 }
@@ -74,16 +74,16 @@ impl AnyArm {
     /// With the name of the first parameter that is wrong.
     pub fn read(document: &Table) -> Result<Self, ScenarioError> {
         if scenario::is_spatial(document) {
-            return Ok(Self::Spatial(Arc::new(scenario::read_spatial_arm(document)?)));
+            return Ok(Self::Space(Arc::new(scenario::read_spatial_arm(document)?)));
         }
-        scenario::read_arm(document).map(|arm| Self::Planar(Arc::new(arm)))
+        scenario::read_arm(document).map(|arm| Self::Plane(Arc::new(arm)))
     }
 
     /// The complete document of an arm that was read from `given`: of one in space every key, else what was given.
     pub fn document(&self, given: Table) -> Table {
         match self {
-            Self::Planar(_) => given,
-            Self::Spatial(arm) => {
+            Self::Plane(_) => given,
+            Self::Space(arm) => {
                 // Its fields are numbers, text, and lists and tables of them, which TOML can hold.
                 Table::try_from(arm.description()).unwrap_or(given)
             }
@@ -100,7 +100,7 @@ impl AnyArm {
             AnyScene::Plane(scene) => {
                 let arm = scenario.physics(scene)?.arm;
                 let document = planar_document(&arm, given);
-                Ok((Self::Planar(arm), document))
+                Ok((Self::Plane(arm), document))
             }
             AnyScene::Space(scene) => {
                 let Physics { arm, viscous, coulomb, .. } = scenario.physics(scene)?;
@@ -109,7 +109,7 @@ impl AnyArm {
                     joint.damping = viscous.get(i).copied().unwrap_or(0.0);
                     joint.friction = coulomb.get(i).copied().unwrap_or(0.0);
                 }
-                let arm = Self::Spatial(Arc::new(description.build()?));
+                let arm = Self::Space(Arc::new(description.build()?));
                 let document = arm.document(given);
                 Ok((arm, document))
             }
@@ -147,18 +147,18 @@ impl AnyArm {
     /// Masses of the links \[kg\], (n).
     pub fn masses(&self) -> Vec<f64> {
         match self {
-            Self::Planar(arm) => arm.links().iter().map(|link| link.mass).collect(),
-            Self::Spatial(arm) => arm.description().joints.iter().map(|joint| joint.mass).collect(),
+            Self::Plane(arm) => arm.links().iter().map(|link| link.mass).collect(),
+            Self::Space(arm) => arm.description().joints.iter().map(|joint| joint.mass).collect(),
         }
     }
 
     /// Centres of mass in the links' frames \[m\], (n, dimension), row by row.
     pub fn centres_of_mass(&self) -> Vec<f64> {
         match self {
-            Self::Planar(arm) => {
+            Self::Plane(arm) => {
                 arm.links().iter().flat_map(|link| [link.com.x, link.com.y]).collect()
             }
-            Self::Spatial(arm) => {
+            Self::Space(arm) => {
                 arm.description().joints.iter().flat_map(|joint| joint.com).collect()
             }
         }
@@ -168,8 +168,8 @@ impl AnyArm {
     /// matrix (3, 3) in the link's axes, row by row.
     pub fn inertias(&self) -> Vec<f64> {
         match self {
-            Self::Planar(arm) => arm.links().iter().map(|link| link.inertia).collect(),
-            Self::Spatial(arm) => {
+            Self::Plane(arm) => arm.links().iter().map(|link| link.inertia).collect(),
+            Self::Space(arm) => {
                 let joints = arm.description().joints.iter();
                 // Symmetric: its columns are its rows.
                 joints.flat_map(|joint| tensor(&joint.inertia).as_slice().to_vec()).collect()
@@ -180,40 +180,40 @@ impl AnyArm {
     /// Lengths of the links \[m\], (n); None in space, where a link is not a length.
     pub fn lengths(&self) -> Option<Vec<f64>> {
         match self {
-            Self::Planar(arm) => Some(arm.links().iter().map(|link| link.length).collect()),
-            Self::Spatial(_) => None,
+            Self::Plane(arm) => Some(arm.links().iter().map(|link| link.length).collect()),
+            Self::Space(_) => None,
         }
     }
 
     /// Radii of the links \[m\], (n); None in space, where links carry shapes.
     pub fn radii(&self) -> Option<Vec<f64>> {
         match self {
-            Self::Planar(arm) => Some(arm.links().iter().map(|link| link.radius).collect()),
-            Self::Spatial(_) => None,
+            Self::Plane(arm) => Some(arm.links().iter().map(|link| link.radius).collect()),
+            Self::Space(_) => None,
         }
     }
 
     /// What people call it.
     pub fn name(&self) -> Option<&str> {
         match self {
-            Self::Planar(_) => None,
-            Self::Spatial(arm) => arm.description().name.as_deref(),
+            Self::Plane(_) => None,
+            Self::Space(arm) => arm.description().name.as_deref(),
         }
     }
 
     /// Names of the joints, from the base.
     pub fn joint_names(&self) -> Vec<String> {
         match self {
-            Self::Planar(arm) => (1..=arm.dof()).map(|i| format!("joint_{i}")).collect(),
-            Self::Spatial(arm) => arm.joint_names().map(String::from).collect(),
+            Self::Plane(arm) => (1..=arm.dof()).map(|i| format!("joint_{i}")).collect(),
+            Self::Space(arm) => arm.joint_names().map(String::from).collect(),
         }
     }
 
     /// Names of the links that they move.
     pub fn link_names(&self) -> Vec<String> {
         match self {
-            Self::Planar(arm) => (1..=arm.dof()).map(|i| format!("link_{i}")).collect(),
-            Self::Spatial(arm) => arm.link_names().map(String::from).collect(),
+            Self::Plane(arm) => (1..=arm.dof()).map(|i| format!("link_{i}")).collect(),
+            Self::Space(arm) => arm.link_names().map(String::from).collect(),
         }
     }
 
@@ -224,7 +224,7 @@ impl AnyArm {
             Table::try_from(value).unwrap_or_default()
         }
         match self {
-            Self::Planar(arm) => {
+            Self::Plane(arm) => {
                 let capsule = |(link, name): (&planar::Link, String)| {
                     let numbers = |x: f64| Value::Array(vec![Value::Float(x), Value::Float(0.0)]);
                     let shape = Table::from_iter([
@@ -240,23 +240,23 @@ impl AnyArm {
                 };
                 arm.links().iter().zip(self.link_names()).map(capsule).collect()
             }
-            Self::Spatial(arm) => arm.description().collision.iter().map(table).collect(),
+            Self::Space(arm) => arm.description().collision.iter().map(table).collect(),
         }
     }
 
     /// Acceleration of free fall \[m/s²\].
     pub fn gravity(&self) -> Vec<f64> {
         match self {
-            Self::Planar(arm) => arm.gravity().as_slice().to_vec(),
-            Self::Spatial(arm) => arm.gravity().as_slice().to_vec(),
+            Self::Plane(arm) => arm.gravity().as_slice().to_vec(),
+            Self::Space(arm) => arm.gravity().as_slice().to_vec(),
         }
     }
 
     /// The arm at q = 0, at rest.
     pub fn state(&self) -> AnyState {
         match self {
-            Self::Planar(arm) => AnyState::Planar(arm.state()),
-            Self::Spatial(arm) => AnyState::Spatial(arm.state()),
+            Self::Plane(arm) => AnyState::Plane(arm.state()),
+            Self::Space(arm) => AnyState::Space(arm.state()),
         }
     }
 
@@ -270,8 +270,8 @@ impl AnyArm {
     /// No obstacle, where this arm is.
     pub fn no_obstacles(&self) -> AnyObstacles {
         match self {
-            Self::Planar(_) => AnyObstacles::Plane(vec![]),
-            Self::Spatial(_) => AnyObstacles::Space(vec![]),
+            Self::Plane(_) => AnyObstacles::Plane(vec![]),
+            Self::Space(_) => AnyObstacles::Space(vec![]),
         }
     }
 
@@ -288,10 +288,10 @@ impl AnyArm {
         t: &[f64],
     ) -> DistanceTable {
         match (self, obstacles) {
-            (Self::Planar(arm), AnyObstacles::Plane(obstacles)) => {
+            (Self::Plane(arm), AnyObstacles::Plane(obstacles)) => {
                 DistanceTable::new(arm, &mut plane::World::new(obstacles), [q, dq, t])
             }
-            (Self::Spatial(arm), AnyObstacles::Space(obstacles)) => {
+            (Self::Space(arm), AnyObstacles::Space(obstacles)) => {
                 DistanceTable::new(arm, &mut space::World::new(obstacles), [q, dq, t])
             }
             _ => panic!("obstacles of another space"),
@@ -325,24 +325,40 @@ impl AnyState {
             (position.to_vec(), orientation.to_vec())
         }
         match self {
-            Self::Planar(state) => split::<3>(Manipulator::<2, 3>::pose(state), 2),
-            Self::Spatial(state) => split::<6>(Manipulator::<3, 6>::pose(state), 3),
+            Self::Plane(state) => split::<3>(Manipulator::<2, 3>::pose(state), 2),
+            Self::Space(state) => split::<6>(Manipulator::<3, 6>::pose(state), 3),
         }
     }
 
     /// The frames of the links in the world, homogeneous, (n, dimension + 1, dimension + 1), row by row.
     pub fn link_poses(&self) -> Vec<f64> {
         match self {
-            Self::Planar(state) => {
+            Self::Plane(state) => {
                 let one = |i: usize| {
                     let (origin, along) = (state.joint_position(i), state.link(i).direction);
                     [along.x, -along.y, origin.x, along.y, along.x, origin.y, 0.0, 0.0, 1.0]
                 };
                 (0..state.dof()).flat_map(one).collect()
             }
-            Self::Spatial(state) => {
+            Self::Space(state) => {
                 let poses = (0..state.dof()).map(|i| state.link_pose(i));
                 poses.flat_map(|pose| pose.transpose().as_slice().to_vec()).collect()
+            }
+        }
+    }
+
+    /// The frame of the tip in the world, homogeneous, (dimension + 1, dimension + 1), row by row.
+    pub fn tip_pose(&self) -> Vec<f64> {
+        match self {
+            Self::Plane(state) => {
+                let (tip, along) =
+                    (state.joint_position(state.dof()), state.link(state.dof() - 1).direction);
+                vec![along.x, -along.y, tip.x, along.y, along.x, tip.y, 0.0, 0.0, 1.0]
+            }
+            Self::Space(state) => {
+                let mut pose = state.tool_axes().to_homogeneous();
+                pose.fixed_view_mut::<3, 1>(0, 3).copy_from(&state.joint_position(state.dof()));
+                pose.transpose().as_slice().to_vec()
             }
         }
     }
@@ -351,16 +367,16 @@ impl AnyState {
     /// velocity; world axes.
     pub fn jacobian(&self) -> DMatrix<f64> {
         match self {
-            Self::Planar(state) => jacobian::<_, 2, 2>(state),
-            Self::Spatial(state) => jacobian::<_, 3, 6>(state),
+            Self::Plane(state) => jacobian::<_, 2, 2>(state),
+            Self::Space(state) => jacobian::<_, 3, 6>(state),
         }
     }
 
     /// Its time derivative.
     pub fn jacobian_dot(&self) -> DMatrix<f64> {
         match self {
-            Self::Planar(state) => jacobian_dot::<_, 2, 2>(state),
-            Self::Spatial(state) => jacobian_dot::<_, 3, 6>(state),
+            Self::Plane(state) => jacobian_dot::<_, 2, 2>(state),
+            Self::Space(state) => jacobian_dot::<_, 3, 6>(state),
         }
     }
 
@@ -377,8 +393,8 @@ impl AnyState {
     /// The split into the task of [`jacobian`](Self::jacobian) and its null space; None in a singularity.
     pub fn extended_jacobian(&self) -> Option<ExtendedJacobian> {
         match self {
-            Self::Planar(state) => ExtendedJacobian::new(&state.matrices::<2>()),
-            Self::Spatial(state) => ExtendedJacobian::new(&state.matrices::<6>()),
+            Self::Plane(state) => ExtendedJacobian::new(&state.matrices::<2>()),
+            Self::Space(state) => ExtendedJacobian::new(&state.matrices::<6>()),
         }
     }
 

@@ -3,14 +3,13 @@
 //! An agent is a controller, so it observes what the law observes: the state as it is measured. It is
 //! rewarded for the truth.
 
-use super::any::{AnyRun, either};
-use crate::math::{Pose, ScalarOrVec, UnitQuaternion};
-use crate::robot::{Model, Robot};
+use super::observation::{POSE_IN_SPACE, shown_axes};
+use super::run::AnyRun;
+use crate::math::ScalarOrVec;
 use crate::scenario::{self, Scenario, ScenarioError};
-use crate::scenario::{each, not_negative, number, positive};
-use crate::simulation::{ClosedLoop, PerceptionKind, System};
-use crate::world::Positions;
-use nalgebra::SVector;
+use crate::scenario::{each, number};
+use crate::settings::{NOT_NEGATIVE, POSITIVE};
+use crate::simulation::PerceptionKind;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Deserialize;
@@ -224,17 +223,17 @@ impl Task {
 
 fn validate(settings: &EpisodeSettings, n: usize) -> Result<(), ScenarioError> {
     if let Some(torque) = &settings.torque {
-        each("torque", torque, n, positive)?;
+        each("torque", torque, n, &POSITIVE)?;
     }
-    number("start_noise", settings.start_noise, not_negative)?;
-    number("obstacle_noise", settings.obstacle_noise, not_negative)?;
-    number("margin", settings.margin, positive)?;
+    number("start_noise", settings.start_noise, &NOT_NEGATIVE)?;
+    number("obstacle_noise", settings.obstacle_noise, &NOT_NEGATIVE)?;
+    number("margin", settings.margin, &POSITIVE)?;
     let Weights { alive, tracking, clearance, effort, collision } = settings.weights;
-    number("weights.alive", alive, not_negative)?;
-    number("weights.tracking", tracking, not_negative)?;
-    number("weights.clearance", clearance, not_negative)?;
-    number("weights.effort", effort, not_negative)?;
-    number("weights.collision", collision, not_negative)
+    number("weights.alive", alive, &NOT_NEGATIVE)?;
+    number("weights.tracking", tracking, &NOT_NEGATIVE)?;
+    number("weights.clearance", clearance, &NOT_NEGATIVE)?;
+    number("weights.effort", effort, &NOT_NEGATIVE)?;
+    number("weights.collision", collision, &NOT_NEGATIVE)
 }
 
 /// How many control periods of `h` \[s\] an action lasts.
@@ -295,25 +294,6 @@ fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
     parts
 }
 
-/// How many numbers a pose in space has when it is written.
-const POSE_IN_SPACE: usize = 7;
-
-/// The axes of a hand that say how it is turned for a task of dimension `m`: two determine the third and, other than
-/// quaternions, do not jump where the hand does not (Zhou et al., 2019); to pointing its own z axis alone matters.
-fn shown_axes(m: usize) -> &'static [usize] {
-    if m == 6 { &[0, 1] } else { &[2] }
-}
-
-/// Appends these axes of a pose in space, as it is written; of other poses nothing.
-fn append_axes(pose: &[f64], m: usize, out: &mut Vec<f64>) {
-    if let Ok([_, _, _, w, x, y, z]) = <[f64; POSE_IN_SPACE]>::try_from(pose) {
-        let matrix = UnitQuaternion::new([w, x, y, z]).unwrap_or_default().matrix();
-        for &axis in shown_axes(m) {
-            out.extend_from_slice(matrix.column(axis).as_slice());
-        }
-    }
-}
-
 /// A number between −1 and 1, evenly spread.
 #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
 fn uniform(random: &mut ChaCha8Rng) -> f64 {
@@ -362,7 +342,7 @@ impl Episode {
         for _ in 0..draws {
             let scenario = self.task.draw(&mut self.random);
             self.run = scenario.prepare_recorded(false)?.run;
-            if either!(&self.run, run => least(run.closed_loop().clearance())) > 0.0 {
+            if least(self.run.clearance()) > 0.0 {
                 break;
             }
         }
@@ -373,14 +353,14 @@ impl Episode {
     /// Acts for one period. An action's numbers count from −1 to 1, beyond as the nearer of them.
     pub fn step(&mut self, action: &[f64]) -> Step {
         let Self { task, run, elapsed, tau, .. } = self;
-        either!(run, run => act(run.closed_loop_mut(), task, action, elapsed, tau))
+        act(run, task, action, elapsed, tau)
     }
 
     /// What the controller knows, in the order of [`Task::layout`].
     pub fn observe(&mut self, out: &mut Vec<f64>) {
         let Self { task, run, .. } = self;
         out.clear();
-        either!(run, run => observe(run.closed_loop_mut(), out));
+        run.observe(out);
         let bounds = task
             .layout
             .iter()
@@ -392,19 +372,16 @@ impl Episode {
 
     /// The present instant as [`INFO`], before any step.
     pub fn info(&mut self) -> [f64; INFO.len()] {
-        either!(&self.run, run => {
-            let inner = run.closed_loop();
-            let mut info = [0.0; INFO.len()];
-            info[0] = inner.time();
-            info[1] = least(inner.clearance());
-            info[2] = error_of(inner);
-            info
-        })
+        let mut info = [0.0; INFO.len()];
+        info[0] = self.run.snapshot().t;
+        info[1] = least(self.run.clearance());
+        info[2] = self.run.task_error();
+        info
     }
 }
 
-fn act<S: System<D, M>, const D: usize, const M: usize>(
-    inner: &mut ClosedLoop<S, D, M>,
+fn act(
+    run: &mut AnyRun,
     task: &Task,
     action: &[f64],
     elapsed: &mut usize,
@@ -420,22 +397,22 @@ fn act<S: System<D, M>, const D: usize, const M: usize>(
             *tau = action.clamp(-1.0, 1.0) * torque;
         }
         if *kind == Action::NullSpace {
-            inner.add_in_null_space(tau);
+            run.add_in_null_space(tau);
         }
         for _ in 0..task.plant_steps {
             if *elapsed >= task.last {
                 break 'step;
             }
             let slow = |dq: &[f64]| dq.iter().all(|v| v.abs() <= MAX_SPEED);
-            diverged = !inner.advance(Some(tau)) || !slow(inner.velocity());
+            diverged = !run.advance(Some(tau)) || !slow(run.velocity());
             *elapsed += 1;
-            clearance = clearance.min(least(inner.clearance()));
+            clearance = clearance.min(least(run.clearance()));
             if diverged || clearance < 0.0 {
                 break 'step;
             }
         }
     }
-    let error = error_of(inner);
+    let error = run.task_error();
     let terminated = diverged || clearance < 0.0;
     let used = (1.0 - clearance / margin).clamp(0.0, 1.0);
     let parts = [
@@ -446,64 +423,13 @@ fn act<S: System<D, M>, const D: usize, const M: usize>(
         if terminated { -weights.collision } else { 0.0 },
     ];
     let mut info = [0.0; INFO.len()];
-    info[..3].copy_from_slice(&[inner.time(), clearance, error]);
+    info[..3].copy_from_slice(&[run.snapshot().t, clearance, error]);
     info[3..8].copy_from_slice(&parts);
     info[8] = f64::from(u8::from(diverged));
     let truncated = *elapsed >= task.last && !terminated;
     Step { reward: parts.iter().sum(), terminated, truncated, info }
 }
 
-fn observe<S: System<D, M>, const D: usize, const M: usize>(
-    inner: &mut ClosedLoop<S, D, M>,
-    out: &mut Vec<f64>,
-) {
-    let controller = inner.controller();
-    let (robot, reference) = (controller.robot(), controller.reference());
-    let (q, arm) = (robot.configuration(), inner.arm());
-    let turning = || (0..q.len()).filter(|&i| !arm.slides(i)).map(|i| q[i]);
-    out.extend(turning().map(f64::cos));
-    out.extend(turning().map(f64::sin));
-    out.extend((0..q.len()).filter(|&i| arm.slides(i)).map(|i| q[i]));
-    out.extend_from_slice(robot.velocity());
-    out.extend_from_slice(&controller.pose().as_slice()[..D]);
-    out.extend_from_slice(&reference.x.as_slice()[..D]);
-    out.extend_from_slice(&reference.dx.as_slice()[..D]);
-    out.extend_from_slice(controller.error().as_slice());
-    if S::Pose::WIDTH == POSE_IN_SPACE {
-        append_axes(controller.pose().as_slice(), M, out);
-        append_axes(reference.x.as_slice(), M, out);
-        out.extend_from_slice(&reference.dx.as_slice()[D..]);
-    }
-    if !inner.knows_obstacles() {
-        out.extend_from_slice(controller.forces().clearance());
-        return;
-    }
-    let (n, count) = (robot.dof(), inner.world().count());
-    if count == 0 {
-        return;
-    }
-    let first = out.len();
-    out.resize(first + (1 + D) * n, f64::INFINITY);
-    let (clearance, nearest) = out[first..].split_at_mut(n);
-    inner.for_each_pair(|contact| {
-        if contact.distance < clearance[contact.link] {
-            clearance[contact.link] = contact.distance;
-            let way = contact.witness - contact.point;
-            nearest[D * contact.link..][..D].copy_from_slice(way.as_slice());
-        }
-    });
-    inner.world().append_to(out);
-    for j in 0..count {
-        out.extend_from_slice(inner.world().velocity(j).as_slice());
-    }
-}
-
 fn least(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
-}
-
-/// The error of the task at present \[m\], an angle as its arc at the characteristic length.
-fn error_of<S: System<D, M>, const D: usize, const M: usize>(inner: &ClosedLoop<S, D, M>) -> f64 {
-    let metric = inner.controller().gains().metric::<D>();
-    metric.norm(&SVector::from_column_slice(inner.snapshot().error))
 }

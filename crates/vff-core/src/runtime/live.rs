@@ -1,10 +1,11 @@
 //! A scenario that runs for ever against the wall clock while people interfere with it.
 
-use super::any::AnyRun;
-use super::batch::guarded;
 use super::drag::{DragTarget, DragTurn};
+use super::fault::guarded;
 use super::points::PointsError;
 use super::real_time::at_rate;
+use super::run::AnyRun;
+use super::wrenches::{ActingPull, ActingWrench};
 use crate::control::Settings;
 use crate::math::UnitQuaternion;
 use crate::scenario::{self, Problem, Scenario, ScenarioError};
@@ -32,6 +33,8 @@ const AIM: f64 = 12.0;
 /// How fast what is turned by hand turns: an obstacle, and the target \[rad/s\].
 const TURN: f64 = 4.0;
 const TURN_TARGET: f64 = 1.0;
+/// How fast the place goes that a link is pulled to \[reaches/s\].
+const HAND: f64 = 2.0;
 /// Control periods per recorded row.
 const RECORD_EVERY: u64 = 10;
 /// Rows that wait to be taken \[10 s\].
@@ -77,6 +80,8 @@ pub struct Live {
     aims: bool,
     /// How the target is being turned, if it is.
     turned: Option<DragTurn>,
+    /// Where a link was taken hold of, and where it is pulled to from there, if it is.
+    pulled: Option<Grip>,
     /// Of the control periods since the start or the last reset.
     metrics: Metrics,
     record: Option<Record>,
@@ -85,6 +90,15 @@ pub struct Live {
     window: (Instant, u64),
     /// What was changed for the clock or is odd, in sentences.
     pub notes: Vec<String>,
+}
+
+/// Somebody has hold of a link.
+#[derive(Debug)]
+struct Grip {
+    /// Where the point was when it was taken hold of \[m\].
+    from: Vec<f64>,
+    /// Where it is pulled to.
+    anchor: DragTarget,
 }
 
 impl Live {
@@ -102,6 +116,7 @@ impl Live {
             target: DragTarget::at(vec![0.0; ready.run.snapshot().dimension]),
             aims: false,
             turned: None,
+            pulled: None,
             metrics: unmeasured(&ready.run),
             run: ready.run,
             state: State::Running,
@@ -113,6 +128,7 @@ impl Live {
             scenario,
         };
         this.run.plan_beside();
+        this.run.make_touchable();
         this.observe();
         Ok(this)
     }
@@ -126,6 +142,7 @@ impl Live {
         let Live { run, drags, notes, .. } = Self::new(&self.scenario)?;
         (self.run, self.drags, self.notes) = (run, drags, notes);
         (self.state, self.aims, self.turned) = (State::Running, false, None);
+        self.pulled = None;
         self.metrics = unmeasured(&self.run);
         let count = self.snapshot().obstacles.count();
         self.record = self.record.take().filter(|record| record.sizes.obstacles == count);
@@ -157,9 +174,14 @@ impl Live {
         self.run.snapshot()
     }
 
-    /// [`AnyRun::pushes`].
+    /// [`ErasedRun::pushes`](crate::runtime::ErasedRun::pushes).
     pub fn pushes(&mut self) -> [Vec<f64>; 2] {
         self.run.pushes()
+    }
+
+    /// [`ErasedRun::wrenches`](crate::runtime::ErasedRun::wrenches).
+    pub fn wrenches(&self) -> Vec<ActingWrench> {
+        self.run.wrenches()
     }
 
     /// Smallest signed surface distance since the start or the last reset \[m\]; ∞ without obstacles.
@@ -256,7 +278,44 @@ impl Live {
         self.run.turn(j, orientation, TURN)
     }
 
-    /// [`AnyRun::orientation_of_points`].
+    /// Takes hold of a link at a point, as the keys `link` and `point` of a document say, with a spring that does not pull
+    /// yet ([`Pull`](crate::simulation::Pull)).
+    ///
+    /// # Errors
+    /// With the dotted path of the first fault.
+    pub fn grab(&mut self, document: &Table) -> Result<(), ScenarioError> {
+        self.run.pull(Some(document))?;
+        self.pulled = self
+            .run
+            .pulled()
+            .map(|pull| Grip { from: pull.wrench.point, anchor: DragTarget::at(pull.anchor) });
+        Ok(())
+    }
+
+    /// Pulls towards the place that is so far from where the link was taken hold of \[m\]. Nothing if nobody has.
+    pub fn pull_by(&mut self, offset: &[f64]) {
+        if let Some(Grip { from, anchor }) = &mut self.pulled {
+            for ((wanted, from), by) in anchor.wanted.iter_mut().zip(from).zip(offset) {
+                *wanted = *from + by;
+            }
+        }
+    }
+
+    /// Lets go of the link.
+    ///
+    /// # Errors
+    /// None that [`grab`](Self::grab) has not found.
+    pub fn let_go(&mut self) -> Result<(), ScenarioError> {
+        self.pulled = None;
+        self.run.pull(None)
+    }
+
+    /// What a link is pulled with.
+    pub fn pulled(&self) -> Option<ActingPull> {
+        self.run.pulled()
+    }
+
+    /// [`ErasedRun::orientation_of_points`](crate::runtime::ErasedRun::orientation_of_points).
     ///
     /// # Errors
     /// If it is no cloud.
@@ -272,7 +331,7 @@ impl Live {
         self.run.update_points(j, points, &self.scenario.controller)
     }
 
-    /// [`AnyRun::turns`].
+    /// [`ErasedRun::turns`](crate::runtime::ErasedRun::turns).
     pub fn turns(&self) -> Vec<f64> {
         self.run.turns()
     }
@@ -345,7 +404,7 @@ impl Live {
 
     /// Moves what people drag and takes the steps of one control period; false if it cannot go on.
     fn advance(&mut self) -> bool {
-        let Self { run, drags, target, aims, turned, scenario, .. } = self;
+        let Self { run, drags, target, aims, turned, pulled, scenario, .. } = self;
         let step = 0.5 * run.reach() / RATE;
         for (j, drag) in drags.iter_mut().enumerate() {
             if let Some(drag) = drag
@@ -353,6 +412,11 @@ impl Live {
             {
                 run.carry(j, &drag.goal, CARRY);
             }
+        }
+        if let Some(Grip { anchor, .. }) = pulled
+            && anchor.advance(HAND * run.reach() / RATE)
+        {
+            run.pull_towards(&anchor.goal);
         }
         if *aims {
             let moved = target.advance(0.5 * step);
@@ -436,269 +500,4 @@ pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::control::TaskKind;
-    use crate::control::{Avoidance, Projection};
-    use crate::math::ScalarOrVec;
-    use crate::math::Vector;
-    use crate::trajectory::GovernorSettings;
-    use crate::world::plane::World;
-    use std::sync::atomic::Ordering;
-    use std::thread;
-
-    /// A six-link arm that holds its tip still, a disc above it.
-    const SCENE: &str = "duration = 1.0\n q0 = [1.2, -0.6, -0.6, -0.5, 0.3, 0.4]\n\
-        arm = { lengths = [1, 1, 1, 1, 1, 1], masses = 1 }\n\
-        controller = { stiffness = 100, damping = 20, null_damping = 6, \
-            field = { kind = 'khatib', gain = 0.5, influence = 0.6, approach_damping = 0.7 } }\n\
-        reference = { kind = 'line', end = [5.025, 1.017], duration = 0.5 }\n\
-        obstacles = [{ shape = { kind = 'circle', radius = 0.15 }, position = [1.6, 2.9] }]";
-
-    fn live() -> Live {
-        Live::new(&Scenario::from_toml(SCENE).unwrap()).unwrap()
-    }
-
-    fn world(live: &Live) -> &World {
-        match &live.run {
-            AnyRun::PlanarPosition(run) => run.closed_loop().world(),
-            AnyRun::PlanarPose(run) => run.closed_loop().world(),
-            _ => panic!("a scene in the plane"),
-        }
-    }
-
-    fn ticks(live: &mut Live, count: usize) -> f64 {
-        (0..count).fold(0.0, |worst: f64, _| {
-            live.tick();
-            let error = live.snapshot().error.iter().map(|e| e * e).sum::<f64>().sqrt();
-            worst.max(error)
-        })
-    }
-
-    fn settings(projection: Projection) -> Settings {
-        Settings { projection, ..live().scenario.controller }
-    }
-
-    /// Nobody interferes: the same bits as the run of the scenario.
-    #[test]
-    fn left_alone_it_is_the_scenario() {
-        let mut live = live();
-        let mut alone = Scenario::from_toml(SCENE).unwrap().prepare().unwrap().run;
-        for _ in 0..500 {
-            live.tick();
-            assert!(alone.advance(None));
-        }
-        assert_eq!(live.snapshot().q, alone.snapshot().q);
-        assert_eq!(live.snapshot().t.to_bits(), alone.snapshot().t.to_bits());
-    }
-
-    /// A drag through the arm's place, told 20 times a second: the disc moves without a jump in
-    /// velocity and no faster than half the reach per second, the links keep clear and the tip stays
-    /// within a micrometre or two; without projection it is pushed off by millimetres.
-    #[test]
-    fn a_drag_moves_the_links_and_not_the_tip() {
-        for (projection, low, high) in
-            [(Projection::Dynamic, 0.0, 1e-4), (Projection::None, 1e-3, 1.0)]
-        {
-            let mut live = live();
-            live.configure(settings(projection)).unwrap();
-            ticks(&mut live, 1000);
-            let mut worst: f64 = 0.0;
-            let mut last = Vector::<2>::zeros();
-            for k in 0..50 {
-                live.carry(0, &[1.6, 2.9 - 0.05 * f64::from(k)]).unwrap();
-                for _ in 0..50 {
-                    worst = worst.max(ticks(&mut live, 1));
-                    let velocity = world(&live).velocity(0);
-                    assert!(velocity.norm() < 3.0 && (velocity - last).norm() < 0.1);
-                    last = velocity;
-                }
-            }
-            ticks(&mut live, 1000);
-            let place = world(&live).position(0);
-            assert!((place - Vector::<2>::new(1.6, 0.45)).norm() < 1e-9);
-            assert!(live.min_clearance() > 0.05, "{projection:?}: {}", live.min_clearance());
-            assert!(low <= worst && worst < high, "{projection:?}: {worst} m");
-        }
-    }
-
-    /// The velocity and acceleration that the world shows are those of the positions that it shows.
-    #[test]
-    fn what_is_carried_has_exact_derivatives() {
-        let mut live = live();
-        live.carry(0, &[0.0, 3.5]).unwrap();
-        let h = 1e-3;
-        let mut seen = vec![];
-        for _ in 0..800 {
-            live.tick();
-            let world = world(&live);
-            seen.push([world.position(0), world.velocity(0), world.acceleration(0)]);
-        }
-        let scale = |k: i32| 3.0 * CARRY.powi(k + 2) * h * h;
-        for three in seen.windows(3) {
-            for k in 0..2 {
-                let difference = (three[2][k] - three[0][k]) / (2.0 * h);
-                let error = (difference - three[1][k + 1]).norm();
-                let order = i32::try_from(k).unwrap();
-                assert!(error < scale(order), "derivative {}: {error}", k + 1);
-            }
-        }
-    }
-
-    /// The target goes where it is wanted, and where that is out of reach as near as can be; the tip
-    /// follows all the way.
-    #[test]
-    fn the_target_stays_within_reach() {
-        let mut live = live();
-        ticks(&mut live, 600);
-        live.aim(&[3.0, 2.0]);
-        // The law is held for a millisecond: it lags behind by that much, some tenths of a millimetre.
-        assert!(ticks(&mut live, 4000) < 2e-3);
-        let tip = Vector::<2>::new(live.snapshot().x[0], live.snapshot().x[1]);
-        assert!((tip - Vector::<2>::new(3.0, 2.0)).norm() < 1e-6);
-        live.aim(&[30.0, 40.0]);
-        ticks(&mut live, 6000);
-        let x_ref = Vector::from_column_slice(live.snapshot().x_ref);
-        assert!((x_ref - Vector::<2>::new(0.6, 0.8) * (6.0 * 0.98)).norm() < 1e-9);
-        live.aim(&[0.0, 0.0]);
-        ticks(&mut live, 6000);
-        assert_eq!(live.state(), &State::Running);
-    }
-
-    /// A reference that waits does not jump when it gets another target, or is told to wait no more.
-    #[test]
-    fn a_reference_that_waits_does_not_jump() {
-        let mut live = live();
-        let waiting = Settings {
-            avoidance: Avoidance::Cbf,
-            governor: Some(GovernorSettings { floor: 0.0, ..GovernorSettings::default() }),
-            ..settings(Projection::Dynamic)
-        };
-        live.configure(waiting.clone()).unwrap();
-        ticks(&mut live, 200);
-        live.aim(&[3.0, 2.0]);
-        live.carry(0, &[4.0, 1.5]).unwrap();
-        ticks(&mut live, 3000);
-        let late = |live: &Live| live.snapshot().t - live.snapshot().path_time.unwrap();
-        let place = |live: &Live| Vector::<2>::from_column_slice(live.snapshot().x_ref);
-        let (delay, before) = (late(&live), place(&live));
-        assert!(delay > 0.1, "it had nothing to wait for: {delay}");
-        live.aim(&[4.0, 3.0]);
-        assert!((place(&live) - before).norm() < 1e-12);
-        live.configure(Settings { governor: None, ..waiting }).unwrap();
-        assert!((place(&live) - before).norm() < 1e-12);
-        ticks(&mut live, 6000);
-        assert!(late(&live) >= delay);
-        assert!((place(&live) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-3);
-    }
-
-    /// Obstacles come and go, each with its own drag.
-    #[test]
-    fn obstacles_come_and_go() {
-        let mut live = live();
-        let disc = "shape = { kind = 'circle', radius = 0.15 }\nposition = [3.0, 3.0]";
-        live.add(&disc.parse().unwrap()).unwrap();
-        live.carry(1, &[4.0, 3.0]).unwrap();
-        ticks(&mut live, 3000);
-        live.remove(0).unwrap();
-        assert_eq!(world(&live).len(), 1);
-        assert!((world(&live).position(0) - Vector::<2>::new(4.0, 3.0)).norm() < 1e-9);
-        live.carry(0, &[4.0, 3.5]).unwrap();
-        ticks(&mut live, 3000);
-        assert!((world(&live).position(0) - Vector::<2>::new(4.0, 3.5)).norm() < 1e-9);
-        let fault = live.carry(1, &[0.0, 0.0]).unwrap_err().to_string();
-        assert_eq!(fault, "obstacles[1]: there is none, only 1 obstacles");
-        live.remove(0).unwrap();
-        ticks(&mut live, 10);
-        assert!(live.remove(0).is_err());
-        live.reset().unwrap();
-        assert_eq!((world(&live).len(), live.snapshot().t.to_bits()), (1, 0));
-    }
-
-    /// A loop that diverges stands still where it was, says so, and runs again after a reset.
-    #[test]
-    fn divergence_is_a_state() {
-        let mut live = live();
-        let wild = Settings {
-            stiffness: ScalarOrVec::Uniform(1e9),
-            damping: ScalarOrVec::Uniform(1e5),
-            ..settings(Projection::Dynamic)
-        };
-        live.configure(wild).unwrap();
-        live.aim(&[3.0, 2.0]);
-        ticks(&mut live, 2000);
-        assert_eq!(live.state(), &State::Diverged);
-        assert!(live.snapshot().q.iter().all(|q| q.is_finite()));
-        live.pause(false);
-        assert_eq!(live.state(), &State::Diverged);
-        live.configure(settings(Projection::Dynamic)).unwrap();
-        live.reset().unwrap();
-        ticks(&mut live, 100);
-        assert_eq!(live.state(), &State::Running);
-    }
-
-    /// What does not fit is refused, and the old settings stay.
-    #[test]
-    fn wrong_settings_are_refused() {
-        let mut live = live();
-        let negative =
-            Settings { stiffness: ScalarOrVec::Uniform(-1.0), ..settings(Projection::Dynamic) };
-        assert!(live.configure(negative).unwrap_err().path.starts_with("controller.stiffness"));
-        let pose = Settings { task: TaskKind::Pose, ..settings(Projection::Dynamic) };
-        assert_eq!(live.configure(pose).unwrap_err().path, "controller.task");
-        live.reset().unwrap();
-        assert_eq!(live.scenario.controller, settings(Projection::Dynamic));
-    }
-
-    /// A row every ten periods, none twice, none lost while somebody takes them; then they are counted.
-    #[test]
-    fn rows_are_recorded() {
-        let mut live = live();
-        live.record(true).unwrap();
-        let mut times = vec![];
-        for _ in 0..4 {
-            for _ in 0..500 {
-                live.tick();
-                live.stats.periods += 1;
-            }
-            let (record, dropped) = live.take().unwrap();
-            assert_eq!(dropped, 0);
-            times.extend(record.unwrap().t);
-        }
-        assert_eq!(times.len(), 200);
-        assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-12));
-        for _ in 0..(10 * ROWS + 50) {
-            live.tick();
-            live.stats.periods += 1;
-        }
-        assert_eq!(live.take().unwrap().1, 5);
-        live.record(false).unwrap();
-        assert!(live.take().unwrap().0.is_none());
-    }
-
-    /// On its thread it ticks, pauses on demand, and ends.
-    #[test]
-    fn it_serves() {
-        let (live, stop) = (Mutex::new(live()), AtomicBool::new(false));
-        thread::scope(|scope| {
-            scope.spawn(|| serve(&live, &stop));
-            let wait = |condition: &dyn Fn(&Live) -> bool| {
-                let start = Instant::now();
-                while !condition(&lock(&live)) {
-                    assert!(start.elapsed() < Duration::from_secs(20));
-                    thread::sleep(Duration::from_millis(5));
-                }
-            };
-            wait(&|live| live.stats().periods > 700 && live.stats().rate > 0.0);
-            lock(&live).pause(true);
-            let t = lock(&live).snapshot().t;
-            let periods = lock(&live).stats().periods;
-            wait(&|live| live.stats().periods > periods + 50);
-            assert_eq!(lock(&live).snapshot().t.to_bits(), t.to_bits());
-            lock(&live).pause(false);
-            wait(&|live| live.snapshot().t > t);
-            stop.store(true, Ordering::Relaxed);
-        });
-        assert!(lock(&live).stats().worst > 0.0);
-    }
-}
+mod tests;

@@ -1,29 +1,36 @@
 //! Scenarios that run: one or many, against the clock, while people interact with them, or step by step for an
 //! agent that learns.
 
-pub mod any;
 pub mod arm;
 #[cfg(feature = "parallel")]
 pub mod batch;
 pub mod controller;
-#[cfg(all(feature = "parallel", feature = "realtime"))]
+#[cfg(feature = "realtime")]
 mod drag;
-#[cfg(all(feature = "parallel", feature = "realtime"))]
+#[cfg(feature = "realtime")]
 pub mod drive;
 pub mod episode;
-#[cfg(all(feature = "parallel", feature = "realtime"))]
+#[cfg(any(feature = "parallel", feature = "realtime"))]
+mod fault;
+#[cfg(feature = "realtime")]
 pub mod live;
+mod observation;
 pub mod obstacles;
 pub mod points;
+mod prepare;
 #[cfg(feature = "realtime")]
 pub mod real_time;
+pub mod run;
 #[cfg(feature = "parallel")]
 pub mod vector;
 pub mod virtual_arm;
+pub mod wrenches;
 
-pub use any::{AnyRun, Ready};
 pub use arm::{AnyArm, AnyState, DistanceTable};
-pub use controller::{AnyController, CycleError, Reading, Target};
+pub use controller::{AnyController, CycleError, ErasedController, Reading, Target};
 pub use obstacles::AnyObstacles;
 pub use points::PointsError;
+pub use prepare::{Ready, check};
+pub use run::{AnyRun, ErasedRun};
 pub use virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
+pub use wrenches::{ActingPull, ActingWrench, wrenches_along};

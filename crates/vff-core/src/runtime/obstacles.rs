@@ -3,6 +3,7 @@
 use crate::scenario::{self, ScenarioError};
 use crate::simulation::{Plane, Space};
 use crate::world::{Description, plane, space};
+use std::any::Any;
 use toml::Table;
 
 /// Obstacles in any space: the list of all that there are.
@@ -38,6 +39,15 @@ impl AnyObstacles {
             Self::Plane(obstacles) => rotations(obstacles.first()?, times),
             Self::Space(obstacles) => rotations(obstacles.first()?, times),
         }
+    }
+
+    /// All of them, if they are of this type.
+    pub(super) fn into_vec<T: 'static>(self) -> Option<Vec<T>> {
+        let all: Box<dyn Any> = match self {
+            Self::Plane(obstacles) => Box::new(obstacles),
+            Self::Space(obstacles) => Box::new(obstacles),
+        };
+        all.downcast().ok().map(|all| *all)
     }
 
     /// How many there are.

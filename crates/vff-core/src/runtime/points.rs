@@ -4,7 +4,7 @@
 use crate::control::Settings;
 use crate::scenario::{self, ScenarioError};
 use crate::world::CollisionQuery;
-use crate::world::space::{MOST_POINTS, Points, Shape, World};
+use crate::world::space::{MAX_POINTS, Points, Shape, World};
 
 /// Why there are no points to be replaced.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum PointsError {
     NotACloud(usize),
     /// There are too many points.
     #[error(
-        "cloud: expected at most {MOST_POINTS} points, got {0}; leave some out where they are dense"
+        "cloud: expected at most {MAX_POINTS} points, got {0}; leave some out where they are dense"
     )]
     TooMany(usize),
     /// The controller has no room for them.
@@ -46,7 +46,7 @@ fn there_are(count: usize) -> String {
 /// # Errors
 /// If they are too many.
 pub fn make(given: Vec<[f64; 3]>, orientation: [f64; 4]) -> Result<Points, PointsError> {
-    match given.len() <= MOST_POINTS {
+    match given.len() <= MAX_POINTS {
         true => Ok(Points::new(given, orientation)),
         false => Err(PointsError::TooMany(given.len())),
     }

@@ -1,6 +1,6 @@
 //! The closed loop of a scenario against the wall clock.
 
-use super::any::AnyRun;
+use super::run::AnyRun;
 use crate::scenario::{Problem, Scenario, ScenarioError};
 use crate::simulation::pace::{self, Late, Timing};
 use crate::simulation::{Control, Options, Status};

@@ -1,6 +1,10 @@
 //! What can be wrong with a scenario, and how it is said.
 
 use crate::robot::description::DescriptionError;
+use crate::world::{ShapeFault, plane, space};
+use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::StrDeserializer;
 use std::borrow::Cow;
 use std::fmt;
 
@@ -116,12 +120,17 @@ pub enum Problem {
 
 /// Where a shape of obstacles is known that is not one here.
 fn elsewhere(given: &str, allowed: &[String]) -> &'static str {
-    let is_shape = allowed.iter().any(|name| name == "capsule");
-    match given {
-        "sphere" | "half_space" | "points" if is_shape => "; that is a shape of obstacles in space",
-        "circle" | "polygon" if is_shape => "; that is a shape of obstacles in the plane",
+    match allowed.iter().any(|name| name == "capsule") {
+        true if is_variant::<plane::Shape>(given) => "; that is a shape of obstacles in the plane",
+        true if is_variant::<space::Shape>(given) => "; that is a shape of obstacles in space",
         _ => "",
     }
+}
+
+/// Whether an enum has a variant of this name.
+fn is_variant<'a, T: Deserialize<'a>>(name: &'a str) -> bool {
+    let name: StrDeserializer<'a, serde::de::value::Error> = name.into_deserializer();
+    T::deserialize(name).err().is_none_or(|error| !error.to_string().starts_with("unknown variant"))
 }
 
 /// The nearest allowed name, if one is near, and all of them.
@@ -141,6 +150,17 @@ fn hint(given: &str, allowed: &[String]) -> String {
     match nearest.filter(|name| similarity(name) > 0.75) {
         Some(name) => format!(", did you mean `{name}`? Allowed: {}", List(allowed)),
         None => format!("; allowed: {}", List(allowed)),
+    }
+}
+
+impl From<ShapeFault> for ScenarioError {
+    /// Inside an obstacle.
+    fn from(ShapeFault { key, requirement, given }: ShapeFault) -> Self {
+        let problem = match given {
+            Some(given) => Problem::OutOfRange { requirement, given },
+            None => Problem::Other(format!("expected {requirement}")),
+        };
+        Self::new(format!("shape.{key}"), problem)
     }
 }
 

@@ -4,6 +4,8 @@
 //! [`Scenario::from_document`] read it; `prepare` checks everything that needs more than one value and
 //! builds the closed loop, which [`runtime`](crate::runtime) runs.
 
+mod any_scene;
+mod dispatch;
 mod document;
 mod error;
 mod json_schema;
@@ -12,31 +14,37 @@ pub mod plane;
 mod prepare;
 mod scene;
 pub mod space;
+mod stiffness;
 mod tables;
 mod validate;
 mod warnings;
 
+pub use any_scene::AnyScene;
+pub(crate) use dispatch::dispatch;
 pub use error::{Problem, ScenarioError};
 pub use json_schema::json_schema;
 pub(crate) use numbers::length as numbers_of;
-pub(crate) use numbers::{each, not_negative, number, positive};
+pub(crate) use numbers::{each, number};
 pub use plane::{ArmSpec, PlanarScene, PlantSpec};
 pub(crate) use prepare::unusable;
-pub use scene::{AnyScene, Described, ObstacleOf, Prepared, Scene};
+pub use scene::{CheckReach, FromDocument, ObstacleOf, Scene};
 pub use space::{SpatialArmSpec, SpatialPlantSpec, SpatialScene};
 pub use tables::WhereUnreachable;
+pub(crate) use validate::{no_such_link, not_in_the_plane};
 pub use warnings::sampling_bounds;
+pub(crate) use warnings::{misread_obstacle, misread_scene};
 
 use crate::control::{Gravity, Settings};
 use crate::math::{ScalarOrVec, memory};
 use crate::robot::models::{self, Interface};
 use crate::robot::{Limits, Model, PlanarArm, SpatialArm};
+use crate::settings::POSITIVE;
 use crate::simulation::{
-    ActuatorSettings, Control, MeasurementSettings, Options, PerceptionKind, PerceptionSettings,
-    Plane, ReplanSettings, Space,
+    ActuatorSettings, ContactSettings, Control, MeasurementSettings, Options, PerceptionKind,
+    PerceptionSettings, Plane, Pull, ReplanSettings, Space, Wrench,
 };
 use crate::world::Solid;
-use scene::on_scene;
+use any_scene::on_scene;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::mem::take;
@@ -78,6 +86,8 @@ pub struct Scenario {
     pub replan: Option<ReplanSettings>,
     /// What becomes of it if the arm cannot follow the reference.
     pub unreachable: WhereUnreachable,
+    /// How each obstacle resists a link that presses into it, if it does; as long as the obstacles, or empty.
+    pub contacts: Vec<Option<ContactSettings>>,
     /// Where the random numbers come from.
     pub seed: u64,
 }
@@ -117,13 +127,14 @@ pub fn check(part: Part, document: &Table, dimension: Option<usize>) -> Result<(
 }
 
 /// A part that has the dimension of its arm.
-fn check_in<S: Described<D>, const D: usize>(
+fn check_in<S: FromDocument<D>, const D: usize>(
     part: Part,
     document: &Table,
 ) -> Result<(), ScenarioError> {
     match part {
         Part::Arm => S::arm(&read(document)?).map(drop),
         Part::Obstacle => read_obstacle::<S, D>(document).map(drop),
+        Part::Wrench => validate::wrench::<D>(&read(document)?),
         Part::Motion => validate::motion::<D>(&read(document)?),
         _ => read::<S::Reference>(&tables::reference(document)?.0).map(drop),
     }
@@ -149,6 +160,8 @@ pub enum Part {
     Reference,
     /// `[simulation]`.
     Simulation,
+    /// One of `[[wrenches]]`.
+    Wrench,
 }
 
 impl Part {
@@ -194,7 +207,7 @@ pub(crate) fn take_from_robot(
     if !take(&mut command.of_the_robot) {
         return Ok(());
     }
-    let Some(Interface { adds_gravity, torque_rate }) = robot.and_then(models::interface) else {
+    let Some(interface) = robot.and_then(models::interface) else {
         let known: Vec<_> = models::with_interface().collect();
         let whose =
             robot.map_or("an arm without a name".into(), |name| format!("the arm `{name}`"));
@@ -205,8 +218,15 @@ pub(crate) fn take_from_robot(
         );
         return Err(ScenarioError::new("command", Problem::Other(problem)));
     };
+    let Interface { adds_gravity, torque_rate, tip_speed, tip_angular_speed, stops } = interface;
     command.gravity = if adds_gravity { Gravity::Robot } else { Gravity::Controller };
     command.torque_rate = torque_rate.map(ScalarOrVec::Uniform);
+    command.tip_speed = Some(tip_speed);
+    command.tip_angular_speed = tip_angular_speed;
+    if let Some([deceleration, offset]) = stops {
+        command.stop_deceleration = Some(ScalarOrVec::Each(deceleration.to_vec()));
+        command.stop_offset = ScalarOrVec::Each(offset.to_vec());
+    }
     Ok(())
 }
 
@@ -251,16 +271,51 @@ pub fn validate_size(settings: &Settings, n: usize, barriers: usize) -> Result<(
     validate::size(settings, n, barriers, 1)
 }
 
+/// An obstacle, and how it resists, if it does.
+pub type FeltObstacle<S, const D: usize> = (ObstacleOf<S, D>, Option<ContactSettings>);
+
 /// Reads and validates an obstacle.
 ///
 /// # Errors
 /// With the dotted path of the first fault.
-pub fn read_obstacle<S: Described<D>, const D: usize>(
+pub fn read_obstacle<S: FromDocument<D>, const D: usize>(
     document: &Table,
 ) -> Result<ObstacleOf<S, D>, ScenarioError> {
-    let obstacle = read(document)?;
+    read_felt_obstacle::<S, D>(document).map(|(obstacle, _)| obstacle)
+}
+
+/// The same, and how it resists a link that presses into it, if it does.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn read_felt_obstacle<S: FromDocument<D>, const D: usize>(
+    document: &Table,
+) -> Result<FeltObstacle<S, D>, ScenarioError> {
+    let mut rest = document.clone();
+    let contact = tables::contact(&mut rest)?;
+    let obstacle = read(&rest)?;
     S::validate_obstacle(&obstacle)?;
-    Ok(obstacle)
+    Ok((obstacle, contact))
+}
+
+/// Reads and validates a wrench on some arm.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn read_wrench<const D: usize>(document: &Table) -> Result<Wrench<D>, ScenarioError> {
+    let wrench = read(document)?;
+    validate::wrench(&wrench)?;
+    Ok(wrench)
+}
+
+/// Reads and validates how a link of some arm is pulled.
+///
+/// # Errors
+/// With the dotted path of the first fault.
+pub fn read_pull<const D: usize>(document: &Table) -> Result<Pull<D>, ScenarioError> {
+    let pull = read(document)?;
+    validate::pull(&pull)?;
+    Ok(pull)
 }
 
 impl Scenario {
@@ -293,15 +348,20 @@ impl Scenario {
         }
     }
 
+    /// How many `[[wrenches]]` it has.
+    pub fn wrench_count(&self) -> usize {
+        on_scene!(&self.scene, scene => scene.wrenches.len())
+    }
+
     pub(crate) fn validate(&self) -> Result<(), ScenarioError> {
         on_scene!(&self.scene, scene => self.validate_with(scene))
     }
 
-    fn validate_with<S: Described<D>, const D: usize>(
+    fn validate_with<S: FromDocument<D>, const D: usize>(
         &self,
         scene: &Scene<S, D>,
     ) -> Result<(), ScenarioError> {
-        number("duration", self.duration, positive)?;
+        number("duration", self.duration, &POSITIVE)?;
         let model = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
         let n = model.dof();
         numbers::length("q0", self.q0.len(), n)?;
@@ -315,10 +375,11 @@ impl Scenario {
                 false => validate::posture(&self.controller),
             })
             .map_err(|error| error.inside("controller"))?;
-        let Settings { tank, governor, command, .. } = &self.controller;
+        let Settings { tank, observer, governor, command, .. } = &self.controller;
         let rate = command.torque_rate.is_some();
         for (key, given, what) in [
             ("controller.tank", tank.is_some(), "fills and empties from sample to sample"),
+            ("controller.observer", observer.is_some(), "compares from sample to sample"),
             ("controller.governor", governor.is_some(), "hears of the error from sample to sample"),
             ("controller.command.torque_rate", rate, "limits the change from sample to sample"),
         ] {
@@ -362,6 +423,8 @@ impl Scenario {
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
             barriers += S::Solid::new(obstacle).barriers();
         }
+        validate::wrenches(&scene.wrenches)?;
+        scene.wrenches_on(&model)?;
         let copies = if self.simulation.control == Control::Predictor { 2 } else { 1 };
         validate::size(&self.controller, n, barriers, copies)
             .map_err(|error| error.inside("controller"))

@@ -2,24 +2,46 @@
 
 use super::error::{Problem, ScenarioError};
 use crate::math::ScalarOrVec;
-
-/// A requirement on a number, in words and as a test.
-pub(crate) type Requirement = (&'static str, fn(f64) -> bool);
-
-/// Lengths, masses and the like.
-#[expect(non_upper_case_globals, reason = "reads as a word where it is used")]
-pub(crate) const positive: Requirement = ("greater than 0", |x| x > 0.0);
-/// Gains, radii and the like.
-#[expect(non_upper_case_globals, reason = "reads as a word where it is used")]
-pub(crate) const not_negative: Requirement = ("0 or more", |x| x >= 0.0);
+use crate::settings::{Numbers, Requirement, Table};
 
 /// Validates a number.
 pub(crate) fn number(
     path: &str,
     value: f64,
-    (words, test): Requirement,
+    requirement: &Requirement,
 ) -> Result<(), ScenarioError> {
-    if test(value) { Ok(()) } else { Err(ScenarioError::out_of_range(path, words, value)) }
+    match (requirement.holds)(value) {
+        true => Ok(()),
+        false => Err(ScenarioError::out_of_range(path, requirement.words, value)),
+    }
+}
+
+/// Validates a count.
+#[expect(clippy::cast_precision_loss, reason = "no requirement is about numbers that large")]
+pub(crate) fn count(
+    path: &str,
+    value: usize,
+    requirement: &Requirement,
+) -> Result<(), ScenarioError> {
+    match (requirement.holds)(value as f64) {
+        true => Ok(()),
+        false => Err(ScenarioError::out_of_range(path, requirement.words, value)),
+    }
+}
+
+/// Validates the numbers of a table, those of a list as many as `length_of` its key, where that is known.
+pub(crate) fn table(
+    settings: &impl Table,
+    length_of: impl Fn(&str) -> Option<usize>,
+) -> Result<(), ScenarioError> {
+    settings.check(|key, numbers, requirement| match numbers {
+        Numbers::None => Ok(()),
+        Numbers::One(value) => number(key, value, requirement),
+        Numbers::Whole(value) => count(key, value, requirement),
+        Numbers::Each(given) => {
+            each(key, given, length_of(key).unwrap_or(given.values().len()), requirement)
+        }
+    })
 }
 
 /// Validates the length of a list.
@@ -35,7 +57,7 @@ pub(crate) fn each(
     path: &str,
     given: &ScalarOrVec,
     n: usize,
-    requirement: Requirement,
+    requirement: &Requirement,
 ) -> Result<(), ScenarioError> {
     match given {
         ScalarOrVec::Uniform(value) => number(path, *value, requirement),

@@ -1,10 +1,11 @@
 //! A scenario made ready to run: everything that needs more than one value is checked here.
 
-use super::scene::{Described, Prepared, Scene};
+use super::scene::{CheckReach, FromDocument, Scene};
 use super::{Problem, Scenario, ScenarioError, WhereUnreachable, numbers, validate};
 use crate::control::{Gains, Gravity};
-use crate::leader::led_by;
+use crate::planned_reference::follow_plan;
 use crate::robot::{Limits, Manipulator, Model, Robot};
+use crate::settings::NOT_NEGATIVE;
 use crate::simulation::{
     Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Setting, Sizes,
     System, orientation_width,
@@ -20,7 +21,7 @@ pub(crate) fn unusable(error: &TrajectoryError) -> ScenarioError {
 
 /// The joints of a plan for an arm of `n` joints with these limits.
 fn joints(
-    (times, points): Knots<'_>,
+    Knots { times, points, margins }: Knots<'_>,
     limits: &Limits,
     n: usize,
 ) -> Result<JointSpline, ScenarioError> {
@@ -34,7 +35,17 @@ fn joints(
             }
         }
     }
-    JointSpline::new(times, points).map_err(|error| unusable(&error))
+    let spline = JointSpline::new(times, points).map_err(|error| unusable(&error))?;
+    let Some(margins) = margins else { return Ok(spline) };
+    for (i, margin) in margins.iter().enumerate() {
+        for (k, margin) in margin.iter().enumerate() {
+            if !(NOT_NEGATIVE.holds)(*margin) {
+                let path = format!("reference.margins[{i}][{k}]");
+                return Err(ScenarioError::out_of_range(&path, NOT_NEGATIVE.words, *margin));
+            }
+        }
+    }
+    spline.keeping(margins).map_err(|error| unusable(&error))
 }
 
 /// Which arm, where its end effector has to be, and what is odd about that.
@@ -43,11 +54,11 @@ type ArmAndReference<S, const D: usize, const M: usize> =
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.
-    pub(super) fn reality<S: Described<D>, const D: usize>(
+    pub(super) fn reality<S: FromDocument<D>, const D: usize>(
         &self,
         scene: &Scene<S, D>,
         model: &Arc<S::Arm>,
-    ) -> Result<Reality<S::Arm, S::Perception>, ScenarioError> {
+    ) -> Result<Reality<S::Arm, S::Perception, D>, ScenarioError> {
         let (n, dt) = (model.dof(), self.simulation.dt);
         let mut plant =
             S::plant(&scene.plant, &scene.arm, model).map_err(|error| error.inside("plant"))?;
@@ -73,6 +84,8 @@ impl Scenario {
             measurement: measurement.map(|given| Measurement::new(given, self.seed, n, dt)),
             perception,
             actuator: self.actuator.as_ref().map(|given| Actuator::new(given, n, dt)),
+            wrenches: scene.wrenches.clone(),
+            contacts: self.contacts.clone(),
         })
     }
 
@@ -80,7 +93,7 @@ impl Scenario {
     ///
     /// # Errors
     /// With the dotted path of the first fault.
-    pub fn physics<S: Described<D>, const D: usize>(
+    pub fn physics<S: FromDocument<D>, const D: usize>(
         &self,
         scene: &Scene<S, D>,
     ) -> Result<Physics<S::Arm>, ScenarioError> {
@@ -92,7 +105,7 @@ impl Scenario {
     ///
     /// # Errors
     /// If the reference does not fit the task or leaves the reach of the arm.
-    pub(crate) fn arm_and_reference<S: Prepared<D, M>, const D: usize, const M: usize>(
+    pub(crate) fn arm_and_reference<S: CheckReach<D, M>, const D: usize, const M: usize>(
         &self,
         scene: &Scene<S, D>,
     ) -> Result<ArmAndReference<S, D, M>, ScenarioError> {
@@ -103,7 +116,7 @@ impl Scenario {
         state.update(&self.q0, self.dq0.as_deref().unwrap_or(&rest));
         let trajectory = match S::Pose::plan(&scene.reference) {
             Some(knots) => {
-                led_by::<S::State, D, M>(arm.state(), joints(knots, arm.limits(), arm.dof())?)
+                follow_plan::<S::State, D, M>(arm.state(), joints(knots, arm.limits(), arm.dof())?)
             }
             None => Trajectory::new(&scene.reference, &state.pose())
                 .map_err(|error| unusable(&error))?,
@@ -125,7 +138,7 @@ impl Scenario {
     ///
     /// # Errors
     /// If the reference does not fit the task or leaves the reach of the arm.
-    pub(crate) fn closed_loop<S: Prepared<D, M>, const D: usize, const M: usize>(
+    pub(crate) fn closed_loop<S: CheckReach<D, M>, const D: usize, const M: usize>(
         &self,
         scene: &Scene<S, D>,
     ) -> Result<(ClosedLoop<S, D, M>, Vec<String>), ScenarioError> {
@@ -137,10 +150,11 @@ impl Scenario {
         let options = self.simulation.clone();
         let reality = self.reality(scene, &arm)?;
         let stops = reality.plant.stops.clone();
+        let friction = self.stiff_friction(&reality.plant);
         let start = [self.q0.clone(), dq0];
         let closed_loop = ClosedLoop::new(&arm, gains, world, trajectory, options, reality, start);
         let warnings = self.warnings(scene, &closed_loop, &stops);
-        Ok((closed_loop, odd.into_iter().chain(warnings).collect()))
+        Ok((closed_loop, odd.into_iter().chain(warnings).chain(friction).collect()))
     }
 
     /// What the record of a whole run takes \[bytes\].

@@ -1,12 +1,13 @@
 //! The tables of a scenario, as they stand in a document.
 
+use super::any_scene::AnyScene;
 use super::document;
-use super::scene::{AnyScene, Described, ObstacleOf, Scene};
+use super::scene::{FromDocument, ObstacleOf, Scene};
 use super::{Part, Scenario, ScenarioError, validate};
 use crate::control::Settings;
 use crate::simulation::{
-    ActuatorSettings, MeasurementSettings, Options, PerceptionSettings, Plane, ReplanSettings,
-    Space,
+    ActuatorSettings, ContactSettings, MeasurementSettings, Options, PerceptionSettings, Plane,
+    ReplanSettings, Space, Wrench,
 };
 use serde::Deserialize;
 use toml::{Table, Value};
@@ -14,7 +15,7 @@ use toml::{Table, Value};
 /// All of them, with an arm in `D` dimensions.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, bound = "")]
-pub(super) struct Tables<S: Described<D>, const D: usize> {
+pub(super) struct Tables<S: FromDocument<D>, const D: usize> {
     #[serde(default)]
     name: String,
     #[serde(default)]
@@ -33,6 +34,8 @@ pub(super) struct Tables<S: Described<D>, const D: usize> {
     simulation: Options,
     #[serde(default)]
     plant: S::PlantTable,
+    #[serde(default)]
+    wrenches: Vec<Wrench<D>>,
     #[serde(default)]
     measurement: Option<MeasurementSettings>,
     #[serde(default)]
@@ -69,6 +72,42 @@ pub(super) fn reference(table: &Table) -> Result<(Table, WhereUnreachable), Scen
     Ok((rest, choice.unwrap_or_default()))
 }
 
+/// The key in one of `[[obstacles]]`.
+pub(super) const CONTACT: &str = "contact";
+
+/// Takes that key out of the table of an obstacle; what it says.
+pub(super) fn contact(obstacle: &mut Table) -> Result<Option<ContactSettings>, ScenarioError> {
+    let given = obstacle.remove(CONTACT);
+    let settings = given.as_ref().map(document::read_value::<ContactSettings>).transpose();
+    let settings = settings.map_err(|error| error.inside(CONTACT))?;
+    if let Some(settings) = &settings {
+        validate::contact(settings).map_err(|error| error.inside(CONTACT))?;
+    }
+    Ok(settings)
+}
+
+/// A scenario without that key in any obstacle, and what each says, where one says it.
+#[expect(clippy::type_complexity, reason = "a table, and a list as long as that of its obstacles")]
+fn contacts(
+    document: &Table,
+) -> Result<Option<(Table, Vec<Option<ContactSettings>>)>, ScenarioError> {
+    let has = |obstacle: &Value| obstacle.as_table().is_some_and(|it| it.contains_key(CONTACT));
+    let given = document.get("obstacles").and_then(Value::as_array);
+    if !given.is_some_and(|given| given.iter().any(has)) {
+        return Ok(None);
+    }
+    let mut rest = document.clone();
+    let obstacles = rest.get_mut("obstacles").and_then(Value::as_array_mut).into_iter().flatten();
+    let taken = obstacles.enumerate().map(|(j, obstacle)| match obstacle.as_table_mut() {
+        Some(obstacle) => {
+            contact(obstacle).map_err(|error| error.inside(&format!("obstacles[{j}]")))
+        }
+        None => Ok(None),
+    });
+    let contacts = taken.collect::<Result<_, _>>()?;
+    Ok(Some((rest, contacts)))
+}
+
 /// Reads a scenario, whose arm says of how many dimensions it is.
 pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
     validate::finite(document)?;
@@ -80,6 +119,9 @@ pub(super) fn read(document: &Table) -> Result<Scenario, ScenarioError> {
             document.insert("reference".into(), Value::Table(rest));
             return Ok(Scenario { unreachable, ..read(&document)? });
         }
+    }
+    if let Some((rest, contacts)) = contacts(document)? {
+        return Ok(Scenario { contacts, ..read(&rest)? });
     }
     match dimension_of(Part::Scenario, document) {
         2 => document::read::<Tables<Plane, 2>>(document)
@@ -102,6 +144,9 @@ pub(super) fn dimension_of(part: Part, document: &Table) -> usize {
         Part::Motion => ["velocity", "amplitude", "points"]
             .iter()
             .any(|key| document.get(*key).is_some_and(has_three_coordinates)),
+        Part::Wrench => ["point", "force", "torque"]
+            .iter()
+            .any(|key| document.get(*key).is_some_and(has_three_coordinates)),
         _ => false,
     };
     if spatial { 3 } else { 2 }
@@ -116,16 +161,16 @@ fn has_three_coordinates(value: &Value) -> bool {
     })
 }
 
-impl<S: Described<D>, const D: usize> Tables<S, D> {
+impl<S: FromDocument<D>, const D: usize> Tables<S, D> {
     fn into_scenario(self, scene: impl Fn(Scene<S, D>) -> AnyScene) -> Scenario {
-        let Self { arm, reference, obstacles, plant, .. } = self;
+        let Self { arm, reference, obstacles, plant, wrenches, .. } = self;
         Scenario {
             name: self.name,
             description: self.description,
             duration: self.duration,
             q0: self.q0,
             dq0: self.dq0,
-            scene: scene(Scene { arm, reference, obstacles, plant }),
+            scene: scene(Scene { arm, reference, obstacles, plant, wrenches }),
             controller: self.controller,
             simulation: self.simulation,
             measurement: self.measurement,
@@ -133,6 +178,7 @@ impl<S: Described<D>, const D: usize> Tables<S, D> {
             actuator: self.actuator,
             replan: self.replan,
             unreachable: WhereUnreachable::default(),
+            contacts: vec![],
             seed: self.seed,
         }
     }

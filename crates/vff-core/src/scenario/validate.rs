@@ -3,23 +3,25 @@
 //! Types, unknown and missing keys have been validated by [`super::document`]; here are the values.
 
 use super::error::{Problem, ScenarioError};
-use super::numbers::{each, length, not_negative, number, positive};
+use super::numbers::{length, number, table};
+use crate::control::PreviewSettings;
 use crate::control::avoidance::barrier;
-use crate::control::avoidance::preview::PreviewSettings;
 use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
 use crate::control::distance::OwnPair;
+use crate::control::observer::Touch;
 use crate::control::tank::TankSettings;
 use crate::control::{
-    Avoidance, CommandSettings, Formulation, SelfCollision, Settings, TaskKind, Yielding,
-    extended_jacobian,
+    Avoidance, Formulation, SelfCollision, Settings, TaskKind, Yielding, extended_jacobian,
 };
 use crate::field::{Field, FieldKind};
 use crate::interrupt;
 use crate::math::{ScalarOrVec, UnitQuaternion, memory};
 use crate::robot::{Limits, Model};
+use crate::settings::{NOT_NEGATIVE, POSITIVE, SHARE};
 use crate::simulation::{
-    ActuatorSettings, Camera, Control, MAX_READINGS, MAX_STEPS, Measurement, MeasurementSettings,
-    Options, PerceptionKind, PerceptionSettings, ReplanSettings,
+    ActuatorSettings, Camera, ContactSettings, Control, MAX_READINGS, MAX_STEPS, MAX_WRENCHES,
+    Measurement, MeasurementSettings, Options, PerceptionKind, PerceptionSettings, Profile, Pull,
+    ReplanSettings, Wrench,
 };
 use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
@@ -68,14 +70,7 @@ fn comparable(value: &Value) -> Validated {
 
 /// `[simulation]`.
 pub fn simulation(options: &Options) -> Validated {
-    number("dt", options.dt, positive)?;
-    for (path, value) in
-        [("control_every", options.control_every), ("record_every", options.record_every)]
-    {
-        if value == 0 {
-            return Err(ScenarioError::out_of_range(path, "1 or more", value));
-        }
-    }
+    table(options, |_| None)?;
     if options.control == Control::Continuous && options.control_every != 1 {
         let given = options.control_every;
         return Err(ScenarioError::out_of_range(
@@ -87,15 +82,81 @@ pub fn simulation(options: &Options) -> Validated {
     Ok(())
 }
 
+/// One of `[[wrenches]]`, of which only its arm knows whether it has the link.
+pub fn wrench<const D: usize>(wrench: &Wrench<D>) -> Validated {
+    number("start", wrench.start, &NOT_NEGATIVE)?;
+    if let Some(duration) = wrench.duration {
+        number("duration", duration, &POSITIVE)?;
+    }
+    match &wrench.profile {
+        Profile::Constant {} | Profile::Sinusoid { .. } => Ok(()),
+        Profile::Ramp { rise, fall } => {
+            number("profile.rise", *rise, &NOT_NEGATIVE)?;
+            number("profile.fall", *fall, &NOT_NEGATIVE)?;
+            if *fall > 0.0 && wrench.duration.is_none() {
+                let problem = "needs `duration`: what has no end does not fall before it";
+                return Err(ScenarioError::new("profile.fall", Problem::Other(problem.into())));
+            }
+            if rise + fall > wrench.length() {
+                let requirement = "at least as long as rise and fall of its profile together";
+                return Err(ScenarioError::out_of_range("duration", requirement, wrench.length()));
+            }
+            Ok(())
+        }
+        Profile::Table { times, factors } => {
+            if times.is_empty() {
+                return Err(ScenarioError::out_of_range(
+                    "profile.times",
+                    "at least one time",
+                    [0.0; 0],
+                ));
+            }
+            length("profile.factors", factors.len(), times.len())?;
+            number("profile.times[0]", times[0], &NOT_NEGATIVE)?;
+            match (1..times.len()).find(|&k| times[k] <= times[k - 1]) {
+                Some(k) => {
+                    let path = format!("profile.times[{k}]");
+                    Err(ScenarioError::out_of_range(path, "after the one before", times[k]))
+                }
+                None => Ok(()),
+            }
+        }
+    }
+}
+
+/// How a link is pulled, of which only its arm knows whether it has it.
+pub fn pull<const D: usize>(pull: &Pull<D>) -> Validated {
+    if let Some(stiffness) = pull.stiffness {
+        number("stiffness", stiffness, &POSITIVE)?;
+    }
+    pull.damping.map_or(Ok(()), |damping| number("damping", damping, &NOT_NEGATIVE))
+}
+
+/// `contact` of an obstacle.
+pub fn contact(settings: &ContactSettings) -> Validated {
+    table(settings, |_| None)
+}
+
+/// `[[wrenches]]`, of which only their arm knows whether it has the links.
+pub fn wrenches<const D: usize>(given: &[Wrench<D>]) -> Validated {
+    if given.len() > MAX_WRENCHES {
+        let requirement = format!("at most {MAX_WRENCHES} of them");
+        return Err(ScenarioError::out_of_range("wrenches", &requirement, given.len()));
+    }
+    given.iter().enumerate().try_for_each(|(i, each)| {
+        wrench(each).map_err(|error| error.inside(&format!("wrenches[{i}]")))
+    })
+}
+
+/// What is said of a link that an arm does not have.
+pub fn no_such_link(given: &str, allowed: Vec<String>) -> ScenarioError {
+    ScenarioError::new("link", Problem::UnknownChoice { given: given.into(), allowed })
+}
+
 /// `[measurement]` of n joints, with plant steps of `dt` \[s\]; `sampled` unless control is continuous.
 pub fn measurement(settings: &MeasurementSettings, n: usize, dt: f64, sampled: bool) -> Validated {
     needs_sampling(sampled, "sees every instant")?;
-    let MeasurementSettings { position_noise, velocity_noise, .. } = settings;
-    each("position_noise", position_noise, n, not_negative)?;
-    each("velocity_noise", velocity_noise, n, not_negative)?;
-    each("position_resolution", &settings.position_resolution, n, not_negative)?;
-    each("velocity_resolution", &settings.velocity_resolution, n, not_negative)?;
-    each("delay", &settings.delay, n, not_negative)?;
+    table(settings, |_| Some(n))?;
     let longest = settings.delay.values().iter().copied().fold(0.0, f64::max);
     if MeasurementSettings::steps(longest, dt) > Measurement::MAX_DELAY {
         let requirement = format!("at most {:e} steps of {dt} s", Measurement::MAX_DELAY);
@@ -134,15 +195,15 @@ pub fn perception(
     if settings.kind == PerceptionKind::Camera && settings.cameras.is_empty() {
         return Err(ScenarioError::new("cameras", Problem::Other("expected at least one".into())));
     }
-    number("range", range, positive)?;
-    number("noise", settings.noise, not_negative)?;
-    number("resolution", settings.resolution, not_negative)?;
-    number("latency", settings.latency, not_negative)?;
+    number("range", range, &POSITIVE)?;
+    number("noise", settings.noise, &NOT_NEGATIVE)?;
+    number("resolution", settings.resolution, &NOT_NEGATIVE)?;
+    number("latency", settings.latency, &NOT_NEGATIVE)?;
     if !(0.0..=1.0).contains(&drop_outs) {
         return Err(ScenarioError::out_of_range("drop_outs", "in [0, 1]", drop_outs));
     }
     if let Some(rate) = settings.rate {
-        number("rate", rate, positive)?;
+        number("rate", rate, &POSITIVE)?;
         if settings.steps_per_scan(dt) > MAX_STEPS {
             let requirement = format!("at least one scan in {MAX_STEPS:e} steps of {dt} s");
             return Err(ScenarioError::out_of_range("rate", &requirement, rate));
@@ -198,7 +259,7 @@ fn camera(camera: &Camera) -> Validated {
 /// `[actuator]` of n joints; `sampled` unless control is continuous.
 pub fn actuator(settings: &ActuatorSettings, n: usize, sampled: bool) -> Validated {
     needs_sampling(sampled, "acts at every instant")?;
-    each("time_constant", &settings.time_constant, n, not_negative)
+    table(settings, |_| Some(n))
 }
 
 fn needs_sampling(sampled: bool, otherwise: &str) -> Validated {
@@ -216,18 +277,20 @@ fn needs_sampling(sampled: bool, otherwise: &str) -> Validated {
 pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated {
     let n = arm.map(|(n, _)| n);
     let dimensions = arm.map_or(vec![2, 3], |(_, dimension)| vec![dimension]);
-    task(settings, &dimensions)?;
-    let joints = |given: &ScalarOrVec| n.unwrap_or(given.values().len());
-    each("null_damping", &settings.null_damping, joints(&settings.null_damping), not_negative)?;
-    let stiffness = &settings.posture_stiffness;
-    each("posture_stiffness", stiffness, joints(stiffness), not_negative)?;
+    let axes: Vec<usize> = dimensions.iter().filter_map(|d| settings.task.dimension(*d)).collect();
+    let first = *axes.first().ok_or_else(not_in_the_plane)?;
+    let fitting = |given: &ScalarOrVec| {
+        let count = given.values().len();
+        Some(if axes.contains(&count) { count } else { first })
+    };
+    table(settings, |key| match key {
+        "stiffness" => fitting(&settings.stiffness),
+        "damping" => fitting(&settings.damping),
+        _ => n,
+    })?;
     if let Some(posture) = &settings.posture {
         length("posture", posture.len(), n.unwrap_or(posture.len()))?;
     }
-    if let Some(length) = settings.characteristic_length {
-        number("characteristic_length", length, positive)?;
-    }
-    number("singularity", settings.singularity, positive)?;
     yielding(&settings.yielding).map_err(|error| error.inside("yielding"))?;
     if settings.yielding.keep.is_some() && settings.task == TaskKind::Position {
         let problem = "needs a task with an orientation: a position has nothing else to give way";
@@ -242,10 +305,19 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
     if let Some(tank) = &settings.tank {
         self::tank(tank).map_err(|error| error.inside("tank"))?;
     }
+    match &settings.observer {
+        Some(observer) => table(observer, |_| n).map_err(|error| error.inside("observer"))?,
+        None if settings.touch != Touch::default() => {
+            let problem =
+                "needs [controller.observer]: what acts is to be known before it is answered";
+            return Err(ScenarioError::new("touch", Problem::Other(problem.into())));
+        }
+        None => {}
+    }
     if let Some(governor) = &settings.governor {
         self::governor(governor).map_err(|error| error.inside("governor"))?;
     }
-    command(&settings.command, n).map_err(|error| error.inside("command"))?;
+    table(&settings.command, |_| n).map_err(|error| error.inside("command"))?;
     field(&settings.field).map_err(|error| error.inside("field"))
 }
 
@@ -260,62 +332,16 @@ pub fn posture(settings: &Settings) -> Validated {
     Ok(())
 }
 
-/// `[controller.command]`, for an arm of n joints where that is known.
-fn command(settings: &CommandSettings, n: Option<usize>) -> Validated {
-    let CommandSettings { torque_rate, friction_speed, start, .. } = settings;
-    let CommandSettings { tip_speed, obstacle_speed, .. } = *settings;
-    let joints = |given: &ScalarOrVec| n.unwrap_or(given.values().len());
-    if let Some(rate) = torque_rate {
-        each("torque_rate", rate, joints(rate), positive)?;
-    }
-    for (path, given) in [
-        ("viscous_friction", &settings.viscous_friction),
-        ("coulomb_friction", &settings.coulomb_friction),
-    ] {
-        each(path, given, joints(given), not_negative)?;
-    }
-    each("friction_speed", friction_speed, joints(friction_speed), positive)?;
-    for (path, speed) in [("tip_speed", tip_speed), ("obstacle_speed", obstacle_speed)] {
-        speed.map_or(Ok(()), |speed| number(path, speed, positive))?;
-    }
-    number("start", *start, not_negative)?;
-    if settings.patience == 0 {
-        return Err(ScenarioError::out_of_range("patience", "1 or more", settings.patience));
-    }
-    number("stop_damping", settings.stop_damping, positive)
-}
-
-/// The task and what has a value per axis of it, in one of these `dimensions`.
-fn task(settings: &Settings, dimensions: &[usize]) -> Validated {
-    let Settings { task, stiffness, damping, .. } = settings;
-    let axes: Vec<usize> = dimensions.iter().filter_map(|d| task.dimension(*d)).collect();
-    let Some(first) = axes.first() else {
-        let problem = "needs an arm in space: in the plane a pose has one angle, take \"pose\"";
-        return Err(ScenarioError::new("task", Problem::Other(problem.into())));
-    };
-    for (path, given) in [("stiffness", stiffness), ("damping", damping)] {
-        let fitting = axes.iter().find(|m| **m == given.values().len());
-        each(path, given, *fitting.unwrap_or(first), not_negative)?;
-    }
-    Ok(())
+/// What is wrong with a task that the plane does not have.
+pub fn not_in_the_plane() -> ScenarioError {
+    let problem = "needs an arm in space: in the plane a pose has one angle, take \"pose\"";
+    ScenarioError::new("task", Problem::Other(problem.into()))
 }
 
 /// `[controller.yielding]`.
 fn yielding(yielding: &Yielding) -> Validated {
-    let Yielding { margin, rate, inner, outer, saturation, activation, .. } = yielding;
-    let Yielding { task_weight, slack_price, speed, .. } = yielding;
-    number("inner", *inner, not_negative)?;
-    for (path, value) in [
-        ("rate", rate),
-        ("activation", activation),
-        ("task_weight", task_weight),
-        ("slack_price", slack_price),
-    ] {
-        value.map_or(Ok(()), |value| number(path, value, positive))?;
-    }
-    for (path, value) in [("margin", margin), ("saturation", saturation), ("speed", speed)] {
-        number(path, *value, positive)?;
-    }
+    table(yielding, |_| None)?;
+    let Yielding { inner, outer, .. } = yielding;
     if outer <= inner {
         let requirement = format!("greater than inner = {inner}");
         return Err(ScenarioError::out_of_range("outer", &requirement, *outer));
@@ -328,27 +354,11 @@ fn yielding(yielding: &Yielding) -> Validated {
 
 /// `[controller.yielding.preview]`.
 fn preview(settings: &PreviewSettings) -> Validated {
-    let PreviewSettings { period, horizon, trigger, clearance, speed, error, .. } = settings;
-    for (path, value) in [
-        ("period", period),
-        ("horizon", horizon),
-        ("trigger", trigger),
-        ("clearance", clearance),
-        ("speed", speed),
-    ] {
-        number(path, *value, positive)?;
-    }
-    if let Some(error) = error {
-        number("error", *error, positive)?;
-    }
+    table(settings, |_| None)?;
+    let PreviewSettings { horizon, trigger, .. } = settings;
     if trigger > horizon {
         let requirement = format!("at most horizon = {horizon}");
         return Err(ScenarioError::out_of_range("trigger", &requirement, *trigger));
-    }
-    for (path, value) in [("steps", settings.steps), ("candidates", settings.candidates)] {
-        if !(1..=10_000).contains(&value) {
-            return Err(ScenarioError::out_of_range(path, "from 1 to 10000", value));
-        }
     }
     Ok(())
 }
@@ -356,11 +366,12 @@ fn preview(settings: &PreviewSettings) -> Validated {
 /// What look-ahead has to do in one control step: bounded, because its closed loop takes steps as short as the fastest
 /// rate of the law demands.
 fn look_ahead(settings: &Settings) -> Validated {
-    const MOST: usize = 100_000;
+    const MAX_STEPS_AHEAD: usize = 100_000;
     let Some(preview) = &settings.yielding.preview else { return Ok(()) };
     let inside = |error: ScenarioError| error.inside("yielding.preview");
-    if preview.steps * preview.candidates > MOST {
-        let requirement = format!("at most {} with {} steps", MOST / preview.steps, preview.steps);
+    if preview.steps * preview.candidates > MAX_STEPS_AHEAD {
+        let requirement =
+            format!("at most {} with {} steps", MAX_STEPS_AHEAD / preview.steps, preview.steps);
         let given = preview.candidates;
         return Err(inside(ScenarioError::out_of_range("candidates", &requirement, given)));
     }
@@ -414,40 +425,30 @@ pub fn size(settings: &Settings, n: usize, barriers: usize, copies: usize) -> Va
 
 /// `[controller.tank]`.
 fn tank(tank: &TankSettings) -> Validated {
-    number("capacity", tank.capacity, positive)?;
+    number("capacity", tank.capacity, &POSITIVE)?;
     if let Some(initial) = tank.initial
         && !(0.0..=tank.capacity).contains(&initial)
     {
         let requirement = format!("between 0 and the capacity {}", tank.capacity);
         return Err(ScenarioError::out_of_range("initial", &requirement, initial));
     }
-    number("floor", tank.floor, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
+    number("floor", tank.floor, &SHARE)
 }
 
 /// `[controller.governor]`.
 fn governor(governor: &GovernorSettings) -> Validated {
-    let GovernorSettings { inner, outer, rate, floor } = *governor;
-    number("inner", inner, not_negative)?;
+    table(governor, |_| None)?;
+    let GovernorSettings { inner, outer, .. } = *governor;
     if outer <= inner {
         let requirement = format!("greater than inner = {inner}");
         return Err(ScenarioError::out_of_range("outer", &requirement, outer));
     }
-    number("rate", rate, positive)?;
-    number("floor", floor, ("in [0, 1)", |x| (0.0..1.0).contains(&x)))
+    Ok(())
 }
 
 /// `[replan]`.
 pub fn replan(settings: &ReplanSettings) -> Validated {
-    let ReplanSettings { latency, every, patience, stray, tolerance, blend, .. } = *settings;
-    number("latency", latency, not_negative)?;
-    for (key, value) in [("every", every), ("patience", patience), ("stray", stray)] {
-        number(key, value, positive)?;
-    }
-    number("tolerance", tolerance, not_negative)?;
-    number("blend", blend, positive)?;
-    number("margin", settings.margin, positive)?;
-    number("horizon", settings.horizon, not_negative)?;
-    number("speed", settings.speed, ("greater than 0 and at most 1", |x| 0.0 < x && x <= 1.0))
+    table(settings, |_| None)
 }
 
 /// Angles that only degrees could mean: beyond the limits of a joint by far, and within them if they were degrees.
@@ -481,10 +482,10 @@ pub fn controller_of(settings: &Settings, limits: &Limits) -> Validated {
 
 /// `[controller.field]`.
 pub fn field(field: &Field) -> Validated {
-    number("gain", field.gain, not_negative)?;
-    number("influence", field.influence, positive)?;
-    number("approach_damping", field.approach_damping, not_negative)?;
-    number("sliding", field.sliding, not_negative)?;
+    number("gain", field.gain, &NOT_NEGATIVE)?;
+    number("influence", field.influence, &POSITIVE)?;
+    number("approach_damping", field.approach_damping, &NOT_NEGATIVE)?;
+    number("sliding", field.sliding, &NOT_NEGATIVE)?;
     match field.floor {
         Some(floor) if field.kind == FieldKind::Bounded => {
             Err(ScenarioError::out_of_range("floor", "absent: a bounded field has none", floor))
@@ -575,6 +576,6 @@ pub fn orientation(path: &str, quaternion: &[f64; 4]) -> Validated {
 
 /// Whether two points are the same to the last digit, as copied numbers are.
 #[expect(clippy::float_cmp, reason = "copies, not results")]
-pub fn same<const D: usize>(a: &[f64; D], b: &[f64; D]) -> bool {
+fn same<const D: usize>(a: &[f64; D], b: &[f64; D]) -> bool {
     a == b
 }

@@ -1,24 +1,24 @@
 //! What is allowed but probably not meant.
 
 use super::Scenario;
-use super::scene::{Described, ObstacleOf, Scene};
+use super::scene::{FromDocument, ObstacleOf, Scene};
 use crate::control::Settings;
 use crate::math::Vector;
 use crate::robot::Model;
-use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System};
+use crate::simulation::{ClosedLoop, Control, MeasurementSettings, Snapshot, System, Wrench};
 use crate::world::{Description, World, top_speed};
 
 impl Scenario {
     /// All of it, of the loop at t = 0 and the stops of the plant \[rad\].
-    pub(super) fn warnings<S: Described<D> + System<D, M>, const D: usize, const M: usize>(
+    pub(super) fn warnings<S: FromDocument<D> + System<D, M>, const D: usize, const M: usize>(
         &self,
         scene: &Scene<S, D>,
         closed_loop: &ClosedLoop<S, D, M>,
         stops: &[[f64; 2]],
     ) -> Vec<String> {
         let mut warnings = self.oddities(&closed_loop.snapshot(), stops);
-        warnings.extend(far_obstacles::<S, D>(&scene.obstacles, &**closed_loop.arm()));
-        warnings.extend(S::orientations(scene).iter().filter_map(misread));
+        warnings.extend(late_wrenches(&scene.wrenches, self.duration));
+        warnings.extend(misread_scene(scene, closed_loop.arm().reach()));
         if self.simulation.control != Control::Continuous {
             let period = self.simulation.control_period();
             warnings.extend(
@@ -27,6 +27,7 @@ impl Scenario {
                     .map(|warning| format!("controller.{warning}")),
             );
             warnings.extend(self.field_bound(&scene.obstacles, closed_loop));
+            warnings.extend(self.stiff_posture::<_, D, M>(closed_loop.arm()));
         }
         warnings
     }
@@ -104,28 +105,58 @@ impl Scenario {
     }
 }
 
-/// Obstacles so far from the arm that only millimetres could mean them.
-fn far_obstacles<S: Described<D>, const D: usize>(
-    obstacles: &[ObstacleOf<S, D>],
-    arm: &S::Arm,
+/// What was probably meant in other units, or in another order, of all that a controller is made of; its arm reaches `reach` \[m\].
+pub(crate) fn misread_scene<S: FromDocument<D>, const D: usize>(
+    scene: &Scene<S, D>,
+    reach: f64,
 ) -> Vec<String> {
+    let far = |(j, obstacle)| {
+        far_away::<S, D>(obstacle, reach).map(|warning| format!("obstacles[{j}].{warning}"))
+    };
+    let far = scene.obstacles.iter().enumerate().filter_map(far);
+    let turned = S::orientations(scene);
+    far.chain(turned.iter().filter_map(|(path, given)| misread(path, given))).collect()
+}
+
+/// The same of one obstacle.
+pub(crate) fn misread_obstacle<S: FromDocument<D>, const D: usize>(
+    obstacle: &ObstacleOf<S, D>,
+    reach: f64,
+) -> Vec<String> {
+    let turned = S::orientation_of(obstacle).and_then(|given| misread("orientation", &given));
+    far_away::<S, D>(obstacle, reach).into_iter().chain(turned).collect()
+}
+
+/// An obstacle so far from the arm that only millimetres could mean it.
+fn far_away<S: FromDocument<D>, const D: usize>(
+    obstacle: &ObstacleOf<S, D>,
+    reach: f64,
+) -> Option<String> {
     const FAR: f64 = 50.0;
-    let reach = arm.reach();
-    let far = |(j, obstacle): (usize, &ObstacleOf<S, D>)| {
-        let away = Vector::from(obstacle.position()).norm();
-        (away > FAR * reach).then(|| {
+    let away = Vector::from(obstacle.position()).norm();
+    (away > FAR * reach).then(|| {
+        format!(
+            "position: {away:.4} m away, where the arm reaches {reach:.3} m: are these millimetres?"
+        )
+    })
+}
+
+/// Wrenches that do not begin before the run is over.
+fn late_wrenches<const D: usize>(wrenches: &[Wrench<D>], end: f64) -> Vec<String> {
+    let late = |(i, wrench): (usize, &Wrench<D>)| {
+        (wrench.start >= end).then(|| {
             format!(
-                "obstacles[{j}].position: {away:.4} m away, where the arm reaches {reach:.3} m: are these \
-                 millimetres?"
+                "wrenches[{i}].start: {} s, when the run is over: it ends at {end} s",
+                wrench.start
             )
         })
     };
-    obstacles.iter().enumerate().filter_map(far).collect()
+    wrenches.iter().enumerate().filter_map(late).collect()
 }
 
 /// A quaternion that is half a turn about z, as the identity is written where w comes last.
 #[expect(clippy::float_cmp, reason = "as it was written")]
-fn misread((path, quaternion): &(String, [f64; 4])) -> Option<String> {
+fn misread(path: &str, quaternion: &[f64; 4]) -> Option<String> {
     (*quaternion == [0.0, 0.0, 0.0, 1.0]).then(|| {
         format!(
             "{path}: [0, 0, 0, 1] is half a turn about z; quaternions are [w, x, y, z], and no rotation is \

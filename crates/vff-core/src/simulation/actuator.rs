@@ -1,19 +1,13 @@
 //! The drives: how the torque that acts follows the one that is commanded.
 
 use crate::math::ScalarOrVec;
-use serde::Deserialize;
+use crate::settings::settings;
 
-/// The `[actuator]` table of a scenario.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ActuatorSettings {
-    /// Time constant of the first-order lag \[s\], each, ≥ 0; 0 is a drive without lag.
-    pub time_constant: ScalarOrVec,
-}
-
-impl Default for ActuatorSettings {
-    fn default() -> Self {
-        Self { time_constant: ScalarOrVec::Uniform(0.0) }
+settings! {
+    /// The `[actuator]` table of a scenario.
+    pub struct ActuatorSettings {
+        /// First-order lag, from zero torque at the start.
+        time_constant: ScalarOrVec = ScalarOrVec::Uniform(0.0), "s", NOT_NEGATIVE;
     }
 }
 

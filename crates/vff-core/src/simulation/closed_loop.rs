@@ -1,11 +1,17 @@
 //! Plant and controller, one plant step at a time.
 
+mod changes;
+mod queries;
+
 use super::actuator::Actuator;
+use super::contact::ContactSettings;
 use super::integrator::Stepper;
 use super::measurement::Measurement;
 use super::perception::Perceive;
 use super::plant::{Physics, Plant};
+use super::pull::Pull;
 use super::sending::Sending;
+use super::wrench::{Acting, MAX_WRENCHES, Wrench};
 use super::{Control, Integrator, Moment, Options, Replan, Replanned, Snapshot, System};
 use crate::control::{
     Controller, Gains, Gravity, ObjectiveScale, SelfCollision, Tank, Torque, limits,
@@ -14,13 +20,13 @@ use crate::interrupt;
 use crate::math::{Pose, Vector, keep_least};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, JointSpline, Pace, Trajectory};
-use crate::world::{CollisionQuery, Contact, Positions, World};
+use crate::world::{CollisionQuery, Contact, Positions, Solid, World};
 use std::iter;
 use std::sync::Arc;
 
 /// Where the world is not as the controller believes.
 #[derive(Debug, Clone)]
-pub struct Reality<A, P> {
+pub struct Reality<A, P, const D: usize> {
     /// The physical arm.
     pub plant: Physics<A>,
     /// What the controller gets to know of the state; None if everything.
@@ -29,6 +35,10 @@ pub struct Reality<A, P> {
     pub perception: Option<P>,
     /// What becomes of its torque; None if all of it acts at once.
     pub actuator: Option<Actuator>,
+    /// What pushes the physical arm from outside.
+    pub wrenches: Vec<Wrench<D>>,
+    /// How each obstacle resists a link that presses into it, if it does.
+    pub contacts: Vec<Option<ContactSettings>>,
 }
 
 /// An arm under control among obstacles. Nothing allocates after construction.
@@ -40,7 +50,7 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     stack: ControlStack<S, D, M>,
     /// Evaluates it at the predicted state, in predictor mode.
     foresight: Option<ControlStack<S, D, M>>,
-    plant: Plant<S::Arm, D>,
+    plant: Plant<S::Arm, S::Solid, D>,
     measurement: Option<Measurement>,
     perception: Option<S::Perception>,
     actuator: Option<Actuator>,
@@ -63,6 +73,8 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     held: Torque,
     objective_scale: ObjectiveScale,
     null_acceleration: f64,
+    /// The step at which the observer was told last what acts.
+    heard: Option<usize>,
     /// Pose of the end effector, kept for the snapshot to borrow.
     x: S::Pose,
     bias: Vec<f64>,
@@ -129,6 +141,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
         if let Some(joints) = trajectory.joints() {
             let pace = governor.map_or_else(|| Pace::of_time(t), |governor| governor.pace(t));
             controller.move_posture(joints, &pace);
+        } else {
+            controller.leave_plan();
         }
         let reference = |ahead| match governor {
             Some(governor) => governor.sample(trajectory, t + ahead),
@@ -160,12 +174,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         world: World<S::Solid, D>,
         trajectory: Trajectory<S::Pose, M>,
         options: Options,
-        reality: Reality<S::Arm, S::Perception>,
+        reality: Reality<S::Arm, S::Perception, D>,
         [q, dq]: [Vec<f64>; 2],
     ) -> Self {
         let n = arm.dof();
         let zeros = || vec![0.0; n];
-        let Reality { plant, mut measurement, perception, actuator } = reality;
+        let Reality { plant, mut measurement, perception, actuator, wrenches, contacts } = reality;
+        let mut plant = Plant::new(plant);
+        plant.push_with(&wrenches).expect("links that the scenario has found");
+        plant.surround(&world, &contacts);
         let imperfect = measurement.as_mut().is_some_and(|measurement| {
             measurement.start(&q, &dq);
             !measurement.is_perfect()
@@ -180,7 +197,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             arm: Arc::clone(arm),
             foresight: (options.control == Control::Predictor).then(|| stack.clone()),
             stack,
-            plant: Plant::new(plant),
+            plant,
             measurement,
             perception,
             actuator,
@@ -197,6 +214,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             held: Torque::zeros(n),
             objective_scale: limits::ALL,
             null_acceleration: 0.0,
+            heard: None,
             x,
             bias: zeros(),
             predicted: [zeros(), zeros(), zeros()],
@@ -210,7 +228,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
 
     /// Goes back to t = 0.
     pub fn restart(&mut self) {
-        self.step = 0;
+        (self.step, self.heard) = (0, None);
+        self.plant.forget_added_wrenches();
         self.stack.controller.reset();
         if let Some(foresight) = &mut self.foresight {
             foresight.controller.reset();
@@ -232,55 +251,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.start_perception();
         self.start_output();
         self.control();
-    }
-
-    /// From now on `replanning` watches over the plan that the reference is.
-    pub fn set_replanning(&mut self, replanning: Box<dyn Replan<S, D, M>>) {
-        self.replanning = Some(replanning);
-    }
-
-    /// Lets it plan in a thread of its own, as long as it takes.
-    pub fn plan_beside(&mut self) {
-        if let Some(replanning) = &mut self.replanning {
-            replanning.plan_beside();
-        }
-    }
-
-    /// The searches for another plan so far.
-    pub fn replans(&self) -> &[Replanned] {
-        self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
-    }
-
-    /// The plan that the reference is, if it is one.
-    pub fn plan(&self) -> Option<&JointSpline> {
-        self.stack.trajectory.joints()
-    }
-
-    fn follow(&mut self, trajectory: &Trajectory<S::Pose, M>) {
-        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-            stack.trajectory = trajectory.clone();
-        }
-    }
-
-    /// Where a control period begins: another plan, if there is one, from the next step on.
-    #[inline(never)]
-    fn replan(&mut self) {
-        let (t, path_time) = (self.time(), self.path_time());
-        let Self { replanning, stack: ControlStack { controller, world, trajectory }, .. } = self;
-        let (Some(replanning), Some(joints)) = (replanning, trajectory.joints()) else { return };
-        let Some(planned) = controller.moved_posture() else { return };
-        let found = replanning.look(&Moment {
-            t,
-            path_time: path_time.unwrap_or(t),
-            q: controller.robot().configuration(),
-            planned,
-            error: controller.error().fixed_rows::<D>(0).norm(),
-            joints,
-            world,
-        });
-        if let Some(trajectory) = found {
-            self.follow(&trajectory);
-        }
     }
 
     /// The robot has held its arm still until now.
@@ -306,211 +276,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
     }
 
-    /// Takes over other gains, from now on. Allocates; what the controller remembers begins anew.
-    pub fn set_gains(&mut self, gains: &Gains<M>) {
-        let another_output = gains.command != self.controller().gains().command;
-        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-            stack.controller = Controller::new(self.arm.state(), gains.clone());
-        }
-        if another_output {
-            self.output = Sending::new(gains, self.q.len());
-            self.plant.compensate_gravity(gains.command.gravity == Gravity::Robot);
-            self.start_output();
-        }
-        let t = self.time();
-        match (&mut self.governor, gains.governor) {
-            (Some(governor), settings) => governor.configure(settings, t),
-            (none, settings) => *none = settings.map(|settings| Governor::new(settings, t)),
-        }
-        self.control();
-    }
-
-    /// Changes the world, of which predictor mode has two.
-    pub fn change_world(&mut self, change: impl Fn(&mut World<S::Solid, D>)) {
-        let t = self.time();
-        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-            stack.world.update(t);
-            change(&mut stack.world);
-        }
-        self.control();
-    }
-
-    /// Lets go of the reference and sends the end effector to `goal` from now on, smoothly, with the pole `rate` \[1/s\]:
-    /// see [`Guided::aim`](crate::trajectory::Guided::aim).
-    pub fn aim(&mut self, goal: &[f64], rate: f64) {
-        let t = self.path_time().unwrap_or(self.time());
-        for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
-            stack.trajectory.aim(t, goal, rate);
-        }
-        self.control();
-    }
-
-    /// Calls `visit` with the nearest points of every body and every obstacle as they are now.
-    pub fn for_each_pair(&self, visit: impl FnMut(&Contact<D>)) {
-        let ControlStack { controller, world, .. } = &self.stack;
-        world.for_each_pair(controller.robot().bodies(), visit);
-    }
-
-    /// The repulsion of every link, as the point on its axis \[m\] at which it acts and the force \[N\]: the sum
-    /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
-    pub fn pushes(&mut self) -> Vec<[Vector<D>; 2]> {
-        let ControlStack { controller, world, .. } = &mut self.stack;
-        let (robot, field) = (controller.robot(), controller.gains().field);
-        let mut means = vec![(Vector::<D>::zeros(), 0.0); robot.dof()];
-        world.for_each_contact(
-            robot.bodies(),
-            field.influence,
-            |_, _| {},
-            |contact| {
-                let force = field.at(contact.distance).force;
-                means[contact.link].0 += contact.point * force;
-                means[contact.link].1 += force;
-            },
-        );
-        let middle = |link: usize| {
-            let body = robot.bodies().find(|body| body.link == link).map(|body| body.shape);
-            body.map_or_else(Vector::zeros, |s| s.start + s.direction * (0.5 * s.length))
-        };
-        means
-            .iter()
-            .zip(controller.forces().resultant())
-            .enumerate()
-            .map(|(link, ((sum, weight), force))| {
-                [if *weight > 0.0 { sum / *weight } else { middle(link) }, *force]
-            })
-            .collect()
-    }
-
-    /// The controller's model of the arm.
-    pub fn arm(&self) -> &Arc<S::Arm> {
-        &self.arm
-    }
-
-    /// The position nearest to `goal` \[m\] that the end effector can take with the orientation of the reference.
-    pub fn attainable(&self, goal: &Vector<D>) -> Vector<D> {
-        S::attainable(&self.arm, &self.stack.controller.reference().x, goal)
-    }
-
-    /// The steps taken so far.
-    pub fn step_count(&self) -> usize {
-        self.step
-    }
-
-    /// The controller.
-    pub fn controller(&self) -> &Controller<S::State, D, M> {
-        &self.stack.controller
-    }
-
-    /// The obstacles.
-    pub fn world(&self) -> &World<S::Solid, D> {
-        &self.stack.world
-    }
-
-    /// Whether the controller knows all obstacles.
-    pub fn knows_obstacles(&self) -> bool {
-        self.perception.is_none()
-    }
-
-    /// The true joint velocity \[rad/s\].
-    pub fn velocity(&self) -> &[f64] {
-        &self.dq
-    }
-
-    /// The true distance from each link to the nearest obstacle \[m\], as in the snapshot.
-    pub fn clearance(&self) -> &[f64] {
-        let perceived = || self.stack.controller.forces().clearance();
-        self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
-    }
-
-    /// Turns a joint torque into the commanded one with its share that the null space lets through
-    /// (T4) on top \[N·m\].
-    pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
-        self.stack.controller.project(tau);
-        let sent = self.output.as_ref().map_or(&self.held.total, |sending| &sending.sent);
-        tau.iter_mut().zip(sent).for_each(|(tau, sent)| *tau += sent);
-    }
-
-    /// What the joints can do.
-    pub fn limits(&self) -> &Limits {
-        self.arm.limits()
-    }
-
-    /// The present instant.
-    pub fn time(&self) -> f64 {
-        self.options.time(self.step)
-    }
-
-    /// The path time σ \[s\] of the reference; None without a governor.
-    fn path_time(&self) -> Option<f64> {
-        self.governor.as_ref().map(|governor| governor.path_time(self.time()))
-    }
-
-    /// Whether the state is finite and no joint turns faster than [`MAX_SPEED`](Self::MAX_SPEED).
-    fn is_sane(&self) -> bool {
-        let slow = self.dq.iter().fold(true, |all, v| all & (v.abs() < Self::MAX_SPEED));
-        slow && is_finite(&self.q)
-    }
-
-    /// Whether torque or speed limits hold for the controller.
-    fn is_limited(&self) -> bool {
-        let Limits { velocity, torque, .. } = self.arm.limits();
-        self.stack.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
-    }
-
-    /// Whether the controller stands at the state of the plant, with a model that is the plant.
-    fn is_ideal(&self) -> bool {
-        self.truth.is_none() && Arc::ptr_eq(self.plant.arm(), &self.arm)
-    }
-
-    /// The state and everything that the law made of it, at the present instant.
-    pub fn snapshot(&self) -> Snapshot<'_> {
-        let controller = &self.stack.controller;
-        let (forces, space, gains) = (controller.forces(), controller.space(), controller.gains());
-        let [q_measured, dq_measured] =
-            self.measurement.as_ref().map_or([&[][..]; 2], Measurement::seen);
-        let (dx, error, clearance) = match &self.truth {
-            Some(truth) => (&truth.dx, &truth.error, truth.clearance.as_slice()),
-            None => (&space.dx, controller.error(), forces.clearance()),
-        };
-        let driven = || self.actuator.as_ref().map_or(&[][..], Actuator::torque);
-        let tau_applied = self.output.as_ref().map_or_else(driven, |sending| &sending.acting);
-        let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
-        Snapshot {
-            dimension: D,
-            t: self.time(),
-            q: &self.q,
-            dq: &self.dq,
-            q_measured,
-            dq_measured,
-            sensed: self.perception.as_ref().map(|perception| perception as &dyn Positions),
-            torque: &self.held,
-            tau_applied,
-            tau_vff: forces.torque(),
-            x: self.x.as_slice(),
-            dx: dx.as_slice(),
-            x_ref: controller.reference().x.as_slice(),
-            path_time: self.path_time(),
-            q_plan: self.stack.trajectory.joints().and_then(|_| controller.moved_posture()),
-            replans: self.replanning.as_ref().map(|replanning| replanning.counts()),
-            error: error.as_slice(),
-            force: forces.magnitude(),
-            clearance,
-            obstacles: &self.stack.world,
-            null_acceleration: self.null_acceleration,
-            energy: controller.energy(),
-            power: controller.power(acting),
-            objective_scale: self.is_limited().then_some(&self.objective_scale),
-            tank: controller.tank().map(Tank::level),
-            self_clearance: (gains.self_collision != SelfCollision::Ignore)
-                .then(|| forces.self_clearance()),
-            nearest_pair: forces.nearest_pair(),
-            slack: controller.slack(),
-            yields: controller.yields(),
-            manipulability: controller.manipulability(),
-            singular: space.singular,
-        }
-    }
-
     /// Advances by one plant step, under the controller's torque or under `external` \[N·m\], held
     /// over the step. Returns false, and stays where it is, if the new state would not be
     /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
@@ -532,25 +297,32 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             None => held,
         };
         let integrate = |q: &mut [f64], v: &[f64], dt: f64| arm.integrate(q, v, dt);
-        stepper.step(options.dt, q, dq, integrate, |stage, q, dq, ddq| {
-            if continuous && !stage.first {
-                stack.torque_at(t + stage.offset, [q, dq], None, None, |_| {});
-            }
-            let controller = &stack.controller;
-            let tau = match &mut output {
-                _ if !continuous => held,
-                None => &controller.torque().total,
-                Some(output) => {
-                    let law = &controller.torque().total;
-                    output.convert(controller.robot(), controller.bias(), law)
+        let parts = plant.parts(options.dt);
+        let part = options.dt / f64::from(parts);
+        for k in 0..parts {
+            stepper.step(part, q, dq, integrate, |stage, q, dq, ddq| {
+                let begins = stage.first && k == 0;
+                let now = t + (f64::from(k) * part + stage.offset);
+                if continuous && !begins {
+                    stack.torque_at(now, [q, dq], None, None, |_| {});
                 }
-            };
-            if ideal && (continuous || stage.first) {
-                plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
-            } else {
-                plant.accelerate(q, dq, tau, ddq);
-            }
-        });
+                plant.go_to(now);
+                let controller = &stack.controller;
+                let tau = match &mut output {
+                    _ if !continuous => held,
+                    None => &controller.torque().total,
+                    Some(output) => {
+                        let law = &controller.torque().total;
+                        output.convert(controller.robot(), law)
+                    }
+                };
+                if ideal && (continuous || begins) {
+                    plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
+                } else {
+                    plant.accelerate(q, dq, tau, ddq);
+                }
+            });
+        }
         let weight = match options.integrator {
             Integrator::Rk4 => 0.5,
             Integrator::SemiImplicitEuler => 1.0,
@@ -589,7 +361,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let law = &controller.torque().total;
         let Some(sending) = output else { return law };
         let Sending { output, acting, .. } = &mut **sending;
-        acting.copy_from_slice(output.convert(controller.robot(), controller.bias(), law));
+        acting.copy_from_slice(output.convert(controller.robot(), law));
         plant.add_own_torque(q, dq, acting);
         acting
     }
@@ -681,15 +453,29 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             governor.begin(t);
         }
         let (step, period) = (self.step, self.options.control_period());
-        let output = &mut self.output;
+        let is_new = period_begins && self.heard != Some(step);
+        let elapsed = self.heard.map(|heard| self.options.time(step) - self.options.time(heard));
+        let Self { output, held, plant, .. } = self;
         let announce = |controller: &mut Controller<S::State, D, M>| {
-            if let Some(sending) = output {
-                sending.announce(controller, step, period);
+            if is_new {
+                controller.sense(plant.external());
+            }
+            match output {
+                Some(sending) => {
+                    if is_new {
+                        sending.report(controller, elapsed);
+                    }
+                    sending.announce(controller, step, period);
+                }
+                None if is_new => controller.hear(None, &held.total, elapsed),
+                None => {}
             }
         };
         let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
         let torque = self.stack.torque_at(t, seen, perception, governor, announce);
+        self.plant.feel(&self.q, &self.dq, t, self.options.dt);
         if period_begins {
+            self.heard = Some(step);
             self.held.copy_from(torque);
             self.objective_scale = *self.stack.controller.objective_scale();
             if let Some(governor) = &mut self.governor {
@@ -744,9 +530,10 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         }
         let (perception, governor) = (self.perception.as_mut(), self.governor.as_ref());
         let (step, period, output) = (self.step, 2.0 * half, &mut self.output);
-        let announce = |controller: &mut Controller<S::State, D, M>| {
+        let announce = |foresight: &mut Controller<S::State, D, M>| {
+            foresight.believe(controller);
             if let Some(sending) = output {
-                sending.announce(controller, step, period);
+                sending.announce(foresight, step, period);
             }
         };
         let state = [q.as_slice(), dq.as_slice()];

@@ -1,34 +1,21 @@
 //! The sensors: what the controller gets to know of the state.
 
 use crate::math::{Noise, ScalarOrVec};
-use serde::Deserialize;
+use crate::settings::settings;
 
-/// The `[measurement]` table of a scenario; each one number or one per joint, 0 for none.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct MeasurementSettings {
-    /// Standard deviation of the noise of q \[rad\], ≥ 0.
-    pub position_noise: ScalarOrVec,
-    /// Standard deviation of the noise of q̇ \[rad/s\], ≥ 0.
-    pub velocity_noise: ScalarOrVec,
-    /// Step of the readings of q \[rad\], ≥ 0.
-    pub position_resolution: ScalarOrVec,
-    /// Step of the readings of q̇ \[rad/s\], ≥ 0.
-    pub velocity_resolution: ScalarOrVec,
-    /// Age of the readings \[s\], ≥ 0; rounded up to whole plant steps.
-    pub delay: ScalarOrVec,
-}
-
-impl Default for MeasurementSettings {
-    fn default() -> Self {
-        let none = || ScalarOrVec::Uniform(0.0);
-        Self {
-            position_noise: none(),
-            velocity_noise: none(),
-            position_resolution: none(),
-            velocity_resolution: none(),
-            delay: none(),
-        }
+settings! {
+    /// The `[measurement]` table of a scenario; each one number or one per joint, 0 for none.
+    pub struct MeasurementSettings {
+        /// Standard deviation of Gaussian noise, new every step.
+        position_noise: ScalarOrVec = ScalarOrVec::Uniform(0.0), "rad", NOT_NEGATIVE;
+        /// The same for the velocity.
+        velocity_noise: ScalarOrVec = ScalarOrVec::Uniform(0.0), "rad/s", NOT_NEGATIVE;
+        /// Readings are rounded to multiples of it.
+        position_resolution: ScalarOrVec = ScalarOrVec::Uniform(0.0), "rad", NOT_NEGATIVE;
+        /// The same for the velocity.
+        velocity_resolution: ScalarOrVec = ScalarOrVec::Uniform(0.0), "rad/s", NOT_NEGATIVE;
+        /// Age of the readings, rounded up to whole steps, at most 10 000.
+        delay: ScalarOrVec = ScalarOrVec::Uniform(0.0), "s", NOT_NEGATIVE;
     }
 }
 

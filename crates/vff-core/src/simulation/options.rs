@@ -1,9 +1,10 @@
 //! How time advances: the `[simulation]` table of a scenario.
 
-use serde::Deserialize;
+use crate::settings::settings;
+use serde::{Deserialize, Serialize};
 
 /// The integrator of the plant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
     /// Classical fourth-order Runge–Kutta.
@@ -14,7 +15,7 @@ pub enum Integrator {
 }
 
 /// When the law is evaluated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Control {
     /// Inside every stage of the integrator: the continuous-time law.
@@ -27,31 +28,19 @@ pub enum Control {
     Predictor,
 }
 
-/// Steps, integrator and sampling.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Options {
-    /// Step of the plant \[s\], > 0.
-    pub dt: f64,
-    /// Integrator of the plant.
-    pub integrator: Integrator,
-    /// When the law is evaluated.
-    pub control: Control,
-    /// Plant steps per control period, ≥ 1; 1 with `continuous`.
-    pub control_every: usize,
-    /// Plant steps per recorded row, ≥ 1.
-    pub record_every: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            dt: 1e-3,
-            integrator: Integrator::default(),
-            control: Control::default(),
-            control_every: 1,
-            record_every: 1,
-        }
+settings! {
+    /// Steps, integrator and sampling.
+    pub struct Options {
+        /// Step of the plant.
+        dt: f64 = 1e-3, "s", POSITIVE;
+        /// `rk4` or `semi_implicit_euler`.
+        integrator: Integrator = Integrator::Rk4, "";
+        /// `continuous`, `hold` or `predictor`: see below.
+        control: Control = Control::Hold, "";
+        /// Steps per control period; 1 with continuous.
+        control_every: usize = 1, "steps", AT_LEAST_ONE;
+        /// Steps per recorded row; metrics use every step.
+        record_every: usize = 1, "steps", AT_LEAST_ONE;
     }
 }
 

@@ -1,8 +1,12 @@
 //! The physical arm: what the torque meets, whatever the controller believes.
 
+use super::contact::{ContactSettings, Contacts};
 use super::impulses::Impulses;
-use crate::math::dot;
+use super::pull::{Pull, Spring};
+use super::wrench::{Acting, Wrench, Wrenches};
+use crate::math::{Vector, dot};
 use crate::robot::{Model, Robot};
+use crate::world::{Solid, World};
 use std::sync::Arc;
 
 /// The parameters of the physical arm. A list is empty where there is none of it.
@@ -33,9 +37,14 @@ impl<A> Physics<A> {
     }
 }
 
+/// Of the fastest motion that a spring makes, an integrator's step passes at most this share of a radian (T147).
+const SHARE: f64 = 0.25;
+/// The most parts of a plant step.
+const MAX_PARTS: f64 = 1000.0;
+
 /// The physical arm with its workspace. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub struct Plant<A: Model<D>, const D: usize> {
+pub struct Plant<A: Model<D>, S: Solid<D>, const D: usize> {
     physics: Physics<A>,
     state: A::State,
     impulses: Impulses,
@@ -46,6 +55,16 @@ pub struct Plant<A: Model<D>, const D: usize> {
     scratch: Vec<f64>,
     /// What the impulses change of the velocity.
     change: Vec<f64>,
+    /// What pushes from outside, if anything does.
+    wrenches: Option<Box<Wrenches<A::State, D>>>,
+    /// Which obstacles are felt, if any are.
+    contacts: Option<Box<Contacts<A::State, S, D>>>,
+    /// Their torque over the present step \[N·m, N\]; zeros without any.
+    external: Vec<f64>,
+    /// Whether their torque is told of even where nothing pushes.
+    is_touchable: bool,
+    /// No eigenvalue of what springs make of the arm is larger over the present step \[1/s\].
+    rate: f64,
 }
 
 impl<A> Physics<A> {
@@ -55,7 +74,7 @@ impl<A> Physics<A> {
     }
 }
 
-impl<A: Model<D>, const D: usize> Plant<A, D> {
+impl<A: Model<D>, S: Solid<D>, const D: usize> Plant<A, S, D> {
     /// A plant at q = 0, at rest.
     pub fn new(physics: Physics<A>) -> Self {
         let n = physics.arm.dof();
@@ -68,6 +87,11 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
             gravity: zeros(),
             scratch: zeros(),
             change: zeros(),
+            wrenches: None,
+            contacts: None,
+            external: zeros(),
+            is_touchable: false,
+            rate: 0.0,
             physics,
         }
     }
@@ -87,28 +111,186 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         self.state.update(q, dq);
     }
 
+    /// Lets these push from outside, from now on.
+    ///
+    /// # Errors
+    /// As [`Wrenches::new`].
+    pub fn push_with(&mut self, given: &[Wrench<D>]) -> Result<(), (usize, Vec<String>)> {
+        let wrenches = Wrenches::new(given, &*self.physics.arm)?;
+        self.wrenches = Some(Box::new(wrenches)).filter(|wrenches| !wrenches.is_empty());
+        Ok(())
+    }
+
+    /// One more.
+    ///
+    /// # Errors
+    /// As [`Wrenches::add`].
+    pub fn add_wrench(&mut self, wrench: Wrench<D>) -> Result<(), Vec<String>> {
+        let arm = Arc::clone(&self.physics.arm);
+        self.wrenches_mut().add(wrench, &*arm)
+    }
+
+    /// What pushes from outside, also where nothing has until now.
+    fn wrenches_mut(&mut self) -> &mut Wrenches<A::State, D> {
+        let none =
+            || Wrenches::new(&[], &*self.physics.arm).expect("every arm has none of the links");
+        self.wrenches.get_or_insert_with(|| Box::new(none()))
+    }
+
+    /// Lets somebody pull at the arm at (q, q̇) from now on, or let go; moves there.
+    ///
+    /// # Errors
+    /// As [`Spring::new`]; then all is as before.
+    pub fn pull(
+        &mut self,
+        pull: Option<&Pull<D>>,
+        q: &[f64],
+        dq: &[f64],
+    ) -> Result<(), Vec<String>> {
+        self.state.update(q, dq);
+        let spring = pull.map(|pull| Spring::new(pull, &*self.physics.arm, &self.state));
+        let spring = spring.transpose()?;
+        self.wrenches_mut().pull(spring);
+        Ok(())
+    }
+
+    /// Lets whoever pulls do so towards another place \[m\].
+    pub fn pull_towards(&mut self, anchor: Vector<D>) {
+        if let Some(spring) = self.wrenches.as_mut().and_then(|wrenches| wrenches.pulled_mut()) {
+            spring.anchor = anchor;
+        }
+    }
+
+    /// What somebody pulls with where the arm was felt last, and towards where \[m\].
+    pub fn pulled(&self) -> Option<(Acting<D>, Vector<D>)> {
+        let spring = self.wrenches.as_ref()?.pulled()?;
+        Some((spring.acting(&self.state), spring.anchor))
+    }
+
+    /// Tells of the torque from outside even where nothing pushes, so that records have room for it.
+    pub fn make_touchable(&mut self) {
+        self.is_touchable = true;
+    }
+
+    /// Forgets those that were added and are over at time `t` \[s\]; how many there are then.
+    pub fn forget_past_wrenches(&mut self, t: f64) -> usize {
+        self.wrenches.as_mut().map_or(0, |wrenches| {
+            wrenches.forget_past(t);
+            wrenches.count()
+        })
+    }
+
+    /// Forgets those that were added.
+    pub fn forget_added_wrenches(&mut self) {
+        if let Some(wrenches) = &mut self.wrenches {
+            wrenches.forget_added();
+        }
+        if self.wrenches.take_if(|wrenches| wrenches.is_empty()).is_some() {
+            self.external.fill(0.0);
+            self.rate = 0.0;
+        }
+    }
+
+    /// Lets obstacles of a world be felt that resist, from now on.
+    pub fn surround(&mut self, world: &World<S, D>, settings: &[Option<ContactSettings>]) {
+        self.contacts = Contacts::new(world, settings, &self.state).map(Box::new);
+    }
+
+    /// What is felt of the obstacles, if any is.
+    pub fn contacts_mut(&mut self) -> Option<&mut Contacts<A::State, S, D>> {
+        self.contacts.as_deref_mut()
+    }
+
+    /// The force of each obstacle where the arm was felt last \[N\], one coordinate after the other; None if none is felt.
+    pub fn contact_forces(&self) -> Option<&[f64]> {
+        self.contacts.as_deref().map(Contacts::forces)
+    }
+
+    /// Obstacles that are felt move to time `t` \[s\].
+    pub fn go_to(&mut self, t: f64) {
+        if let Some(contacts) = &mut self.contacts {
+            contacts.go_to(t);
+        }
+    }
+
+    /// Whether anything is there to push.
+    fn is_touched(&self) -> bool {
+        self.wrenches.is_some() || self.contacts.is_some()
+    }
+
+    /// Lets what pushes over a plant step of `dt` \[s\] from time `t` \[s\] on act on the arm at (q, q̇); moves there, if
+    /// anything does. Wrenches are, over a step, what they are in its middle.
+    pub fn feel(&mut self, q: &[f64], dq: &[f64], t: f64, dt: f64) {
+        if !self.is_touched() {
+            return;
+        }
+        let Self { wrenches, contacts, external, state, rate, .. } = self;
+        state.update(q, dq);
+        external.fill(0.0);
+        *rate = 0.0;
+        if let Some(wrenches) = wrenches {
+            wrenches.go_to(t + 0.5 * dt);
+            external.copy_from_slice(wrenches.torque(state));
+            *rate = wrenches.pulled().map_or(0.0, |spring| spring.rate(state));
+        }
+        if let Some(contacts) = contacts {
+            contacts.go_to(t);
+            let torque = contacts.torque(state).iter();
+            external.iter_mut().zip(torque).for_each(|(sum, torque)| *sum += torque);
+            *rate += contacts.rate(state, dt);
+        }
+    }
+
+    /// In how many parts a plant step of `dt` \[s\] is taken, so that no spring is too stiff for it (T147).
+    pub fn parts(&self, dt: f64) -> u32 {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let parts = (self.rate * dt / SHARE).ceil().clamp(1.0, MAX_PARTS) as u32;
+        parts
+    }
+
+    /// The torque from outside as of the last [`feel`](Self::feel) \[N·m, N\], (n); zeros if nothing is there to push.
+    pub fn external(&self) -> &[f64] {
+        &self.external
+    }
+
+    /// The torque from outside as of the last [`feel`](Self::feel) \[N·m, N\], (n); None if nothing is there to push.
+    pub fn external_torque(&self) -> Option<&[f64]> {
+        (self.is_touchable || self.is_touched()).then_some(&self.external)
+    }
+
+    /// Every wrench that acts over the present step, where the arm was felt last.
+    pub fn acting(&self) -> Vec<Acting<D>> {
+        let acting = |wrenches: &Wrenches<_, D>| wrenches.acting(&self.state).collect();
+        self.wrenches.as_deref().map_or(vec![], acting)
+    }
+
     /// Moves to the state (q, q̇): q̈ under a torque there.
     pub fn accelerate(&mut self, q: &[f64], dq: &[f64], tau: &[f64], ddq: &mut [f64]) {
-        let Self { physics, state, torque, gravity, scratch, .. } = self;
+        let is_touched = self.is_touched();
+        let Self { physics, state, torque, gravity, scratch, wrenches, contacts, .. } = self;
         let tau = resisted(&physics.viscous, tau, dq, torque);
-        if physics.compensates_gravity {
-            state.update(q, dq);
-            state.forward_dynamics(carried(state, tau, gravity), scratch, ddq);
-        } else {
+        if !physics.compensates_gravity && !is_touched {
             state.update_with_dynamics(q, dq, tau, scratch, ddq);
+            return;
         }
+        state.update(q, dq);
+        let tau = match physics.compensates_gravity {
+            true => carried(state, tau, gravity),
+            false => tau,
+        };
+        state.forward_dynamics(pushed(wrenches, contacts, state, tau), scratch, ddq);
     }
 
     /// The same where a controller whose model is the plant stands at this very state: what it has
     /// factorised serves the plant too.
     pub fn accelerate_as(&mut self, model: &A::State, tau: &[f64], bias: &[f64], ddq: &mut [f64]) {
-        let Self { physics, torque, gravity, scratch, .. } = self;
+        let Self { physics, torque, gravity, scratch, wrenches, contacts, .. } = self;
         let tau = resisted(&physics.viscous, tau, model.velocity(), torque);
         let tau = match physics.compensates_gravity {
             true => carried(model, tau, gravity),
             false => tau,
         };
-        model.accelerate(tau, bias, scratch, ddq);
+        model.accelerate(pushed(wrenches, contacts, model, tau), bias, scratch, ddq);
     }
 
     /// Completes a step of `dt` \[s\] under the torque `tau` from `before` to (q, q̇) by what does not
@@ -132,9 +314,12 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         }
         self.state.update(q, dq);
         let [kinetic, potential] = self.energies();
-        let mut allowed = kinetic + potential - dot(tau, q);
+        let is_touched = self.is_touched();
+        let Self { physics, state, impulses, change, external, .. } = self;
+        // What pushes from outside does work like a torque that is held.
+        let outside = |q: &[f64]| if is_touched { dot(external, q) } else { 0.0 };
+        let mut allowed = kinetic + potential - dot(tau, q) - outside(q);
 
-        let Self { physics, state, impulses, change, .. } = self;
         for (i, q) in q.iter_mut().enumerate() {
             let friction = dt * physics.coulomb.get(i).copied().unwrap_or(0.0);
             let (mut lower, mut upper) = (-friction, friction);
@@ -167,7 +352,8 @@ impl<A: Model<D>, const D: usize> Plant<A, D> {
         // right one: what there is too much of is taken out of the motion (T46).
         state.update(q, dq);
         let [kinetic, potential] = self.energies();
-        allowed = (allowed + dot(tau, q) - potential).max(0.0);
+        let outside = if is_touched { dot(&self.external, q) } else { 0.0 };
+        allowed = (allowed + dot(tau, q) + outside - potential).max(0.0);
         if kinetic > allowed {
             let slower = (allowed / kinetic).sqrt();
             dq.iter_mut().for_each(|v| *v *= slower);
@@ -219,4 +405,21 @@ fn carried<'a, R: Robot<D>, const D: usize>(
     robot.gravity_torque(out);
     out.iter_mut().zip(tau).for_each(|(out, tau)| *out += tau);
     out
+}
+
+/// τ + τ_ext where `robot` is, if anything pushes.
+fn pushed<'a, R: Robot<D>, S: Solid<D>, const D: usize>(
+    wrenches: &'a mut Option<Box<Wrenches<R, D>>>,
+    contacts: &'a mut Option<Box<Contacts<R, S, D>>>,
+    robot: &R,
+    tau: &'a [f64],
+) -> &'a [f64] {
+    let tau = match wrenches {
+        Some(wrenches) => wrenches.add_to(robot, tau),
+        None => tau,
+    };
+    match contacts {
+        Some(contacts) => contacts.add_to(robot, tau),
+        None => tau,
+    }
 }

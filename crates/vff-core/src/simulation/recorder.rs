@@ -110,6 +110,14 @@ pub struct Record {
     pub self_clearance: Vec<f64>,
     /// (T), or empty.
     pub tank: Vec<f64>,
+    /// (T, n), or empty.
+    pub tau_ext: Vec<f64>,
+    /// (T, k, D), or empty.
+    pub contact_force: Vec<f64>,
+    /// (T, n), or empty.
+    pub tau_ext_estimate: Vec<f64>,
+    /// (T, m), or empty.
+    pub wrench_estimate: Vec<f64>,
     /// (T), or empty.
     pub slack: Vec<f64>,
     /// (T), or empty.
@@ -235,6 +243,16 @@ impl Record {
                 s.self_clearance.is_some()
             }),
             optional("tank", &mut self.tank, &[], |s| s.tank.is_some()),
+            optional("tau_ext", &mut self.tau_ext, &[n], |s| s.tau_ext.is_some()),
+            optional("contact_force", &mut self.contact_force, &[obstacles, d], |s| {
+                s.contact_force.is_some()
+            }),
+            optional("tau_ext_estimate", &mut self.tau_ext_estimate, &[n], |s| {
+                s.tau_ext_estimate.is_some()
+            }),
+            optional("wrench_estimate", &mut self.wrench_estimate, &[m], |s| {
+                s.wrench_estimate.is_some()
+            }),
             optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
             optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
             optional("q_plan", &mut self.q_plan, &[n], |s| s.q_plan.is_some()),
@@ -302,6 +320,10 @@ impl Record {
         }
         self.self_clearance.extend(s.self_clearance);
         self.tank.extend(s.tank);
+        self.tau_ext.extend_from_slice(s.tau_ext.unwrap_or_default());
+        self.contact_force.extend_from_slice(s.contact_force.unwrap_or_default());
+        self.tau_ext_estimate.extend_from_slice(s.tau_ext_estimate.unwrap_or_default());
+        self.wrench_estimate.extend_from_slice(s.wrench_estimate.unwrap_or_default());
         self.slack.extend(s.slack);
         self.path_time.extend(s.path_time);
         self.q_plan.extend_from_slice(s.q_plan.unwrap_or_default());

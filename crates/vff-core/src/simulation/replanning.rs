@@ -1,51 +1,34 @@
 //! A plan that is watched over while it is followed: what is asked of whoever makes another one (T121).
 
 use super::System;
+use crate::settings::settings;
 use crate::trajectory::{JointSpline, Trajectory};
 use crate::world::World;
-use serde::Deserialize;
 use std::fmt::Debug;
 
-/// The `[replan]` table of a scenario.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct ReplanSettings {
-    /// How long planning takes, as long as time is simulated \[s\], ≥ 0.
-    pub latency: f64,
-    /// In what time the rest of the plan is looked through once \[s\], > 0.
-    pub every: f64,
-    /// For how long the arm may be off its plan, or come no nearer to its end \[s\], > 0.
-    pub patience: f64,
-    /// How far each joint may be from its plan \[rad or m\], > 0.
-    pub stray: f64,
-    /// How far the end effector is off its reference at least where the arm is stuck \[m\], ≥ 0.
-    pub tolerance: f64,
-    /// In what time the difference between two plans fades \[s\], > 0.
-    pub blend: f64,
-    /// What every link keeps from obstacles \[m\], > 0.
-    pub margin: f64,
-    /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0.
-    pub horizon: f64,
-    /// The share of the limits of speed and acceleration that is used, in (0, 1].
-    pub speed: f64,
-    /// How many random configurations are tried.
-    pub samples: usize,
-}
-
-impl Default for ReplanSettings {
-    fn default() -> Self {
-        Self {
-            latency: 0.3,
-            every: 0.1,
-            patience: 1.0,
-            stray: 0.5,
-            tolerance: 0.02,
-            blend: 0.5,
-            margin: 0.02,
-            horizon: 1.0,
-            speed: 0.5,
-            samples: 5000,
-        }
+settings! {
+    /// The `[replan]` table of a scenario.
+    pub struct ReplanSettings {
+        /// From the question to the plan.
+        latency: f64 = 0.3, "s", NOT_NEGATIVE;
+        /// In what time the rest of the plan is looked through once; at most once in a period of control.
+        every: f64 = 0.1, "s", POSITIVE;
+        /// For how long the arm may be off its plan, or stuck.
+        patience: f64 = 1.0, "s", POSITIVE;
+        /// How far each joint may be from its plan.
+        stray: f64 = 0.5, "rad, m", POSITIVE;
+        /// An arm whose end effector is nearer to its reference is not stuck.
+        tolerance: f64 = 0.02, "m", NOT_NEGATIVE;
+        /// In what time the difference between two plans fades.
+        blend: f64 = 0.5, "s", POSITIVE;
+        /// What every link keeps from obstacles; less where start or goal have less.
+        margin: f64 = 0.02, "m", POSITIVE;
+        /// For how long what moves is predicted.
+        horizon: f64 = 1.0, "s", NOT_NEGATIVE;
+        /// The share of the limits of speed and acceleration.
+        speed: f64 = 0.5, "", SHARE;
+        /// Random configurations until a search gives up.
+        samples: usize = 5000, "";
     }
 }
 

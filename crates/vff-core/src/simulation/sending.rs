@@ -4,6 +4,7 @@ use super::actuator::Actuator;
 use super::plant::Plant;
 use crate::control::{Controller, Gains, Output};
 use crate::robot::{Manipulator, Model};
+use crate::world::Solid;
 
 /// What stands between the law and the simulated robot. Nothing allocates after construction.
 #[derive(Debug, Clone)]
@@ -30,9 +31,22 @@ impl Sending {
     }
 
     /// The robot has held its arm still where `plant` is.
-    pub(super) fn start<A: Model<D>, const D: usize>(&mut self, plant: &Plant<A, D>) {
+    pub(super) fn start<A: Model<D>, S: Solid<D>, const D: usize>(
+        &mut self,
+        plant: &Plant<A, S, D>,
+    ) {
         self.output.begin_at_rest(plant.state());
         self.sent_at = None;
+    }
+
+    /// Lets the observer of `controller` know what has been sent for `elapsed` \[s\], if anything has.
+    pub(super) fn report<R: Manipulator<D, M> + Clone, const D: usize, const M: usize>(
+        &mut self,
+        controller: &mut Controller<R, D, M>,
+        elapsed: Option<f64>,
+    ) {
+        self.last.copy_from_slice(self.output.sent());
+        controller.hear(Some(&mut self.output), &self.last, elapsed);
     }
 
     /// Lets the next command of `controller` in `step` ask for what can be sent then, for `period` \[s\].
@@ -60,7 +74,7 @@ impl Sending {
         if self.sent_at.replace(step) == Some(step) {
             self.output.undo();
         }
-        self.output.convert(controller.robot(), controller.bias(), tau);
+        self.output.convert(controller.robot(), tau);
         self.sent.copy_from_slice(self.output.send(period));
     }
 
@@ -73,10 +87,10 @@ impl Sending {
     }
 
     /// Looks at what acts on the joints at (q, q̇).
-    pub(super) fn look<A: Model<D>, const D: usize>(
+    pub(super) fn look<A: Model<D>, S: Solid<D>, const D: usize>(
         &mut self,
         actuator: Option<&Actuator>,
-        plant: &mut Plant<A, D>,
+        plant: &mut Plant<A, S, D>,
         [q, dq]: [&[f64]; 2],
     ) {
         let Self { sent, acting, .. } = self;

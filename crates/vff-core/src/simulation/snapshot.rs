@@ -60,6 +60,14 @@ pub struct Snapshot<'a> {
     pub objective_scale: Option<&'a ObjectiveScale>,
     /// Energy in the tank \[J\]; `None` without one.
     pub tank: Option<f64>,
+    /// The torque of the wrenches that push the arm from now on \[N·m, N\], (n); `None` without any.
+    pub tau_ext: Option<&'a [f64]>,
+    /// The force of each obstacle on the arm \[N\], (k, D); `None` where none is felt.
+    pub contact_force: Option<&'a [f64]>,
+    /// The torque that the model does not know, as estimated \[N·m, N\], (n); `None` without an observer.
+    pub tau_ext_estimate: Option<&'a [f64]>,
+    /// The wrench at the end effector that this is \[N, N·m\], (m), in the rows of J; `None` without an observer.
+    pub wrench_estimate: Option<&'a [f64]>,
     /// Smallest surface distance of two links that share no joint \[m\]; `None` where not measured.
     pub self_clearance: Option<f64>,
     /// Which links these are; none for the base.

@@ -19,6 +19,14 @@ pub enum TrajectoryError {
         /// Length of the list.
         given: usize,
     },
+    /// Not as many rows of margins as instants.
+    #[error("expected {expected} rows, one per instant, given {given}")]
+    MarginCount {
+        /// The number of instants.
+        expected: usize,
+        /// The number of rows.
+        given: usize,
+    },
     /// A configuration that has not a number for each joint.
     #[error("expected {expected} entries, one per joint, given {given}")]
     Joints {
@@ -120,6 +128,7 @@ impl TrajectoryError {
             Self::UselessOrientation { field } => (*field).into(),
             Self::OrientationCount { .. } => "orientations".into(),
             Self::OrientationsApart { index } => format!("orientations[{index}]"),
+            Self::MarginCount { .. } => "margins".into(),
             Self::Normal { .. } => "normal".into(),
             Self::PointCount { .. } | Self::WithoutArm => "points".into(),
             Self::TooFewTimes { .. } => "times".into(),

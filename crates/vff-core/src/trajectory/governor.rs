@@ -5,25 +5,20 @@
 
 use super::{Guided, Sample, Trajectory};
 use crate::math::smoothstep;
-use serde::Deserialize;
+use crate::settings::settings;
 
-/// When and how the reference waits: the `[controller.governor]` table of a scenario.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct GovernorSettings {
-    /// e₁ \[m\] ≥ 0: up to this error the path is followed at full speed.
-    pub inner: f64,
-    /// e₂ \[m\] > e₁: from this error on it is followed at the slowest.
-    pub outer: f64,
-    /// ω \[1/s\] > 0: how fast the speed changes.
-    pub rate: f64,
-    /// φ in [0, 1): the share of the speed that is always left.
-    pub floor: f64,
-}
-
-impl Default for GovernorSettings {
-    fn default() -> Self {
-        Self { inner: 0.02, outer: 0.1, rate: 20.0, floor: 0.2 }
+settings! {
+    /// When and how the reference waits: the `[controller.governor]` table of a scenario.
+    #[derive(Copy)]
+    pub struct GovernorSettings {
+        /// Up to this distance of the end effector the clock runs normally.
+        inner: f64 = 0.02, "m", NOT_NEGATIVE;
+        /// From this distance on, more than `inner`, it runs at `floor` times its speed.
+        outer: f64 = 0.1, "m", POSITIVE;
+        /// How fast its speed changes, through two first-order lags.
+        rate: f64 = 20.0, "1/s", POSITIVE;
+        /// The share of the speed that is always left: 0 stops it, possibly forever if an obstacle on the path does not move.
+        floor: f64 = 0.2, "", PART;
     }
 }
 

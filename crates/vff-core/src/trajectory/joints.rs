@@ -1,13 +1,28 @@
 //! Joints along a plan: the clamped cubic spline, at rest at both ends (T117).
 
-use super::TrajectoryError;
 use super::piecewise;
 use super::polynomial::{horner, quintic};
 use super::spline::{Ends, cubics};
+use super::{KeptMargins, TrajectoryError};
+use crate::interrupt;
 use crate::math::Vector;
 
 /// Positions of `n` joints over time: cubics through knots (C²), at rest at the first and at the last of them, where it
 /// stays before and after.
+///
+/// ```
+/// # fn main() -> Result<(), vff_core::trajectory::TrajectoryError> {
+/// use vff_core::trajectory::JointSpline;
+///
+/// let spline = JointSpline::new(&[0.0, 1.0, 2.0], &[vec![0.0], vec![0.5], vec![1.0]])?;
+/// let (mut q, mut dq, mut ddq) = ([0.0], [0.0], [0.0]);
+/// spline.at(1.0, [&mut q, &mut dq, &mut ddq]);
+/// assert!((q[0] - 0.5).abs() < 1e-12 && dq[0] > 0.0);
+/// spline.at(5.0, [&mut q, &mut dq, &mut ddq]); // held at the end
+/// assert_eq!((q, dq), ([1.0], [0.0]));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointSpline {
     times: Vec<f64>,
@@ -19,6 +34,19 @@ pub struct JointSpline {
     last: Vec<f64>,
     /// What is left of the motion before.
     before: Option<Fading>,
+    /// What every link is known to keep on the way.
+    margins: Option<KeptMargins>,
+}
+
+/// The farthest that joints go on a motion, of each joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Peaks {
+    /// The least and the largest position \[rad or m\].
+    pub positions: Vec<[f64; 2]>,
+    /// The largest speed \[rad/s, m/s\].
+    pub speeds: Vec<f64>,
+    /// The largest acceleration, of either sign \[rad/s², m/s²\].
+    pub accelerations: Vec<f64>,
 }
 
 /// By how much the joints are still where another motion has led them: a quintic each, from its start on.
@@ -52,7 +80,7 @@ impl JointSpline {
             }
         }
         let (first, last) = (points[0].clone(), points[knots - 1].clone());
-        Ok(Self { times: times.to_vec(), n, pieces, first, last, before: None })
+        Ok(Self { times: times.to_vec(), n, pieces, first, last, before: None, margins: None })
     }
 
     /// The same motion, taken over from `old` at time `t` \[s\] without a jump of position, velocity or acceleration: the
@@ -70,6 +98,50 @@ impl JointSpline {
         let pieces = (0..self.n).map(|i| quintic(left(i), [Vector::zeros(); 3], duration));
         self.before = Some(Fading { start: t, duration, pieces: pieces.collect() });
         self
+    }
+
+    /// The same motion, on which every link is known to keep `margins` \[m\] from obstacles.
+    ///
+    /// # Errors
+    /// If there is not one margin for each link at each knot.
+    pub fn keeping(mut self, margins: &[Vec<f64>]) -> Result<Self, TrajectoryError> {
+        self.margins = Some(KeptMargins::new(&self.times, margins, self.n)?);
+        Ok(self)
+    }
+
+    /// What every link is known to keep on the way.
+    pub fn margins(&self) -> Option<&KeptMargins> {
+        self.margins.as_ref()
+    }
+
+    /// The farthest that each joint goes, of the cubics themselves and not of samples: where their velocities and
+    /// accelerations are zero, or at knots. What is left of a motion before is not counted.
+    pub fn peaks(&self) -> Peaks {
+        let still = |q: &f64| [*q, *q];
+        let mut peaks = Peaks {
+            positions: self.first.iter().map(still).collect(),
+            speeds: vec![0.0; self.n],
+            accelerations: vec![0.0; self.n],
+        };
+        for (i, pair) in self.times.windows(2).enumerate() {
+            let h = pair[1] - pair[0];
+            interrupt::spend(32 * self.n);
+            for (joint, piece) in self.pieces[i * self.n..(i + 1) * self.n].iter().enumerate() {
+                let [b, c, d] = [piece[1].x, 2.0 * piece[2].x, 3.0 * piece[3].x];
+                // Where the velocity b + c t + d t² is zero, without a difference of what is nearly the same.
+                let root = 0.5 * (-c - c.signum() * (c * c - 4.0 * b * d).sqrt());
+                let turns = [h, root / d, b / root, -0.5 * c / d];
+                for t in turns.into_iter().filter(|t| (0.0..=h).contains(t)) {
+                    let at = horner(piece, t);
+                    let [low, high] = &mut peaks.positions[joint];
+                    (*low, *high) = (low.min(at.x[0]), high.max(at.x[0]));
+                    peaks.speeds[joint] = peaks.speeds[joint].max(at.dx[0].abs());
+                }
+                let [start, end] = [0.0, h].map(|t| horner(piece, t).ddx[0].abs());
+                peaks.accelerations[joint] = peaks.accelerations[joint].max(start).max(end);
+            }
+        }
+        peaks
     }
 
     /// The number of joints.
@@ -189,6 +261,33 @@ mod tests {
             for (t, point) in [(-1.0 - fraction, &points[0]), (99.0, &points[times.len() - 1])] {
                 let rest = [point.clone(), vec![0.0; 3], vec![0.0; 3]];
                 prop_assert_eq!(at(&spline, t), rest);
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// No sample goes farther than the peaks, and samples come near to them.
+        #[test]
+        fn peaks_are_those_of_all_samples(coordinates in prop::collection::vec(-1.0..1.0, 7), step in 0.1..1.0) {
+            let times: Vec<f64> = (0..7).map(|k| step * f64::from(k)).collect();
+            let points: Vec<_> = coordinates.iter().map(|q| vec![*q]).collect();
+            let spline = JointSpline::new(&times, &points).unwrap();
+            let peaks = spline.peaks();
+            let mut sampled = [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0];
+            for k in 0..=60_000 {
+                let [q, dq, ddq] = at(&spline, 6.0 * step * f64::from(k) / 60_000.0);
+                sampled = [
+                    sampled[0].min(q[0]), sampled[1].max(q[0]), sampled[2].max(dq[0].abs()), sampled[3].max(ddq[0].abs()),
+                ];
+            }
+            let [low, high] = peaks.positions[0];
+            let found = [low, high, peaks.speeds[0], peaks.accelerations[0]];
+            let signs = [-1.0, 1.0, 1.0, 1.0];
+            for ((found, sampled), sign) in found.into_iter().zip(sampled).zip(signs) {
+                let beyond = sign * (found - sampled);
+                prop_assert!(beyond > -1e-12 && beyond < 1e-2 * (1.0 + found.abs()), "{found} {sampled}");
             }
         }
     }

@@ -8,6 +8,7 @@ mod coordinates;
 mod error;
 mod governor;
 mod joints;
+mod kept;
 mod line;
 mod lissajous;
 mod piecewise;
@@ -20,7 +21,8 @@ mod waypoints;
 
 pub use error::TrajectoryError;
 pub use governor::{Governor, GovernorSettings, Pace};
-pub use joints::JointSpline;
+pub use joints::{JointSpline, Peaks};
+pub use kept::KeptMargins;
 pub use plane::Reference;
 pub use space::SpatialReference;
 
@@ -96,17 +98,25 @@ pub trait Guided<const M: usize>: Pose<M> {
     fn plan(reference: &Self::Reference) -> Option<Knots<'_>>;
 }
 
-/// The knots of a plan: instants \[s\], and at each of them one number per joint \[rad, of a sliding joint m\].
-pub type Knots<'a> = (&'a [f64], &'a [Vec<f64>]);
+/// The knots of a plan.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Knots<'a> {
+    /// Instants \[s\].
+    pub times: &'a [f64],
+    /// At each of them one number per joint \[rad, of a sliding joint m\].
+    pub points: &'a [Vec<f64>],
+    /// What each link keeps from obstacles between two of them: the smaller of both \[m\].
+    pub margins: Option<&'a [Vec<f64>]>,
+}
 
 /// Something that is led by joints: an arm that follows a plan, wherever the real one is.
-pub trait Led<P, const M: usize>: Debug + Send {
+pub trait PlannedReference<P, const M: usize>: Debug + Send {
     /// Where its end effector is at time `t` \[s\]. Does not allocate.
     fn at(&self, t: f64) -> Sample<P, M>;
     /// Its joints.
     fn joints(&self) -> &JointSpline;
     /// Another one.
-    fn copy(&self) -> Box<dyn Led<P, M>>;
+    fn copy(&self) -> Box<dyn PlannedReference<P, M>>;
 }
 
 /// A reference for poses `P` of a task of dimension `M`, ready to be evaluated.
@@ -119,7 +129,7 @@ pub struct Trajectory<P: Guided<M>, const M: usize> {
 #[derive(Debug)]
 enum Path<P: Guided<M>, const M: usize> {
     Curve(P::Curve),
-    Plan(Box<dyn Led<P, M>>),
+    Plan(Box<dyn PlannedReference<P, M>>),
 }
 
 impl<P: Guided<M>, const M: usize> Clone for Path<P, M> {
@@ -155,9 +165,9 @@ impl<P: Guided<M>, const M: usize> Trajectory<P, M> {
         Ok(Self { path: Path::Curve(P::curve(reference, start)?) })
     }
 
-    /// The reference that `leader` is.
-    pub fn of_plan(leader: Box<dyn Led<P, M>>) -> Self {
-        Self { path: Path::Plan(leader) }
+    /// The reference of a plan.
+    pub fn of_plan(planned: Box<dyn PlannedReference<P, M>>) -> Self {
+        Self { path: Path::Plan(planned) }
     }
 
     /// The joints of the plan that it is, if it is one.

@@ -8,30 +8,32 @@
 //! Motion, the queries and the crowd are the same in every space. What is not is a [`Solid`]: those of
 //! the [`plane`] and of [`space`] live in directories of their own.
 
+mod broad_phase;
 mod contact;
-mod crowd;
 mod hierarchy;
 mod motion;
 #[cfg(test)]
 mod oracle;
 pub mod plane;
 mod query;
+mod shape_fault;
 mod solid;
 pub mod space;
 mod turning;
 
 pub use crate::math::Feature;
+pub use broad_phase::HORIZON;
 pub use contact::{Contact, Pair};
-pub use crowd::HORIZON;
 pub use motion::{Motion, MotionState};
 pub use query::{CollisionQuery, Positions};
+pub use shape_fault::ShapeFault;
 pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
 
 use crate::geometry::Carried;
 use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
-use crowd::Crowd;
+use broad_phase::BroadPhase;
 use std::mem::{replace, take};
 
 pub(crate) use crate::math::TOUCHING;
@@ -70,7 +72,7 @@ enum Named<S: Solid<D>, const D: usize> {
     /// All of them, and some turn or have many contacts. They are numbered here.
     Each(Vec<usize>),
     /// Those that may be near, where they are too many to ask each.
-    Crowd(Box<Crowd<S, D>>),
+    BroadPhase(Box<BroadPhase<S, D>>),
 }
 
 /// An obstacle with what is computed once (`solid`) and when it is needed (`state`).
@@ -330,7 +332,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             Placed::new(obstacle)
         };
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(place).collect();
-        let is_crowd = obstacles.len() >= crowd::LEAST;
+        let is_crowd = obstacles.len() >= broad_phase::LEAST;
         Self::of(obstacles, is_crowd)
     }
 
@@ -340,7 +342,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         let mut moving = Vec::with_capacity(obstacles.len());
         moving.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_static));
         let named = if is_crowd {
-            Named::Crowd(Box::new(Crowd::new(&obstacles)))
+            Named::BroadPhase(Box::new(BroadPhase::new(&obstacles)))
         } else {
             Named::each(&obstacles, vec![])
         };
@@ -357,7 +359,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let mut obstacles: Vec<Placed<S, D>> = wanted.cloned().collect();
             obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(0.0));
             // Where every one is asked, one may move as no hierarchy is made for.
-            let is_crowd = matches!(self.named, Named::Crowd(_)) && obstacles.len() >= crowd::LEAST;
+            let is_crowd =
+                matches!(self.named, Named::BroadPhase(_)) && obstacles.len() >= broad_phase::LEAST;
             Self::of(obstacles, is_crowd)
         })
     }
@@ -381,7 +384,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             return;
         }
         match &mut self.named {
-            Named::Crowd(crowd) => crowd.update(&self.obstacles, self.time, t),
+            Named::BroadPhase(crowd) => crowd.update(&self.obstacles, self.time, t),
             _ => self.moving.iter().for_each(|&j| self.obstacles[j].move_to(t)),
         }
         self.time = t;
@@ -400,6 +403,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// Whether obstacle `j` neither moves nor turns.
     pub fn stands_still(&self, j: usize) -> bool {
         self.obstacles[j].is_static
+    }
+
+    /// Whether obstacle `j` is one convex body, which has one contact with another.
+    pub fn is_convex(&self, j: usize) -> bool {
+        self.obstacles[j].solid.contacts() == 1
     }
 
     /// Position of obstacle `j` \[m\].
@@ -453,7 +461,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         obstacle.state = obstacle.moved_to(self.time);
         obstacle.time = self.time;
         let was_static = replace(&mut obstacle.is_static, false);
-        if was_static || matches!(self.named, Named::Crowd(_)) {
+        if was_static || matches!(self.named, Named::BroadPhase(_)) {
             self.rearrange();
         } else if let Some(turned) = &mut obstacle.turned {
             turned.now = turned.turning.at(self.time);
@@ -489,7 +497,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// Does what has to be done when a solid is not what it was.
     fn reshaped(&mut self) {
         [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
-        if let Named::Crowd(crowd) = &mut self.named {
+        if let Named::BroadPhase(crowd) = &mut self.named {
             crowd.renew(&self.obstacles);
         }
     }
@@ -524,118 +532,4 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::plane::{Obstacle, Shape, World};
-    use super::{CollisionQuery, Motion};
-    use crate::geometry::Body;
-    use crate::math::{Capsule, Vector};
-
-    fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
-        Obstacle {
-            shape: Shape::Circle { radius: 0.5 },
-            position,
-            angle: 0.0,
-            angular_velocity: 0.0,
-            motion,
-        }
-    }
-
-    #[test]
-    fn update_moves_what_moves() {
-        let velocity = [1.0, -2.0];
-        let mut world = World::new(vec![
-            disc([1.0, 1.0], Motion::default()),
-            disc([0.0, 3.0], Motion::Linear { velocity }),
-        ]);
-        assert_eq!(world.len(), 2);
-        assert!(!world.is_empty());
-        assert_eq!(world.position(1), Vector::<2>::new(0.0, 3.0));
-        assert_eq!(world.velocity(1), Vector::from(velocity));
-        world.update(2.0);
-        assert_eq!(world.time().to_bits(), 2f64.to_bits());
-        assert_eq!(world.position(0), Vector::<2>::new(1.0, 1.0));
-        assert_eq!(world.velocity(0), Vector::<2>::zeros());
-        assert_eq!(world.position(1), Vector::<2>::new(2.0, -1.0));
-        assert_eq!(world.acceleration(1), Vector::<2>::zeros());
-        assert_eq!(world.obstacle(1).shape, Shape::Circle { radius: 0.5 });
-        world.update(0.0);
-        assert_eq!(world.position(1), Vector::<2>::new(0.0, 3.0));
-    }
-
-    /// A disc on its way is carried elsewhere: nothing jumps, it arrives, and others are left alone.
-    #[test]
-    fn obstacles_are_carried() {
-        let still = disc([1.0, 1.0], Motion::default());
-        let mut world = World::new(vec![
-            still.clone(),
-            disc([0.0, 3.0], Motion::Linear { velocity: [1.0, -2.0] }),
-        ]);
-        world.update(1.0);
-        let goal = Vector::<2>::new(5.0, 5.0);
-        for j in 0..2 {
-            let before = (world.position(j), world.velocity(j), world.acceleration(j));
-            world.carry(j, goal, 10.0);
-            let after = (world.position(j), world.velocity(j), world.acceleration(j));
-            assert!((before.0 - after.0).norm() + (before.1 - after.1).norm() < 1e-13);
-            assert!((before.2 - after.2).norm() < 1e-11);
-        }
-        world.update(6.0);
-        assert!((world.position(0) - goal).norm() + (world.position(1) - goal).norm() < 1e-12);
-        world.remove(0);
-        world.add(still);
-        assert_eq!(world.len(), 2);
-        assert!((world.position(0) - goal).norm() < 1e-12);
-        assert_eq!(world.position(1), Vector::<2>::new(1.0, 1.0));
-    }
-
-    /// The hierarchy of a crowd is given up, and the distances are those of a few obstacles.
-    #[test]
-    fn obstacles_of_a_crowd_are_carried() {
-        let discs = |count: u32| (0..count).map(|k| disc([f64::from(k), 3.0], Motion::default()));
-        let mut world = World::new(discs(30).collect());
-        let along = Vector::<2>::new(2.0, 0.0);
-        let link = || [Body::new(0, Capsule::new(Vector::<2>::zeros(), along, 0.1))];
-        let distance = |world: &mut World| {
-            let mut found = 0.0;
-            world.for_each_contact(link(), f64::INFINITY, |_, d| found = d, |_| {});
-            found
-        };
-        assert!((distance(&mut world) - 2.4).abs() < 1e-12);
-        world.carry(29, Vector::<2>::new(1.0, 1.0), 10.0);
-        world.update(10.0);
-        assert!((distance(&mut world) - 0.4).abs() < 1e-12);
-    }
-
-    #[test]
-    fn all_pairs_are_visited_in_order() {
-        let mut world = World::new(vec![
-            disc([0.0, 2.0], Motion::Linear { velocity: [0.0, 1.0] }),
-            disc([2.0, -1.0], Motion::default()),
-        ]);
-        world.update(1.0);
-        let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
-        let capsules = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
-        // Carried by links that have other numbers than they.
-        let links = capsules.zip([4, 2]).map(|(shape, link)| Body::new(link, shape));
-        let (mut found, mut distances) = (Vec::new(), Vec::new());
-        world.for_each_contact(
-            links.clone(),
-            f64::INFINITY,
-            |link, distance| distances.push((link, distance)),
-            |contact| found.push(*contact),
-        );
-        let pairs: Vec<_> = found.iter().map(|c| (c.body, c.obstacle)).collect();
-        let carriers: Vec<_> = found.iter().map(|c| c.link).collect();
-        assert_eq!(carriers, [4, 4, 2, 2]);
-        assert_eq!(pairs, [(0, 0), (0, 1), (1, 0), (1, 1)]);
-        assert_eq!(distances, [(4, found[1].distance), (2, found[3].distance)]);
-        for contact in &found {
-            let body = links.clone().nth(contact.body).unwrap();
-            assert_eq!(*contact, world.contact(contact.body, &body, contact.obstacle));
-        }
-        assert!((found[0].distance - 2.4).abs() < 1e-15);
-        assert_eq!(found[0].velocity, Vector::<2>::new(0.0, 1.0));
-        assert!((found[3].distance - 0.4).abs() < 1e-15);
-        assert_eq!(found[3].normal, Vector::<2>::new(0.0, 1.0));
-    }
-}
+mod tests;

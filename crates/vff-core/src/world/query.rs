@@ -227,7 +227,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let near = match named {
                 Named::All => &[],
                 Named::Each(all) => &all[..],
-                Named::Crowd(crowd) => crowd.near(obstacles, *time, &probe, reach),
+                Named::BroadPhase(crowd) => crowd.near(obstacles, *time, &probe, reach),
             };
             let below = |limit: f64| {
                 let near = near.iter().map(|&j| &obstacles[j]);
@@ -424,13 +424,13 @@ fn near_hull<S: Solid<D>, const D: usize>(
     [reach, limit]: [f64; 2],
     mut meet: impl FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
 ) -> f64 {
-    let is_crowd = matches!(named, Named::Crowd(_));
+    let is_crowd = matches!(named, Named::BroadPhase(_));
     let mut within = reach;
     loop {
         let near = match named {
             Named::All => None,
             Named::Each(all) => Some(&all[..]),
-            Named::Crowd(crowd) => Some(crowd.near(obstacles, time, around, within)),
+            Named::BroadPhase(crowd) => Some(crowd.near(obstacles, time, around, within)),
         };
         let count = near.map_or(obstacles.len(), <[usize]>::len);
         let asked = || (0..count).map(|k| near.map_or(k, |near| near[k]));

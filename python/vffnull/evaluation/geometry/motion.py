@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._arm import cos_sin, product, quaternion, rotation
+from vffnull.evaluation.geometry.arm import cos_sin, product, quaternion, rotation
 
 __all__ = ["Array", "Motion", "Turning"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull._arm import cos_sin, product
+from vffnull.evaluation.geometry.arm import cos_sin, product
 from vffnull.evaluation.geometry.motion import Array, Motion
 
 __all__ = ["Kinematics", "World"]

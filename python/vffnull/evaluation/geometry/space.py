@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from vffnull._arm import SpatialArm, product
+from vffnull.evaluation.geometry.arm import SpatialArm, product
 from vffnull.evaluation.geometry.motion import Array, Motion, Turning
 
-__all__ = ["Bodies", "Things", "box_to_segments", "segment_to_segments"]
+__all__ = ["Bodies", "Obstacles", "box_to_segments", "segment_to_segments"]
 
 _INVERSE_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 _HALVINGS = 40  # of the golden section: 1e-8 of a segment
@@ -80,7 +80,7 @@ class Bodies:
         return nearest
 
 
-class Things:
+class Obstacles:
     """Obstacles in space.
 
     Parameters

@@ -7,14 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vffnull._arguments import whole
-from vffnull._arm import cos_sin
-from vffnull.errors import InputError
+from vffnull._support.arguments import whole
+from vffnull._support.errors import InputError
+from vffnull.evaluation.geometry.arm import cos_sin
 from vffnull.evaluation.scenes.common import EVALUATION, Array, Document, Draw, rounded
 from vffnull.evaluation.scenes.plane import random
 from vffnull.evaluation.scenes.space import in_space
+from vffnull.model.scenario import Scenario
 from vffnull.planning import plan
-from vffnull.scenario import Scenario
 
 __all__ = ["GOAL_ARMS", "GOAL_FAMILIES", "to_a_goal"]
 
@@ -318,7 +318,7 @@ def _panda_start(draw: Draw) -> Array:
 
 
 def _panda_tip(q: Array) -> Array:
-    from vffnull import _core
+    import vffnull._core as _core
 
     return np.asarray(_core.Arm.named("panda").forward_kinematics(q)[-1])
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vffnull._arguments import whole
-from vffnull.errors import InputError, InputTypeError
+from vffnull._support.arguments import whole
+from vffnull._support.errors import InputError, InputTypeError
 from vffnull.evaluation.geometry.plane import Kinematics, World
 from vffnull.evaluation.planner import reference_points
 from vffnull.evaluation.scenes.common import (
@@ -21,7 +21,7 @@ from vffnull.evaluation.scenes.common import (
     push,
     rounded,
 )
-from vffnull.scenario import Scenario
+from vffnull.model.scenario import Scenario
 
 __all__ = ["CATEGORIES", "DURATION", "random"]
 

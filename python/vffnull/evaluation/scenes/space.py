@@ -8,11 +8,11 @@ from functools import cache
 
 import numpy as np
 
-from vffnull import _core
-from vffnull._arguments import whole
-from vffnull._arm import product, rotation
-from vffnull.errors import InputError
-from vffnull.evaluation.geometry.space import Bodies, Things
+import vffnull._core as _core
+from vffnull._support.arguments import whole
+from vffnull._support.errors import InputError
+from vffnull.evaluation.geometry.arm import product, rotation
+from vffnull.evaluation.geometry.space import Bodies, Obstacles
 from vffnull.evaluation.planner import travelled
 from vffnull.evaluation.scenes.common import (
     EVALUATION,
@@ -24,7 +24,7 @@ from vffnull.evaluation.scenes.common import (
     push,
     rounded,
 )
-from vffnull.scenario import Scenario
+from vffnull.model.scenario import Scenario
 
 __all__ = ["ARMS", "TASKS", "in_space"]
 
@@ -156,13 +156,13 @@ class _Scene:
         The hand by `hand` [m] at all times and by `end` [m] after the end of the reference; with `hits` only
         if it gets into a link that follows the reference as if nothing were there.
         """
-        things = Things([obstacle])
-        if things.distances(self.ends[:1], self.bodies.radius, self.times[:1]).min() < _START:
+        obstacles = Obstacles([obstacle])
+        if obstacles.distances(self.ends[:1], self.bodies.radius, self.times[:1]).min() < _START:
             return False
         shoulder = np.broadcast_to(self.shoulder, (len(self.times), 1, 2, 3))
-        if things.distances(shoulder, np.zeros(1), self.times).min() < _SHOULDER:
+        if obstacles.distances(shoulder, np.zeros(1), self.times).min() < _SHOULDER:
             return False
-        free = things.distances(self.ends, self.bodies.radius, self.times)[..., 0]
+        free = obstacles.distances(self.ends, self.bodies.radius, self.times)[..., 0]
         due = self.times >= self.reference.get("duration", 0.0)
         if free[:, self._fixed].min() < _BASE or free[:, self._hand].min() < hand:
             return False

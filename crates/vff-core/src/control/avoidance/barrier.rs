@@ -7,16 +7,21 @@
 //!         −τ_max ≤ Mq̈ + Cq̇ + g ≤ τ_max
 //! ```
 //!
-//! Behind a limit of the torque rate the last row says what may be sent next, and the others what must be begun now
-//! (T130–T132). Without pairs, the same keeps the limits of the other ways of giving way.
+//! Behind a limit of the torque rate the last constraint says what may be sent next, and the others what must be begun now
+//! (T130–T132). Without pairs, the same keeps the limits of the other ways of giving way. How fast the tip moves and turns is
+//! kept like the speed of a joint (T114).
 
-use super::{Keep, Yielding};
+use super::margins::Margins;
 use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
-use crate::control::{OperationalSpace, TaskMetric, Torque, TorqueRange, torque_range};
+use crate::control::settings::{Keep, Yielding};
+use crate::control::{
+    CommandSettings, Gains, Gravity, OperationalSpace, TaskMetric, Torque, TorqueRange,
+    torque_range,
+};
 use crate::interrupt;
-use crate::math::dot;
-use crate::robot::Robot;
+use crate::math::{ScalarOrVec, dot};
+use crate::robot::{Robot, pace};
 use crate::world::Contact;
 use nalgebra::SMatrix;
 
@@ -31,15 +36,12 @@ pub fn rate(settings: &Yielding) -> f64 {
 /// Bodies of the arm that are farther apart \[m\] cannot touch within a few 1/k.
 pub const OWN_REACH: f64 = 0.3;
 
-/// What they are kept apart \[m\]: little, because shapes that are fitted to links contain more than these.
-const OWN_MARGIN: f64 = 0.005;
-
 /// What holds where nothing is given.
 struct Usual {
     /// W_x \[kg\].
     task_weight: f64,
-    /// ρ: a row that costs as much as the task is violated by a 2000th.
-    slack_price: f64,
+    /// ρ: a constraint that costs as much as the task is violated by a 2000th.
+    slack_weight: f64,
     /// \[m\].
     activation: f64,
 }
@@ -47,9 +49,9 @@ struct Usual {
 /// In a space of dimension `D`: arms in space are heavier and smaller, and leave less of a null space.
 fn usual<const D: usize>() -> Usual {
     if D > 2 {
-        Usual { task_weight: 300.0, slack_price: 6e5, activation: 0.4 }
+        Usual { task_weight: 300.0, slack_weight: 6e5, activation: 0.4 }
     } else {
-        Usual { task_weight: 20.0, slack_price: 4e4, activation: 1.2 }
+        Usual { task_weight: 20.0, slack_weight: 4e4, activation: 1.2 }
     }
 }
 
@@ -59,19 +61,77 @@ const KEPT: f64 = 10.0;
 /// How much more a joint's angle and speed weigh than a distance where the torque rate does not leave room for all.
 const JOINTS: f64 = 100.0;
 
-/// Share of a joint's largest speed that is kept where the torque rate couples its braking to that of other joints.
-const KEPT_SPEED: f64 = 0.98;
+/// How far the motion keeps from its limits.
+#[derive(Debug, Clone, Copy)]
+struct Reserve {
+    /// Of a joint from its stops \[rad, m\].
+    angle: f64,
+    /// Shares of the largest speeds of a joint and of the tip that are kept.
+    joint: f64,
+    tip: f64,
+}
 
-/// What a joint keeps from its limits there \[rad, m\], or a hundredth of its range where that is less: robots end a motion that
-/// comes to them.
-const KEPT_ANGLE: f64 = 0.01;
+impl Reserve {
+    const NONE: Self = Self { angle: 0.0, joint: 1.0, tip: 1.0 };
+    /// The torque rate couples the braking of a joint to that of others.
+    const BEHIND_A_RATE: Self = Self { angle: 0.01, joint: 0.98, tip: 0.98 };
+    /// A robot ends a motion that comes to a limit: what it measures is noisy.
+    const BEFORE_A_ROBOT: Self = Self { angle: 0.01, joint: 0.95, tip: 0.85 };
+    /// What the arm carries is not known, so that an acceleration is off by what the observer does not know yet.
+    const WITH_A_LOAD: Self = Self { angle: 0.03, joint: 0.9, tip: 0.8 };
+
+    fn of<const M: usize>(gains: &Gains<M>) -> Self {
+        match (gains.command.gravity, &gains.command.torque_rate) {
+            (Gravity::Robot, _) if gains.observer.is_some() => Self::WITH_A_LOAD,
+            (Gravity::Robot, _) => Self::BEFORE_A_ROBOT,
+            (_, Some(_)) => Self::BEHIND_A_RATE,
+            (_, None) => Self::NONE,
+        }
+    }
+}
+
+/// How a joint comes to its stops where a robot wants it slower the nearer it is.
+#[derive(Debug, Clone, Copy)]
+struct Braking {
+    /// b \[rad/s²\].
+    deceleration: f64,
+    /// o \[rad/s\].
+    offset: f64,
+}
+
+impl Braking {
+    /// Of `n` joints, if anything is said of it.
+    fn of(command: &CommandSettings, n: usize) -> Vec<Self> {
+        let of = |given: &ScalarOrVec, i| Self {
+            deceleration: given.get(i),
+            offset: command.stop_offset.get(i),
+        };
+        command
+            .stop_deceleration
+            .as_ref()
+            .map_or(vec![], |given| (0..n).map(|i| of(given, i)).collect())
+    }
+
+    /// √(o² + 2 b h) − o, the largest speed towards a stop that is h away, and how fast it changes at the speed `dq` (T152).
+    fn towards(self, height: f64, dq: f64) -> [f64; 2] {
+        let Self { deceleration: b, offset: o } = self;
+        let root = (o * o + 2.0 * b * height.max(0.0)).sqrt();
+        let most = root - o;
+        [most, if most > 0.0 { -b * dq.clamp(0.0, most) / root } else { 0.0 }]
+    }
+}
 
 /// How much faster the three poles of (T131) are than the two of (T67), which react as early.
 pub const THREE_POLES: f64 = 1.5;
 
-/// How near pairs are rows of the QP \[m\] in a space of dimension `D`.
+/// How near pairs are constraints of the QP \[m\] in a space of dimension `D`.
 pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
     settings.activation.unwrap_or(usual::<D>().activation)
+}
+
+/// ρ in a space of dimension `D`.
+pub fn slack_weight<const D: usize>(settings: &Yielding) -> f64 {
+    settings.slack_price.unwrap_or(usual::<D>().slack_weight)
 }
 
 /// W_x = `task_weight` S², what is kept `KEPT` times that (T69).
@@ -88,9 +148,9 @@ pub fn weight<const D: usize, const M: usize>(
 }
 
 /// Barriers that may be violated at one instant; beyond that the QP is left unfinished.
-const MOST_VIOLATED: usize = 48;
+const MAX_VIOLATED: usize = 48;
 
-/// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a row is violated at y = 0 only if its bound is
+/// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a constraint is violated at y = 0 only if its bound is
 /// positive, and most instants need no QP at all.
 #[derive(Debug, Clone)]
 pub struct Barrier {
@@ -112,10 +172,16 @@ pub struct Barrier {
     speed: Vec<f64>,
     /// Whether that is a limit, and not only what is reckoned with.
     keeps_speeds: bool,
+    /// Largest speed of the tip \[m/s\], and how fast it may turn \[rad/s\]; infinite where nothing is said.
+    tip: [f64; 2],
+    reserve: Reserve,
+    /// How every joint comes to its stops; empty if `rate` alone says it.
+    braking: Vec<Braking>,
     /// See [`Yielding`].
     rate: f64,
-    margin: f64,
-    slack_price: f64,
+    slack_weight: f64,
+    /// What is kept of distances.
+    pub(super) margins: Margins,
 }
 
 /// What is to be kept.
@@ -131,11 +197,13 @@ pub struct Kept<'a, const D: usize> {
 
 impl Barrier {
     /// For the joints of `robot`.
-    pub fn new<R: Robot<D>, const D: usize>(robot: &R, settings: &Yielding) -> Self {
+    pub fn new<R: Robot<D>, const D: usize, const M: usize>(robot: &R, gains: &Gains<M>) -> Self {
+        let settings = &gains.yielding;
+        let CommandSettings { tip_speed, tip_angular_speed, .. } = gains.command;
         let n = robot.dof();
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
-            program: QuadraticProgram::new(n, 0, MOST_VIOLATED),
+            program: QuadraticProgram::new(n, 0, MAX_VIOLATED),
             nominal: zeros(n),
             present: zeros(n),
             mass: zeros(n * n),
@@ -148,9 +216,12 @@ impl Barrier {
             ends: Vec::with_capacity(n),
             speed: settings.joint_speeds(robot),
             keeps_speeds: true,
+            tip: [tip_speed, tip_angular_speed].map(|most| most.unwrap_or(f64::INFINITY)),
+            reserve: Reserve::of(gains),
+            braking: Braking::of(&gains.command, n),
             rate: rate(settings),
-            margin: settings.margin,
-            slack_price: settings.slack_price.unwrap_or(usual::<D>().slack_price),
+            margins: Margins::new(n, settings),
+            slack_weight: slack_weight::<D>(settings),
         };
         this.reserve(0);
         this
@@ -164,14 +235,14 @@ impl Barrier {
     /// Room for this many pairs.
     pub fn reserve(&mut self, pairs: usize) {
         let n = self.nominal.len();
-        let rows = pairs + 4 * n;
+        let constraints = pairs + 4 * n + 2;
         self.normals.clear();
         self.bounds.clear();
         self.softness.clear();
-        self.normals.reserve(rows * n);
-        self.bounds.reserve(rows);
-        self.softness.reserve(rows);
-        self.program.reserve(rows);
+        self.normals.reserve(constraints * n);
+        self.bounds.reserve(constraints);
+        self.softness.reserve(constraints);
+        self.program.reserve(constraints);
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].
@@ -188,25 +259,17 @@ impl Barrier {
         self.normals.clear();
         self.bounds.clear();
         self.softness.clear();
-        let softness = 1.0 / self.slack_price;
-        let distances = match kept.range {
-            None => {
-                self.keep_distances(robot, kept);
-                let distances = self.bounds.len();
-                self.keep_joints(robot);
-                self.softness.resize(self.bounds.len(), softness);
-                distances
-            }
-            Some(range) => {
-                robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
-                self.keep_distances_in_time(robot, kept, range);
-                let distances = self.bounds.len();
-                self.softness.resize(distances, softness);
-                self.keep_joints_in_time(robot, range);
-                self.softness.resize(self.bounds.len(), softness / JOINTS);
-                distances
-            }
-        };
+        if let Some(range) = kept.range {
+            robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
+        }
+        self.keep_distances(robot, kept);
+        let distances = self.bounds.len();
+        self.keep_joints(robot, kept.range);
+        self.keep_tip(robot, kept.range);
+        let softness = 1.0 / self.slack_weight;
+        let of_joints = if kept.range.is_some() { softness / JOINTS } else { softness };
+        self.softness.resize(distances, softness);
+        self.softness.resize(self.bounds.len(), of_joints);
         self.ends.clear();
         match kept.range {
             None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
@@ -242,125 +305,69 @@ impl Barrier {
             return 0.0; // The state is not finite: the run ends here.
         }
         let missing = |(a, bound): (&[f64], &f64)| bound - dot(a, y);
-        let rows = self.normals.chunks_exact(n).zip(&self.bounds).take(distances);
-        rows.map(missing).fold(0.0, f64::max)
+        let constraints = self.normals.chunks_exact(n).zip(&self.bounds).take(distances);
+        constraints.map(missing).fold(0.0, f64::max)
     }
 
-    /// d̈ + 2kḋ + k²(d − margin) ≥ −δ (T67), with the exact d̈ (T60).
+    /// Every distance, with the exact d̈ (T60).
     fn keep_distances<R: Robot<D>, const D: usize>(&mut self, robot: &R, kept: Kept<'_, D>) {
         for pair in kept.pairs {
             let motion = DistanceRate::cautious(robot, pair);
-            self.keep_distance(pair.distance - self.margin, motion, |row, _| {
-                robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
+            let (height, motion) = self.margins.above(pair.link, pair.distance, motion);
+            self.keep_distance(robot, height, motion, kept.range, |normal, _| {
+                robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, normal);
             });
         }
         for pair in kept.own {
-            let height = pair.nearest.distance - OWN_MARGIN;
-            self.keep_distance(height, pair.cautious(robot), |row, scratch| {
-                pair.gradient(robot, row, scratch);
+            let height = pair.nearest.distance - self.margins.own();
+            let motion = pair.cautious(robot);
+            self.keep_distance(robot, height, motion, kept.range, |normal, scratch| {
+                pair.gradient(robot, normal, scratch);
             });
         }
     }
 
-    /// The row of a distance that is so much above what is to be kept \[m\].
+    /// The constraint of a distance that is so much above what is to be kept \[m\]: d̈ + 2kḋ + k²(d − margin) ≥ −δ (T67), or behind a
+    /// limit of the torque rate what must be begun now (T131).
     #[inline]
-    fn keep_distance(
+    fn keep_distance<R: Robot<D>, const D: usize>(
         &mut self,
+        robot: &R,
         height: f64,
         motion: DistanceRate,
+        range: Option<&TorqueRange>,
         gradient: impl FnOnce(&mut [f64], &mut [f64]),
     ) {
-        let Self { rate: k, nominal, normals, bounds, scratch, .. } = self;
+        let Self { rate: k, nominal, present, normals, bounds, scratch, .. } = self;
         interrupt::spend(64 + nominal.len());
         let start = normals.len();
         normals.resize(start + nominal.len(), 0.0);
-        let row = &mut normals[start..];
-        gradient(row, scratch);
-        let present = dot(row, nominal) + motion.bias;
-        bounds.push(-(present + 2.0 * *k * motion.rate + *k * *k * height));
+        let normal = &mut normals[start..];
+        gradient(normal, scratch);
+        let asked = dot(normal, nominal) + motion.bias;
+        bounds.push(match range {
+            None => -(asked + 2.0 * *k * motion.rate + *k * *k * height),
+            Some(range) => {
+                interrupt::spend(7 * nominal.len());
+                robot.mass_solve(normal, scratch);
+                let jerk = range.jerk(normal, scratch);
+                let now = [height, motion.rate, dot(normal, present) + motion.bias];
+                let fastest = THREE_POLES * *k;
+                range.least_acceleration(now, jerk, torque_range::CLOSING, fastest) - asked
+            }
+        });
     }
 
-    /// The same behind a limit of the torque rate: what must be begun now so that every distance is kept (T131).
-    fn keep_distances_in_time<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        kept: Kept<'_, D>,
-        range: &TorqueRange,
-    ) {
-        for pair in kept.pairs {
-            let motion = DistanceRate::cautious(robot, pair);
-            let height = pair.distance - self.margin;
-            self.keep_distance_in_time(robot, height, motion, range, |row, _| {
-                robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, row);
-            });
-        }
-        for pair in kept.own {
-            let height = pair.nearest.distance - OWN_MARGIN;
-            self.keep_distance_in_time(
-                robot,
-                height,
-                pair.cautious(robot),
-                range,
-                |row, scratch| {
-                    pair.gradient(robot, row, scratch);
-                },
-            );
-        }
-    }
-
-    /// The row of a distance that is so much above what is to be kept \[m\], begun in time.
-    fn keep_distance_in_time<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        height: f64,
-        motion: DistanceRate,
-        range: &TorqueRange,
-        gradient: impl FnOnce(&mut [f64], &mut [f64]),
-    ) {
-        let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
-        interrupt::spend(64 + 8 * nominal.len());
-        let start = normals.len();
-        normals.resize(start + nominal.len(), 0.0);
-        let row = &mut normals[start..];
-        gradient(row, scratch);
-        robot.mass_solve(row, scratch);
-        let jerk = range.jerk(row, scratch);
-        let now = [height, motion.rate, dot(row, present) + motion.bias];
-        let closing = torque_range::CLOSING;
-        let least = range.least_acceleration(now, jerk, closing, THREE_POLES * *rate);
-        bounds.push(least - (dot(row, nominal) + motion.bias));
-    }
-
-    /// The same for the angles and the speeds of the joints (T131, T132).
-    fn keep_joints_in_time<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: &TorqueRange) {
-        let Self { rate, nominal, present, normals, bounds, scratch, hessian, speed, .. } = self;
-        let keeps_speeds = self.keeps_speeds;
-        let n = nominal.len();
-        let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
-        let unit = &mut hessian[..n];
-        unit.fill(0.0);
+    /// The angles and the speeds of all joints: a constraint for each side of each.
+    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
+        let n = self.nominal.len();
         for i in 0..n {
-            interrupt::spend(10 * n);
-            unit[i] = 1.0;
-            robot.mass_solve(unit, scratch);
-            let jerk = range.jerk(unit, scratch);
-            unit[i] = 0.0;
-            let next = dq[i] + range.period * present[i];
-            let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
-            if keeps_speeds {
-                let most = KEPT_SPEED * speed[i];
-                upper = TorqueRange::most_acceleration(most - next, jerk, *rate);
-                lower = -TorqueRange::most_acceleration(most + next, jerk, *rate);
-            }
-            if let Some([low, high]) = ranges.get(i) {
-                let least = |height, sign: f64| {
-                    let now = [height, sign * dq[i], sign * present[i]];
-                    sign * range.least_acceleration(now, jerk, speed[i], THREE_POLES * *rate)
-                };
-                let kept = KEPT_ANGLE.min(0.01 * (high - low));
-                lower = lower.max(least(q[i] - low - kept, 1.0));
-                upper = upper.min(least(high - q[i] - kept, -1.0));
-            }
+            interrupt::spend(2 * n);
+            let [lower, upper] = match range {
+                None => self.joint_accelerations(robot, i),
+                Some(range) => self.joint_accelerations_in_time(robot, i, range),
+            };
+            let Self { nominal, normals, bounds, .. } = self;
             for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
                 let start = normals.len();
                 normals.resize(start + n, 0.0);
@@ -370,25 +377,113 @@ impl Barrier {
         }
     }
 
-    /// The same for the angles of the joints, and q̈ ≤ k(q̇_max − q̇) for their speeds (T68).
-    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
-        let (k, n) = (self.rate, self.nominal.len());
-        let (q, dq, ranges) = (robot.configuration(), robot.velocity(), &robot.limits().joint);
-        for i in 0..n {
-            interrupt::spend(2 * n);
-            let mut lower = -k * (self.speed[i] + dq[i]);
-            let mut upper = k * (self.speed[i] - dq[i]);
-            if let Some([low, high]) = ranges.get(i) {
-                lower = lower.max(-2.0 * k * dq[i] - k * k * (q[i] - low));
-                upper = upper.min(-2.0 * k * dq[i] + k * k * (high - q[i]));
-            }
-            for (sign, bound) in [(1.0, lower - self.nominal[i]), (-1.0, self.nominal[i] - upper)] {
-                let start = self.normals.len();
-                self.normals.resize(start + n, 0.0);
-                self.normals[start + i] = sign;
-                self.bounds.push(bound);
-            }
+    /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68).
+    fn joint_accelerations<R: Robot<D>, const D: usize>(&self, robot: &R, i: usize) -> [f64; 2] {
+        let (k, q, dq) = (self.rate, robot.configuration()[i], robot.velocity()[i]);
+        let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
+        if self.keeps_speeds {
+            let most = self.reserve.joint * self.speed[i];
+            lower = -k * (most + dq);
+            upper = k * (most - dq);
         }
+        if let Some([low, high]) = robot.limits().kept_angles(i, self.reserve.angle) {
+            if let Some(braking) = self.braking.get(i) {
+                let most = |height, dq| {
+                    let [speed, change] = braking.towards(height, dq);
+                    self.reserve.joint * change + k * (self.reserve.joint * speed - dq)
+                };
+                lower = lower.max(-most(q - low, -dq));
+                upper = upper.min(most(high - q, dq));
+            }
+            lower = lower.max(-2.0 * k * dq - k * k * (q - low));
+            upper = upper.min(-2.0 * k * dq + k * k * (high - q));
+        }
+        [lower, upper]
+    }
+
+    /// The same behind a limit of the torque rate (T131, T132).
+    fn joint_accelerations_in_time<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        i: usize,
+        range: &TorqueRange,
+    ) -> [f64; 2] {
+        let Self { rate, nominal, present, scratch, hessian, speed, reserve, braking, .. } = self;
+        interrupt::spend(8 * nominal.len());
+        let unit = &mut hessian[..nominal.len()];
+        unit.fill(0.0);
+        unit[i] = 1.0;
+        robot.mass_solve(unit, scratch);
+        let jerk = range.jerk(unit, scratch);
+        let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
+        let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
+        if self.keeps_speeds {
+            let next = dq + range.period * present[i];
+            let kept = reserve.joint * most;
+            upper = TorqueRange::most_acceleration(kept - next, jerk, *rate);
+            lower = -TorqueRange::most_acceleration(kept + next, jerk, *rate);
+        }
+        if let Some([low, high]) = robot.limits().kept_angles(i, reserve.angle) {
+            if let Some(braking) = braking.get(i) {
+                let most = |height: f64, sign: f64| {
+                    let next = sign * (dq + range.period * present[i]);
+                    let [speed, change] = braking.towards(height - sign * range.period * dq, next);
+                    let left = reserve.joint * speed - next;
+                    sign * (reserve.joint * change
+                        + TorqueRange::most_acceleration(left, jerk, *rate))
+                };
+                lower = lower.max(most(q - low, -1.0));
+                upper = upper.min(most(high - q, 1.0));
+            }
+            let least = |height, sign: f64| {
+                let now = [height, sign * dq, sign * present[i]];
+                sign * range.least_acceleration(now, jerk, most, THREE_POLES * *rate)
+            };
+            lower = lower.max(least(q - low, 1.0));
+            upper = upper.min(least(high - q, -1.0));
+        }
+        [lower, upper]
+    }
+
+    /// How fast the tip moves and turns (T114): a constraint for each.
+    fn keep_tip<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
+        let [speed, turning] = self.tip;
+        if speed.is_finite() {
+            self.keep_pace(robot, speed, range, |normal| pace::<R, D, D>(robot, 0..D, normal));
+        }
+        if turning.is_finite() {
+            self.keep_pace(robot, turning, range, |normal| robot.turning(normal));
+        }
+    }
+
+    /// What `measure` says is kept below `most`: it returns a speed and its rate while q̈ = 0, and writes its gradient.
+    fn keep_pace<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        most: f64,
+        range: Option<&TorqueRange>,
+        measure: impl FnOnce(&mut [f64]) -> [f64; 2],
+    ) {
+        let kept = self.reserve.tip * most;
+        let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
+        let n = nominal.len();
+        interrupt::spend(8 * n);
+        let start = normals.len();
+        normals.resize(start + n, 0.0);
+        let normal = &mut normals[start..];
+        let [speed, drift] = measure(normal);
+        let left = kept - speed;
+        let upper = match range {
+            None => *rate * left,
+            Some(range) => {
+                robot.mass_solve(normal, scratch);
+                let jerk = range.jerk(normal, scratch);
+                let next = range.period * (dot(normal, present) + drift);
+                TorqueRange::most_acceleration(left - next, jerk, *rate)
+            }
+        };
+        bounds.push(dot(normal, nominal) + drift - upper);
+        normal.iter_mut().for_each(|x| *x = -*x);
     }
 
     /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69); `difference` is W_x − Λ, close to a singularity with the damped Λ.
@@ -413,7 +508,7 @@ impl Barrier {
         }
     }
 
-    /// lower ≤ τ₀ + M y ≤ upper (T70): hard rows, which never contradict each other because M is regular.
+    /// lower ≤ τ₀ + M y ≤ upper (T70): hard constraints, which never contradict each other because M is regular.
     fn keep_torques(&mut self, nominal: &[f64]) {
         let n = self.nominal.len();
         for (i, ([lower, upper], tau)) in self.ends.iter().zip(nominal).enumerate() {
@@ -426,48 +521,52 @@ impl Barrier {
     }
 }
 
+/// What tests know of the last program.
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::control::{Avoidance, Controller, Gains, Output};
-    use crate::math::{ScalarOrVec, Vector};
-    use crate::robot::{Manipulator, Model, PlanarState};
-    use crate::scenario::Scenario;
-    use crate::simulation::Control;
-    use crate::trajectory::Trajectory;
-    use crate::world::plane::World;
-    use clarabel::algebra::CscMatrix;
-    use clarabel::solver::{
-        DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT,
-    };
-    use nalgebra::DMatrix;
-    use std::sync::Arc;
+impl Barrier {
+    /// y as the program has it; None where nothing was to be solved: a breach by rounding alone, 1e-15, is beyond an
+    /// interior-point method.
+    pub(crate) fn solution(&self) -> Option<&[f64]> {
+        self.bounds.iter().any(|b| *b > 1e-9).then(|| self.program.x())
+    }
 
-    /// y by Clarabel, every soft row with an unknown of its own.
-    fn oracle(barrier: &Barrier) -> Vec<f64> {
-        let (n, m) = (barrier.nominal.len(), barrier.bounds.len());
-        let soft: Vec<usize> = (0..m).filter(|&i| barrier.softness[i] > 0.0).collect();
+    /// Whether a constraint from the `first` on is active.
+    pub(crate) fn is_active_from(&self, first: usize) -> bool {
+        self.program.active().any(|(i, _)| i >= first)
+    }
+
+    /// y by Clarabel, every soft constraint with an unknown of its own.
+    pub(crate) fn solution_by_clarabel(&self) -> Vec<f64> {
+        use clarabel::algebra::CscMatrix;
+        use clarabel::solver::{
+            DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus,
+            SupportedConeT,
+        };
+        use nalgebra::DMatrix;
+
+        let (n, m) = (self.nominal.len(), self.bounds.len());
+        let soft: Vec<usize> = (0..m).filter(|&i| self.softness[i] > 0.0).collect();
         let size = n + soft.len();
         let mut p = DMatrix::<f64>::zeros(size, size);
         let mut a = DMatrix::<f64>::zeros(m, size);
         for i in 0..n {
             for k in 0..=i {
-                p[(k, i)] = barrier.hessian[i * n + k];
+                p[(k, i)] = self.hessian[i * n + k];
             }
         }
         for i in 0..m {
             for k in 0..n {
-                a[(i, k)] = -barrier.normals[i * n + k];
+                a[(i, k)] = -self.normals[i * n + k];
             }
         }
         for (k, &i) in soft.iter().enumerate() {
-            p[(n + k, n + k)] = 1.0 / barrier.softness[i];
+            p[(n + k, n + k)] = 1.0 / self.softness[i];
             a[(i, n + k)] = -1.0;
         }
         let columns = |matrix: &DMatrix<f64>| -> Vec<Vec<f64>> {
             matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
         };
-        let b: Vec<f64> = barrier.bounds.iter().map(|b| -b).collect();
+        let b: Vec<f64> = self.bounds.iter().map(|b| -b).collect();
         let cones: Vec<SupportedConeT<f64>> = vec![NonnegativeConeT(m)];
         let settings = DefaultSettings {
             verbose: false,
@@ -483,109 +582,5 @@ mod tests {
         let status = solver.solution.status;
         assert!(matches!(status, SolverStatus::Solved | SolverStatus::AlmostSolved), "{status:?}");
         solver.solution.x[..n].to_vec()
-    }
-
-    /// The controller of a scenario, with its world and its reference.
-    fn loop_of(
-        scenario: &Scenario,
-    ) -> (Controller<PlanarState, 2, 2>, World, Trajectory<Vector<2>, 2>) {
-        let scene = scenario.scene.plane().unwrap();
-        let arm = Arc::new(scene.arm.build().unwrap());
-        let mut start = arm.state();
-        start.update(&scenario.q0, &vec![0.0; arm.dof()]);
-        let trajectory =
-            Trajectory::new(&scene.reference, &Manipulator::<2, 2>::pose(&start)).unwrap();
-        let controller = Controller::new(arm.state(), Gains::new(&scenario.controller));
-        (controller, World::new(scene.obstacles.clone()), trajectory)
-    }
-
-    /// The QPs of a run, also of one whose torque limits act, or the limits of their rate, have the solutions that Clarabel
-    /// finds.
-    #[test]
-    fn the_qps_of_a_run_agree_with_clarabel() {
-        let text = include_str!("../../../tests/scenarios/on-path.toml");
-        for (torque, rate) in [(None, None), (Some(40.0), None), (None, Some(300.0))] {
-            let mut scenario = Scenario::from_toml(text).unwrap();
-            scenario.controller.avoidance = Avoidance::Cbf;
-            scenario.simulation.control = Control::Hold;
-            let [torque, rate] = [torque, rate].map(|limit| limit.map(ScalarOrVec::Uniform));
-            scenario.scene.plane_mut().unwrap().arm.torque_limits.clone_from(&torque);
-            scenario.controller.command.torque_rate.clone_from(&rate);
-            let (mut controller, mut world, trajectory) = loop_of(&scenario);
-            let mut output = Output::new(&scenario.controller.command, scenario.q0.len());
-            let mut sent: Option<Vec<f64>> = None;
-            let mut run = scenario.prepare().unwrap().run;
-            let (mut solved, mut at_limit) = (0, 0);
-            while run.step() {
-                let s = run.snapshot();
-                world.update(s.t);
-                controller.observe(s.q, s.dq, &mut world);
-                if let Some(sent) = &sent {
-                    controller.expect(&mut output, sent, 1e-3);
-                }
-                controller.command(&trajectory.at(s.t));
-                sent = Some(s.torque.total.clone());
-                let barrier = controller.avoider.as_ref().unwrap().barrier.as_ref().unwrap();
-                // A breach by rounding alone, 1e-15, is beyond an interior-point method.
-                if barrier.bounds.iter().all(|b| *b <= 1e-9) {
-                    continue;
-                }
-                solved += 1;
-                at_limit += usize::from(barrier.program.active().any(|(i, _)| i >= 18));
-                if solved % 5 == 0 {
-                    let (found, expected) = (barrier.program.x(), oracle(barrier));
-                    let scale = expected.iter().fold(1.0, |m: f64, y| m.max(y.abs()));
-                    for (y, expected) in found.iter().zip(&expected) {
-                        assert!((y - expected).abs() < 1e-6 * scale, "{found:?} {expected:?}");
-                    }
-                }
-            }
-            assert!(solved > 500, "{solved}");
-            let often = if rate.is_some() { 10 } else { 50 }; // demands are shaped for the rate
-            assert_eq!(at_limit > often, torque.or(rate).is_some(), "{at_limit}");
-        }
-    }
-
-    /// A link held flat above a box, a capsule and a polygon, pushed down by its task, rocks through
-    /// parallel: in steps of 1e-5 rad the torque never changes by more than 0.05 N·m, and it pushes back.
-    #[test]
-    fn a_link_rocks_on_a_flat_side_without_a_jump() {
-        let shapes = [
-            r#"{ kind = "box", size = [0.6, 0.2] }"#,
-            r#"{ kind = "capsule", a = [-0.3, 0], b = [0.3, 0], radius = 0.1 }"#,
-            r#"{ kind = "polygon", vertices = [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.1], [-0.3, 0.1]] }"#,
-        ];
-        for shape in shapes {
-            let text = format!(
-                r#"
-                duration = 1.0
-                q0 = [1.2, -1.2, 0.0]
-                arm = {{ lengths = [1, 1, 1], masses = 1, radius = 0.05 }}
-                reference = {{ kind = "setpoint", point = [2.3, 0.5] }}
-                controller.avoidance = "cbf"
-                controller.yielding = {{ margin = 0.03, rate = 20, task_weight = 5 }}
-                [[obstacles]]
-                shape = {shape}
-                position = [1.86, 0.74]
-                "#
-            );
-            let scenario = Scenario::from_toml(&text).unwrap();
-            let (mut controller, mut world, trajectory) = loop_of(&scenario);
-            let mut last: Option<Vec<f64>> = None;
-            let (mut largest, mut pushed): (f64, usize) = (0.0, 0);
-            for k in -1000..=1000 {
-                let q = [1.2, -1.2 + 1e-5 * f64::from(k), 0.0];
-                controller.observe(&q, &[0.0, -0.2, 0.0], &mut world);
-                let torque = controller.command(&trajectory.at(0.0)).total.clone();
-                pushed += usize::from(controller.slack().unwrap() > 0.0);
-                if let Some(last) = last {
-                    let change = last.iter().zip(&torque).map(|(a, b)| (a - b).abs());
-                    largest = change.fold(largest, f64::max);
-                }
-                last = Some(torque);
-            }
-            assert!(largest < 0.05, "{shape}: {largest}");
-            assert_eq!(pushed, 2001, "{shape}");
-        }
     }
 }

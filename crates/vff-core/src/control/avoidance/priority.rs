@@ -1,21 +1,26 @@
 //! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
 
-use super::Yielding;
 use super::barrier::THREE_POLES;
+use super::margins::Margins;
+use super::{Situation, Way};
 use crate::control::distance::DistanceRate;
 use crate::control::torque_range::CLOSING;
-use crate::control::{Torque, TorqueRange};
+use crate::control::{Gains, Torque, Yielding};
 use crate::interrupt;
 use crate::math::{dot, smoothstep};
 use crate::robot::Robot;
-use crate::world::Contact;
+use crate::trajectory::{JointSpline, Pace};
+use crate::world::{CollisionQuery, Contact};
 
 /// k where it is not given \[1/s\]: the torque changes with k², and no QP limits it.
 pub const RATE: f64 = 20.0;
 
-/// Workspace of the law.
+/// The pairs near the arm, and a workspace.
 #[derive(Debug, Clone)]
-pub struct Priority {
+pub struct Priority<const D: usize> {
+    settings: Yielding,
+    margins: Margins,
+    pairs: Vec<Contact<D>>,
     gradient: Vec<f64>,
     response: Vec<f64>,
     acceleration: Vec<f64>,
@@ -26,47 +31,71 @@ pub struct Priority {
     threshold: f64,
 }
 
-impl Priority {
-    /// For `n` joints.
-    pub fn new(n: usize, threshold: f64) -> Self {
-        let zeros = || vec![0.0; n];
+impl<const D: usize> Priority<D> {
+    /// For the joints of `robot`.
+    pub fn new<R: Robot<D>, const M: usize>(gains: &Gains<M>, robot: &R) -> Self {
+        let zeros = || vec![0.0; robot.dof()];
         Self {
+            margins: Margins::new(robot.dof(), &gains.yielding),
+            settings: gains.yielding.clone(),
+            pairs: vec![],
             gradient: zeros(),
             response: zeros(),
             acceleration: zeros(),
             present: zeros(),
             scratch: zeros(),
-            threshold,
+            threshold: gains.singularity / robot.total_mass(),
         }
+    }
+}
+
+impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
+    fn reserve(&mut self, pairs: usize) {
+        self.pairs.clear();
+        self.pairs.reserve(pairs);
+    }
+
+    fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
+        Way::<D, M>::reserve(self, robot.body_count() * surroundings.contact_count());
+        let Self { settings, pairs, .. } = self;
+        let visit = |pair: &Contact<D>| pairs.push(*pair);
+        surroundings.for_each_contact(robot.bodies(), settings.outer, |_, _| {}, visit);
+    }
+
+    fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
+        self.margins.go_to(plan);
     }
 
     /// Pair by pair, from the base outwards: what d̈ is short of is added along n̂, with everything across it
     /// left as it was. The order is fixed, so that nothing jumps when another pair becomes nearest.
-    pub fn act<R: Robot<D>, const D: usize>(
-        &mut self,
-        settings: &Yielding,
-        robot: &R,
-        pairs: &[Contact<D>],
-        bias: &[f64],
-        range: Option<&TorqueRange>,
-        torque: &mut Torque,
-    ) {
+    fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque) {
+        let Situation { robot, bias, range, .. } = *situation;
+        let Self {
+            settings,
+            margins,
+            pairs,
+            gradient,
+            response,
+            acceleration,
+            present,
+            scratch,
+            threshold,
+        } = self;
         if pairs.is_empty() {
             return;
         }
-        let Self { gradient, response, acceleration, present, scratch, threshold } = self;
         robot.accelerate(&torque.total, bias, scratch, acceleration);
         if let Some(range) = range {
             robot.accelerate(&range.present, bias, scratch, present);
         }
-        for pair in pairs {
+        for pair in &*pairs {
             interrupt::spend(64 + 16 * gradient.len());
             let share =
                 smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);
+            let (height, motion) = margins.above(pair.link, pair.distance, motion);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
             let k = settings.rate.unwrap_or(RATE);
-            let height = pair.distance - settings.margin;
             let wanted = match range {
                 None => -2.0 * k * motion.rate - k * k * height,
                 Some(range) => {

@@ -1,7 +1,7 @@
 //! How the distance of two bodies of the arm itself changes.
 
 use super::{DistanceRate, FADE};
-use crate::geometry::{Body, Encounter, MOST_ROWS};
+use crate::geometry::{Body, Encounter, MAX_FEATURES};
 use crate::interrupt;
 use crate::math::{Capsule, Nearest, RELIEF, Vector, nearest, nearest_of_lines, smoothstep};
 use crate::robot::Robot;
@@ -36,7 +36,7 @@ impl<const D: usize> OwnPair<D> {
             None => robot.body(*i).hull.is_some(),
         };
         let most =
-            |pair: [usize; 2]| if pair.iter().any(is_hull) { MOST_ROWS } else { Self::FEATURES };
+            |pair: [usize; 2]| if pair.iter().any(is_hull) { MAX_FEATURES } else { Self::FEATURES };
         robot.body_pairs().map(most).sum()
     }
 
@@ -461,7 +461,7 @@ mod tests {
                 }
                 let mut rows = vec![];
                 pair.for_each_feature(&states[2], f64::INFINITY, |row| rows.push(row.nearest.distance));
-                prop_assert!(rows.len() <= MOST_ROWS);
+                prop_assert!(rows.len() <= MAX_FEATURES);
                 let least = rows.iter().copied().fold(f64::INFINITY, f64::min);
                 prop_assert!((least - distance).abs() < 1e-11);
                 let cores = distance + pair.shapes[0].radius + pair.shapes[1].radius;

@@ -1,6 +1,6 @@
 //! What friction takes is given back: viscous, and dry with a smooth sign (T113).
 
-use super::CommandSettings;
+use crate::control::CommandSettings;
 
 /// Coefficients of one joint.
 #[derive(Debug, Clone, Copy)]

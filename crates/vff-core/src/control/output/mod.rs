@@ -1,31 +1,26 @@
 //! What stands between the torque of the law and a robot, after the command and never inside the law.
 //!
-//! [`Output`] turns a torque of the law into what is sent: the tip is kept below a speed ([`tip_speed`]), friction is
+//! [`Output`] turns a torque of the law into what is sent: friction is
 //! compensated ([`friction`]), gravity is left out where the robot adds it, nothing is beyond a torque limit, and nothing changes
 //! faster than the drives allow. [`supervision`] decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
 
 pub mod admission;
 pub mod clock;
 pub mod friction;
-mod settings;
 pub mod supervision;
-pub mod tip_speed;
 
-use super::TorqueRange;
+use super::{CommandSettings, Gravity, TorqueRange};
 use crate::robot::Robot;
 pub use clock::Clock;
 use friction::Friction;
-pub(crate) use settings::read;
-pub use settings::{CommandSettings, Gravity, OF_THE_ROBOT};
+
 pub use supervision::{BeginError, Phase, Supervisor};
-use tip_speed::TipSpeed;
 
 /// From a torque of the law to what is sent to the robot. Nothing allocates after construction.
 #[derive(Debug, Clone)]
 pub struct Output {
     gravity: Gravity,
     friction: Option<Friction>,
-    tip_speed: Option<TipSpeed>,
     /// \[N·m/s\] per joint, empty without limit.
     rate: Vec<f64>,
     /// The least and the most that may be sent, as far as a state is known \[N·m\].
@@ -47,7 +42,6 @@ impl Output {
         Self {
             gravity: settings.gravity,
             friction: Friction::new(settings, n),
-            tip_speed: settings.tip_speed.map(|most| TipSpeed::new(most, n)),
             rate: settings.torque_rate.as_ref().map_or(vec![], rates),
             bounds: vec![[f64::NEG_INFINITY, f64::INFINITY]; n],
             wanted: zeros(),
@@ -72,19 +66,11 @@ impl Output {
         &self.before[0]
     }
 
-    /// What is to be sent for the torque `tau` of the law at the state of `robot`, where `bias` is C q̇ + g, however fast it
-    /// changes \[N·m, N\]; within the torque limits.
-    pub fn convert<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        bias: &[f64],
-        tau: &[f64],
-    ) -> &[f64] {
-        let Self { friction, tip_speed, wanted, .. } = self;
+    /// What is to be sent for the torque `tau` of the law at the state of `robot`, however fast it changes \[N·m, N\]; within
+    /// the torque limits.
+    pub fn convert<R: Robot<D>, const D: usize>(&mut self, robot: &R, tau: &[f64]) -> &[f64] {
+        let Self { friction, wanted, .. } = self;
         wanted.copy_from_slice(tau);
-        if let Some(limit) = tip_speed {
-            limit.brake(robot, bias, wanted);
-        }
         if let Some(friction) = friction {
             friction.compensate(robot.velocity(), &robot.limits().torque, wanted);
         }
@@ -106,20 +92,30 @@ impl Output {
         range: &mut TorqueRange,
     ) {
         self.look_at(robot);
-        let Self { friction, rate, bounds, scratch: [theirs, friction_torque], .. } = self;
-        friction_torque.fill(0.0);
-        if let Some(friction) = friction {
-            friction.compensate(robot.velocity(), &[], friction_torque);
-        }
         range.period = period;
+        let Self { friction, rate, bounds, scratch: [theirs, added], .. } = self;
+        write_added(friction.as_mut(), robot, theirs, added);
         for (i, rate) in rate.iter().enumerate() {
             let [low, high] = [sent[i] - rate * period, sent[i] + rate * period];
             let [least, most] = bounds[i].map(|bound| bound.max(low).min(high));
-            let added = friction_torque[i] - theirs[i];
-            range.lower[i] = least - added;
-            range.upper[i] = most - added;
-            range.present[i] = sent[i] - added;
+            range.lower[i] = least - added[i];
+            range.upper[i] = most - added[i];
+            range.present[i] = sent[i] - added[i];
         }
+    }
+
+    /// Writes which torque of the law acts at the state of `robot` while `sent` is sent \[N·m, N\].
+    pub fn write_acting<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        sent: &[f64],
+        acting: &mut [f64],
+    ) {
+        self.look_at(robot);
+        let Self { friction, scratch: [theirs, added], .. } = self;
+        write_added(friction.as_mut(), robot, theirs, added);
+        let torques = acting.iter_mut().zip(sent).zip(added);
+        torques.for_each(|((acting, sent), added)| *acting = sent - *added);
     }
 
     /// Takes in the state: what the robot adds by itself, into the first scratch, and what may be sent beside it. The limits bind what
@@ -143,31 +139,16 @@ impl Output {
         }
     }
 
-    /// What the torque `tau` of the law does to the joints of the model, with the tip kept below its speed
-    /// \[rad/s², m/s²\].
-    pub fn accelerate<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        bias: &[f64],
-        tau: &[f64],
-        out: &mut [f64],
-    ) {
-        let Self { tip_speed, wanted, scratch: [scratch, _], .. } = self;
-        wanted.copy_from_slice(tau);
-        if let Some(limit) = tip_speed {
-            limit.brake(robot, bias, wanted);
-        }
-        robot.accelerate(wanted, bias, scratch, out);
-    }
-
-    /// What is to be sent to damp the arm: −`d` M q̇ within the torque limits, and gravity if it is ours (T115).
-    pub fn damp<R: Robot<D>, const D: usize>(&mut self, robot: &R, d: f64) {
+    /// What is to be sent to damp the arm: −`d` M q̇ within the torque limits, and gravity if it is ours (T115), with what is
+    /// `carried` beside it \[N·m, N\]: nothing if empty.
+    pub fn damp<R: Robot<D>, const D: usize>(&mut self, robot: &R, d: f64, carried: &[f64]) {
         self.look_at(robot);
         let Self { gravity, bounds, wanted, scratch: [_, damping], .. } = self;
         match gravity {
             Gravity::Controller => robot.gravity_torque(wanted),
             Gravity::Robot => wanted.fill(0.0),
         }
+        wanted.iter_mut().zip(carried).for_each(|(wanted, carried)| *wanted += carried);
         damping_torque(robot, d, wanted, bounds, damping);
         wanted.iter_mut().zip(damping).for_each(|(wanted, damping)| *wanted += *damping);
         self.confine();
@@ -191,7 +172,7 @@ impl Output {
 
     /// Begins as if the robot had been held still where it is: what is sent changes from that torque on.
     pub fn begin_at_rest<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
-        self.damp(robot, 0.0);
+        self.damp(robot, 0.0, &[]);
         self.sent.copy_from_slice(&self.wanted);
     }
 
@@ -224,6 +205,20 @@ impl Output {
         sent.copy_from_slice(before);
         before.copy_from_slice(earlier);
     }
+}
+
+/// Writes what is sent beyond the torque of the law: friction that is compensated, without gravity, `theirs`, that the robot adds.
+fn write_added<R: Robot<D>, const D: usize>(
+    friction: Option<&mut Friction>,
+    robot: &R,
+    theirs: &[f64],
+    added: &mut [f64],
+) {
+    added.fill(0.0);
+    if let Some(friction) = friction {
+        friction.compensate(robot.velocity(), &[], added);
+    }
+    added.iter_mut().zip(theirs).for_each(|(added, theirs)| *added -= theirs);
 }
 
 /// `out = −d M q̇`, as much of it as the bounds leave beside `rest`.

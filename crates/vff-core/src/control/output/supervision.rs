@@ -7,8 +7,9 @@
 //!
 //! The arm that is damped is at the last state of the loop, whatever else the law was asked.
 
+use super::Output;
 use super::admission::Admission;
-use super::{CommandSettings, Output};
+use crate::control::CommandSettings;
 use crate::control::Controller;
 use crate::math::smoothstep;
 use crate::robot::{Limits, Manipulator, Robot};
@@ -108,6 +109,10 @@ pub struct Supervisor<R, const D: usize> {
     blended: f64,
     /// What was sent before this cycle.
     sent: Vec<f64>,
+    /// Whether that has acted since the last state.
+    is_known: bool,
+    /// What the law adds for a load that the model does not know: an arm that is damped holds it, too.
+    carried: Vec<f64>,
 }
 
 impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
@@ -166,6 +171,8 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             origin: vec![0.0; n],
             blended: 0.0,
             sent: vec![0.0; n],
+            carried: vec![0.0; n],
+            is_known: false,
         })
     }
 
@@ -211,13 +218,23 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         Some(time)
     }
 
-    /// Lets the next command of `controller`, which has observed the state, ask for what can be sent in this cycle.
-    pub fn announce<const M: usize>(&mut self, controller: &mut Controller<R, D, M>)
+    /// Lets `controller`, which has observed the new state, know what has been sent before it.
+    pub fn report<const M: usize>(&mut self, controller: &mut Controller<R, D, M>)
     where
         R: Manipulator<D, M> + Clone,
     {
         self.take_up();
         self.sent.copy_from_slice(self.output.sent());
+        let elapsed = replace(&mut self.is_known, true).then_some(self.period);
+        controller.hear(Some(&mut self.output), &self.sent, elapsed);
+        controller.write_held(&mut self.carried);
+    }
+
+    /// Lets the next command of `controller` ask for what can be sent in this cycle, after [`report`](Self::report).
+    pub fn announce<const M: usize>(&mut self, controller: &mut Controller<R, D, M>)
+    where
+        R: Manipulator<D, M> + Clone,
+    {
         controller.expect(&mut self.output, &self.sent, self.period);
     }
 
@@ -233,7 +250,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         }
         self.speechless = 0;
         self.phase = Phase::Running;
-        self.output.convert(robot, bias, tau);
+        self.output.convert(robot, tau);
         if self.blended < self.blend {
             let share = smoothstep(self.blended / self.blend);
             self.output.blend(robot, &self.origin, self.damping, share);
@@ -255,13 +272,14 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             _ if self.still >= Self::STILL => Phase::Finished,
             _ => Phase::Stopping,
         };
-        self.damp_as(phase, self.damping)
+        self.place();
+        self.damp_as(phase, self.damping.max(damping_before_stops(&self.robot)))
     }
 
     /// A cycle without a state.
     pub fn miss(&mut self) -> Phase {
         self.missed = self.missed.saturating_add(1);
-        self.still = 0;
+        (self.still, self.is_known) = (0, false);
         if self.phase.is_over() {
             return self.phase;
         }
@@ -293,7 +311,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     /// Damps the arm at the last state; the torque of the law is blended in anew after that.
     fn damp_as(&mut self, phase: Phase, d: f64) -> Phase {
         self.place();
-        self.output.damp(&self.robot, d);
+        self.output.damp(&self.robot, d, &self.carried);
         (self.phase, self.blended) = (phase, 0.0);
         self.send();
         self.origin.copy_from_slice(self.output.sent());
@@ -323,7 +341,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             return;
         }
         self.place();
-        self.output.damp(&self.robot, 0.0);
+        self.output.damp(&self.robot, 0.0, &[]);
         let (rest, limits) = (self.output.wanted(), self.robot.limits());
         let measured = self.measured.as_deref().filter(|tau| can_be(tau, rest, limits));
         self.origin.copy_from_slice(measured.unwrap_or(rest));
@@ -345,3 +363,23 @@ fn can_be(measured: &[f64], model: &[f64], limits: &Limits) -> bool {
     let mut joints = measured.iter().zip(model).zip(&limits.torque);
     joints.all(|((measured, model), limit)| (measured - model).abs() <= 0.5 * limit)
 }
+
+/// The damping \[1/s\] at which no joint comes to its stop, as far as that is sharper than [`SHARPEST`]: one that would be there
+/// after a time T at its speed never is if it is damped by 1/T or more, because it goes as far as its speed in 1/d (T115).
+fn damping_before_stops<R: Robot<D>, const D: usize>(robot: &R) -> f64 {
+    let limits = robot.limits();
+    let moves = robot.configuration().iter().zip(robot.velocity()).enumerate();
+    moves.fold(0.0, |most, (i, (q, dq))| match limits.kept_angles(i, KEPT_ANGLE) {
+        Some([low, high]) if *dq != 0.0 => {
+            let left = if *dq < 0.0 { q - low } else { high - q };
+            f64::max(most, if left > 0.0 { (dq.abs() / left).min(SHARPEST) } else { SHARPEST })
+        }
+        _ => most,
+    })
+}
+
+/// What a stop keeps from the stops of joints \[rad, m\].
+const KEPT_ANGLE: f64 = 0.01;
+
+/// The largest damping before a stop \[1/s\].
+const SHARPEST: f64 = 40.0;

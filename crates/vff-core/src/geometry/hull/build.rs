@@ -11,12 +11,12 @@ use parry3d_f64::transformation::try_convex_hull;
 use std::collections::{BTreeSet, HashMap};
 
 /// The most corners of a hull: every corner and every edge is a row of `cbf`.
-pub const MOST_CORNERS: usize = 64;
+pub const MAX_CORNERS: usize = 64;
 
 /// The most points that a hull is made of.
-pub const MOST_POINTS: usize = 10_000;
+pub const MAX_POINTS: usize = 10_000;
 
-const _: () = assert!(2 * MOST_CORNERS - 4 <= Facing::BITS as usize);
+const _: () = assert!(2 * MAX_CORNERS - 4 <= Facing::BITS as usize);
 
 /// What is thinner than this, relative to its size, has no inside.
 const THINNEST: f64 = 1e-6;
@@ -34,14 +34,14 @@ pub enum HullError {
     #[error("4 or more different points, not {0}")]
     TooFew(usize),
     /// Of that many points.
-    #[error("at most {MOST_POINTS} points, not {0}")]
+    #[error("at most {MAX_POINTS} points, not {0}")]
     TooMany(usize),
     /// All in one plane, or nearly so.
     #[error("points that do not lie in one plane, not a hull that is {0:e} m thick")]
     Flat(f64),
     /// Of that many corners.
     #[error(
-        "points whose hull has at most {MOST_CORNERS} corners, not {0}: take fewer, or several obstacles"
+        "points whose hull has at most {MAX_CORNERS} corners, not {0}: take fewer, or several obstacles"
     )]
     TooManyCorners(usize),
     /// Rounding makes it impossible to say which of them are corners.
@@ -93,7 +93,7 @@ impl Hull {
     /// # Errors
     /// If they lie in one plane, if it has too many corners, or if there are too many of them.
     pub fn new(points: &[[f64; 3]]) -> Result<Self, HullError> {
-        if points.len() > MOST_POINTS {
+        if points.len() > MAX_POINTS {
             return Err(HullError::TooMany(points.len()));
         }
         let points = distinct(points);
@@ -273,7 +273,7 @@ impl<'a> Faces<'a> {
     fn hull(&self, given: &[Vector<3>], size: f64) -> Result<Hull, HullError> {
         let is_corner = |p: &usize| self.meeting[*p].len() > 2;
         let numbers: Vec<usize> = (0..given.len()).filter(is_corner).collect();
-        if numbers.len() > MOST_CORNERS {
+        if numbers.len() > MAX_CORNERS {
             return Err(HullError::TooManyCorners(numbers.len()));
         }
         let corner_of =

@@ -69,21 +69,14 @@ fn along(points: &[Vector<3>], mean: &Vector<3>, direction: Vector<3>) -> Capsul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::space::Shape;
-    use crate::world::space::oracle::any_hull;
+    use crate::geometry::cases::{any_vertices, corners_of};
     use proptest::prelude::*;
 
     /// Of a rod it is the rod with its ends, of a cube nearly the ball through its corners; of both it is known how small the
     /// smallest is.
     #[test]
     fn it_is_slim() {
-        let around = |size: [f64; 3]| {
-            let corner = |bits: u8| {
-                [0, 1, 2].map(|k: usize| if bits >> k & 1 == 0 { -0.5 } else { 0.5 } * size[k])
-            };
-            let points: Vec<[f64; 3]> = (0..8u8).map(corner).collect();
-            Hull::new(&points).unwrap().enclosing()
-        };
+        let around = |size| Hull::new(&corners_of(size)).unwrap().enclosing();
         let rod = around([0.1, 1.0, 0.1]);
         assert!((rod.radius - 0.05 * 2f64.sqrt()).abs() < 1e-3, "{rod:?}");
         assert!((rod.length - 1.0).abs() < 1e-2 && rod.direction.y.abs() > 0.999, "{rod:?}");
@@ -94,8 +87,7 @@ mod tests {
     proptest! {
         /// Nothing sticks out, not even by rounding.
         #[test]
-        fn it_holds_the_corners(shape in any_hull()) {
-            let Shape::Convex { vertices } = shape else { unreachable!("a hull") };
+        fn it_holds_the_corners(vertices in any_vertices()) {
             let capsule = Hull::new(&vertices).unwrap().enclosing();
             for p in vertices {
                 let p = Vector::from(p);

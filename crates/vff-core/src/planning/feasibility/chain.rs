@@ -2,8 +2,13 @@
 
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector, cross, perp};
-use crate::robot::{Limits, Manipulator, Model, PlanarArm, Robot};
+use crate::robot::{
+    Limits, Manipulator, Model, PlanarArm, PlanarState, Robot, SpatialArm, SpatialState,
+};
+use crate::scenario::{CheckReach, FromDocument};
+use crate::simulation::{Plane, Space};
 use crate::trajectory::Guided;
+use std::sync::Arc;
 
 /// An arm in `D`-dimensional space with a task of dimension `M`, as far as a search for motions sees it.
 pub trait Chain<const D: usize, const M: usize>: Clone {
@@ -109,5 +114,41 @@ impl Chain<2, 2> for PlanarChain {
 
     fn limits(&self) -> &Limits {
         &self.limits
+    }
+}
+
+/// Which chain a search takes for the arms and tasks of a space.
+pub trait Judged<const D: usize, const M: usize>: CheckReach<D, M> {
+    /// The chain.
+    type Chain: Chain<D, M, Pose: Guided<M, Reference = <Self as FromDocument<D>>::Reference>>;
+
+    /// That of an arm, at q = 0.
+    fn chain(arm: &Arc<Self::Arm>) -> Self::Chain;
+}
+
+impl Judged<2, 2> for Plane {
+    type Chain = PlanarChain;
+
+    fn chain(arm: &Arc<PlanarArm>) -> PlanarChain {
+        PlanarChain::new(arm)
+    }
+}
+
+impl Judged<2, 3> for Plane {
+    type Chain = PlanarState;
+
+    fn chain(arm: &Arc<PlanarArm>) -> PlanarState {
+        arm.state()
+    }
+}
+
+impl<const M: usize> Judged<3, M> for Space
+where
+    Self: CheckReach<3, M>,
+{
+    type Chain = SpatialState;
+
+    fn chain(arm: &Arc<SpatialArm>) -> SpatialState {
+        arm.state()
     }
 }

@@ -24,13 +24,11 @@
 mod chain;
 mod search;
 
-use crate::control::TaskKind;
 use crate::robot::Model;
-use crate::scenario::{AnyScene, Described, PlanarScene, Scenario, ScenarioError, Scene, unusable};
-use crate::simulation::{Plane, Space, System};
-use crate::trajectory::{Guided, Trajectory};
+use crate::scenario::{AnyScene, Scenario, ScenarioError, Scene, dispatch, unusable};
+use crate::trajectory::Trajectory;
 use crate::world::World;
-use chain::{Chain, PlanarChain};
+use chain::{Chain, Judged};
 use search::Search;
 use std::sync::Arc;
 
@@ -82,47 +80,18 @@ pub type Motion = Vec<Vec<f64>>;
 /// # Errors
 /// If the arm or the reference is unusable, or the search does not fit into memory.
 pub fn assess(scenario: &Scenario) -> Result<(Verdict, Option<Motion>), ScenarioError> {
-    use TaskKind::{Pointing, Pose, Position};
-    match (&scenario.scene, scenario.controller.task) {
-        (AnyScene::Plane(scene), Position) => assess_planar_position(scenario, scene),
-        (AnyScene::Plane(scene), Pose) => assess_for::<Plane, 2, 3>(scenario, scene),
-        (AnyScene::Space(scene), Position) => assess_for::<Space, 3, 3>(scenario, scene),
-        (AnyScene::Space(scene), Pointing) => assess_for::<Space, 3, 5>(scenario, scene),
-        (AnyScene::Space(scene), Pose) => assess_for::<Space, 3, 6>(scenario, scene),
-        (AnyScene::Plane(_), Pointing) => unreachable!("validated: no task of the plane"),
-    }
+    let task = scenario.controller.task;
+    dispatch!(&scenario.scene, task, AnyScene(scene) => assess_for(scenario, scene))
 }
 
-fn assess_planar_position(
+fn assess_for<S: Judged<D, M>, const D: usize, const M: usize>(
     scenario: &Scenario,
-    scene: &PlanarScene,
+    scene: &Scene<S, D>,
 ) -> Result<(Verdict, Option<Motion>), ScenarioError> {
-    let arm = Plane::arm(&scene.arm).map_err(|error| error.inside("arm"))?;
-    assess_with::<_, Plane, 2, 2>(scenario, scene, &arm, PlanarChain::new(&arm))
-}
-
-fn assess_for<S: Described<D> + System<D, M>, const D: usize, const M: usize>(
-    scenario: &Scenario,
-    scene: &Scene<S, D>,
-) -> Result<(Verdict, Option<Motion>), ScenarioError>
-where
-    S::Pose: Guided<M, Reference = S::Reference>,
-{
     let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
-    assess_with::<_, S, D, M>(scenario, scene, &*arm, arm.state())
-}
-
-fn assess_with<C: Chain<D, M>, S: Described<D>, const D: usize, const M: usize>(
-    scenario: &Scenario,
-    scene: &Scene<S, D>,
-    arm: &S::Arm,
-    mut chain: C,
-) -> Result<(Verdict, Option<Motion>), ScenarioError>
-where
-    C::Pose: Guided<M, Reference = S::Reference>,
-{
+    let mut chain = S::chain(&arm);
     chain.move_to(&scenario.q0);
-    let search = Search::<C, S::Solid, D, M> {
+    let search = Search::<S::Chain, S::Solid, D, M> {
         pieces: search::pieces(scenario.duration, scenario.q0.len())?,
         start: scenario.q0.clone(),
         length: arm.characteristic_length(),

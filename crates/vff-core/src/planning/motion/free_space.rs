@@ -2,8 +2,9 @@
 //!
 //! A motion between two configurations is *certified*, not sampled: at its middle every link is as far from everything
 //! as it is measured to be, and no point of it can go farther in half of the motion than its joints carry it. Where that
-//! is less, the whole half is free; otherwise it is halved again (T119).
+//! is less, the whole half is free; otherwise it is halved again (T119). What is kept may depend on where the arm is (T150).
 
+use super::margins::Margins;
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
@@ -13,19 +14,19 @@ use crate::robot::{PlanarState, Robot, SpatialState};
 use crate::world::{CollisionQuery, Solid, World, top_speed};
 use std::collections::VecDeque;
 
-/// A part of a motion in which nothing goes farther than this is free if its middle is: a share of the margin, from so
-/// much to so much \[m\].
+/// A part of a motion in which nothing goes farther than this is free for a link if its middle is: a share of its margin, from
+/// so much to so much \[m\]. That much less than the margin is certain.
 const RESOLUTION: f64 = 0.2;
-const FINEST: f64 = 2e-4;
+const FINEST: f64 = 2e-5;
 const COARSEST: f64 = 5e-3;
 /// A motion that needs shorter parts than this share of it counts as blocked.
 const SHORTEST: f64 = 1.0 / (1u32 << 20) as f64;
 /// What bodies of the arm keep from each other \[m\].
-const APART: f64 = 2e-3;
+pub const APART: f64 = 2e-3;
 /// How far something that moves may go from one of the places at which it is looked for to the next \[m\].
 const STRIDE: f64 = 0.04;
 /// The most of these places.
-const MOST_PLACES: f64 = 64.0;
+const MAX_PLACES: f64 = 64.0;
 
 /// What a planner asks of an arm beyond the operators of the law.
 pub trait Jointed<const D: usize>: Robot<D> {
@@ -78,7 +79,7 @@ impl Jointed<3> for SpatialState {
 
 /// How far a motion carries what belongs to the arm \[m\].
 #[derive(Debug, Clone)]
-struct Reach {
+pub struct Reach {
     /// How far a point of link l is from joint i at most, number i·n + l; 1 where joint i slides.
     lever: Vec<f64>,
     n: usize,
@@ -113,10 +114,19 @@ impl Reach {
     }
 
     /// How far `link` goes at most as seen by `from`, the base or a link before it, while the joints go from `a` to `b`.
-    fn way(&self, [a, b]: [&[f64]; 2], from: Option<usize>, link: usize) -> f64 {
+    pub fn way(&self, [a, b]: [&[f64]; 2], from: Option<usize>, link: usize) -> f64 {
         let first = from.map_or(0, |from| from + 1);
         (first..=link).map(|i| (b[i] - a[i]).abs() * self.lever[i * self.n + link]).sum()
     }
+}
+
+/// What is certain where a motion was found to keep `margin` \[m\].
+pub fn certain(margin: f64) -> f64 {
+    (margin - finest(margin)).max(0.0)
+}
+
+fn finest(margin: f64) -> f64 {
+    (RESOLUTION * margin).clamp(FINEST, COARSEST)
 }
 
 /// What stands in the way of an arm, and the arm.
@@ -132,8 +142,10 @@ pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
     reach: Reach,
     /// Whether bodies of the arm must not touch each other.
     keeps_apart: bool,
-    /// What every link keeps from everything \[m\].
-    pub margin: f64,
+    /// What every link keeps from everything.
+    pub margins: Margins,
+    /// What bodies of the arm keep from each other \[m\].
+    pub apart: f64,
     /// Signed distance of each link from what is nearest \[m\].
     clearance: Vec<f64>,
     bodies: Vec<Body<'static, D>>,
@@ -167,7 +179,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         let speeds = (0..moving.len()).map(|j| top_speed::<S, D>(moving.obstacle(j)));
         let speed = speeds.fold(0.0, f64::max);
         let duration = window.map_or(0.0, |window| window.duration);
-        let places = (duration * speed / STRIDE).ceil().clamp(1.0, MOST_PLACES);
+        let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
         let stride = duration / places;
         let is_moving = |j: &usize| !world.stands_still(*j);
         let numbers = (0..world.len()).partition(|j| !is_moving(j));
@@ -187,7 +199,8 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
             numbers: [numbers.0, numbers.1],
             slack: 0.5 * stride * speed,
             keeps_apart,
-            margin,
+            margins: Margins::constant(vec![margin; n]),
+            apart: APART,
             clearance: vec![f64::INFINITY; n],
             bodies: vec![],
             middle: vec![0.0; n],
@@ -245,15 +258,31 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// How far the arm at `q` is from everything outside \[m\].
     pub fn clearance(&mut self, q: &[f64]) -> f64 {
+        self.room(q).iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// How far each link of the arm at `q` is from everything outside \[m\].
+    pub fn room(&mut self, q: &[f64]) -> &[f64] {
         self.measure(q, |_| true);
-        self.clearance.iter().copied().fold(f64::INFINITY, f64::min)
+        &self.clearance
+    }
+
+    /// How far points of `link` go at most while the joints go from `a` to `b` \[m\].
+    pub fn way(&self, ends: [&[f64]; 2], link: usize) -> f64 {
+        self.reach.way(ends, None, link)
+    }
+
+    /// What `link` is to keep at `q` \[m\].
+    pub fn margin(&self, q: &[f64], link: usize) -> f64 {
+        self.margins.at(q, &self.reach, link)
     }
 
     /// Whether the arm at `q` keeps the margin, and is apart from itself.
     pub fn is_free(&mut self, q: &[f64]) -> bool {
         self.measure(q, |_| true);
         // False where something is undefined.
-        self.clearance.iter().all(|d| *d >= self.margin) && self.least_apart(|_, _, _| 0.0) >= APART
+        (0..q.len()).all(|link| self.clearance[link] >= self.margin(q, link))
+            && self.least_apart(|_, _, _| 0.0) >= self.apart
     }
 
     /// What keeps the arm at `q` from being free: the obstacle that is deepest in it, or the pair of its own bodies that is.
@@ -294,15 +323,15 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         });
         let (distance, links) = nearest?;
         let links = links.map(|link| self.robot.link_name(link));
-        Some(Obstruction::Own { links, distance, apart: APART })
+        Some(Obstruction::Own { links, distance, apart: self.apart })
     }
 
     /// Whether it is and does on the straight motion from `a` to `b`.
     pub fn is_free_between(&mut self, a: &[f64], b: &[f64]) -> bool {
         let n = a.len();
-        let ways: Vec<f64> = (0..n).map(|link| self.reach.way([a, b], None, link)).collect();
+        let ways: Vec<f64> = (0..n).map(|link| self.way([a, b], link)).collect();
         let farthest = ways.iter().copied().fold(0.0, f64::max);
-        let finest = (RESOLUTION * self.margin).clamp(FINEST, COARSEST);
+        let steepness = 1.0 + self.margins.slope();
         // Halves of halves, the large ones first: what is hit is hit soon. Each with the links that may be near to
         // something in it, and whether bodies of the arm may be near to each other.
         let mut parts = VecDeque::from([(0.5, 0.5, vec![true; n], self.keeps_apart)]);
@@ -312,24 +341,32 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
                 *m = a + at * (b - a);
             }
             self.measure(&middle, |link| open[link]);
-            self.middle = middle;
-            for ((d, way), open) in self.clearance.iter().zip(&ways).zip(&mut open) {
-                let room = d - self.margin;
+            for link in 0..n {
+                if !open[link] {
+                    continue;
+                }
+                let margin = self.margin(&middle, link);
+                let room = self.clearance[link] - margin;
                 let is_clear = room >= 0.0; // false for NaN
                 if !is_clear {
+                    self.middle = middle;
                     return false;
                 }
-                *open &= room < way * half;
+                // What a link keeps changes, too, while it goes.
+                let change = steepness * ways[link] * half;
+                let is_coarse = steepness * farthest * half > finest(margin);
+                open[link] = room < change && is_coarse;
             }
+            self.middle = middle;
             if pairs {
                 let apart = self.least_apart(|reach, from, to| half * reach.way([a, b], from, to));
-                pairs = apart < APART;
-                if pairs && self.least_apart(|_, _, _| 0.0) < APART {
+                if apart < self.apart && self.least_apart(|_, _, _| 0.0) < self.apart {
                     return false;
                 }
+                pairs = apart < self.apart && farthest * half > finest(self.apart);
             }
             interrupt::spend(16 * n);
-            if (pairs || open.contains(&true)) && farthest * half > finest {
+            if pairs || open.contains(&true) {
                 if half < SHORTEST {
                     return false;
                 }

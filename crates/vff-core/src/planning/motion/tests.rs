@@ -1,7 +1,9 @@
 //! What is promised of plans, measured by means of their own.
 
+use super::planner::TORQUE;
 use super::*;
-use crate::scenario::Described;
+use crate::scenario::FromDocument;
+use crate::simulation::{Plane, Space};
 use crate::world::World;
 use crate::world::space::Volume;
 
@@ -52,7 +54,7 @@ fn along(plan: &Plan, mut visit: impl FnMut(f64, [&[f64]; 3])) {
 }
 
 /// Every pair of link and obstacle by itself, without anything of the planner: the smallest distance at q and `t`.
-fn least<S: Described<D>, const D: usize>(
+fn least<S: FromDocument<D>, const D: usize>(
     arm: &Arc<S::Arm>,
     scene: &Scene<S, D>,
     q: &[f64],

@@ -11,7 +11,7 @@ const STEP: f64 = 0.8;
 /// How often an edge that is blocked is tried at half its length.
 const HALVINGS: usize = 3;
 /// The most configurations of both trees: what is not found with so many is given up.
-const MOST_NODES: usize = 1 << 20;
+const MAX_NODES: usize = 1 << 20;
 /// Two configurations nearer than this are one \[rad, m\].
 const SAME: f64 = 1e-9;
 
@@ -130,13 +130,13 @@ pub struct Found {
 }
 
 /// Searches a path from `start` to one of `goals`, all of which are free, with up to `samples` random configurations
-/// within `ranges`.
+/// within `ranges`; given up where a tree has not grown after `patience` of them.
 pub fn search<R: Jointed<D>, S: Solid<D>, const D: usize>(
     space: &mut FreeSpace<R, S, D>,
     start: &[f64],
     goals: &[Vec<f64>],
     ranges: &[[f64; 2]],
-    samples: usize,
+    [samples, patience]: [usize; 2],
     noise: &mut Noise,
 ) -> Found {
     let mut trees = [Tree::new(&[start.to_vec()]), Tree::new(goals)];
@@ -154,7 +154,9 @@ pub fn search<R: Jointed<D>, S: Solid<D>, const D: usize>(
     let mut nearest = (0, apart(&trees, 0));
     let mut drawn = vec![0.0; start.len()];
     for k in 0..samples {
-        if trees.iter().map(|tree| tree.nodes.len()).sum::<usize>() > MOST_NODES {
+        let [of_start, of_goals] = trees.each_ref().map(|tree| tree.nodes.len());
+        let is_trapped = of_start == 1 || of_goals == goals.len();
+        if of_start + of_goals > MAX_NODES || (k >= patience && is_trapped) {
             break;
         }
         for (q, [lower, upper]) in drawn.iter_mut().zip(ranges) {

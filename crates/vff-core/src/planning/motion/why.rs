@@ -18,6 +18,12 @@ fn mm(length: f64) -> String {
 }
 
 impl Obstruction {
+    /// How far they are from each other \[m\].
+    pub fn distance(&self) -> f64 {
+        let (Self::Obstacle { distance, .. } | Self::Own { distance, .. }) = self;
+        *distance
+    }
+
     /// The sentence; `place` is `start` or `goal`.
     pub fn told(&self, place: &str, horizon: Option<f64>) -> String {
         match self {
@@ -32,8 +38,8 @@ impl Obstruction {
                 mm(-distance),
             ),
             Self::Own { links: [a, b], distance, apart } if *distance < 0.0 => format!(
-                "at the {place} {a} is {} inside {b}, where {} have to be kept; another {place} helps, or to `ignore` \
-                 the pair where these shapes always overlap",
+                "at the {place} {a} is {} inside {b}, where {} have to be kept; another {place} helps, or shapes nearer to the \
+                 links (`collision = \"file\"`), or to `ignore` the pair where these always overlap",
                 mm(-distance),
                 mm(*apart),
             ),

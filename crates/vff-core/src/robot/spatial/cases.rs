@@ -3,7 +3,8 @@
 use super::{SpatialArm, SpatialState};
 use crate::math::Vector;
 use crate::math::rotation::UnitQuaternion;
-use crate::robot::description::{ArmDescription, Frame, Joint, JointKind, six};
+use crate::robot::description::{ArmDescription, Frame, Joint, JointKind};
+use crate::robot::inertia::six;
 use crate::robot::{PlanarArm, Robot};
 use proptest::prelude::*;
 use std::sync::Arc;

@@ -9,7 +9,8 @@ use super::SpatialArm;
 use crate::math::Vector;
 use crate::robot::Matrices;
 use crate::robot::dense::TaskMatrix;
-use crate::robot::description::{Frame, JointKind, tensor};
+use crate::robot::description::{Frame, JointKind};
+use crate::robot::inertia::tensor;
 use nalgebra::{DMatrix, DVector, Isometry3, Translation3, Unit, UnitQuaternion};
 
 /// Where a joint is, what it does to points, and where its link is.

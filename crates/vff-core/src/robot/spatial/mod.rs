@@ -10,15 +10,12 @@ mod arm;
 #[cfg(test)]
 pub(crate) mod cases;
 pub mod dense;
+mod joint;
 mod kinematics;
-#[cfg(test)]
-mod law;
 mod mobility;
 mod operators;
 mod state;
 mod task;
-#[cfg(test)]
-mod tracking;
 
 pub use algebra::Spatial;
 pub use arm::SpatialArm;

@@ -3,57 +3,13 @@
 use super::SpatialArm;
 use super::algebra::{ArticulatedInertia, Inertia, Spatial};
 use super::arm::{Fixed, FixedBody, Frame};
-use super::task::TaskForces;
+use super::joint::{Joint, Tool};
+use super::task::{TaskForces, force, rows};
 use crate::geometry::{Body, Carried};
 use crate::math::{Capsule, UnitQuaternion, Vector, sin_cos, unit_vectors};
 use crate::robot::Robot;
 use nalgebra::{Matrix3, SMatrix, SVector};
 use std::sync::Arc;
-
-/// What depends on (q, q̇) at one joint and its link, in world axes about the base.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Joint {
-    /// cos and sin of the joint's angle.
-    turn: [f64; 2],
-    /// Axes of the link's aligned frame, and its origin.
-    pub rotation: Matrix3<f64>,
-    pub position: Vector<3>,
-    /// The joint's unit twist s and its rate ṡ = V × s.
-    pub s: Spatial,
-    pub s_rate: Spatial,
-    /// Twist of the link, and its rate while q̈ = 0.
-    pub velocity: Spatial,
-    pub acceleration: Spatial,
-    pub inertia: Inertia,
-    /// Factorisation of M: U/D and 1/D (T88).
-    pub u: Spatial,
-    pub d_inv: f64,
-}
-
-impl Joint {
-    const ZERO: Self = Self {
-        turn: [1.0, 0.0],
-        rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
-        position: Vector::<3>::new(0.0, 0.0, 0.0),
-        s: Spatial::ZERO,
-        s_rate: Spatial::ZERO,
-        velocity: Spatial::ZERO,
-        acceleration: Spatial::ZERO,
-        inertia: Inertia::ZERO,
-        u: Spatial::ZERO,
-        d_inv: 0.0,
-    };
-}
-
-/// Where the tool is and how it moves, about the base.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tool {
-    /// Its axes in the world.
-    pub rotation: Matrix3<f64>,
-    pub position: Vector<3>,
-    /// Velocity of its origin.
-    pub velocity: Vector<3>,
-}
 
 /// A [`SpatialArm`] at (q, q̇). Allocated once, refreshed by [`Robot::update`].
 #[derive(Debug, Clone)]
@@ -255,5 +211,54 @@ impl Joint {
         let d_inv = 1.0 / (self.s.dot(&u) + armature);
         outer.release(&u, d_inv);
         (self.u, self.d_inv) = (u * d_inv, d_inv);
+    }
+}
+
+impl SpatialState {
+    /// J v of a twist V of the last link.
+    #[inline(always)]
+    pub(super) fn task_of<const M: usize>(&self, twist: &Spatial) -> SVector<f64, M> {
+        rows(&self.tool, &twist.velocity_at(&self.tool.position), &twist.angular)
+    }
+
+    /// J̇ v of the twist Σ s v of the last link and of Σ ṡ v.
+    #[inline(always)]
+    pub(super) fn task_rate_of<const M: usize>(
+        &self,
+        twist: &Spatial,
+        rate: &Spatial,
+    ) -> SVector<f64, M> {
+        let Tool { rotation, position, velocity } = &self.tool;
+        let linear = rate.velocity_at(position) + twist.angular.cross(velocity);
+        let mut out: SVector<f64, M> = rows(&self.tool, &linear, &rate.angular);
+        if M == 5 {
+            // The axes of these rows turn with the tool.
+            let carried = twist.angular.cross(&self.tool_rate());
+            for k in 0..2 {
+                out[3 + k] += carried.dot(&rotation.column(k));
+            }
+        }
+        out
+    }
+
+    /// Angular velocity of the tool.
+    #[inline(always)]
+    pub(crate) fn tool_rate(&self) -> Vector<3> {
+        self.joints.last().map_or(Vector::zeros(), |joint| joint.velocity.angular)
+    }
+
+    /// The wrench about the base of a task force.
+    #[inline(always)]
+    pub(super) fn task_wrench<const M: usize>(&self, f: &SVector<f64, M>) -> Spatial {
+        let (force, moment) = force(&self.tool, f);
+        Spatial::at(&self.tool.position, force, moment)
+    }
+
+    /// What the motion of the tool adds to J̇ᵀ f beside ṡ·F: a moment.
+    #[inline(always)]
+    pub(super) fn task_wrench_rate<const M: usize>(&self, f: &SVector<f64, M>) -> Vector<3> {
+        let (force, moment) = force(&self.tool, f);
+        let carried = self.tool.velocity.cross(&force);
+        if M == 5 { carried + self.tool_rate().cross(&moment) } else { carried }
     }
 }

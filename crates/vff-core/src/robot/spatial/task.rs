@@ -4,7 +4,7 @@
 //! tool's z axis free: its angular rows are those along the tool's own x and y axes.
 
 use super::algebra::Spatial;
-use super::state::{Joint, SpatialState, Tool};
+use super::joint::{Joint, Tool};
 use crate::math::Vector;
 use nalgebra::{SMatrix, SVector};
 
@@ -98,53 +98,4 @@ impl<const M: usize> TaskForces<M> {
 fn combine<const M: usize>(columns: &[SVector<f64, M>; 6], s: &[f64; 6]) -> SVector<f64, M> {
     (columns[0] * s[0] + columns[1] * s[1] + columns[2] * s[2])
         + (columns[3] * s[3] + columns[4] * s[4] + columns[5] * s[5])
-}
-
-impl SpatialState {
-    /// J v of a twist V of the last link.
-    #[inline(always)]
-    pub(super) fn task_of<const M: usize>(&self, twist: &Spatial) -> SVector<f64, M> {
-        rows(&self.tool, &twist.velocity_at(&self.tool.position), &twist.angular)
-    }
-
-    /// J̇ v of the twist Σ s v of the last link and of Σ ṡ v.
-    #[inline(always)]
-    pub(super) fn task_rate_of<const M: usize>(
-        &self,
-        twist: &Spatial,
-        rate: &Spatial,
-    ) -> SVector<f64, M> {
-        let Tool { rotation, position, velocity } = &self.tool;
-        let linear = rate.velocity_at(position) + twist.angular.cross(velocity);
-        let mut out: SVector<f64, M> = rows(&self.tool, &linear, &rate.angular);
-        if M == 5 {
-            // The axes of these rows turn with the tool.
-            let carried = twist.angular.cross(&self.tool_rate());
-            for k in 0..2 {
-                out[3 + k] += carried.dot(&rotation.column(k));
-            }
-        }
-        out
-    }
-
-    /// Angular velocity of the tool.
-    #[inline(always)]
-    pub(super) fn tool_rate(&self) -> Vector<3> {
-        self.joints.last().map_or(Vector::zeros(), |joint| joint.velocity.angular)
-    }
-
-    /// The wrench about the base of a task force.
-    #[inline(always)]
-    pub(super) fn task_wrench<const M: usize>(&self, f: &SVector<f64, M>) -> Spatial {
-        let (force, moment) = force(&self.tool, f);
-        Spatial::at(&self.tool.position, force, moment)
-    }
-
-    /// What the motion of the tool adds to J̇ᵀ f beside ṡ·F: a moment.
-    #[inline(always)]
-    pub(super) fn task_wrench_rate<const M: usize>(&self, f: &SVector<f64, M>) -> Vector<3> {
-        let (force, moment) = force(&self.tool, f);
-        let carried = self.tool.velocity.cross(&force);
-        if M == 5 { carried + self.tool_rate().cross(&moment) } else { carried }
-    }
 }

@@ -1,15 +1,17 @@
 //! A [`Tree`] to the serial chain from a base to a tip.
 
-use super::super::description::{self, ArmDescription, Frame, Joint, JointKind, tensor};
+use super::super::description::{ArmDescription, Frame, Joint};
 use super::super::inertia::{self, Body};
+use super::super::inertia::{six, tensor};
 use super::super::names::list;
 use super::UrdfError;
+use super::index::Index;
+use super::role::Role;
 use super::srdf::disabled_pairs;
 use super::tree::{Geometry, Kind, Link, Tree, TreeJoint};
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What the reader is asked for.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
@@ -61,244 +63,6 @@ pub struct Carried {
     pub geometry: Geometry,
 }
 
-/// The tree with its names resolved.
-struct Index<'a> {
-    tree: &'a Tree,
-    links: HashMap<&'a str, usize>,
-    joints: HashMap<&'a str, usize>,
-    /// The joint above each link.
-    above: Vec<Option<usize>>,
-    /// The joints below each link, in the order of the file.
-    below: Vec<Vec<usize>>,
-    root: usize,
-}
-
-fn index<'a>(
-    what: &'static str,
-    names: impl Iterator<Item = &'a String>,
-) -> Result<HashMap<&'a str, usize>, UrdfError> {
-    let mut found = HashMap::new();
-    for (i, name) in names.enumerate() {
-        if found.insert(name.as_str(), i).is_some() {
-            return Err(UrdfError::Twice { what, name: name.clone() });
-        }
-    }
-    Ok(found)
-}
-
-impl<'a> Index<'a> {
-    fn new(tree: &'a Tree) -> Result<Self, UrdfError> {
-        let links = index("link", tree.links.iter().map(|link| &link.name))?;
-        let joints = index("joint", tree.joints.iter().map(|joint| &joint.name))?;
-        if links.is_empty() {
-            return Err(UrdfError::Empty);
-        }
-        let mut above = vec![None; tree.links.len()];
-        let mut below = vec![vec![]; tree.links.len()];
-        for (j, joint) in tree.joints.iter().enumerate() {
-            let end = |name: &str| {
-                links.get(name).copied().ok_or_else(|| {
-                    unknown(&format!("joint `{}`", joint.name), "link", name, &tree.link_names())
-                })
-            };
-            below[end(&joint.parent)?].push(j);
-            let child = end(&joint.child)?;
-            if let Some(first) = above[child].replace(j) {
-                return Err(UrdfError::TwoParents {
-                    link: joint.child.clone(),
-                    first: tree.joints[first].name.clone(),
-                    second: joint.name.clone(),
-                });
-            }
-        }
-        let mut index = Self { tree, links, joints, above, below, root: 0 };
-        // Every link has at most one joint above: what no root leads to lies on or below a circle.
-        let roots: Vec<_> = (0..tree.links.len()).filter(|&i| index.above[i].is_none()).collect();
-        let mut reached = BTreeSet::new();
-        for &root in &roots {
-            index.walk(root, |link| {
-                reached.insert(link);
-            });
-        }
-        if let Some(lost) = (0..tree.links.len()).find(|link| !reached.contains(link)) {
-            return Err(UrdfError::Cycle { links: index.circle_above(lost) });
-        }
-        if roots.len() > 1 {
-            return Err(UrdfError::SeveralRoots { roots: index.names(roots) });
-        }
-        index.root = roots[0];
-        Ok(index)
-    }
-
-    fn names(&self, links: impl IntoIterator<Item = usize>) -> Vec<String> {
-        links.into_iter().map(|link| self.tree.links[link].name.clone()).collect()
-    }
-
-    /// Visits a link and all below, parents first.
-    fn walk(&self, from: usize, mut visit: impl FnMut(usize)) {
-        let mut open = vec![from];
-        while let Some(link) = open.pop() {
-            visit(link);
-            open.extend(self.below[link].iter().rev().map(|&joint| self.child(joint)));
-        }
-    }
-
-    fn child(&self, joint: usize) -> usize {
-        self.links[self.tree.joints[joint].child.as_str()]
-    }
-
-    fn parent(&self, joint: usize) -> usize {
-        self.links[self.tree.joints[joint].parent.as_str()]
-    }
-
-    /// The circle that is met going up from a link.
-    fn circle_above(&self, mut link: usize) -> Vec<String> {
-        let up = |link: usize| self.above[link].map_or(link, |joint| self.parent(joint));
-        for _ in 0..self.above.len() {
-            link = up(link);
-        }
-        let mut circle = vec![link];
-        let mut next = up(link);
-        while next != link {
-            circle.push(next);
-            next = up(next);
-        }
-        self.names(circle.into_iter().rev())
-    }
-
-    fn link(&self, place: &str, name: &str) -> Result<usize, UrdfError> {
-        let found = self.links.get(name).copied();
-        found.ok_or_else(|| unknown(place, "link", name, &self.tree.link_names()))
-    }
-
-    fn joint(&self, place: &str, name: &str) -> Result<usize, UrdfError> {
-        let found = self.joints.get(name).copied();
-        found.ok_or_else(|| unknown(place, "joint", name, &self.tree.joint_names()))
-    }
-
-    /// The link to end at: the one that is named, else the only one without children.
-    fn tip(&self, base: usize, named: Option<&str>) -> Result<usize, UrdfError> {
-        if let Some(name) = named {
-            return self.link("tip", name);
-        }
-        let mut leaves = vec![];
-        self.walk(base, |link| {
-            if self.below[link].is_empty() {
-                leaves.push(link);
-            }
-        });
-        match leaves[..] {
-            [tip] => Ok(tip),
-            _ => {
-                let joints = |leaf: &usize| {
-                    let chain = self.chain(base, *leaf).unwrap_or_default();
-                    chain.iter().filter(|joint| self.tree.joints[**joint].moves().is_some()).count()
-                };
-                leaves.sort_by_cached_key(|leaf| {
-                    (Role::of(&self.tree.links[*leaf].name), Reverse(joints(leaf)))
-                });
-                let base = self.tree.links[base].name.clone();
-                Err(UrdfError::WhichTip { base, leaves: self.names(leaves) })
-            }
-        }
-    }
-
-    /// The joints from the base to the tip.
-    fn chain(&self, base: usize, tip: usize) -> Result<Vec<usize>, UrdfError> {
-        let mut joints = vec![];
-        let mut link = tip;
-        while link != base {
-            let Some(joint) = self.above[link] else {
-                let above = joints.iter().rev().map(|&joint| self.parent(joint));
-                return Err(UrdfError::NotBelow {
-                    tip: self.tree.links[tip].name.clone(),
-                    base: self.tree.links[base].name.clone(),
-                    above: self.names(above),
-                });
-            };
-            joints.push(joint);
-            link = self.parent(joint);
-        }
-        joints.reverse();
-        Ok(joints)
-    }
-
-    /// Where a joint that does not move stands: as told, as its driver implies, or at 0.
-    fn standing(
-        &self,
-        joint: usize,
-        moving: &BTreeSet<usize>,
-        told: &BTreeMap<String, f64>,
-    ) -> Result<f64, UrdfError> {
-        let (mut factor, mut offset, mut at) = (1.0, 0.0, joint);
-        for _ in 0..=self.tree.joints.len() {
-            let TreeJoint { name, mimic, .. } = &self.tree.joints[at];
-            if let Some(value) = told.get(name) {
-                return Ok(factor * value + offset);
-            }
-            if moving.contains(&at) {
-                let joint = self.tree.joints[joint].name.clone();
-                return Err(UrdfError::MimicOfMoving { joint, driver: name.clone() });
-            }
-            let Some(mimic) = mimic else { return Ok(offset) };
-            offset += factor * mimic.offset;
-            factor *= mimic.multiplier;
-            at = self.joint(&format!("joint `{name}`, <mimic>"), &mimic.joint)?;
-        }
-        Err(UrdfError::MimicCycle(self.tree.joints[joint].name.clone()))
-    }
-}
-
-/// What the name of a link or joint lets one expect, the likeliest tip first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Role {
-    Tool,
-    Any,
-    /// A finger, a sensor, or what is only drawn.
-    Finger,
-}
-
-impl Role {
-    fn of(name: &str) -> Self {
-        const FINGERS: [&str; 16] = [
-            "finger",
-            "thumb",
-            "knuckle",
-            "jaw",
-            "pad",
-            "camera",
-            "sensor",
-            "imu",
-            "accelerometer",
-            "gyro",
-            "range",
-            "sonar",
-            "optical",
-            "screen",
-            "visual",
-            "collision",
-        ];
-        const TOOLS: [&str; 7] = ["tool", "tcp", "hand", "gripper", "effector", "flange", "eef"];
-        let name = name.to_lowercase();
-        match () {
-            () if FINGERS.iter().any(|word| name.contains(*word)) => Self::Finger,
-            () if TOOLS.iter().any(|word| name.contains(*word)) => Self::Tool,
-            () if name.split(|c: char| !c.is_alphanumeric()).any(|word| word == "ee") => Self::Tool,
-            () => Self::Any,
-        }
-    }
-
-    /// Whether a joint opens and closes a gripper, by its name.
-    fn grips(joint: &str) -> bool {
-        let joint = joint.to_lowercase();
-        ["grip", "finger", "jaw", "knuckle", "thumb"].iter().any(|word| joint.contains(word))
-    }
-}
-
-fn unknown(place: &str, what: &'static str, given: &str, known: &[String]) -> UrdfError {
-    UrdfError::Unknown { place: place.into(), what, given: given.into(), known: known.to_vec() }
-}
-
 impl TreeJoint {
     /// What moving to `q` does to the child, in the frame of the joint.
     fn motion(&self, q: f64) -> Isometry3<f64> {
@@ -310,15 +74,6 @@ impl TreeJoint {
             ),
             Kind::Prismatic => Translation3::from(axis * q).into(),
             _ => Isometry3::identity(),
-        }
-    }
-
-    fn moves(&self) -> Option<JointKind> {
-        match self.kind {
-            Kind::Revolute => Some(JointKind::Revolute),
-            Kind::Continuous => Some(JointKind::Continuous),
-            Kind::Prismatic => Some(JointKind::Prismatic),
-            Kind::Fixed | Kind::Ball | Kind::Floating | Kind::Planar => None,
         }
     }
 
@@ -364,14 +119,6 @@ struct Carrier {
 }
 
 impl Tree {
-    fn link_names(&self) -> Vec<String> {
-        self.links.iter().map(|link| link.name.clone()).collect()
-    }
-
-    fn joint_names(&self) -> Vec<String> {
-        self.joints.iter().map(|joint| joint.name.clone()).collect()
-    }
-
     /// The arm from a base to a tip.
     ///
     /// # Errors
@@ -532,7 +279,7 @@ impl Tree {
                 axis: joint.axis,
                 mass: carrier.body.mass,
                 com: carrier.body.com.into(),
-                inertia: description::six(&carrier.body.inertia),
+                inertia: six(&carrier.body.inertia),
                 armature,
                 damping: joint.damping,
                 friction: joint.friction,

@@ -7,7 +7,9 @@
 
 mod chain;
 mod error;
+mod index;
 mod parse;
+mod role;
 mod srdf;
 mod tree;
 

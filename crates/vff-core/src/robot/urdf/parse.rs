@@ -1,7 +1,8 @@
 //! URDF text to a [`Tree`].
 
-use super::super::description::{self, DescriptionProblem, Frame, tensor};
+use super::super::description::{self, DescriptionProblem, Frame};
 use super::super::inertia::Body;
+use super::super::inertia::{self, tensor};
 use super::tree::{Form, Geometry, Kind, Link, Mimic, Tree, TreeJoint};
 use super::{MAX_BYTES, UrdfError, Xml};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -228,7 +229,7 @@ fn link(node: Node<'_, '_>) -> Result<Link, UrdfError> {
         let body = body.moved(&origin(inertial, &place)?);
         link.mass = body.mass;
         link.com = body.com.into();
-        link.inertia = description::six(&body.inertia);
+        link.inertia = inertia::six(&body.inertia);
     }
     for (i, collision) in node.children().filter(|n| n.has_tag_name("collision")).enumerate() {
         let place = format!("{place}, <collision> {}", i + 1);

@@ -1,6 +1,6 @@
 //! A robot as links and joints, as URDF and MJCF have it.
 
-use super::super::description::Frame;
+use super::super::description::{Frame, JointKind};
 use serde::{Deserialize, Serialize};
 
 /// All links and joints of a robot.
@@ -175,4 +175,26 @@ pub struct Mimic {
     pub multiplier: f64,
     /// \[rad or m\].
     pub offset: f64,
+}
+
+impl Tree {
+    pub(super) fn link_names(&self) -> Vec<String> {
+        self.links.iter().map(|link| link.name.clone()).collect()
+    }
+
+    pub(super) fn joint_names(&self) -> Vec<String> {
+        self.joints.iter().map(|joint| joint.name.clone()).collect()
+    }
+}
+
+impl TreeJoint {
+    /// How it moves, if a chain can have it as a joint.
+    pub(super) fn moves(&self) -> Option<JointKind> {
+        match self.kind {
+            Kind::Revolute => Some(JointKind::Revolute),
+            Kind::Continuous => Some(JointKind::Continuous),
+            Kind::Prismatic => Some(JointKind::Prismatic),
+            Kind::Fixed | Kind::Ball | Kind::Floating | Kind::Planar => None,
+        }
+    }
 }

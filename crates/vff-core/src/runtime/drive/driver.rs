@@ -61,6 +61,16 @@ pub trait Driver {
         false
     }
 
+    /// The torque from outside at the state that was read last \[N·m, N\], if the robot measures it. It is asked for at the beginning
+    /// where there is an observer, and in every period where that follows it.
+    ///
+    /// # Errors
+    /// If it could not be asked for.
+    fn external_torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
+        let _ = tau;
+        Ok(false)
+    }
+
     /// Takes a command of its [`kind`](Self::kind), to hold until the next.
     ///
     /// # Errors

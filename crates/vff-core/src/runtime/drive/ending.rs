@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Fault {
     /// It could not begin.
-    #[error("the robot did not begin: {0}")]
+    #[error("the robot failed to start: {0}")]
     Begin(String),
     /// No state came.
     #[error("the robot was not read: {0}")]
@@ -22,7 +22,7 @@ pub enum Fault {
     },
     /// The state jumps.
     #[error(
-        "the robot's state at t = {t} s cannot follow the one before: a joint is too fast, or elsewhere"
+        "state discontinuity at t = {t} s: a joint cannot have moved so far since the state before"
     )]
     Impossible {
         /// When \[s\].

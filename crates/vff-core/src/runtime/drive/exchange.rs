@@ -135,7 +135,7 @@ impl Exchange {
         drop(old);
     }
 
-    /// The reference from now on: pose, velocity and acceleration, of as many numbers as [`AnyController::widths`] says.
+    /// The reference from now on: pose, velocity and acceleration, of as many numbers as [`widths`](crate::runtime::ErasedController::widths) says.
     ///
     /// # Errors
     /// If they are no reference.

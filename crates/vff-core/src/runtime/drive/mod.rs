@@ -18,8 +18,8 @@ pub use ending::{Ending, Fault};
 pub use exchange::{Exchange, Layout, Rows};
 pub use simulated::SimulatedRobot;
 
-use super::batch::guarded;
 use super::controller::{AnyController, Reading};
+use super::fault::guarded;
 use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
 use crate::control::output::{BeginError, Clock, Phase};
 use crate::simulation::pace::{self, Late, Timing};
@@ -104,6 +104,10 @@ struct Inner {
     paces: bool,
     q: Vec<f64>,
     dq: Vec<f64>,
+    /// What the robot measures of the torque from outside; empty where nobody wants to know. Whether that is asked for in every
+    /// period, or at the beginning alone.
+    external: Vec<f64>,
+    senses: bool,
     /// The robot's time at the first state \[s\], and its clock since.
     start: f64,
     clock: Clock,
@@ -179,6 +183,9 @@ impl<D: Driver> Loop<D> {
         let mut columns = vec![("t", 1)];
         columns.extend(names.map(|name| (name, n)));
         columns.extend([("x", widths[0]), ("x_ref", widths[0]), ("force", n), ("clearance", n)]);
+        if controller.external_torque().is_some() {
+            columns.push(("tau_ext_estimate", n));
+        }
         let layout = Layout(columns);
         let row = vec![f64::NAN; layout.width()];
         let room = if options.record_every > 0 { ROWS * row.len() } else { 0 };
@@ -188,6 +195,8 @@ impl<D: Driver> Loop<D> {
             paces: driver.paces(),
             q: vec![0.0; n],
             dq: vec![0.0; n],
+            external: if controller.external_torque().is_some() { vec![0.0; n] } else { vec![] },
+            senses: controller.senses(),
             start: 0.0,
             clock: Clock::new(period),
             last: 0.0,
@@ -256,10 +265,20 @@ impl Inner {
         driver.begin().map_err(Fault::Begin)?;
         self.start = driver.read(&mut self.q, &mut self.dq).map_err(Fault::Read)?;
         self.is_finite(self.start)?;
+        let is_felt = self.sense(driver).map_err(Fault::Read)?;
+        if self.senses && !is_felt {
+            let text = "observer.source = \"measured\": the robot measures no torque from outside; \
+                        \"momentum\" estimates it";
+            return Err(Fault::Begin(text.into()));
+        }
         self.last = f64::NEG_INFINITY;
         self.controller.observe(&self.q, &self.dq, 0.0);
         let mut measured = vec![0.0; self.q.len()];
-        if !driver.torque(&mut measured) {
+        if is_felt {
+            // What holds it now, a load included that the robot may not have been told of.
+            self.controller.holding_torque(&mut measured);
+            measured.iter_mut().zip(&self.external).for_each(|(tau, external)| *tau -= external);
+        } else if !driver.torque(&mut measured) {
             self.controller.holding_torque(&mut measured);
         }
         let begun = self.controller.begin(1.0 / self.options.rate, Some(&measured));
@@ -270,12 +289,28 @@ impl Inner {
         // It goes on from here if no reference comes, unless the controller has one of its own.
         self.controller.observe(&self.q, &self.dq, 0.0);
         self.controller.forget();
-        let Self { now, controller, .. } = self;
+        let Self { now, controller, external, .. } = self;
         now.rest_at(|pose| controller.write_pose(pose));
+        if is_felt {
+            controller.sense(external);
+        }
         if !controller.has_reference() {
             self.given = Some((now.clone(), 0.0));
         }
         Ok(())
+    }
+
+    /// Lets the controller know what the robot measures from outside. Whether it measures any.
+    fn sense<D: Driver>(&mut self, driver: &mut D) -> Result<bool, String> {
+        let Self { controller, external, .. } = self;
+        if external.is_empty() {
+            return Ok(false);
+        }
+        let measured = driver.external_torque(external)?;
+        if measured {
+            controller.sense(external);
+        }
+        Ok(measured)
     }
 
     fn is_finite(&self, t: f64) -> Result<(), Fault> {
@@ -287,7 +322,9 @@ impl Inner {
 
     /// One period. Returns the instant at which its state had come, and whether it goes on.
     fn period<D: Driver>(&mut self, driver: &mut D) -> (Instant, bool) {
-        let read = driver.read(&mut self.q, &mut self.dq).map_err(Fault::Read);
+        let read = driver.read(&mut self.q, &mut self.dq);
+        let sensed = |t| if self.senses { self.sense(driver).map(|_| t) } else { Ok(t) };
+        let read = read.and_then(sensed).map_err(Fault::Read);
         let state = read.and_then(|t| self.is_finite(t).map(|()| t));
         let begin = Instant::now();
         if let Err(fault) = &state {
@@ -459,6 +496,7 @@ impl Inner {
         for values in [&*pose, now.pose(), terms.force, terms.clearance] {
             put(values);
         }
+        put(controller.external_torque().unwrap_or_default());
         exchange.show(row);
         if options.record_every == 0 {
             return;

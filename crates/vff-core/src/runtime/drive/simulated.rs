@@ -1,9 +1,9 @@
 //! The plant of a scenario as a robot: to try a drive, and to measure a loop in which nothing but the loop takes time.
 
 use super::driver::Driver;
-use crate::runtime::any::AnyRun;
 use crate::runtime::arm::{AnyArm, AnyState};
 use crate::runtime::real_time::at_rate;
+use crate::runtime::run::AnyRun;
 use crate::scenario::{Scenario, ScenarioError};
 
 /// The plant of a scenario, with its friction, stops, sensors and drives, but without its controller. It goes on by one
@@ -56,6 +56,15 @@ impl Driver for SimulatedRobot {
         q.copy_from_slice(if measured { now.q_measured } else { now.q });
         dq.copy_from_slice(if measured { now.dq_measured } else { now.dq });
         Ok(now.t)
+    }
+
+    /// That of the scenario's wrenches.
+    fn external_torque(&mut self, tau: &mut [f64]) -> Result<bool, String> {
+        match self.run.snapshot().tau_ext {
+            Some(external) => tau.copy_from_slice(external),
+            None => tau.fill(0.0),
+        }
+        Ok(true)
     }
 
     fn write(&mut self, command: &[f64]) -> Result<(), String> {

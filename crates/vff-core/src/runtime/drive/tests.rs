@@ -173,12 +173,12 @@ fn mishaps_are_values() {
         (fault.to_string(), driven)
     };
     let cases = [
-        (Mishap::BeginFails, "the robot did not begin: no cable"),
+        (Mishap::BeginFails, "the robot failed to start: no cable"),
         (Mishap::ReadFails, "the robot was not read: hiccup"),
         (Mishap::ReadFailsForEver, "the robot was not read: unplugged"),
         (Mishap::NotFinite, "the robot's dq is not finite"),
         (Mishap::TimeStands, "the robot's time stood at 0.298 s for 5 periods"),
-        (Mishap::Jumps, "cannot follow the one before"),
+        (Mishap::Jumps, "state discontinuity at t = "),
         (Mishap::WriteFails, "the robot did not take a command: refused"),
         (Mishap::WriteFailsForEver, "the robot did not take a command: refused"),
         (Mishap::ReadPanics, "a fault of vffnull itself, please report it: a fault of the driver"),

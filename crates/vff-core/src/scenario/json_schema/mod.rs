@@ -8,9 +8,9 @@ mod trace;
 
 use super::SCHEMA;
 use super::tables::SPATIAL_KEYS;
-use super::tables::{Tables, UNREACHABLE, WhereUnreachable};
-use crate::control::output::OF_THE_ROBOT;
-use crate::simulation::{Plane, Space};
+use super::tables::{CONTACT, Tables, UNREACHABLE, WhereUnreachable};
+use crate::control::settings::OF_THE_ROBOT;
+use crate::simulation::{ContactSettings, Plane, Space};
 use serde_json::{Map, Value, json};
 use text::{Row, Rows, SPACE};
 use trace::{Fault, Key, Kind, Required, trace};
@@ -57,10 +57,18 @@ fn in_space() -> Result<Kind, Fault> {
     with_shared(trace::<Tables<Space, 3>>()?.without("angles"))
 }
 
-/// Adds to every reference, but to a plan, the key that they share.
+/// Adds to every reference, but to a plan, and to every obstacle the key that they share.
 fn with_shared(mut scenario: Kind) -> Result<Kind, Fault> {
-    let choice = trace::<WhereUnreachable>()?;
+    let [choice, contact] = [trace::<WhereUnreachable>()?, trace::<ContactSettings>()?];
     let Kind::Table(keys) = &mut scenario else { return Ok(scenario) };
+    for key in keys.iter_mut().filter(|key| key.name == "obstacles") {
+        if let Kind::List(obstacle) = &mut key.kind
+            && let Kind::Table(keys) = &mut **obstacle
+        {
+            let kind = contact.clone();
+            keys.push(Key { name: CONTACT, kind, required: Required::No });
+        }
+    }
     for key in keys.iter_mut().filter(|key| key.name == "reference") {
         let Kind::Choice { variants, .. } = &mut key.kind else { continue };
         for (_, kind) in variants.iter_mut().filter(|(name, _)| *name != "plan") {

@@ -12,7 +12,7 @@ use std::cell::Cell;
 use std::fmt;
 
 /// More passes than any type needs.
-const MOST_PASSES: usize = 100_000;
+const MAX_PASSES: usize = 100_000;
 
 /// What a value may be.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,7 +108,7 @@ impl de::Error for Fault {
 /// If the type cannot be traced.
 pub fn trace<T: de::DeserializeOwned>() -> Result<Kind, Fault> {
     let mut kind = Kind::Unknown;
-    for _ in 0..MOST_PASSES {
+    for _ in 0..MAX_PASSES {
         let untested = Cell::new(true);
         let missing =
             match T::deserialize(Tracer { kind: &mut kind, untested: &untested, listed: false }) {

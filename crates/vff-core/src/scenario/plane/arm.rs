@@ -1,10 +1,11 @@
 //! The `[arm]` table: what is given, validated, and turned into a [`PlanarArm`].
 
 use super::super::error::{Problem, ScenarioError};
-use super::super::numbers::{each, length, not_negative, positive};
+use super::super::numbers::{each, length};
 use crate::math::{ScalarOrVec, Vector};
 use crate::robot::planar::Link;
 use crate::robot::{Limits, PlanarArm};
+use crate::settings::{NOT_NEGATIVE, POSITIVE};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, SeqAccess, Visitor};
 use std::fmt;
@@ -109,11 +110,11 @@ impl ArmSpec {
         if n == 0 {
             return Err(ScenarioError::out_of_range("lengths", "at least one length", [0.0; 0]));
         }
-        each("lengths", &self.lengths, n, positive)?;
-        each("masses", &self.masses, n, positive)?;
-        each("radius", &self.radius, n, not_negative)?;
+        each("lengths", &self.lengths, n, &POSITIVE)?;
+        each("masses", &self.masses, n, &POSITIVE)?;
+        each("radius", &self.radius, n, &NOT_NEGATIVE)?;
         if let Some(inertias) = &self.inertias {
-            each("inertias", inertias, n, not_negative)?;
+            each("inertias", inertias, n, &NOT_NEGATIVE)?;
         }
         let com = self.centres_of_mass()?;
         let links = (0..n).map(|i| {
@@ -144,7 +145,7 @@ impl ArmSpec {
     /// One limit per joint, none if not given.
     fn largest(&self, path: &str, given: Option<&ScalarOrVec>) -> Result<Vec<f64>, ScenarioError> {
         let Some(limit) = given else { return Ok(vec![]) };
-        each(path, limit, self.dof(), positive)?;
+        each(path, limit, self.dof(), &POSITIVE)?;
         Ok((0..self.dof()).map(|i| limit.get(i)).collect())
     }
 

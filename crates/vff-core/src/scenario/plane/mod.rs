@@ -7,8 +7,7 @@ pub use arm::{ArmSpec, Nested};
 pub use plant::PlantSpec;
 
 use super::error::{Problem, ScenarioError};
-use super::numbers::{not_negative, number, positive};
-use super::scene::{Described, Prepared, Scene};
+use super::scene::{CheckReach, FromDocument, Scene};
 use super::validate;
 use crate::interrupt;
 use crate::robot::planar::Annulus;
@@ -18,13 +17,13 @@ use crate::simulation::{
 };
 use crate::trajectory::{Reference, Trajectory};
 use crate::world::Motion;
-use crate::world::plane::{Obstacle, Shape, is_convex};
+use crate::world::plane::Obstacle;
 use std::sync::Arc;
 
 /// The tables of a scenario in the plane that depend on its dimension.
 pub type PlanarScene = Scene<Plane, 2>;
 
-impl Described<2> for Plane {
+impl FromDocument<2> for Plane {
     type ArmTable = ArmSpec;
     type PlantTable = PlantSpec;
     type Reference = Reference;
@@ -46,7 +45,7 @@ impl Described<2> for Plane {
     }
 
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
-        shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
+        obstacle.shape.check()?;
         let Obstacle { angle, angular_velocity, motion, position, .. } = obstacle;
         validate::motion_from(motion, *position)?;
         let Motion::Waypoints { angles, .. } = motion else { return Ok(()) };
@@ -65,7 +64,7 @@ impl Described<2> for Plane {
     }
 }
 
-impl<const M: usize> Prepared<2, M> for Plane
+impl<const M: usize> CheckReach<2, M> for Plane
 where
     Plane: PlanarSystem<M>,
 {
@@ -99,27 +98,5 @@ where
         let (x, y, distance) = (at.x, at.y, at.norm());
         let problem = Problem::Unreachable { time: after, x, y, distance, inner, outer };
         Err(ScenarioError::new("reference", problem))
-    }
-}
-
-fn shape(shape: &Shape) -> Result<(), ScenarioError> {
-    match shape {
-        Shape::Circle { radius } => number("radius", *radius, positive),
-        Shape::Capsule { a, b, radius } => {
-            number("radius", *radius, not_negative)?;
-            if validate::same(a, b) {
-                return Err(ScenarioError::out_of_range("b", "another point than a", b));
-            }
-            Ok(())
-        }
-        Shape::Box { size } => {
-            number("size[0]", size[0], positive)?;
-            number("size[1]", size[1], positive)
-        }
-        Shape::Polygon { vertices } if !is_convex(vertices) => {
-            let requirement = "the corners of a convex polygon in order";
-            Err(ScenarioError::out_of_range("vertices", requirement, vertices))
-        }
-        Shape::Polygon { .. } => Ok(()),
     }
 }

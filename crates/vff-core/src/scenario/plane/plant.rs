@@ -1,10 +1,11 @@
 //! The `[plant]` table: what the physical arm is where it differs from `[arm]`, the controller's model.
 
 use super::super::error::ScenarioError;
-use super::super::numbers::{each, not_negative, number};
+use super::super::numbers::{each, number};
 use super::{ArmSpec, Nested};
 use crate::math::ScalarOrVec;
 use crate::robot::{Model, PlanarArm};
+use crate::settings::NOT_NEGATIVE;
 use crate::simulation::Physics;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -57,9 +58,9 @@ impl PlantSpec {
         model: &Arc<PlanarArm>,
     ) -> Result<Physics<PlanarArm>, ScenarioError> {
         let n = model.dof();
-        number("payload", self.payload, not_negative)?;
-        each("viscous_friction", &self.viscous_friction, n, not_negative)?;
-        each("coulomb_friction", &self.coulomb_friction, n, not_negative)?;
+        number("payload", self.payload, &NOT_NEGATIVE)?;
+        each("viscous_friction", &self.viscous_friction, n, &NOT_NEGATIVE)?;
+        each("coulomb_friction", &self.coulomb_friction, n, &NOT_NEGATIVE)?;
         let arm = self.arm(spec)?;
         let limits = arm.limits().clone();
         let mut links = arm.links().to_vec();

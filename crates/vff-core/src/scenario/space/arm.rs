@@ -1,9 +1,12 @@
 //! The `[arm]` table of an arm in space: a bundled arm, or all joints one by one, and what is changed of it.
 
 use super::super::error::{Problem, ScenarioError};
+use super::super::numbers::each;
+use crate::math::ScalarOrVec;
 use crate::robot::SpatialArm;
 use crate::robot::description::{ArmDescription, Frame, Joint, LinkShape};
 use crate::robot::models;
+use crate::settings::NOT_NEGATIVE;
 use serde::Deserialize;
 
 /// An arm in space as the user describes it.
@@ -34,6 +37,8 @@ pub struct SpatialArmSpec {
     pub mount: Option<Frame>,
     /// Where the tip is in the frame of the last link.
     pub tool: Option<Frame>,
+    /// Inertias of the rotors as the joints feel them \[kg·m² or kg\], one for all or one per joint, ≥ 0.
+    pub armature: Option<ScalarOrVec>,
     /// `[lower, upper]` per joint \[rad or m\], infinite where there is none.
     pub joint_limits: Option<Vec<[f64; 2]>>,
     /// Largest speed per joint \[rad/s or m/s\], > 0.
@@ -86,6 +91,11 @@ impl SpatialArmSpec {
         arm.gravity = given.gravity.unwrap_or(arm.gravity);
         arm.mount = given.mount.unwrap_or(arm.mount);
         arm.tool = given.tool.unwrap_or(arm.tool);
+        if let Some(armature) = &given.armature {
+            each("armature", armature, arm.joints.len(), &NOT_NEGATIVE)?;
+            let joints = arm.joints.iter_mut().enumerate();
+            joints.for_each(|(i, joint)| joint.armature = armature.get(i));
+        }
         arm.joint_limits = given.joint_limits.unwrap_or(arm.joint_limits);
         arm.velocity_limits = given.velocity_limits.unwrap_or(arm.velocity_limits);
         arm.torque_limits = given.torque_limits.unwrap_or(arm.torque_limits);

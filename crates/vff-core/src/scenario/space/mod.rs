@@ -7,24 +7,22 @@ pub use arm::SpatialArmSpec;
 pub use plant::{PayloadSpec, SpatialPlantSpec};
 
 use super::error::{Problem, ScenarioError};
-use super::numbers::{not_negative, number, positive};
-use super::scene::{Described, Prepared, Scene};
+use super::scene::{CheckReach, FromDocument, Scene};
 use super::validate;
 use crate::inverse_kinematics::{Residual, Solver, Unreachable};
-use crate::math::Vector;
 use crate::robot::{Model, Robot, SpatialArm, SpatialState};
 use crate::simulation::{
     Control, Options, PerceptionSettings, Physics, Space, SpatialPerception, System,
 };
 use crate::trajectory::{Guided, SpatialReference, Trajectory};
 use crate::world::Motion;
-use crate::world::space::{MOST_POINTS, Obstacle, Shape, check_hull};
+use crate::world::space::Obstacle;
 use std::sync::Arc;
 
 /// The tables of a scenario in space that depend on its dimension.
 pub type SpatialScene = Scene<Space, 3>;
 
-impl Described<3> for Space {
+impl FromDocument<3> for Space {
     type ArmTable = SpatialArmSpec;
     type PlantTable = SpatialPlantSpec;
     type Reference = SpatialReference;
@@ -46,13 +44,17 @@ impl Described<3> for Space {
     }
 
     fn validate_obstacle(obstacle: &Obstacle) -> Result<(), ScenarioError> {
-        shape(&obstacle.shape).map_err(|error| error.inside("shape"))?;
+        obstacle.shape.check()?;
         let Obstacle { orientation, angular_velocity, motion, position, .. } = obstacle;
         validate::orientation("orientation", orientation)?;
         validate::motion_from(motion, *position)?;
         let Motion::Waypoints { orientations, .. } = motion else { return Ok(()) };
         let spins = angular_velocity.iter().any(|rate| *rate != 0.0);
         validate::turning(spins, "orientations", orientations, orientation)
+    }
+
+    fn orientation_of(obstacle: &Obstacle) -> Option<[f64; 4]> {
+        Some(obstacle.orientation)
     }
 
     fn orientations(scene: &SpatialScene) -> Vec<(String, [f64; 4])> {
@@ -78,45 +80,7 @@ impl Described<3> for Space {
     }
 }
 
-fn shape(shape: &Shape) -> Result<(), ScenarioError> {
-    match shape {
-        Shape::Sphere { radius } => number("radius", *radius, positive),
-        Shape::Capsule { a, b, radius } => {
-            number("radius", *radius, not_negative)?;
-            if validate::same(a, b) {
-                return Err(ScenarioError::out_of_range("b", "another point than a", b));
-            }
-            Ok(())
-        }
-        Shape::Box { size } => {
-            (0..3).try_for_each(|axis| number(&format!("size[{axis}]"), size[axis], positive))
-        }
-        Shape::Convex { vertices } => check_hull(vertices).map_err(|error| {
-            ScenarioError::new("vertices", Problem::Other(format!("expected {error}")))
-        }),
-        Shape::HalfSpace { normal } => {
-            let norm = Vector::from(*normal).norm();
-            if (norm - 1.0).abs() <= crate::math::rotation::UNIT_TOLERANCE {
-                return Ok(());
-            }
-            let requirement = format!("a vector of norm 1, not {norm}");
-            Err(ScenarioError::out_of_range("normal", &requirement, normal))
-        }
-        Shape::Points { points, radius } => {
-            number("radius", *radius, not_negative)?;
-            match points.len() <= MOST_POINTS {
-                true => Ok(()),
-                false => {
-                    let problem =
-                        format!("expected at most {MOST_POINTS} of them, got {}", points.len());
-                    Err(ScenarioError::new("points", Problem::Other(problem)))
-                }
-            }
-        }
-    }
-}
-
-impl<const M: usize> Prepared<3, M> for Space
+impl<const M: usize> CheckReach<3, M> for Space
 where
     Space: System<3, M, Pose: Guided<M, Reference = SpatialReference>>,
 {

@@ -1,11 +1,13 @@
 //! The `[plant]` table of an arm in space: what the physical arm is where it differs from `[arm]`.
 
 use super::super::error::{Problem, ScenarioError};
-use super::super::numbers::{each, length, not_negative, number, positive};
+use super::super::numbers::{each, length, number};
 use crate::math::ScalarOrVec;
 use crate::robot::SpatialArm;
-use crate::robot::description::{ArmDescription, Joint, six, tensor};
+use crate::robot::description::{ArmDescription, Joint};
 use crate::robot::inertia::{self, Body};
+use crate::robot::inertia::{six, tensor};
+use crate::settings::{NOT_NEGATIVE, POSITIVE};
 use crate::simulation::Physics;
 use nalgebra::{Matrix3, Vector3};
 use serde::Deserialize;
@@ -66,7 +68,7 @@ impl SpatialPlantSpec {
             ("viscous_friction", &self.viscous_friction),
             ("coulomb_friction", &self.coulomb_friction),
         ] {
-            given.as_ref().map_or(Ok(()), |given| each(path, given, n, not_negative))?;
+            given.as_ref().map_or(Ok(()), |given| each(path, given, n, &NOT_NEGATIVE))?;
         }
         self.weigh(&mut arm)?;
         arm.gravity = self.gravity.unwrap_or(arm.gravity);
@@ -88,7 +90,7 @@ impl SpatialPlantSpec {
         let Some(masses) = &self.masses else { return Ok(()) };
         length("masses", masses.len(), arm.dof())?;
         for (i, (joint, mass)) in arm.joints.iter_mut().zip(masses).enumerate() {
-            number(&format!("masses[{i}]"), *mass, positive)?;
+            number(&format!("masses[{i}]"), *mass, &POSITIVE)?;
             let share = mass / joint.mass;
             joint.mass = *mass;
             joint.inertia.iter_mut().for_each(|moment| *moment *= share);
@@ -100,7 +102,7 @@ impl SpatialPlantSpec {
 impl PayloadSpec {
     /// Makes it part of the last link.
     fn load(&self, arm: &mut ArmDescription) -> Result<(), ScenarioError> {
-        number("mass", self.mass, not_negative)?;
+        number("mass", self.mass, &NOT_NEGATIVE)?;
         inertia::check(&self.inertia, self.mass)
             .map_err(|error| ScenarioError::new("inertia", Problem::Other(error.to_string())))?;
         let inertia = tensor(&self.inertia);

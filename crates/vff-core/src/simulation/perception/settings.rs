@@ -1,9 +1,9 @@
 //! The `[perception]` table of a scenario.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// The `[perception]` table of a scenario.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PerceptionSettings {
     /// How the controller perceives; with `ideal` the rest does not matter.
@@ -34,7 +34,7 @@ pub struct PerceptionSettings {
 }
 
 /// How the controller perceives the obstacles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
     /// It knows them.
@@ -97,7 +97,7 @@ impl PerceptionSettings {
 }
 
 /// A depth camera that stands in the world: a picture of distances, row by row.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Where it stands \[m\].

@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Rotation3, Unit};
 
 /// The most points that one body keeps off at once: directions that are pairwise farther apart than [`APART`] are no more
 /// than these (seven on a sphere leave two that are 77.9° or less apart; Schütte and van der Waerden, 1951).
-const MOST: usize = 6;
+const MAX_NORMALS: usize = 6;
 /// The cosine of 80°.
 const APART: f64 = 0.173_648_177_666_930_33;
 
@@ -181,7 +181,7 @@ impl Positions for SpatialPerception {
 impl CollisionQuery<3> for SpatialPerception {
     /// One in each direction.
     fn obstacle_count(&self) -> usize {
-        MOST
+        MAX_NORMALS
     }
 
     /// For every body the nearest of all points, then the nearest of those that lie in another direction than the ones
@@ -209,8 +209,8 @@ impl CollisionQuery<3> for SpatialPerception {
                 }
             }
             distance(body.link, least);
-            let mut normals = [Vector::<3>::zeros(); MOST];
-            for obstacle in 0..MOST {
+            let mut normals = [Vector::<3>::zeros(); MAX_NORMALS];
+            for obstacle in 0..MAX_NORMALS {
                 let elsewhere = |contact: &&Contact<3>| {
                     normals[..obstacle].iter().all(|normal| contact.normal.dot(normal) < APART)
                 };

@@ -137,11 +137,16 @@ pub enum SpatialReference {
         times: Vec<f64>,
         /// The configuration at each instant, one number per joint \[rad, of a sliding joint m\].
         points: Vec<Vec<f64>>,
+        /// What is kept from obstacles at each instant, one number per link \[m\], ≥ 0: between two of them the smaller
+        /// is known to be there, and barriers keep no more. Default: they keep `yielding.margin`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        margins: Option<Vec<Vec<f64>>>,
     },
 }
 
 impl SpatialReference {
     /// The orientation that it is given, where that is one.
+    #[cfg(feature = "scenario")]
     pub(crate) fn orientation(&self) -> Option<[f64; 4]> {
         match self {
             Self::Setpoint { orientation, .. }
@@ -159,7 +164,9 @@ impl SpatialReference {
     /// The knots of the plan that it is, if it is one.
     pub(super) fn plan(&self) -> Option<Knots<'_>> {
         match self {
-            Self::Plan { times, points } => Some((times, points)),
+            Self::Plan { times, points, margins } => {
+                Some(Knots { times, points, margins: margins.as_deref() })
+            }
             _ => None,
         }
     }

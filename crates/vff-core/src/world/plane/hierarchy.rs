@@ -3,7 +3,7 @@
 use super::axis::Probe;
 use super::{Vec2, to_glam};
 use crate::world::HORIZON;
-use crate::world::crowd::MARGIN;
+use crate::world::broad_phase::MARGIN;
 
 crate::world::hierarchy::boxes!(parry2d_f64, 2, Probe, Region, to_glam);
 

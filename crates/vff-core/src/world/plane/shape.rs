@@ -1,5 +1,7 @@
 //! What an obstacle looks like, in its own frame.
 
+use crate::settings::{NOT_NEGATIVE, POSITIVE};
+use crate::world::ShapeFault;
 use serde::Deserialize;
 
 /// The outline of an obstacle in the frame of the obstacle: the origin is the obstacle's
@@ -37,6 +39,26 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// Whether queries can be made of it.
+    ///
+    /// # Errors
+    /// With the key of the first value that is wrong.
+    pub fn check(&self) -> Result<(), ShapeFault> {
+        match self {
+            Self::Circle { radius } => ShapeFault::unless("radius", *radius, &POSITIVE),
+            Self::Capsule { a, b, radius } => {
+                ShapeFault::unless("radius", *radius, &NOT_NEGATIVE)?;
+                ShapeFault::of_ends(a, b)
+            }
+            Self::Box { size } => ShapeFault::of_size(size),
+            Self::Polygon { vertices } if !is_convex(vertices) => {
+                let requirement = "the corners of a convex polygon in order";
+                Err(ShapeFault::new("vertices", requirement.into(), vertices))
+            }
+            Self::Polygon { .. } => Ok(()),
+        }
+    }
+
     /// The most barriers that one link can have with it.
     pub fn barriers(&self) -> usize {
         match self {

@@ -1,6 +1,8 @@
 //! The distances that must be kept so that features may change hands (T98).
 
-use super::volume::{Core, Volume, axis_of, contact_of};
+use super::contact::{axis_of, contact_of};
+use super::shape::{ConvexCore, dispatch};
+use super::volume::Volume;
 use crate::geometry::axis::{Nearest, Probe, beyond, perpendicular, seen_from, to_edge};
 use crate::geometry::{Convex, averted};
 use crate::math::Vector;
@@ -17,8 +19,24 @@ impl Volume {
         state: &MotionState<3>,
         mut visit: impl FnMut(&Contact<3>),
     ) {
+        dispatch!(
+            &self.core,
+            shape => self.barriers_of(shape, contact, link, state, visit),
+            _cloud => visit(contact)
+        );
+    }
+
+    #[inline]
+    fn barriers_of(
+        &self,
+        core: &impl ConvexCore,
+        contact: &Contact<3>,
+        link: &Probe,
+        state: &MotionState<3>,
+        mut visit: impl FnMut(&Contact<3>),
+    ) {
         let apart = contact.distance + self.radius + link.radius > TOUCHING;
-        if matches!(self.core, Core::Point(_) | Core::Cloud(_)) || !apart {
+        if core.features().is_none() || !apart {
             return visit(contact);
         }
         let axis = seen_from(link, &state.position);
@@ -27,36 +45,12 @@ impl Volume {
             let found = contact_of(contact.pair(), nearest, &axis_of(link), radii, state);
             visit(&Contact { distance: found.distance + RELIEF * beyond, ..found });
         };
-        visit(&self.end(axis.start), 0.0);
+        visit(&core.end(axis.start), 0.0);
         // A ball is one end.
-        if axis.length <= 0.0 {
-            return;
+        if axis.length > 0.0 {
+            visit(&core.end(axis.end()), 0.0);
+            beside(&axis, core, visit);
         }
-        visit(&self.end(axis.end()), 0.0);
-        match &self.core {
-            Core::Segment(segment) => beside(&axis, segment, visit),
-            Core::Box(cuboid) => beside(&axis, &**cuboid, visit),
-            Core::Hull(hull) => beside(&axis, &**hull, visit),
-            Core::Point(_) | Core::HalfSpace(_) | Core::Cloud(_) => {}
-        }
-    }
-
-    /// An end of a link outside of the core. It counts as opposite a face everywhere: that the normal turns about an edge or a
-    /// corner is left out, which is the safe side (T77).
-    pub(super) fn end(&self, end: Vector<3>) -> Nearest {
-        let offset = match &self.core {
-            Core::Point(point) => end - point,
-            Core::Segment(segment) => segment.offset(&end),
-            Core::Box(cuboid) => cuboid.offset(&end),
-            Core::Hull(hull) => hull.offset(&end),
-            Core::Cloud(_) => unreachable!("its barriers are its contacts"),
-            Core::HalfSpace(normal) => {
-                let distance = normal.dot(&end);
-                return Nearest { distance, normal: *normal, point: end, feature: Feature::Face };
-            }
-        };
-        let distance = offset.norm();
-        Nearest { distance, normal: offset / distance, point: end, feature: Feature::Face }
     }
 }
 

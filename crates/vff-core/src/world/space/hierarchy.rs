@@ -3,7 +3,7 @@
 use crate::geometry::Probe;
 use crate::math::Vector;
 use crate::world::HORIZON;
-use crate::world::crowd::MARGIN;
+use crate::world::broad_phase::MARGIN;
 use parry3d_f64::math::Vector as Vec3;
 
 crate::world::hierarchy::boxes!(parry3d_f64, 3, Probe, Region, to_glam);
@@ -63,13 +63,13 @@ fn to_glam(v: Vector<3>) -> Vec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cloud::tests::any_points;
     use super::super::oracle::*;
+    use super::super::shape::cloud::tests::any_points;
     use super::super::{Obstacle, Shape, Volume, World};
     use crate::geometry::Body;
     use crate::math::Capsule;
-    use crate::world::crowd::REGROUP;
-    use crate::world::crowd::tests::{check, motion, point, rate, reach, scale, times};
+    use crate::world::broad_phase::REGROUP;
+    use crate::world::broad_phase::tests::{check, motion, point, rate, reach, scale, times};
     use crate::world::{CollisionQuery, Motion};
     use proptest::prelude::*;
 

@@ -8,32 +8,35 @@
 //! Distances are exact to rounding, all in closed form (T92–T95, T107, T122). parry's general routines are not used, for the
 //! reasons given there; its hierarchy of boxes ([`Boxes`]) finds what is near among many.
 //!
-//! A file per pair, where that is not [`geometry`](crate::geometry): axis and `cuboid`, `half_space`, `cloud` of points; a hull that is
-//! `carried` by a link, and any of these. A file per question: `barriers`, `rays`, `hierarchy` of boxes around obstacles, `runs` of points.
+//! `shape` has the list of shapes, its one dispatch, and a file for each with all its answers. A file per question that is
+//! put to any of them: `barriers`, `link_hull_query` (a hull that a link carries), `hierarchy` of boxes around obstacles;
+//! `point_bvh` is around points.
 
 mod barriers;
-mod carried;
-mod cloud;
-mod cuboid;
-mod half_space;
+mod contact;
 mod hierarchy;
+mod link_hull_query;
 mod obstacle;
 #[cfg(test)]
 pub(crate) mod oracle;
+mod point_bvh;
+mod points;
 mod rays;
-mod runs;
 mod shape;
+#[cfg(test)]
+mod tests;
 mod volume;
 
 pub use crate::geometry::{
-    HullError, MOST_CORNERS, Probe, check_hull, faces_of_hull, perpendicular,
+    HullError, MAX_CORNERS, Probe, check_hull, faces_of_hull, perpendicular,
 };
-pub use carried::{contact_with_point, distance_of_point};
-pub use cloud::{MOST_POINTS, Points};
 pub use hierarchy::Boxes;
+pub use link_hull_query::{contact_with_point, distance_of_point};
 pub use obstacle::Obstacle;
+pub use points::Points;
 pub use rays::{cast_at_body, cast_at_hull};
 pub use shape::Shape;
+pub use shape::cloud::MAX_POINTS;
 pub use volume::Volume;
 
 /// The obstacles of a space.

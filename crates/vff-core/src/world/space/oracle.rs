@@ -5,17 +5,12 @@
 
 use super::{Obstacle, Shape, World};
 use crate::geometry::Body;
-use crate::math::{Capsule, Vector};
+pub(crate) use crate::geometry::cases::*;
+use crate::math::Capsule;
 use crate::world::oracle::least;
 use crate::world::{Contact, Motion};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
-
-pub(crate) type Vec3 = Vector<3>;
-
-pub(crate) fn vec3(x: f64, y: f64, z: f64) -> Vec3 {
-    Vec3::new(x, y, z)
-}
 
 /// The rotation of an obstacle, by nalgebra's own quaternions.
 pub(crate) fn rotation(obstacle: &Obstacle) -> Rotation3<f64> {
@@ -130,16 +125,6 @@ pub(crate) fn searched_distance(link: &Capsule<3>, obstacle: &Obstacle) -> f64 {
     least(|s| distance(&(link.start + (link.end() - link.start) * s)))
 }
 
-/// Directions that are spread evenly over the sphere (a Fibonacci lattice).
-pub(crate) fn directions(count: u32) -> impl Iterator<Item = Vec3> {
-    (0..count).map(move |k| {
-        let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
-        let (sin, cos) = (f64::from(k) * 2.399_963_229_728_653).sin_cos();
-        let r = (1.0 - z * z).sqrt();
-        vec3(r * cos, r * sin, z)
-    })
-}
-
 pub(crate) fn translated(link: &Capsule<3>, by: &Vec3) -> Capsule<3> {
     Capsule { start: link.start + by, ..*link }
 }
@@ -152,25 +137,6 @@ pub(crate) fn fixed(shape: Shape, position: [f64; 3]) -> Obstacle {
 
 pub(crate) fn contact(link: &Capsule<3>, obstacle: &Obstacle) -> Contact<3> {
     World::new(vec![obstacle.clone()]).contact(0, &Body::new(0, *link), 0)
-}
-
-pub(crate) fn capsule(start: [f64; 3], end: [f64; 3], radius: f64) -> Capsule<3> {
-    Capsule::new(start.into(), end.into(), radius)
-}
-
-pub(crate) fn three(range: f64) -> impl Strategy<Value = Vec3> {
-    [-range..range, -range..range, -range..range].prop_map(Vec3::from)
-}
-
-pub(crate) fn direction() -> impl Strategy<Value = Vec3> {
-    three(1.0).prop_filter_map("no direction", |v| v.try_normalize(0.1))
-}
-
-/// Capsules, and sometimes a ball.
-pub(crate) fn any_link() -> impl Strategy<Value = Capsule<3>> {
-    let length = prop_oneof![5 => 0.05..3.0, 1 => Just(0.0)];
-    (three(2.0), direction(), length, 0.0..0.3)
-        .prop_map(|(start, direction, length, radius)| Capsule { start, direction, length, radius })
 }
 
 pub(crate) fn any_orientation() -> impl Strategy<Value = [f64; 4]> {
@@ -194,26 +160,8 @@ pub(crate) fn any_shape() -> impl Strategy<Value = (usize, Shape)> {
     ]
 }
 
-/// Of points of which some lie within, in the same plane as others or on the same line.
 pub(crate) fn any_hull() -> impl Strategy<Value = Shape> {
-    let anywhere = prop::collection::vec(three(0.7), 4..20);
-    let lattice = prop::collection::vec([-1i8..2, -1i8..2, -1i8..2], 6..20).prop_map(|points| {
-        points.into_iter().map(|p| Vec3::from(p.map(f64::from)) * 0.5).collect()
-    });
-    let prism = (3u32..9, 0.1..0.7, 0.05..0.7).prop_map(|(n, radius, half)| {
-        let corner = |k: u32, z| {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(n)).sin_cos();
-            vec3(radius * cos, radius * sin, z)
-        };
-        (0..n).flat_map(|k| [corner(k, half), corner(k, -half)]).collect()
-    });
-    prop_oneof![2 => anywhere, 1 => lattice, 1 => prism].prop_filter_map(
-        "flat",
-        |points: Vec<Vec3>| {
-            let vertices: Vec<_> = points.into_iter().map(Into::into).collect();
-            super::check_hull(&vertices).is_ok().then_some(Shape::Convex { vertices })
-        },
-    )
+    any_vertices().prop_map(|vertices| Shape::Convex { vertices })
 }
 
 pub(crate) fn any_obstacle() -> impl Strategy<Value = Obstacle> {

@@ -1,17 +1,13 @@
 //! What an obstacle in space is to a query: a core swept by a ball.
 
-use super::cloud::Cloud;
-use super::cuboid::Cuboid;
-use super::half_space::to_half_space;
+use super::Obstacle;
+use super::contact::{axis_of, contact_of};
 use super::hierarchy::Boxes;
-use super::{Obstacle, Shape};
-use crate::geometry::axis::{Nearest, Probe, seen_from};
-use crate::geometry::point::{distance_to_point, to_point};
-use crate::geometry::segment::{distance_to_segment, to_segment};
-use crate::geometry::{Carried, Hull, MOST_ROWS};
+use super::shape::{ConvexCore, Core, dispatch};
+use crate::geometry::axis::{Probe, seen_from};
+use crate::geometry::{Carried, Convex, MAX_FEATURES};
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use crate::world::{Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
-use std::sync::Arc;
 
 impl Description<3> for Obstacle {
     fn set_position(&mut self, position: Vector<3>) {
@@ -54,18 +50,6 @@ pub struct Volume {
     pub(super) radius: f64,
 }
 
-#[derive(Debug, Clone)]
-pub(super) enum Core {
-    Point(Vector<3>),
-    Segment(Capsule<3>),
-    Box(Box<Cuboid>),
-    Hull(Box<Hull>),
-    /// With the outward normal.
-    HalfSpace(Vector<3>),
-    /// Shared with the copies of a world.
-    Cloud(Arc<Cloud>),
-}
-
 impl Solid<3> for Volume {
     type Obstacle = Obstacle;
     type Probe = Probe;
@@ -73,34 +57,7 @@ impl Solid<3> for Volume {
 
     fn new(obstacle: &Obstacle) -> Self {
         let turn = UnitQuaternion::new(obstacle.orientation).unwrap_or_default();
-        let (core, radius) = match &obstacle.shape {
-            Shape::Sphere { radius } => (Core::Point(Vector::zeros()), *radius),
-            Shape::Capsule { a, b, radius } => {
-                let [a, b] = [a, b].map(|end| turn.rotate(&Vector::from(*end)));
-                let segment = Capsule::new(a, b, 0.0);
-                let is_point = !segment.length.is_normal();
-                let core =
-                    if is_point { Core::Point(segment.start) } else { Core::Segment(segment) };
-                (core, *radius)
-            }
-            Shape::Box { size } => {
-                let half = Vector::from(size.map(|length| 0.5 * length));
-                (Core::Box(Box::new(Cuboid { axes: turn.matrix(), half })), 0.0)
-            }
-            Shape::Convex { vertices } => {
-                let core = match Hull::new(vertices) {
-                    Ok(hull) => Core::Hull(Box::new(hull.turned(&turn))),
-                    Err(_) => Core::Point(Vector::zeros()),
-                };
-                (core, 0.0)
-            }
-            Shape::HalfSpace { normal } => {
-                (Core::HalfSpace(turn.rotate(&Vector::from(*normal).normalize())), 0.0)
-            }
-            Shape::Points { points, radius } => {
-                (Core::Cloud(Arc::new(Cloud::new(points, &turn))), *radius)
-            }
-        };
+        let (core, radius) = obstacle.shape.core(&turn);
         Self { core, radius }
     }
 
@@ -114,40 +71,29 @@ impl Solid<3> for Volume {
         *probe
     }
 
-    #[inline(always)] // most links are too far from most obstacles for anything else
+    #[inline(always)]
     fn distance(&self, link: &Probe, position: &Vector<3>) -> f64 {
-        let axis = seen_from(link, position);
-        let distance = match &self.core {
-            Core::Point(point) => distance_to_point(&axis, point),
-            Core::Segment(segment) => distance_to_segment(&axis, segment),
-            Core::Box(cuboid) => cuboid.distance(&axis),
-            Core::Hull(hull) => hull.distance(&axis),
-            Core::HalfSpace(normal) => to_half_space(&axis, normal).distance,
-            Core::Cloud(cloud) => cloud.distance(link, position, f64::INFINITY),
-        };
-        distance - self.radius - link.radius
+        self.distance_below(link, position, f64::INFINITY)
     }
 
-    #[inline(always)]
+    #[inline(always)] // most links are too far from most obstacles for anything else
     fn distance_below(&self, link: &Probe, position: &Vector<3>, limit: f64) -> f64 {
-        if let Core::Cloud(cloud) = &self.core {
-            let around = self.radius + link.radius;
-            return cloud.distance(link, position, limit + around) - self.radius - link.radius;
-        }
-        self.distance(link, position)
+        let distance = dispatch!(
+            &self.core,
+            shape => shape.distance(&seen_from(link, position)),
+            cloud => cloud.distance(link, position, limit + (self.radius + link.radius))
+        );
+        distance - self.radius - link.radius
     }
 
     #[inline(always)] // what nobody asks for is then not computed
     fn contact(&self, pair: Pair, link: &Probe, state: &MotionState<3>) -> Contact<3> {
         let axis = seen_from(link, &state.position);
-        let nearest = match &self.core {
-            Core::Point(point) => to_point(&axis, point),
-            Core::Segment(segment) => to_segment(&axis, segment),
-            Core::Box(cuboid) => cuboid.nearest(&axis),
-            Core::Hull(hull) => hull.nearest(&axis),
-            Core::HalfSpace(normal) => to_half_space(&axis, normal),
-            Core::Cloud(cloud) => return cloud.contact(pair, link, self.radius, state),
-        };
+        let nearest = dispatch!(
+            &self.core,
+            shape => shape.nearest(&axis),
+            cloud => return cloud.contact(pair, link, self.radius, state)
+        );
         contact_of(pair, &nearest, &axis_of(link), [self.radius, link.radius], state)
     }
 
@@ -175,14 +121,11 @@ impl Solid<3> for Volume {
 
     /// One with each ball; otherwise one of each end of the link, and one with each end, corner and edge of the core.
     fn barriers(&self) -> usize {
-        2 + match &self.core {
-            Core::Point(_) => return 1,
-            Core::Cloud(cloud) => return cloud.len(),
-            Core::Segment(_) => 2 + 1,
-            Core::Box(_) => 8 + 12,
-            Core::Hull(hull) => hull.corners.len() + hull.edges.len(),
-            Core::HalfSpace(_) => 0,
-        }
+        dispatch!(
+            &self.core,
+            shape => shape.features().map_or(1, |features| 2 + features),
+            cloud => cloud.len()
+        )
     }
 
     #[inline]
@@ -209,84 +152,30 @@ impl Solid<3> for Volume {
     }
 
     fn hull_barriers(&self) -> usize {
-        match &self.core {
-            Core::Point(_) | Core::Cloud(_) => self.barriers(),
-            _ => MOST_ROWS,
-        }
+        dispatch!(
+            &self.core,
+            shape => shape.features().map_or(1, |_| MAX_FEATURES),
+            cloud => cloud.len()
+        )
     }
 
     fn extent(&self) -> [Vector<3>; 2] {
-        let (middle, half) = match &self.core {
-            Core::Hull(hull) => return hull.extent(),
-            Core::Point(point) => (*point, Vector::zeros()),
-            Core::Segment(segment) => {
-                let half = segment.direction * (0.5 * segment.length);
-                (segment.start + half, half.abs())
-            }
-            Core::Box(cuboid) => (Vector::zeros(), cuboid.axes.abs() * cuboid.half),
-            Core::HalfSpace(_) => (Vector::zeros(), Vector::repeat(f64::INFINITY)),
-            Core::Cloud(cloud) => {
-                let [low, high] = cloud.extent();
-                return [low.add_scalar(-self.radius), high.add_scalar(self.radius)];
-            }
-        };
-        let half = half.add_scalar(self.radius);
-        [middle - half, middle + half]
+        dispatch!(&self.core, shape => shape.extent(self.radius))
     }
 
     fn reach(&self) -> f64 {
-        let farthest = match &self.core {
-            Core::Point(point) => point.norm(),
-            Core::Segment(segment) => segment.start.norm().max(segment.end().norm()),
-            Core::Box(cuboid) => cuboid.half.norm(),
-            Core::Hull(hull) => hull.reach(),
-            Core::HalfSpace(_) => f64::INFINITY,
-            Core::Cloud(cloud) => cloud.reach,
-        };
-        farthest + self.radius
+        dispatch!(&self.core, shape => shape.reach()) + self.radius
     }
 
     fn cast(&self, origin: &Vector<3>, direction: &Vector<3>, range: f64) -> Option<f64> {
-        self.meet_ray(origin, direction, range)
-    }
-}
-
-/// The direction of a link's axis; a ball has none.
-#[inline(always)]
-pub(super) fn axis_of(link: &Probe) -> Vector<3> {
-    if link.length > 0.0 { link.direction } else { Vector::zeros() }
-}
-
-/// The contact at these points of the axis of a link, which has this direction, and of a core in this state, which have these
-/// radii \[m\], that of the core first.
-#[inline]
-pub(super) fn contact_of(
-    Pair { body, link, obstacle }: Pair,
-    nearest: &Nearest,
-    axis: &Vector<3>,
-    [around_core, around_axis]: [f64; 2],
-    state: &MotionState<3>,
-) -> Contact<3> {
-    let Nearest { distance, normal, point, feature } = *nearest;
-    let point = state.position + point;
-    Contact {
-        body,
-        link,
-        obstacle,
-        distance: distance - around_core - around_axis,
-        normal,
-        point,
-        axis: *axis,
-        witness: point - normal * (distance - around_core),
-        velocity: state.velocity,
-        acceleration: state.acceleration,
-        spin: Spin::NONE,
-        feature,
+        dispatch!(&self.core, shape => shape.cast(origin, direction, self.radius, range))
+            .filter(|end| *end <= range)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Shape;
     use super::super::oracle::*;
     use super::*;
     use crate::world::Feature;

@@ -1,6 +1,6 @@
 //! A candidate motion, how candidates are drawn, and what each costs (T73).
 
-use super::PreviewSettings;
+use crate::control::PreviewSettings;
 use crate::math::Noise;
 
 /// What each metre of missing distance, and releasing the task, cost in metres of mean error.

@@ -19,12 +19,12 @@ const STEP_TIMES_RATE: f64 = 0.4;
 const CONTACT: f64 = 0.5;
 
 /// The most steps: what a control step may have to do at once is bounded, whatever the settings.
-const MOST_STEPS: f64 = 4096.0;
+const MAX_STEPS: f64 = 4096.0;
 
 /// The fastest rate \[1/s\] that a closed-loop rollout over `duration` \[s\] has steps enough for; none if it is too long
 /// for any.
 pub fn fastest_rate(duration: f64) -> Option<f64> {
-    (duration <= MOST_STEPS * STEP).then(|| STEP_TIMES_RATE * MOST_STEPS / duration)
+    (duration <= MAX_STEPS * STEP).then(|| STEP_TIMES_RATE * MAX_STEPS / duration)
 }
 
 /// What a closed-loop rollout has come to.
@@ -72,7 +72,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         let rates = (0..n).map(|i| gains.null_damping.get(i)).chain(gains.damping.iter().copied());
         let fastest = rates.fold(barrier::rate(&gains.yielding), f64::max);
         let step = STEP.min(STEP_TIMES_RATE / fastest);
-        let count = (duration / step).ceil().min(MOST_STEPS) as usize;
+        let count = (duration / step).ceil().min(MAX_STEPS) as usize;
         Self {
             least: CONTACT * gains.yielding.margin,
             controller: ReactiveController::new(robot.clone(), gains.clone()),

@@ -15,10 +15,8 @@ mod fixtures;
 pub mod planning_cycle;
 pub mod prediction;
 pub mod rollout;
-mod settings;
 
 pub use planning_cycle::Preview;
-pub use settings::PreviewSettings;
 
 /// How many of `count` equal parts of a piece of work must be done after this share of its time: all of them if the
 /// share is infinite.

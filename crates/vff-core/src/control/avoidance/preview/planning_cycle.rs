@@ -6,9 +6,10 @@
 
 use super::candidate::{Candidate, Forecast, cost};
 use super::closed_loop_rollout::{ClosedLoopRollout, Foreseen};
+use super::due;
 use super::prediction::Prediction;
 use super::rollout::{RATE, Rollout};
-use super::{PreviewSettings, due};
+use crate::control::PreviewSettings;
 use crate::control::{Gains, OperationalSpace, Torque};
 use crate::math::Noise;
 use crate::robot::Manipulator;
@@ -65,12 +66,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// For the law with these gains on `robot`.
     pub fn new(robot: &R, gains: &Gains<M>, settings: &PreviewSettings) -> Self {
         let n = robot.dof();
-        let Gains { yielding, seed, .. } = gains;
         Self {
             settings: settings.clone(),
-            margin: yielding.margin,
-            seed: *seed,
-            noise: Noise::new(*seed, STREAM),
+            margin: gains.yielding.margin,
+            seed: gains.seed,
+            noise: Noise::new(gains.seed, STREAM),
             elapsed: f64::INFINITY,
             since: f64::INFINITY,
             closed_loop: ClosedLoopRollout::new(robot, gains, settings.trigger, settings.error),
@@ -86,7 +86,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             hold: 1.0,
             weight: 0.0,
             trial: Candidate::idle(n),
-            rollout: Rollout::new(robot, yielding, settings, gains.metric::<D>()),
+            rollout: Rollout::new(robot, &gains.yielding, settings, gains.metric::<D>()),
         }
     }
 

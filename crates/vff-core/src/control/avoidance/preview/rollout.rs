@@ -1,10 +1,9 @@
 //! What a candidate leads to, predicted by kinematics alone (T71).
 
-use super::PreviewSettings;
 use super::candidate::{Candidate, Forecast};
 use super::prediction::{Near, Prediction};
-use crate::control::avoidance::Yielding;
 use crate::control::metric::TaskMetric;
+use crate::control::{PreviewSettings, Yielding};
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::{Pose, dot};

@@ -1,0 +1,53 @@
+//! What barriers keep: the margin of the settings, or along a plan no more than that is known to keep (T151).
+
+use crate::control::Yielding;
+use crate::control::distance::DistanceRate;
+use crate::trajectory::{JointSpline, Pace};
+
+/// What bodies of the arm are kept apart \[m\]: little, because shapes that are fitted to links contain more than these.
+const OWN: f64 = 0.005;
+
+/// The same along a plan that says what it keeps \[m\]: plans are certified to keep that.
+pub const OWN_ALONG_PLAN: f64 = 0.001;
+
+/// What each link keeps from obstacles, how that changes, and what bodies of the arm keep from each other.
+#[derive(Debug, Clone)]
+pub struct Margins {
+    usual: f64,
+    /// Value, rate and change of the rate \[m, m/s, m/s²\].
+    of_links: Vec<[f64; 3]>,
+    /// \[m\]
+    own: f64,
+}
+
+impl Margins {
+    /// Those of `settings`, for `n` links.
+    pub fn new(n: usize, settings: &Yielding) -> Self {
+        Self { usual: settings.margin, of_links: vec![[settings.margin, 0.0, 0.0]; n], own: OWN }
+    }
+
+    /// Goes to where a plan is at `pace`; without one, or where it says nothing, to those of the settings.
+    pub fn go_to(&mut self, plan: Option<(&JointSpline, &Pace)>) {
+        let known = plan.and_then(|(joints, pace)| Some((joints.margins()?, pace)));
+        if let Some((kept, pace)) = known {
+            kept.at(pace, self.usual, &mut self.of_links);
+            self.own = OWN_ALONG_PLAN;
+        } else {
+            self.of_links.fill([self.usual, 0.0, 0.0]);
+            self.own = OWN;
+        }
+    }
+
+    /// The height of `link` above what it keeps \[m\], and how that changes.
+    #[inline]
+    pub fn above(&self, link: usize, distance: f64, motion: DistanceRate) -> (f64, DistanceRate) {
+        let [margin, rate, change] = self.of_links[link];
+        (distance - margin, DistanceRate { rate: motion.rate - rate, bias: motion.bias - change })
+    }
+
+    /// What bodies of the arm keep from each other \[m\].
+    #[inline]
+    pub fn own(&self) -> f64 {
+        self.own
+    }
+}

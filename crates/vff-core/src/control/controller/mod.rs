@@ -1,0 +1,153 @@
+//! The parts strung together: observe, then command.
+//!
+//! [`ReactiveController`] sees the present alone. [`Controller`] is the same with look-ahead on top of it, if the
+//! settings ask for that; the look-ahead runs a reactive controller of its own.
+
+mod reactive;
+mod readings;
+#[cfg(test)]
+mod tests;
+
+pub use reactive::ReactiveController;
+
+use super::avoidance::preview::Preview;
+use super::{Avoidance, Gains, Law, Output, Torque, Yielding};
+use crate::robot::Manipulator;
+use crate::trajectory::{JointSpline, Pace, Sample};
+use crate::world::CollisionQuery;
+use std::ops::Deref;
+
+/// A torque controller for a robot `R` with a task of dimension `M`.
+///
+/// Call [`observe`](Self::observe) with the state and the surroundings, [`look_ahead`](Self::look_ahead) if the
+/// settings ask for look-ahead, then [`command`](Self::command) with the reference. Nothing allocates after
+/// construction (`formulation = recursive`). Everything that can be read is that of the [`ReactiveController`]
+/// below.
+#[derive(Debug, Clone)]
+pub struct Controller<R: Manipulator<D, M>, const D: usize, const M: usize> {
+    reactive: ReactiveController<R, D, M>,
+    preview: Option<Box<Preview<R, D, M>>>,
+}
+
+impl<R: Manipulator<D, M>, const D: usize, const M: usize> Deref for Controller<R, D, M> {
+    type Target = ReactiveController<R, D, M>;
+
+    fn deref(&self) -> &Self::Target {
+        &self.reactive
+    }
+}
+
+impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R, D, M> {
+    /// A controller for `robot`, with gains resolved for its number of joints.
+    pub fn new(robot: R, gains: Gains<M>) -> Self {
+        let preview = match (gains.avoidance, &gains.yielding) {
+            (Avoidance::Cbf, Yielding { preview: Some(settings), .. }) => {
+                Some(Box::new(Preview::new(&robot, &gains, settings)))
+            }
+            _ => None,
+        };
+        Self { reactive: ReactiveController::new(robot, gains), preview }
+    }
+
+    /// Takes in the state (q, q̇) and what is around: clearances and forces.
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
+        self.reactive.observe(q, dq, surroundings);
+    }
+
+    /// Makes room for all contacts with these surroundings, so that the next observation, look-ahead and command among
+    /// them do not allocate. What was observed is to be observed again.
+    pub fn reserve(&mut self, surroundings: &impl CollisionQuery<D>) {
+        let most = surroundings.contact_count().max(surroundings.barrier_count());
+        self.reactive.reserve(most);
+        if let Some(preview) = &mut self.preview {
+            preview.reserve(surroundings.obstacle_count(), most);
+        }
+    }
+
+    /// [`ReactiveController::moved_posture`].
+    pub fn moved_posture(&self) -> Option<&[f64]> {
+        self.reactive.moved_posture()
+    }
+
+    /// [`ReactiveController::move_posture`]; the look-ahead takes the posture for one at rest.
+    pub fn move_posture(&mut self, joints: &JointSpline, pace: &Pace) {
+        self.reactive.move_posture(joints, pace);
+        if let Some(preview) = &mut self.preview {
+            preview.rest_at_posture_of(&self.reactive.gains);
+        }
+    }
+
+    /// [`ReactiveController::leave_plan`].
+    pub fn leave_plan(&mut self) {
+        self.reactive.leave_plan();
+    }
+
+    /// [`ReactiveController::expect`].
+    pub fn expect(&mut self, output: &mut Output, sent: &[f64], period: f64) {
+        self.reactive.expect(output, sent, period);
+    }
+
+    /// [`ReactiveController::hear`].
+    pub fn hear(&mut self, output: Option<&mut Output>, sent: &[f64], elapsed: Option<f64>) {
+        self.reactive.hear(output, sent, elapsed);
+    }
+
+    /// [`ReactiveController::sense`].
+    pub fn sense(&mut self, measured: &[f64]) {
+        self.reactive.sense(measured);
+    }
+
+    /// [`ReactiveController::hear_itself`].
+    pub fn hear_itself(&mut self, elapsed: f64) {
+        self.reactive.hear_itself(elapsed);
+    }
+
+    /// [`ReactiveController::believe`].
+    pub fn believe(&mut self, other: &Self) {
+        self.reactive.believe(&other.reactive);
+    }
+
+    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
+    pub fn look_ahead(
+        &mut self,
+        surroundings: &mut impl CollisionQuery<D>,
+        reference: impl Fn(f64) -> Sample<R::Pose, M>,
+    ) {
+        if let Some(preview) = &mut self.preview {
+            preview.advance(&self.reactive.robot, surroundings, &reference);
+        }
+    }
+
+    /// The torque at the observed state for this reference.
+    pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
+        let Self { reactive, preview } = self;
+        reactive.follow(reference);
+        if let Some(preview) = preview {
+            let Law { bias, torque, .. } = &mut reactive.law;
+            preview.act(&reactive.robot, &reactive.space, bias, torque);
+        }
+        reactive.give_way();
+        &reactive.law.torque
+    }
+
+    /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
+    pub fn project(&mut self, tau: &mut [f64]) {
+        self.reactive.project(tau);
+    }
+
+    /// Forgets what it remembers of the past: the tank is as full as at the start, and no candidate is taken.
+    pub fn reset(&mut self) {
+        self.reactive.reset();
+        if let Some(preview) = &mut self.preview {
+            preview.reset();
+        }
+    }
+
+    /// Lets `dt` \[s\] pass under the last command: the tank fills or empties, the look-ahead's time goes on.
+    pub fn elapse(&mut self, dt: f64) {
+        if let Some(preview) = &mut self.preview {
+            preview.elapse(dt);
+        }
+        self.reactive.elapse(dt);
+    }
+}

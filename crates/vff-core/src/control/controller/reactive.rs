@@ -1,0 +1,446 @@
+//! The controller that sees the present alone: observe, then command.
+
+use crate::control::avoidance::{Avoider, Situation};
+use crate::control::limits::{self, ObjectiveScale, Parts};
+use crate::control::moving_posture::MovingPosture;
+use crate::control::observer::{MomentumObserver, Touch};
+use crate::control::{
+    Formulation, Gains, Law, OperationalSpace, Output, Tank, Torque, TorqueRange, VirtualForces,
+    extended_jacobian, task,
+};
+use crate::math::{Pose, Vector, dot};
+use crate::robot::Manipulator;
+use crate::trajectory::{JointSpline, Pace, Sample};
+use crate::world::CollisionQuery;
+
+/// The torque controller of [`Controller`](super::Controller) without look-ahead: the law, the forces, the limits, and what gives way.
+///
+/// Call [`observe`](Self::observe) with the state and the surroundings, then [`command`](Self::command) with the
+/// reference. Nothing allocates after construction (`formulation = recursive`).
+#[derive(Debug, Clone)]
+pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usize> {
+    pub(super) robot: R,
+    pub(super) gains: Gains<M>,
+    pub(super) space: OperationalSpace<M>,
+    pub(super) forces: VirtualForces<R::Wrench, D>,
+    pub(super) law: Law,
+    /// All repulsion: of obstacles, of other links, of joint limits.
+    pub(super) repulsion: Vec<f64>,
+    /// τ_sec: what the tank lets through of it, and the posture spring.
+    pub(super) tau_sec: Vec<f64>,
+    /// What the posture of a plan asks for beyond its spring; None where the posture does not move.
+    moving: Option<Box<MovingPosture>>,
+    pub(super) joint_limit_potential: f64,
+    parts: Parts,
+    pub(super) objective_scale: ObjectiveScale,
+    /// What knows of torques that the model does not know.
+    observer: Option<Box<MomentumObserver>>,
+    pub(super) tank: Option<Tank>,
+    /// Share of the repulsion that the tank lets through.
+    pub(super) share: f64,
+    /// What the tank and the torque limits change of the power into the null space \[W\].
+    pub(super) scaling: f64,
+    reference: Sample<R::Pose, M>,
+    error: Vector<M>,
+    /// What gives way where the null space is not enough.
+    pub(super) avoider: Option<Box<Avoider<D, M>>>,
+    /// What the drives accept next, where their torque cannot change at once; and whether that is known of the next command.
+    range: Option<Box<TorqueRange>>,
+    is_ranged: bool,
+}
+
+impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R, D, M> {
+    /// A controller for `robot`, with gains resolved for its number of joints.
+    pub fn new(robot: R, gains: Gains<M>) -> Self {
+        let n = robot.dof();
+        Self {
+            space: OperationalSpace::new(
+                n,
+                gains.singularity / robot.total_mass(),
+                gains.metric::<D>(),
+            ),
+            forces: VirtualForces::new(n, robot.body_count()),
+            law: Law::new(n),
+            repulsion: vec![0.0; n],
+            tau_sec: vec![0.0; n],
+            moving: None,
+            joint_limit_potential: 0.0,
+            parts: Parts::new(n),
+            objective_scale: limits::ALL,
+            observer: gains
+                .observer
+                .as_ref()
+                .map(|given| Box::new(MomentumObserver::new(given, n))),
+            tank: gains.tank.map(Tank::new),
+            share: 1.0,
+            scaling: 0.0,
+            reference: Sample::at_rest(robot.pose()),
+            error: Vector::zeros(),
+            avoider: Avoider::new(&gains, &robot),
+            range: gains
+                .command
+                .torque_rate
+                .as_ref()
+                .map(|rate| Box::new(TorqueRange::new((0..n).map(|i| rate.get(i)).collect()))),
+            is_ranged: false,
+            robot,
+            gains,
+        }
+    }
+
+    /// The robot at the observed state.
+    pub fn robot(&self) -> &R {
+        &self.robot
+    }
+
+    /// The gains in use.
+    pub fn gains(&self) -> &Gains<M> {
+        &self.gains
+    }
+
+    /// Λ, J# and N at the observed state.
+    pub fn space(&self) -> &OperationalSpace<M> {
+        &self.space
+    }
+
+    /// What the field does at the observed state.
+    pub fn forces(&self) -> &VirtualForces<R::Wrench, D> {
+        &self.forces
+    }
+
+    /// The torque of the last command \[N·m\].
+    pub fn torque(&self) -> &Torque {
+        &self.law.torque
+    }
+
+    /// The secondary torque τ_sec = repulsion + posture spring, before projection \[N·m\].
+    pub fn secondary_torque(&self) -> &[f64] {
+        &self.tau_sec
+    }
+
+    /// Takes in the state (q, q̇) and what is around: clearances and forces.
+    pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
+        self.space.update(&mut self.robot, q, dq);
+        self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
+        if let Some(avoider) = &mut self.avoider {
+            avoider.observe(&self.robot, surroundings);
+        }
+    }
+
+    /// Lets the posture of the null space be where `joints` has it at `pace`, which makes of a time \[s\] the positions,
+    /// velocities and accelerations of the joints, from the next command on, and barriers keep what `joints` is known to
+    /// keep there. Allocates the first time.
+    pub fn move_posture(&mut self, joints: &JointSpline, pace: &Pace) {
+        let n = self.robot.dof();
+        let moving = self.moving.get_or_insert_with(|| Box::new(MovingPosture::new(n)));
+        moving.go_to(joints, pace);
+        self.gains.move_posture(&moving.state[0]);
+        self.keep(Some((joints, pace)));
+    }
+
+    /// Lets barriers keep what the settings ask for: no plan is followed any more.
+    pub fn leave_plan(&mut self) {
+        self.keep(None);
+    }
+
+    fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
+        if let Some(avoider) = &mut self.avoider {
+            avoider.keep(plan);
+        }
+    }
+
+    /// Where the posture was moved to last \[rad or m\], (n); none if it never was.
+    pub fn moved_posture(&self) -> Option<&[f64]> {
+        self.moving.as_ref().map(|moving| moving.state[0].as_slice())
+    }
+
+    /// Lets the posture be that of another controller, at rest.
+    pub(in crate::control) fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
+        self.gains.posture.clone_from(&gains.posture);
+    }
+
+    /// Makes room for so many contacts of each body, so that observing them does not allocate.
+    pub(crate) fn reserve(&mut self, contacts: usize) {
+        if let Some(avoider) = &mut self.avoider {
+            avoider.reserve(self.robot.body_count() * contacts);
+        }
+    }
+
+    /// The pose x of the end effector at the observed state.
+    pub fn pose(&self) -> R::Pose {
+        self.robot.pose()
+    }
+
+    /// The reference of the last command.
+    pub fn reference(&self) -> &Sample<R::Pose, M> {
+        &self.reference
+    }
+
+    /// The error x − x_r of the task at the last command.
+    pub fn error(&self) -> &Vector<M> {
+        &self.error
+    }
+
+    /// Lets the next command ask for what `output` can send in the next `period` \[s\] after it has sent `sent` \[N·m, N\], at the
+    /// observed state. Nothing without a limit of the torque rate.
+    pub fn expect(&mut self, output: &mut Output, sent: &[f64], period: f64) {
+        if let Some(range) = &mut self.range {
+            output.write_range(&self.robot, sent, period, range);
+            self.is_ranged = true;
+        }
+    }
+
+    /// Lets the observer, if there is one, know what `output` has `sent` \[N·m, N\] in the `elapsed` time \[s\] before the observed
+    /// state; None if something else was sent meanwhile. Without an output the torque of the law itself.
+    pub fn hear(&mut self, output: Option<&mut Output>, sent: &[f64], elapsed: Option<f64>) {
+        let Self { robot, observer, .. } = self;
+        let Some(observer) = observer else { return };
+        match output {
+            Some(output) => output.write_acting(robot, sent, &mut observer.acted),
+            None => observer.acted.copy_from_slice(sent),
+        }
+        self.update_observer(elapsed);
+    }
+
+    /// [`hear`](Self::hear) where the torque of the last command has acted.
+    pub fn hear_itself(&mut self, elapsed: f64) {
+        if let Some(observer) = &mut self.observer {
+            observer.acted.copy_from_slice(&self.law.torque.total);
+            self.update_observer(Some(elapsed));
+        }
+    }
+
+    /// Takes in the observed state, to which what has acted has led.
+    fn update_observer(&mut self, elapsed: Option<f64>) {
+        let Self { robot, space, gains, observer, .. } = self;
+        if let Some(observer) = observer {
+            observer.update(robot, elapsed);
+            observer.reject(robot, space, gains.touch);
+        }
+    }
+
+    /// Takes over what another controller of this arm knows by its observer.
+    pub fn believe(&mut self, other: &Self) {
+        if let (Some(observer), Some(other)) = (&mut self.observer, &other.observer) {
+            observer.believe(other);
+            observer.reject(&self.robot, &self.space, self.gains.touch);
+        }
+    }
+
+    /// Lets the observer, if there is one that follows this, know what the robot measures of the torque from outside \[N·m, N\],
+    /// (n), until the next time.
+    pub fn sense(&mut self, measured: &[f64]) {
+        if let Some(observer) = &mut self.observer {
+            observer.sense(measured);
+        }
+    }
+
+    /// The wrench at the end effector that this torque is \[N, N·m\], (m): in the rows of J; None without an observer.
+    pub fn external_wrench(&self) -> Option<&[f64]> {
+        self.observer.as_ref().map(|observer| observer.wrench::<M>())
+    }
+
+    /// The torque that the model does not know, as estimated \[N·m, N\], (n); None without an observer.
+    pub fn external_torque(&self) -> Option<&[f64]> {
+        self.observer.as_ref().map(|observer| observer.estimate())
+    }
+
+    /// Writes what an arm that is being stopped holds beside its own weight \[N·m, N\], (n): the opposite of all of that torque, if
+    /// any of it is rejected. What may be friction is part of it: nothing else holds an arm at rest.
+    pub fn write_held(&self, out: &mut [f64]) {
+        if let Some(observer) = &self.observer
+            && self.gains.touch != Touch::default()
+        {
+            out.iter_mut().zip(observer.estimate()).for_each(|(out, r)| *out = -r);
+        }
+    }
+
+    /// The torque at the observed and sensed state for this reference.
+    pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
+        self.follow(reference);
+        self.give_way();
+        &self.law.torque
+    }
+
+    /// The torque of the null-space law, within the torque limits.
+    pub(super) fn follow(&mut self, reference: &Sample<R::Pose, M>) {
+        self.reference = *reference;
+        self.error = self.robot.pose().error(&reference.x);
+        self.objective_scale = limits::ALL;
+        let ddx_c = self.commanded_acceleration();
+        self.gather_secondary();
+        match self.gains.formulation {
+            Formulation::Recursive => {
+                self.law.evaluate(&self.robot, &self.space, &self.gains, &ddx_c, &self.tau_sec);
+            }
+            Formulation::ExtendedJacobian => extended_jacobian::evaluate(
+                &self.robot,
+                &self.space,
+                &self.gains,
+                &ddx_c,
+                &self.tau_sec,
+                &mut self.law,
+            ),
+        }
+        if let Some(observer) = &self.observer {
+            let Law { bias, torque, .. } = &mut self.law;
+            bias.iter_mut().zip(observer.estimate()).for_each(|(bias, r)| *bias -= r);
+            let answer = observer.rejection();
+            torque.add_to_task(|i| answer[i]);
+        }
+        if self.gains.enforce_limits
+            && !self.keeps_limits()
+            && !limits::within(&self.law.torque.total, &self.robot.limits().torque)
+        {
+            self.fit_torque(&ddx_c);
+        }
+    }
+
+    /// Changes that torque where the end effector has to give way, or the drives cannot follow.
+    pub(super) fn give_way(&mut self) {
+        let Self { robot, space, forces, law, range, avoider, .. } = self;
+        let range = range.as_deref().filter(|_| self.is_ranged);
+        if let Some(avoider) = avoider {
+            let Law { bias, torque, .. } = law;
+            avoider.act(&Situation { robot, space, forces, bias, range }, torque);
+        }
+        self.is_ranged = false;
+    }
+
+    /// Whether a QP has the limits of torque and speed among its constraints, which finds other joints for the same motion.
+    fn keeps_limits(&self) -> bool {
+        self.is_ranged || self.avoider.as_ref().is_some_and(|avoider| avoider.keeps_limits())
+    }
+
+    /// ẍ_c (T9), slowed down where a joint would turn too fast (T36, T37), or the drives could not follow (T133).
+    fn commanded_acceleration(&mut self) -> Vector<M> {
+        let keeps_speeds = self.keeps_limits();
+        let Self { robot, space, gains, reference, parts, .. } = self;
+        let error = match &self.avoider {
+            Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
+            None => self.error,
+        };
+        let [dx_r, ddx_r] = robot.resolve(&reference.x, &reference.dx, &reference.ddx);
+        let speed = &robot.limits().velocity;
+        self.law.brake = 0.0;
+        if gains.enforce_limits && !keeps_speeds && !speed.is_empty() {
+            // The task velocity that K and D ask for: ẍ_c = ẍ_r − D (ẋ − ẋ_d).
+            let pull = gains.stiffness.component_mul(&error).component_div(&gains.damping);
+            let dx_d = dx_r - pull;
+            let share = limits::speed_share(robot, space, &dx_d);
+            let brake = limits::brake(robot.velocity(), speed);
+            self.law.brake = brake;
+            if share < 1.0 || brake > 0.0 {
+                self.objective_scale[limits::SPEED] = share;
+                let damping = gains.damping.add_scalar(brake);
+                return ddx_r * share - damping.component_mul(&(space.dx - dx_d * share));
+            }
+        }
+        let de = space.dx - dx_r;
+        match self.range.as_deref().filter(|_| self.is_ranged) {
+            None => task::commanded_acceleration(gains, &ddx_r, error, de),
+            Some(range) => {
+                let torque = &mut parts.task;
+                let mut build_up = |ddx: &Vector<M>| {
+                    robot.jacobian_tr_mul(&(space.lambda_damped * ddx), torque);
+                    range.build_up(torque)
+                };
+                task::sendable_acceleration(gains, &ddx_r, error, de, &mut build_up)
+            }
+        }
+    }
+
+    /// τ_sec: the repulsion that the tank lets through, and the posture spring (T10).
+    fn gather_secondary(&mut self) {
+        let Self { robot, space, gains, repulsion, tau_sec, .. } = self;
+        repulsion.copy_from_slice(self.forces.torque());
+        if let Some(field) = &gains.joint_limit_field {
+            self.joint_limit_potential = limits::add_joint_limit_torque(
+                field,
+                robot.limits(),
+                robot.configuration(),
+                repulsion,
+            );
+        }
+        tau_sec.copy_from_slice(repulsion);
+        (self.share, self.scaling) = (1.0, 0.0);
+        if let Some(tank) = &mut self.tank {
+            let injected = null_power(space, robot.velocity(), repulsion);
+            self.share = tank.share(injected);
+            self.scaling = (self.share - 1.0) * injected;
+            tau_sec.iter_mut().for_each(|tau| *tau *= self.share);
+        }
+        gains.add_posture_torque(robot.configuration(), tau_sec);
+        if let Some(moving) = &mut self.moving {
+            moving.update_torque(robot, gains);
+            tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
+        }
+    }
+
+    /// Scales the objectives until every joint is within its torque limit (T35).
+    #[cold]
+    fn fit_torque(&mut self, ddx_c: &Vector<M>) {
+        let Self { robot, space, gains, parts, law, .. } = self;
+        let dq = robot.velocity();
+        let Parts { posture, task, damping, avoidance, .. } = parts;
+        robot.jacobian_tr_mul(&(space.lambda_damped * ddx_c), task);
+        // N q̇, its momentum, and D_q N q̇, with two of the parts as workspaces.
+        space.pinv_mul(&space.dx, posture);
+        posture.iter_mut().zip(dq).for_each(|(v, dq)| *v = dq - *v);
+        robot.mass_mul(posture, damping);
+        gains.null_damping.scale_momentum(robot, law.brake, posture, damping, avoidance);
+        damping.iter_mut().for_each(|tau| *tau = -*tau);
+        posture.fill(0.0);
+        gains.add_posture_torque(robot.configuration(), posture);
+        if let Some(moving) = &self.moving {
+            posture.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
+        }
+        for (tau, repulsion) in avoidance.iter_mut().zip(&self.repulsion) {
+            *tau = self.share * repulsion;
+        }
+        for part in [posture, damping, avoidance] {
+            law.project(robot, space, gains.projection, part);
+        }
+        let before = null_power(space, dq, &law.torque.total);
+        let objective_scale = parts.fit(&robot.limits().torque, &mut law.torque);
+        self.scaling += null_power(space, dq, &law.torque.total) - before;
+        self.objective_scale[..limits::SPEED].copy_from_slice(&objective_scale[..limits::SPEED]);
+    }
+
+    /// Whether the end effector may give way.
+    pub fn yields(&self) -> bool {
+        self.avoider.as_ref().is_some_and(|avoider| avoider.yields())
+    }
+
+    /// By how much the last command violates the barriers at most \[m/s²\]; None without barriers.
+    pub fn slack(&self) -> Option<f64> {
+        self.avoider.as_ref().and_then(|avoider| avoider.slack())
+    }
+
+    /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
+    pub fn project(&mut self, tau: &mut [f64]) {
+        let Self { robot, space, gains, law, .. } = self;
+        law.project(robot, space, gains.projection, tau);
+    }
+
+    /// Forgets what it remembers of the past: the tank is as full as at the start, no external torque is known.
+    pub fn reset(&mut self) {
+        if let Some(observer) = &mut self.observer {
+            observer.forget();
+        }
+        self.tank = self.gains.tank.map(Tank::new);
+    }
+
+    /// Lets `dt` \[s\] pass under the last command: the tank fills or empties.
+    pub fn elapse(&mut self, dt: f64) {
+        if let Some(tank) = &mut self.tank {
+            let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
+            tank.elapse(dt, self.law.damping_power - self.share * injected);
+        }
+    }
+}
+
+/// (N q̇)ᵀτ, the power of a joint torque into the null motion \[W\].
+fn null_power<const M: usize>(space: &OperationalSpace<M>, dq: &[f64], tau: &[f64]) -> f64 {
+    dot(dq, tau) - space.dx.dot(&space.pinv_tr_mul(tau))
+}

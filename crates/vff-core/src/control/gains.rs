@@ -1,0 +1,156 @@
+//! The settings of a controller, resolved for one robot.
+
+use super::metric::TaskMetric;
+use super::settings::Settings;
+use crate::math::ScalarOrVec;
+use crate::robot::{Model, Robot};
+use nalgebra::SVector;
+use std::ops::{Deref, DerefMut};
+
+/// Damping of the null space, proportional to M: its sampled bound d·dt < 2 is the same in every
+/// configuration (T31).
+#[derive(Debug, Clone, PartialEq)]
+pub enum NullDamping {
+    /// D_q = d M with d \[1/s\].
+    Uniform(f64),
+    /// D_q = √d M √d, the diagonal √d \[1/√s\] one per joint.
+    Each(Vec<f64>),
+}
+
+impl NullDamping {
+    fn new(d: &ScalarOrVec) -> Self {
+        match d {
+            ScalarOrVec::Uniform(d) => Self::Uniform(*d),
+            ScalarOrVec::Each(each) => Self::Each(each.iter().map(|d| d.sqrt()).collect()),
+        }
+    }
+
+    /// d of joint `i` \[1/s\].
+    pub fn get(&self, i: usize) -> f64 {
+        match self {
+            Self::Uniform(d) => *d,
+            Self::Each(roots) => roots[i] * roots[i],
+        }
+    }
+
+    /// Turns the momentum `M v` in `out` into `D_q v`, with `brake` added to every d.
+    pub fn scale_momentum<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        brake: f64,
+        v: &[f64],
+        out: &mut [f64],
+        scratch: &mut [f64],
+    ) {
+        match self {
+            Self::Uniform(d) => out.iter_mut().for_each(|p| *p *= d + brake),
+            Self::Each(roots) => {
+                let root = |root: &f64| (root * root + brake).sqrt();
+                let scaled = v.iter().zip(roots);
+                scratch.iter_mut().zip(scaled).for_each(|(s, (v, r))| *s = v * root(r));
+                robot.mass_mul(scratch, out);
+                out.iter_mut().zip(roots).for_each(|(p, r)| *p *= root(r));
+            }
+        }
+    }
+}
+
+/// [`Settings`] resolved for a robot of n joints and a task of dimension `M`: what one number for all stands for, and what
+/// depends on the arm. Everything else is that of the settings themselves.
+///
+/// ```
+/// use vff_core::control::{Gains, Settings};
+/// use vff_core::math::ScalarOrVec;
+///
+/// let settings = Settings { stiffness: ScalarOrVec::Each(vec![100.0, 25.0]), ..Settings::default() };
+/// let gains = Gains::<2>::new(&settings);
+/// assert_eq!(gains.stiffness.y, 25.0);
+/// assert_eq!(gains.damping.y, 8.0); // one number for all
+/// assert!(gains.enforce_limits); // as the settings have it
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gains<const M: usize> {
+    /// K \[1/s²\].
+    pub stiffness: SVector<f64, M>,
+    /// D \[1/s\].
+    pub damping: SVector<f64, M>,
+    /// D_q.
+    pub null_damping: NullDamping,
+    /// Posture spring: (q_d \[rad\], K_v \[N·m/rad\]) per joint, empty without posture.
+    pub posture: Vec<(f64, f64)>,
+    /// See [`Settings::characteristic_length`].
+    pub characteristic_length: f64,
+    /// Where the random numbers of look-ahead come from.
+    pub seed: u64,
+    settings: Settings,
+}
+
+impl<const M: usize> Deref for Gains<M> {
+    type Target = Settings;
+
+    fn deref(&self) -> &Settings {
+        &self.settings
+    }
+}
+
+impl<const M: usize> DerefMut for Gains<M> {
+    fn deref_mut(&mut self) -> &mut Settings {
+        &mut self.settings
+    }
+}
+
+impl<const M: usize> Gains<M> {
+    /// Resolves settings whose lengths `scenario` has validated.
+    pub fn new(settings: &Settings) -> Self {
+        let posture = settings.posture.iter().flatten().enumerate();
+        Self {
+            stiffness: SVector::from_fn(|i, _| settings.stiffness.get(i)),
+            damping: SVector::from_fn(|i, _| settings.damping.get(i)),
+            null_damping: NullDamping::new(&settings.null_damping),
+            posture: posture.map(|(i, q)| (*q, settings.posture_stiffness.get(i))).collect(),
+            characteristic_length: settings.characteristic_length.unwrap_or(1.0),
+            seed: 0,
+            settings: settings.clone(),
+        }
+    }
+
+    /// The same with the characteristic length of `arm`, where the settings leave it open.
+    #[must_use]
+    pub fn of_arm<A: Model<D>, const D: usize>(self, settings: &Settings, arm: &A) -> Self {
+        let characteristic_length =
+            settings.characteristic_length.unwrap_or_else(|| arm.characteristic_length());
+        Self { characteristic_length, ..self }
+    }
+
+    /// The same with random numbers from `seed`.
+    #[must_use]
+    pub fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// How lengths and angles of the task are put together in a space of dimension `D`.
+    pub fn metric<const D: usize>(&self) -> TaskMetric<M> {
+        TaskMetric::new::<D>(self.characteristic_length)
+    }
+
+    /// Moves the posture to `q` \[rad\]. Allocates where there was none.
+    pub fn move_posture(&mut self, q: &[f64]) {
+        let Self { posture, settings: Settings { posture_stiffness, .. }, .. } = self;
+        if posture.is_empty() {
+            posture.extend(q.iter().enumerate().map(|(i, q)| (*q, posture_stiffness.get(i))));
+        }
+        posture.iter_mut().zip(q).for_each(|((rest, _), q)| *rest = *q);
+    }
+
+    /// `out += K_v (q_d − q)` (T10), nothing without a posture.
+    pub fn add_posture_torque(&self, q: &[f64], out: &mut [f64]) {
+        for ((out, q), (rest, stiffness)) in out.iter_mut().zip(q).zip(&self.posture) {
+            *out += stiffness * (rest - q);
+        }
+    }
+
+    /// ½ (q_d − q)ᵀ K_v (q_d − q) \[J\].
+    pub fn posture_energy(&self, q: &[f64]) -> f64 {
+        q.iter().zip(&self.posture).map(|(q, (rest, k))| 0.5 * k * (rest - q) * (rest - q)).sum()
+    }
+}

@@ -1,0 +1,56 @@
+//! What can be set on how the end effector gives way.
+
+use super::PreviewSettings;
+use crate::robot::Robot;
+use crate::settings::settings;
+use serde::{Deserialize, Serialize};
+
+settings! {
+    /// How the end effector yields: the `[controller.yielding]` table of a scenario.
+    pub struct Yielding {
+        /// The distance to be kept.
+        margin: f64 = 0.02, "m", POSITIVE, "priority, cbf";
+        /// The k of e^(-kt), the fastest decay of a distance to the margin; joint limits likewise; none: 20 in priority, 40 in cbf.
+        rate: Option<f64> = None, "1/s", POSITIVE, "priority, cbf";
+        /// Nearer than this the task gives way altogether.
+        inner: f64 = 0.05, "m", NOT_NEGATIVE, "relaxed, priority";
+        /// Farther than this it does not; more than `inner`.
+        outer: f64 = 0.3, "m", POSITIVE, "relaxed, priority";
+        /// An error pulls no harder than this one.
+        saturation: f64 = 0.5, "m", POSITIVE, "relaxed";
+        /// Nearer pairs are constraints of the QP; none: 1.2 in the plane, 0.4 in space.
+        activation: Option<f64> = None, "m", POSITIVE, "cbf";
+        /// Cost of changing the end effector's acceleration; the null space costs its inertia; none: 20 in the plane, 300 in
+        /// space.
+        task_weight: Option<f64> = None, "kg", POSITIVE, "cbf";
+        /// `position` or `orientation`: what of a pose gives way last; none: both alike.
+        keep: Option<Keep> = None, "", "cbf";
+        /// Cost of violating a barrier; none: 4e4 in the plane, 6e5 in space.
+        slack_price: Option<f64> = None, "", POSITIVE, "cbf";
+        /// Joint speed to keep below where the arm has no `velocity_limits`.
+        speed: f64 = 6.0, "rad/s", POSITIVE, "cbf";
+        /// Look-ahead: a table, see \[controller.yielding.preview\].
+        preview: Option<PreviewSettings> = None, "", "cbf";
+    }
+}
+
+/// What of the pose of the end effector gives way last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Keep {
+    /// The orientation gives way first.
+    Position,
+    /// The position gives way first.
+    Orientation,
+}
+
+impl Yielding {
+    /// Largest speed of every joint \[rad/s\]: that of the arm, or else `speed`.
+    pub(in crate::control) fn joint_speeds<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+    ) -> Vec<f64> {
+        let limits = &robot.limits().velocity;
+        if limits.is_empty() { vec![self.speed; robot.dof()] } else { limits.clone() }
+    }
+}

@@ -1,0 +1,110 @@
+//! Two bodies of one arm, of which one or both are hulls.
+
+use super::{Carried, Convex, KSmallest, MAX_FEATURES, Meeting, Probe};
+use crate::math::{Capsule, Feature, Nearest, TOUCHING, Vector};
+
+/// The parts of two bodies that come nearest: an edge of a hull counts as a capsule without a radius.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Encounter<const D: usize> {
+    /// These parts; of a corner or a face only its place.
+    pub shapes: [Capsule<D>; 2],
+    /// Where they come nearest.
+    pub nearest: Nearest<D>,
+}
+
+/// A body: a capsule, or a hull and the capsule around it.
+type Form<'a> = (Capsule<3>, Option<Carried<'a, 3>>);
+
+/// Calls `visit` with the nearest parts of two bodies, or with all those `features` nearer than this \[m\] that may be the nearest
+/// when these change hands, the nearest 32. Nothing for two capsules.
+pub fn encounter(
+    [a, b]: [&Form<'_>; 2],
+    features: Option<f64>,
+    visit: &mut dyn FnMut(&Encounter<3>),
+) {
+    match (&a.1, &b.1) {
+        (None, None) => {}
+        (Some(hull), None) => {
+            let told = |meeting: &Meeting, distance: f64| told(meeting, distance, b.0.radius);
+            let features = features.map(|reach| reach + b.0.radius);
+            ask(hull, &Probe { radius: 0.0, ..b.0 }, features, told, visit);
+        }
+        (None, Some(_)) => {
+            encounter([b, a], features, &mut |found| visit(&found.seen_from_the_other()));
+        }
+        (Some(hull), Some(other)) => {
+            let rotation = other.rotation.tr_mul(hull.rotation);
+            let position = other.seen(&hull.position);
+            let seen = Carried { hull: hull.hull, rotation: &rotation, position };
+            let told =
+                |meeting: &Meeting, distance: f64| told(&placed(meeting, other), distance, 0.0);
+            ask(&seen, other.hull, features, told, visit);
+        }
+    }
+}
+
+fn ask(
+    hull: &Carried<'_, 3>,
+    other: &impl Convex,
+    features: Option<f64>,
+    told: impl Fn(&Meeting, f64) -> Encounter<3>,
+    visit: &mut dyn FnMut(&Encounter<3>),
+) {
+    let meeting = hull.meet(other);
+    let distance = meeting.nearest.distance;
+    let Some(reach) = features.filter(|_| distance > TOUCHING) else {
+        return visit(&told(&meeting, distance));
+    };
+    let mut rows = KSmallest::<_, MAX_FEATURES>::new((meeting, distance));
+    hull.for_each_row(other, &meeting.nearest, reach, |meeting, distance| {
+        rows.add(distance, (*meeting, distance));
+    });
+    rows.for_each(|(meeting, distance)| visit(&told(meeting, *distance)));
+}
+
+/// What was found in the frame of a hull, in the world.
+fn placed(meeting: &Meeting, frame: &Carried<'_, 3>) -> Meeting {
+    let turned = |v: &Vector<3>| frame.rotation * v;
+    let mut found = *meeting;
+    found.axis = turned(&meeting.axis);
+    found.nearest.normal = turned(&meeting.nearest.normal);
+    found.nearest.point = frame.placed(&meeting.nearest.point);
+    if let Feature::Edge { edge, .. } | Feature::Crossing { edge, .. } = &mut found.nearest.feature
+    {
+        *edge = turned(edge);
+    }
+    found
+}
+
+/// A meeting of a hull, the first, with something of this radius; `of_cores` is its distance with relief \[m\], by which the
+/// other counts as thinner.
+fn told(meeting: &Meeting, of_cores: f64, radius: f64) -> Encounter<3> {
+    let super::axis::Nearest { distance, normal, point, feature } = meeting.nearest;
+    let part = |start, direction, radius| Capsule { start, direction, length: 0.0, radius };
+    let (edge, slides, flat) = match feature {
+        Feature::Side { .. } => (Vector::zeros(), [true, false], [false; 2]),
+        Feature::End { .. } => (Vector::zeros(), [false; 2], [false; 2]),
+        Feature::Face => (Vector::zeros(), [false; 2], [false, true]),
+        Feature::LinkFace { .. } => (Vector::zeros(), [false; 2], [true, false]),
+        Feature::Edge { edge, .. } => (edge, [false, true], [false; 2]),
+        Feature::Crossing { edge, .. } => (edge, [true; 2], [false; 2]),
+    };
+    let points = [point, point - normal * distance];
+    Encounter {
+        shapes: [
+            part(point, meeting.axis, 0.0),
+            part(points[1], edge, radius - (of_cores - distance)),
+        ],
+        nearest: Nearest { points, normal, distance: of_cores - radius, slides, flat },
+    }
+}
+
+impl Encounter<3> {
+    fn seen_from_the_other(&self) -> Self {
+        let Self { shapes: [a, b], nearest } = *self;
+        let Nearest { points: [p, q], normal, distance, slides: [s, t], flat: [f, g] } = nearest;
+        let nearest =
+            Nearest { points: [q, p], normal: -normal, distance, slides: [t, s], flat: [g, f] };
+        Self { shapes: [b, a], nearest }
+    }
+}

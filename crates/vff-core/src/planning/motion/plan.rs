@@ -1,0 +1,100 @@
+//! What is asked of a planner, and what it answers.
+
+/// What is planned, and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanSettings {
+    /// Where the joints are \[rad\]; by default the scenario's `q0`.
+    pub start: Option<Vec<f64>>,
+    /// Where they have to go \[rad\]; by default whatever puts the end effector where the reference ends.
+    pub goal: Option<Vec<f64>>,
+    /// When it starts \[s\].
+    pub time: f64,
+    /// What every link keeps from obstacles \[m\], ≥ 0; less near a start or goal that has less.
+    pub margin: f64,
+    /// For how long the places that moving obstacles will pass are kept free \[s\], ≥ 0; None leaves them out.
+    pub horizon: Option<f64>,
+    /// The share of the limits of speed and acceleration that is used, in (0, 1].
+    pub speed: f64,
+    /// How many random configurations are tried.
+    pub samples: usize,
+    /// Where the random numbers come from.
+    pub seed: u64,
+}
+
+impl Default for PlanSettings {
+    fn default() -> Self {
+        Self {
+            start: None,
+            goal: None,
+            time: 0.0,
+            margin: 0.02,
+            horizon: Some(1.0),
+            speed: 0.5,
+            samples: 20_000,
+            seed: 0,
+        }
+    }
+}
+
+/// What planning has come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlanStatus {
+    /// A motion to the goal.
+    Found,
+    /// The start touches something, or will be passed by something within the horizon.
+    StartBlocked,
+    /// No configuration within the joint limits puts the end effector there.
+    GoalOutOfReach,
+    /// Every configuration that was found for the goal touches something.
+    GoalBlocked,
+    /// No path among so many samples. It is no proof that there is none.
+    NotFound,
+    /// There is a path, but the joints cannot hold the arm somewhere on it.
+    TooHeavy,
+}
+
+impl PlanStatus {
+    /// Its name in every layer.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Found => "found",
+            Self::StartBlocked => "start blocked",
+            Self::GoalOutOfReach => "goal out of reach",
+            Self::GoalBlocked => "goal blocked",
+            Self::NotFound => "not found",
+            Self::TooHeavy => "too heavy",
+        }
+    }
+}
+
+/// A motion to a goal; or how far the search came.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Whether it leads to the goal, and if not, why.
+    pub status: PlanStatus,
+    /// The same in a sentence, with what is in the way and what would help.
+    pub message: String,
+    /// Instants \[s\] from the start on; none if nothing was found.
+    pub times: Vec<f64>,
+    /// The configuration at each instant \[rad\], one after the other; if nothing was found, the path to where a goal was
+    /// nearest.
+    pub q: Vec<f64>,
+    /// Velocities \[rad/s\].
+    pub dq: Vec<f64>,
+    /// Accelerations \[rad/s²\].
+    pub ddq: Vec<f64>,
+    /// The smallest distance from obstacles on the way \[m\]; ∞ if there are none. Where start or goal are blocked, the
+    /// distance of what is; at the start if nothing was found otherwise.
+    pub clearance: f64,
+    /// What was kept of the margin by the path where it keeps least, before corners were rounded \[m\].
+    pub margin: f64,
+    /// What each link is certain to keep between each instant and the next: the smaller of both \[m\], one instant after the
+    /// other; none if nothing was found.
+    pub margins: Vec<f64>,
+    /// What is left to a goal \[rad\]; of one out of reach \[m\]; 0 if it was found.
+    pub gap: f64,
+    /// How many random configurations were tried.
+    pub samples: usize,
+    /// How many configurations the trees had.
+    pub nodes: usize,
+}

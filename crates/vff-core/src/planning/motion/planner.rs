@@ -1,0 +1,541 @@
+//! The search for one motion.
+
+use super::*;
+
+/// Where the random numbers of planning come from.
+pub(super) const STREAM: u64 = 7;
+/// Configurations from which inverse kinematics is tried, where one is free by then, and at most; and free ones that
+/// are enough.
+const SEEDS: [usize; 2] = [64, 512];
+const GOALS: usize = 8;
+/// Configurations nearer than this are one goal \[rad\].
+const SAME: f64 = 0.1;
+/// Paths that are searched, of which the shortest is taken.
+const ATTEMPTS: usize = 4;
+/// Shortcuts that are tried on each.
+const SHORTCUTS: usize = 200;
+/// What is kept of the margin of the path where corners are rounded, and of what bodies of the arm keep from each other.
+const ROUNDED: f64 = 0.5;
+const ROUNDED_APART: f64 = 0.8;
+/// Of the samples, a search that a lower margin may follow gets one in so many; and after so many both trees have to have
+/// grown.
+const TRIAL: usize = 16;
+const PATIENCE: usize = 50;
+/// By how much knots may keep from joint limits so that what is between them does \[rad or m\].
+const INSETS: [f64; 6] = [0.0, 1e-6, 1e-5, 5e-5, 2e-4, 1e-3];
+/// Share of the torque limits that a plan uses: the rest is for reacting.
+pub(super) const TORQUE: f64 = 0.8;
+/// Time between two configurations of a plan \[s\], and how often it is halved.
+const STEP: f64 = 0.04;
+const REFINEMENTS: u32 = 3;
+/// Instants per knot at which torques are checked.
+const CHECKS: u32 = 4;
+
+/// A search under way.
+pub(super) struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
+    pub arm: Arc<S::Arm>,
+    pub space: FreeSpace<S::State, S::Solid, D>,
+    pub settings: &'a PlanSettings,
+    pub start: Vec<f64>,
+    pub noise: Noise,
+}
+
+/// A motion, and what each link is certain to keep at its knots \[m\].
+type Certified = (JointSpline, Vec<Vec<f64>>);
+
+/// The range of joint `i`, infinite where it has no limits.
+pub(in crate::planning) fn ranges_of(limits: &Limits, i: usize) -> [f64; 2] {
+    limits.joint.get(i).copied().unwrap_or([f64::NEG_INFINITY, f64::INFINITY])
+}
+
+/// Why a path is of no use that cannot be rounded, or not followed smoothly.
+fn too_tight() -> (PlanStatus, String) {
+    let why = "there is a path, and no smooth motion near it keeps half of the margin; another seed or margin may help";
+    (PlanStatus::NotFound, why.to_owned())
+}
+
+/// Which number makes a motion along `path` take this long \[s\].
+fn too_slow(path: &[Vec<f64>], duration: f64, velocity: &[f64], bounds: &Bounds) -> ScenarioError {
+    let travel =
+        |i: usize| path.windows(2).map(|pair| (pair[1][i] - pair[0][i]).abs()).sum::<f64>();
+    let most = format!("motions are planned that take up to {LONGEST} s");
+    let slowest = (0..bounds.speed.len())
+        .map(|i| (i, travel(i), bounds.speed[i]))
+        .max_by(|a, b| (a.1 / a.2).total_cmp(&(b.1 / b.2)))
+        .filter(|(_, way, speed)| way / speed > 0.5 * LONGEST || bounds.torque.is_empty());
+    let (at, problem) = match slowest {
+        Some((i, way, speed)) => {
+            let limit = velocity.get(i).filter(|limit| way / **limit > 0.5 * LONGEST);
+            let at = limit.map_or("speed".into(), |_| format!("arm.velocity_limits[{i}]"));
+            let problem = format!(
+                "joint {i} has {way:.3} to go at up to {speed:e} a second, which makes it {duration:.0e} s: {most}"
+            );
+            (at, problem)
+        }
+        None => {
+            let problem = if duration.is_finite() {
+                format!("too little to get anywhere in less than {duration:.0e} s: {most}")
+            } else {
+                format!("too little to get anywhere: {most}")
+            };
+            ("arm.torque_limits".into(), problem)
+        }
+    };
+    ScenarioError::new(at, Problem::Other(problem))
+}
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Planner<'_, S, D, M>
+where
+    S::State: Jointed<D>,
+{
+    pub fn plan(&mut self, goal: &Goal<S::Pose>) -> Result<Plan, ScenarioError> {
+        let start = self.start.clone();
+        let limits = self.arm.limits().clone();
+        let inside = |q: &[f64]| {
+            q.iter().enumerate().all(|(i, q)| {
+                let [lower, upper] = ranges_of(&limits, i);
+                lower <= *q && *q <= upper
+            })
+        };
+        let room: Vec<f64> = self.space.room(&start).to_vec();
+        let at_start = room.iter().copied().fold(f64::INFINITY, f64::min);
+        let nothing = |status, message, gap, margin| Plan {
+            status,
+            message,
+            times: vec![],
+            q: start.clone(),
+            dq: vec![],
+            ddq: vec![],
+            clearance: at_start,
+            margin,
+            margins: vec![],
+            gap,
+            samples: 0,
+            nodes: 0,
+        };
+        let asked = self.settings.margin;
+        self.keep(asked.min(SHARE * at_start));
+        if at_start <= 0.0 || !inside(&start) || !self.space.is_free(&start) {
+            let (why, clearance) = self.blocked(&start, &limits, "start");
+            let blocked = nothing(PlanStatus::StartBlocked, why, f64::INFINITY, 0.0);
+            return Ok(Plan { clearance, ..blocked });
+        }
+        let first = End::new(&start, &room);
+        let candidates = match goal {
+            Goal::Configuration(q) if !inside(q) => {
+                let why = beyond(q, &limits, "goal", |i| self.space.robot().joint_name(i));
+                Err((f64::INFINITY, why.unwrap_or_default()))
+            }
+            Goal::Configuration(q) => Ok(vec![q.clone()]),
+            Goal::Pose(pose) => self.configurations(pose, &limits).map_err(|gap| {
+                let why = "no configuration within the joint limits was found nearer to the goal than";
+                (gap, format!("{why} {gap:.3} m; a goal nearer to the arm, or without an orientation, helps"))
+            }),
+        };
+        let mut candidates = match candidates {
+            Ok(candidates) => candidates,
+            Err((gap, why)) => {
+                return Ok(nothing(PlanStatus::GoalOutOfReach, why, gap, asked));
+            }
+        };
+        let room: Vec<f64> = candidates.iter().map(|q| self.space.clearance(q)).collect();
+        let most = room.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let best = (0..room.len()).max_by(|a, b| room[*a].total_cmp(&room[*b])).unwrap_or(0);
+        let roomiest = candidates[best].clone();
+        self.keep(asked.min(SHARE * at_start).min(SHARE * most));
+        candidates.retain(|q| most > 0.0 && self.space.is_free(q));
+        if candidates.is_empty() {
+            let (why, clearance) = self.blocked(&roomiest, &limits, "goal");
+            let blocked = nothing(PlanStatus::GoalBlocked, why, f64::INFINITY, 0.0);
+            return Ok(Plan { clearance, ..blocked });
+        }
+        let goals: Vec<End> = candidates.iter().map(|q| End::new(q, self.space.room(q))).collect();
+        let ranges: Vec<[f64; 2]> = (0..start.len())
+            .map(|i| match ranges_of(&limits, i) {
+                [lower, upper] if (upper - lower).is_finite() => {
+                    [lower.max(-FARTHEST), upper.min(FARTHEST)]
+                }
+                [lower, upper] => {
+                    [lower.max(start[i] - 1.25 * PI), upper.min(start[i] + 1.25 * PI)]
+                }
+            })
+            .collect();
+        let ladder = Margins::ladder(asked, &first, &goals);
+        let mut left = self.settings.samples;
+        let mut failed = None;
+        for (k, margins) in ladder.iter().enumerate() {
+            self.space.margins.clone_from(margins);
+            self.space.apart = APART;
+            let [samples, patience] = if k + 1 < ladder.len() {
+                [self.settings.samples / TRIAL, PATIENCE]
+            } else {
+                [left, usize::MAX]
+            };
+            left -= samples;
+            let found = self.search(&candidates, &ranges, [samples, patience]);
+            let margin = margins.far.iter().copied().fold(f64::INFINITY, f64::min);
+            let Some(first) = found.iter().find(|found| found.gap == 0.0) else {
+                let found = &found[0];
+                let why = format!(
+                    "the search came to {:.3} rad from the goal after {} samples; more samples, another seed or a \
+                     smaller margin may help",
+                    found.gap,
+                    self.settings.samples - left,
+                );
+                failed = Some(Plan {
+                    q: found.path.concat(),
+                    samples: found.samples,
+                    nodes: found.nodes,
+                    ..nothing(PlanStatus::NotFound, why, found.gap, margin)
+                });
+                continue;
+            };
+            self.space.margins.share = ROUNDED;
+            self.space.apart = ROUNDED_APART * APART;
+            let (mut status, mut why) = (PlanStatus::NotFound, String::new());
+            for found in &found {
+                match self.timed(&found.path, &limits)? {
+                    Ok(motion) => return Ok(self.finished(motion, found, margins)),
+                    Err(error) => (status, why) = error,
+                }
+            }
+            failed = Some(Plan {
+                q: first.path.concat(),
+                samples: first.samples,
+                nodes: first.nodes,
+                ..nothing(status, why, 0.0, margin)
+            });
+        }
+        Ok(failed.expect("there is a margin to try"))
+    }
+
+    /// Keeps the same margin \[m\] everywhere.
+    fn keep(&mut self, margin: f64) {
+        self.space.margins = Margins::constant(vec![margin; self.start.len()]);
+    }
+
+    /// Several paths to `goals`, shortened, the shortest first; or, if the first search finds none, how far it came.
+    fn search(
+        &mut self,
+        goals: &[Vec<f64>],
+        ranges: &[[f64; 2]],
+        [mut samples, patience]: [usize; 2],
+    ) -> Vec<tree::Found> {
+        let Self { space, noise, start, .. } = self;
+        let mut all: Vec<tree::Found> = vec![];
+        for _ in 0..ATTEMPTS {
+            let mut found = tree::search(space, start, goals, ranges, [samples, patience], noise);
+            if found.gap > 0.0 {
+                if all.is_empty() {
+                    return vec![found];
+                }
+                continue;
+            }
+            let is_direct = found.samples == 0;
+            samples = samples.min(4 * found.samples + 100);
+            tree::shorten(space, &mut found.path, SHORTCUTS, noise);
+            all.push(found);
+            if is_direct {
+                break;
+            }
+        }
+        all.sort_by(|a, b| tree::length(&a.path).total_cmp(&tree::length(&b.path)));
+        all
+    }
+
+    /// Free or not, configurations that put the end effector at `pose`, each with its joints as near to the start as
+    /// full turns bring them. If there are none: how far it stays away \[m\].
+    fn configurations(&mut self, pose: &S::Pose, limits: &Limits) -> Result<Vec<Vec<f64>>, f64> {
+        let n = self.start.len();
+        let length = self.arm.characteristic_length();
+        let mut solver = Solver::<M>::new(n, length);
+        let (mut found, mut free): (Vec<Vec<f64>>, usize) = (vec![], 0);
+        let mut nearest = f64::INFINITY;
+        for k in 0..SEEDS[1] {
+            // What was not reached from so many is out of reach.
+            if k >= SEEDS[0] && (free > 0 || found.is_empty()) {
+                break;
+            }
+            let mut q = self.start.clone();
+            if k > 0 {
+                for (i, q) in q.iter_mut().enumerate() {
+                    let [lower, upper] = ranges_of(limits, i);
+                    let [lower, upper] = [lower.max(*q - PI), upper.min(*q + PI)];
+                    *q = lower + (upper - lower) * self.noise.share();
+                }
+            }
+            let residual = solver.solve(self.space.robot(), &mut q, pose);
+            nearest = nearest.min(residual.size(length));
+            if !residual.is_reached() {
+                continue;
+            }
+            for (i, q) in q.iter_mut().enumerate() {
+                if ranges_of(limits, i) == [f64::NEG_INFINITY, f64::INFINITY] {
+                    *q -= TAU * ((*q - self.start[i]) / TAU).round();
+                }
+            }
+            if found.iter().any(|known| apart(known, &q) < SAME) {
+                continue;
+            }
+            free += usize::from(self.space.is_free(&q));
+            found.push(q);
+            if free == GOALS {
+                break;
+            }
+        }
+        found.sort_by(|a, b| apart(a, &self.start).total_cmp(&apart(b, &self.start)));
+        if found.is_empty() { Err(nearest) } else { Ok(found) }
+    }
+
+    /// What blocks the arm at `q`, which is not free, and its distance \[m\].
+    fn blocked(&mut self, q: &[f64], limits: &Limits, place: &str) -> (String, f64) {
+        if let Some(why) = beyond(q, limits, place, |i| self.space.robot().joint_name(i)) {
+            return (why, self.space.clearance(q));
+        }
+        match self.space.obstruction(q) {
+            Some(found) => (found.told(place, self.settings.horizon), found.distance()),
+            None => (format!("a distance is undefined at the {place}"), f64::NAN),
+        }
+    }
+
+    /// The motion along `path`, or why there is none.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "few knots")]
+    fn timed(
+        &mut self,
+        path: &[Vec<f64>],
+        limits: &Limits,
+    ) -> Result<Result<Certified, (PlanStatus, String)>, ScenarioError> {
+        let n = self.start.len();
+        let Some(curve) = Curve::round(&mut self.space, path) else {
+            return Ok(Err(too_tight()));
+        };
+        let share = self.settings.speed;
+        let or = |given: &[f64], most: f64| -> Vec<f64> {
+            (0..n).map(|i| share * given.get(i).copied().unwrap_or(most)).collect()
+        };
+        let bounds = Bounds {
+            speed: or(&limits.velocity, MAX_SPEED),
+            acceleration: or(&[], MAX_ACCELERATION[D - 2]),
+            torque: limits.torque.iter().map(|most| TORQUE * most).collect(),
+        };
+        let law = match TimeLaw::fastest(self.space.robot(), &curve, &bounds) {
+            Ok(law) => law,
+            Err(Stop::Heavy(heavy)) => {
+                let (robot, joint) = (self.space.robot(), heavy.joint);
+                let why = heavy.told(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+                return Ok(Err((PlanStatus::TooHeavy, why)));
+            }
+            Err(Stop::Winding) => return Ok(Err(too_tight())),
+            Err(Stop::Slow(duration)) => {
+                return Err(too_slow(path, duration, &limits.velocity, &bounds));
+            }
+        };
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        for refinement in 0..=REFINEMENTS {
+            let step = STEP / f64::from(1 << refinement);
+            let knots = (law.duration() / step).ceil().max(2.0) as u32;
+            let mut points = vec![];
+            for k in 0..=knots {
+                let share = f64::from(k) / f64::from(knots);
+                curve.at(law.at(law.duration() * share), &mut state);
+                points.push(state[0].clone());
+            }
+            // To the last bit.
+            let last = points.len() - 1;
+            points[0].clone_from(&path[0]);
+            points[last].clone_from(&path[path.len() - 1]);
+            // Knots follow the law within the limits, not the spline between them: stretched until that keeps its limits, too,
+            // and moved where it leaves those of positions.
+            let (mut stretch, mut inset) = (1.0, 0);
+            for _ in 0..8 {
+                let duration = stretch * law.duration();
+                let times: Vec<f64> =
+                    (0..=knots).map(|k| duration * f64::from(k) / f64::from(knots)).collect();
+                let Ok(spline) = JointSpline::new(&times, &points) else {
+                    return Ok(Err(too_tight()));
+                };
+                let peaks = spline.peaks();
+                let over = self.excess(&spline, &peaks, &bounds, knots);
+                let leaves = |(i, [low, high]): (usize, &[f64; 2])| {
+                    let [lower, upper] = ranges_of(limits, i);
+                    *low < lower || *high > upper
+                };
+                if over > 1.0 {
+                    stretch *= over.sqrt().max(1.002);
+                } else if peaks.positions.iter().enumerate().any(leaves) {
+                    inset += 1;
+                    let Some(inset) = INSETS.get(inset) else { break };
+                    for point in &mut points[1..last] {
+                        for (i, q) in point.iter_mut().enumerate() {
+                            let [lower, upper] = ranges_of(limits, i);
+                            *q = q.max(lower + inset).min(upper - inset);
+                        }
+                    }
+                } else if let Some(margins) = self.kept_along(&spline) {
+                    return Ok(Ok((spline, margins)));
+                } else {
+                    break;
+                }
+            }
+        }
+        Ok(Err(too_tight()))
+    }
+
+    /// By what factor a motion exceeds a limit of acceleration or torque, or the square of one of speed: torques at
+    /// samples, the others anywhere.
+    fn excess(&mut self, spline: &JointSpline, peaks: &Peaks, bounds: &Bounds, knots: u32) -> f64 {
+        let n = self.start.len();
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        let (mut scratch, mut torque) = (vec![0.0; n], vec![0.0; n]);
+        let speeds = peaks.speeds.iter().zip(&bounds.speed).map(|(v, most)| (v / most).powi(2));
+        let pulls = peaks.accelerations.iter().zip(&bounds.acceleration).map(|(a, most)| a / most);
+        let mut most = speeds.chain(pulls).fold(0.0, f64::max);
+        let checks = if bounds.torque.is_empty() { 0 } else { CHECKS * knots };
+        for k in 0..checks {
+            interrupt::spend(64 * n);
+            let [_, end] = spline.span();
+            let t = end * f64::from(k) / f64::from(checks);
+            spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+            let [q, dq, ddq] = &state;
+            let robot = self.space.robot();
+            robot.update(q, dq);
+            robot.inverse_dynamics(ddq, &mut scratch, &mut torque);
+            for (tau, limit) in torque.iter().zip(&bounds.torque) {
+                most = most.max(tau.abs() / limit);
+            }
+        }
+        most
+    }
+
+    /// What each link is certain to keep between each knot and the next, the smaller of what is said at both \[m\], one row
+    /// for each knot; none where `spline` is not free.
+    fn kept_along(&mut self, spline: &JointSpline) -> Option<Vec<Vec<f64>>> {
+        let n = self.start.len();
+        let rest = vec![0.0; n];
+        let mut states = [[0; 3].map(|_| vec![0.0; n]), [0; 3].map(|_| vec![0.0; n])];
+        let mut middle = [0; 3].map(|_| vec![0.0; n]);
+        let margins = self.space.margins.clone();
+        let apart = self.space.apart;
+        let mut pieces: Vec<Vec<f64>> = vec![];
+        let times = spline.times().to_vec();
+        spline.at(times[0], states[1].each_mut().map(Vec::as_mut_slice));
+        for pair in times.windows(2) {
+            states.swap(0, 1);
+            let h = pair[1] - pair[0];
+            spline.at(pair[1], states[1].each_mut().map(Vec::as_mut_slice));
+            spline.at(pair[0] + 0.5 * h, middle.each_mut().map(Vec::as_mut_slice));
+            let [[a, _, first], [b, _, second]] = &states;
+            // A cubic is no farther than this from its chord, here one of half of the time.
+            let bulge: Vec<f64> = (0..n)
+                .map(|i| first[i].abs().max(second[i].abs()) * (0.5 * h).powi(2) / 8.0)
+                .collect();
+            let bulges: Vec<f64> =
+                (0..n).map(|link| self.space.way([&rest, &bulge], link)).collect();
+            let kept: Vec<f64> = (0..n)
+                .map(|link| [a, b].map(|q| self.space.margin(q, link)))
+                .map(|[a, b]| a.min(b))
+                .collect();
+            let asked: Vec<f64> =
+                kept.iter().zip(&bulges).map(|(kept, bulge)| kept + bulge).collect();
+            pieces.push(
+                asked
+                    .iter()
+                    .zip(&bulges)
+                    .map(|(m, bulge)| (certain(*m) - bulge).max(0.0))
+                    .collect(),
+            );
+            self.space.margins = Margins::constant(asked);
+            self.space.apart = apart + bulges.iter().copied().fold(0.0, f64::max);
+            let is_free = self.space.is_free_between(a, &middle[0])
+                && self.space.is_free_between(&middle[0], b);
+            self.space.margins.clone_from(&margins);
+            self.space.apart = apart;
+            if !is_free {
+                return None;
+            }
+        }
+        let last = pieces.len();
+        let at = |k: usize| {
+            let (before, after) = (&pieces[k.saturating_sub(1)], &pieces[k.min(last - 1)]);
+            before.iter().zip(after).map(|(a, b)| a.min(*b)).collect()
+        };
+        Some((0..=last).map(at).collect())
+    }
+
+    fn finished(
+        &mut self,
+        (spline, margins): Certified,
+        found: &tree::Found,
+        asked: &Margins,
+    ) -> Plan {
+        let n = self.start.len();
+        let mut state = [0; 3].map(|_| vec![0.0; n]);
+        let mut plan = Plan {
+            status: PlanStatus::Found,
+            message: String::new(),
+            times: spline.times().to_vec(),
+            q: vec![],
+            dq: vec![],
+            ddq: vec![],
+            clearance: f64::INFINITY,
+            margin: [spline.first(), spline.last()]
+                .into_iter()
+                .filter_map(|end| asked.lowered_at(end))
+                .chain(asked.far.iter().copied())
+                .fold(f64::INFINITY, f64::min),
+            margins: margins.concat(),
+            gap: 0.0,
+            samples: found.samples,
+            nodes: found.nodes,
+        };
+        for t in spline.times() {
+            spline.at(*t, state.each_mut().map(Vec::as_mut_slice));
+            // Its knots are within the limits but for rounding.
+            plan.q.extend(state[0].iter().enumerate().map(|(i, q)| {
+                let [lower, upper] = ranges_of(self.arm.limits(), i);
+                q.clamp(lower, upper)
+            }));
+            plan.dq.extend_from_slice(&state[1]);
+            plan.ddq.extend_from_slice(&state[2]);
+        }
+        for pair in spline.times().windows(2) {
+            for k in 0..=2 * CHECKS {
+                let share = f64::from(k) / f64::from(2 * CHECKS);
+                let t = pair[0] + share * (pair[1] - pair[0]);
+                spline.at(t, state.each_mut().map(Vec::as_mut_slice));
+                plan.clearance = plan.clearance.min(self.space.clearance(&state[0]));
+            }
+        }
+        plan.message = format!("a motion of {:.3} s", spline.span()[1]);
+        if plan.clearance.is_finite() {
+            let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
+        }
+        plan.message += &self.lowered(&spline, asked);
+        plan
+    }
+
+    /// Where less than the margin is kept, as the end of a sentence.
+    fn lowered(&mut self, spline: &JointSpline, asked: &Margins) -> String {
+        let most = self.settings.margin;
+        let ends = [("start", spline.first()), ("goal", spline.last())];
+        let mut told: Vec<String> = ends
+            .into_iter()
+            .filter_map(|(place, q)| Some((place, asked.lowered_at(q)?)))
+            .map(|(place, kept)| format!("{:.1} mm at the {place}", 1e3 * kept))
+            .collect();
+        let least = (0..asked.far.len()).min_by(|a, b| asked.far[*a].total_cmp(&asked.far[*b]));
+        if let Some(link) = least.filter(|link| asked.far[*link] < most) {
+            let (name, kept) = (self.space.robot().link_name(Some(link)), asked.far[link]);
+            told.push(format!("{:.1} mm by {name} all the way", 1e3 * kept));
+        }
+        if told.is_empty() {
+            return String::new();
+        }
+        let told = told.join(", ");
+        format!("; less than the margin of {:.1} mm is kept: {told}", 1e3 * most)
+    }
+}

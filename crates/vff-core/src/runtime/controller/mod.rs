@@ -1,0 +1,374 @@
+//! The law in somebody else's loop: any arm with any task, in slices of numbers.
+
+mod standalone;
+mod target;
+mod terms;
+
+use super::arm::AnyArm;
+use super::obstacles::AnyObstacles;
+use super::points::PointsError;
+use crate::control::observer::Source;
+use crate::control::output::{BeginError, Phase};
+use crate::control::{Avoidance, Settings, StablePeriod, TaskKind};
+use crate::math::rotation::NotARotation;
+use crate::robot::Limits;
+use crate::scenario::{self, AnyScene, CheckReach, Scenario, ScenarioError, Scene, dispatch};
+use crate::simulation::System;
+use crate::world::space::Points;
+use nalgebra::DMatrix;
+use standalone::Standalone;
+use std::any::Any;
+use std::fmt::Debug;
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+use toml::Table;
+
+pub use target::{FromNumbers, Target};
+pub use terms::{Scalars, Terms, TermsView};
+
+/// A state of the arm as the robot reports it. Its numbers may be anything.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading<'a> {
+    /// When it was measured \[s\], by any clock: one that is not later than the last one is no news.
+    pub t: f64,
+    /// \[rad, m\], (n).
+    pub q: &'a [f64],
+    /// \[rad/s, m/s\], (n).
+    pub dq: &'a [f64],
+}
+
+/// Why a cycle is none.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum CycleError {
+    /// See [`begin`](ErasedController::begin).
+    #[error("the loop has not begun")]
+    NotBegun,
+    /// The target is no reference.
+    #[error(transparent)]
+    Target(#[from] NotARotation),
+}
+
+/// What is around an arm, ready to be asked: the obstacles of one controller, for another one with the same arm.
+#[derive(Debug)]
+pub struct Surroundings(Box<dyn Any + Send>);
+
+/// A controller of any arm with any task in a loop that is not ours.
+#[derive(Debug)]
+pub struct AnyController(Box<dyn ErasedController>);
+
+/// One of this system.
+fn make<S, const D: usize, const M: usize>(
+    arm: &Arc<S::Arm>,
+    settings: Settings,
+) -> Result<AnyController, ScenarioError>
+where
+    Standalone<S, D, M>: ErasedController + 'static,
+    S: System<D, M>,
+{
+    Ok(AnyController(Box::new(Standalone::<S, D, M>::new(arm, settings))))
+}
+
+/// That of a scenario of this system.
+fn make_for<S: CheckReach<D, M>, const D: usize, const M: usize>(
+    scenario: &Scenario,
+    scene: &Scene<S, D>,
+) -> Result<AnyController, ScenarioError>
+where
+    Standalone<S, D, M>: ErasedController + 'static,
+{
+    Ok(AnyController(Box::new(Standalone::<S, D, M>::of(scenario, scene)?)))
+}
+
+impl AnyController {
+    /// A controller for `arm` with the settings of a `[controller]` table, among no obstacles.
+    ///
+    /// # Errors
+    /// With the name of the first setting that is wrong or does not suit the arm.
+    pub fn new(arm: &AnyArm, settings: &Table) -> Result<Self, ScenarioError> {
+        let (name, sizes) = (arm.name(), [arm.dof(), arm.dimension()]);
+        let settings = scenario::read_settings(settings, arm.limits(), name, sizes)?;
+        dispatch!(arm, settings.task, AnyArm(arm) => make(arm, settings))
+    }
+
+    /// The controller of a scenario, among its obstacles, with its reference to [`follow`](ErasedController::follow).
+    ///
+    /// # Errors
+    /// As [`Scenario::prepare`]: with the dotted path of what is wrong, or of no use to the arm.
+    pub fn from_scenario(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let task = scenario.controller.task;
+        dispatch!(&scenario.scene, task, AnyScene(scene) => make_for(scenario, scene))
+    }
+
+    /// The parts of the last torque. Allocates.
+    pub fn terms(&self) -> Terms {
+        self.terms_view().to_terms(self.null_projector())
+    }
+
+    /// A few words on it.
+    pub fn summary(&self) -> String {
+        let (n, settings) = (self.dof(), self.settings());
+        let task = match settings.task {
+            TaskKind::Position => "position",
+            TaskKind::Pose => "pose",
+            TaskKind::Pointing => "pointing",
+        };
+        let avoidance = match settings.avoidance {
+            Avoidance::NullSpace => "null_space",
+            Avoidance::Relaxed => "relaxed",
+            Avoidance::Priority => "priority",
+            Avoidance::Cbf => "cbf",
+        };
+        let joints = if n == 1 { "joint" } else { "joints" };
+        format!("{n} {joints}, {task} task, avoidance {avoidance}")
+    }
+}
+
+impl Clone for AnyController {
+    fn clone(&self) -> Self {
+        self.copy()
+    }
+}
+
+impl Deref for AnyController {
+    type Target = dyn ErasedController;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
+
+impl DerefMut for AnyController {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut *self.0
+    }
+}
+
+/// What every [`AnyController`] can do, whatever its arm and its task.
+pub trait ErasedController: Debug + Send {
+    /// Another one in the same state. Allocates.
+    fn copy(&self) -> AnyController;
+
+    /// The number of joints n.
+    fn dof(&self) -> usize;
+
+    /// The dimension of the space that the arm moves in.
+    fn dimension(&self) -> usize;
+
+    /// The settings in use.
+    fn settings(&self) -> &Settings;
+
+    /// How many numbers a pose, a velocity and an acceleration of the reference have.
+    fn widths(&self) -> [usize; 3];
+
+    /// What a torque held over `period` \[s\] makes unstable, in sentences: see [`sampling_bounds`](crate::scenario::sampling_bounds).
+    fn sampling_bounds(&self, period: f64) -> Vec<String>;
+
+    /// Puts it among these obstacles, from now on.
+    ///
+    /// # Errors
+    /// If the controller has no room for so many.
+    ///
+    /// # Panics
+    /// If the obstacles are not those of the arm's space.
+    fn surround(&mut self, obstacles: AnyObstacles) -> Result<(), ScenarioError>;
+
+    /// What it is among, as a copy.
+    fn surroundings(&self) -> Surroundings;
+
+    /// Exchanges what it is among for the [`surroundings`](Self::surroundings) of another controller with the same arm and
+    /// settings, whose motions begin at time `epoch` \[s\]. Allocates where there is more in them than ever before.
+    ///
+    /// # Panics
+    /// If they are not those of the arm's space.
+    fn exchange(&mut self, other: &mut Surroundings, epoch: f64);
+
+    /// The orientation in which the points of obstacle `j` stand.
+    ///
+    /// # Errors
+    /// If it is no cloud.
+    fn orientation_of_points(&mut self, j: usize) -> Result<[f64; 4], PointsError>;
+
+    /// Exchanges the points of obstacle `j` for others, which are then the old ones. The next torque allocates where there
+    /// are more of them than ever before.
+    ///
+    /// # Errors
+    /// If it is no cloud, or not the one that the others were made for; then nothing has changed.
+    fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError>;
+
+    /// Makes room for clouds of up to `most` points in obstacle `j`, so that no later torque allocates for them.
+    ///
+    /// # Errors
+    /// If it is no cloud, or for so many there is no room; then nothing has changed.
+    fn make_room(&mut self, j: usize, most: usize) -> Result<(), PointsError>;
+
+    /// How many obstacles there are.
+    fn obstacle_count(&self) -> usize;
+
+    /// What is odd about the scenario that it was made of, in sentences that begin with a dotted path: numbers that were probably
+    /// meant in other units or in another order, and a reference out of reach that is followed nevertheless.
+    fn warnings(&self) -> &[String];
+
+    /// Adds the obstacle of a document, the last one from now on. Allocates, so that no later torque does for it. Returns what is
+    /// odd about it, as [`warnings`](Self::warnings), with paths in the document.
+    ///
+    /// # Errors
+    /// With the dotted path of its first fault, or if the controller has no room for it; then nothing has changed.
+    fn add(&mut self, document: &Table) -> Result<Vec<String>, ScenarioError>;
+
+    /// Takes obstacle `j` away; those behind it move up.
+    fn remove(&mut self, j: usize);
+
+    /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\], a number per
+    /// axis each. It turns as before. With `command.obstacle_speed`, one that cannot have come there since it was placed last is
+    /// doubted: it goes there at that speed, until it is placed again. Returns how far away that is \[m\]; 0 if it is believed.
+    fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) -> f64;
+
+    /// Forgets the past and the obstacles.
+    fn begin_anew(&mut self);
+
+    /// Begins a loop of `period` \[s\], in which [`cycle`](Self::cycle) says what is to be sent to the robot. Its torque is
+    /// blended in over `command.start`, from the `measured` one \[N·m, N\], (n), which contains gravity only if what is sent does,
+    /// or from what holds the arm still; one that is not finite, beyond the torque limits, or farther from that than half of them, is
+    /// not believed. Until the first state it is held; where none is known, nothing is sent. Allocates, so that no cycle does.
+    ///
+    /// # Errors
+    /// If the period is none, or too long for `command.stop_damping`; then nothing has changed.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError>;
+
+    /// One cycle of the loop: what the state and the reference come to. Without a target, the reference is that of the scenario, or
+    /// the observed pose at rest. [`sent`](Self::sent) is to be sent in any case.
+    ///
+    /// Does not allocate, and whatever the robot reports is allowed: a state that is missing, old, not finite, or cannot
+    /// follow the one before, is a [`Phase`]. What is sent is finite, within the torque limits and the rate of `command`, and
+    /// does not depend on other calls with other states in between.
+    ///
+    /// # Errors
+    /// If there is no loop, or the target is no reference; then nothing has changed.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn cycle(
+        &mut self,
+        reading: Option<Reading<'_>>,
+        target: Option<&Target<'_>>,
+    ) -> Result<Phase, CycleError>;
+
+    /// What is to be sent to the robot in this cycle \[N·m, N\]; None without a loop.
+    fn sent(&self) -> Option<&[f64]>;
+
+    /// What the last cycle came to; None without a loop.
+    fn phase(&self) -> Option<Phase>;
+
+    /// Whether the loop damps the arm because a joint is, or was, faster than twice its limit.
+    fn brakes(&self) -> bool;
+
+    /// What holds the arm still at the observed state \[N·m, N\], as it would be sent.
+    ///
+    /// # Panics
+    /// If the slice has the wrong length.
+    fn holding_torque(&self, out: &mut [f64]);
+
+    /// Ends the loop safely: from the next cycle on the arm is damped until it stands. Nothing without a loop.
+    fn stop(&mut self);
+
+    /// The joint torque at (q, q̇) and time `t` \[s\] \[N·m, N\], as `command` asks for it, but for its rate: that is limited
+    /// by [`cycle`](Self::cycle), which knows the period. An energy tank fills or empties by the time
+    /// since the last call. After a torque that is not finite the controller is as new.
+    ///
+    /// # Errors
+    /// With a sentence, if the target is no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn torque(
+        &mut self,
+        q: &[f64],
+        dq: &[f64],
+        target: &Target<'_>,
+        t: f64,
+    ) -> Result<&[f64], NotARotation>;
+
+    /// The first half of [`torque`](Self::torque): takes in the state.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn observe(&mut self, q: &[f64], dq: &[f64], t: f64);
+
+    /// Takes in what the robot measures of the torque from outside \[N·m, N\], for the states that are observed from now on, with
+    /// `observer.source = "measured"`; numbers that are not finite change nothing.
+    ///
+    /// # Panics
+    /// If the slice has the wrong length.
+    fn sense(&mut self, tau_ext: &[f64]);
+
+    /// Whether it wants to know that.
+    fn senses(&self) -> bool {
+        self.settings()
+            .observer
+            .as_ref()
+            .is_some_and(|observer| observer.source == Source::Measured)
+    }
+
+    /// The torque from outside, as estimated at the observed state \[N·m, N\], (n); None without an observer.
+    fn external_torque(&self) -> Option<&[f64]>;
+
+    /// The wrench at the end effector that this is \[N, N·m\], (m); None without an observer.
+    fn external_wrench(&self) -> Option<&[f64]>;
+
+    /// The second half of [`torque`](Self::torque): the torque at the observed state.
+    ///
+    /// # Errors
+    /// If the target is no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation>;
+
+    /// What the torque of the law would do to the joints of the model at the observed state \[rad/s², m/s²\], (n): for this target, or
+    /// for the reference of the scenario, or to stay where it is. `command.tip_speed` holds.
+    ///
+    /// # Errors
+    /// If the target is no reference.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn accelerate(
+        &mut self,
+        target: Option<&Target<'_>>,
+        out: &mut [f64],
+    ) -> Result<(), NotARotation>;
+
+    /// What the joints of the arm can do.
+    fn limits(&self) -> &Limits;
+
+    /// Whether the numbers, which are finite, are a reference.
+    ///
+    /// # Errors
+    /// If they are not.
+    fn check(&self, target: &Target<'_>) -> Result<(), NotARotation>;
+
+    /// Whether it has a reference of its own, that of its scenario.
+    fn has_reference(&self) -> bool;
+
+    /// The torque at the observed state for that reference, or for the observed pose at rest if it has none.
+    fn follow(&mut self) -> &[f64];
+
+    /// The observed pose of the end effector; it has the first of the [`widths`](Self::widths).
+    fn write_pose(&self, out: &mut [f64]);
+
+    /// Forgets the past, not the obstacles. Does not allocate.
+    fn forget(&mut self);
+
+    /// The parts of the last torque, borrowed.
+    fn terms_view(&self) -> TermsView<'_>;
+
+    /// The null-space projector at the observed state, (n, n). Allocates.
+    fn null_projector(&self) -> DMatrix<f64>;
+
+    /// How long a torque may be held at q and time `t` \[s\], at rest, before the null space oscillates (T34).
+    /// Allocates.
+    fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod;
+}

@@ -1,0 +1,193 @@
+//! What can be asked of a closed loop at its present instant.
+
+use super::*;
+
+impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
+    /// Calls `visit` with the nearest points of every body and every obstacle as they are now.
+    pub fn for_each_pair(&self, visit: impl FnMut(&Contact<D>)) {
+        let ControlStack { controller, world, .. } = &self.stack;
+        world.for_each_pair(controller.robot().bodies(), visit);
+    }
+
+    /// The repulsion of every link, as the point on its axis \[m\] at which it acts and the force \[N\]: the sum
+    /// over all obstacles, at the mean of their points weighted with their forces. Allocates.
+    pub fn pushes(&mut self) -> Vec<[Vector<D>; 2]> {
+        let ControlStack { controller, world, .. } = &mut self.stack;
+        let (robot, field) = (controller.robot(), controller.gains().field);
+        let mut means = vec![(Vector::<D>::zeros(), 0.0); robot.dof()];
+        world.for_each_contact(
+            robot.bodies(),
+            field.influence,
+            |_, _| {},
+            |contact| {
+                let force = field.at(contact.distance).force;
+                means[contact.link].0 += contact.point * force;
+                means[contact.link].1 += force;
+            },
+        );
+        let middle = |link: usize| {
+            let body = robot.bodies().find(|body| body.link == link).map(|body| body.shape);
+            body.map_or_else(Vector::zeros, |s| s.start + s.direction * (0.5 * s.length))
+        };
+        means
+            .iter()
+            .zip(controller.forces().resultant())
+            .enumerate()
+            .map(|(link, ((sum, weight), force))| {
+                [if *weight > 0.0 { sum / *weight } else { middle(link) }, *force]
+            })
+            .collect()
+    }
+
+    /// Every wrench that pushes the arm over the next plant step. Allocates.
+    pub fn wrenches(&self) -> Vec<Acting<D>> {
+        self.plant.acting()
+    }
+
+    /// What somebody pulls with, and towards where \[m\].
+    pub fn pulled(&self) -> Option<(Acting<D>, Vector<D>)> {
+        self.plant.pulled()
+    }
+
+    /// The same over a plant step from time `t` \[s\] on, of an arm elsewhere at `q`. Allocates.
+    pub fn wrenches_at(&mut self, t: f64, q: &[f64]) -> Vec<Acting<D>> {
+        self.plant.feel(q, &self.dq, t, self.options.dt);
+        self.plant.acting()
+    }
+
+    /// The controller's model of the arm.
+    pub fn arm(&self) -> &Arc<S::Arm> {
+        &self.arm
+    }
+
+    /// The position nearest to `goal` \[m\] that the end effector can take with the orientation of the reference.
+    pub fn attainable(&self, goal: &Vector<D>) -> Vector<D> {
+        S::attainable(&self.arm, &self.stack.controller.reference().x, goal)
+    }
+
+    /// The steps taken so far.
+    pub fn step_count(&self) -> usize {
+        self.step
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &Controller<S::State, D, M> {
+        &self.stack.controller
+    }
+
+    /// The obstacles.
+    pub fn world(&self) -> &World<S::Solid, D> {
+        &self.stack.world
+    }
+
+    /// Whether the controller knows all obstacles.
+    pub fn knows_obstacles(&self) -> bool {
+        self.perception.is_none()
+    }
+
+    /// The true joint velocity \[rad/s\].
+    pub fn velocity(&self) -> &[f64] {
+        &self.dq
+    }
+
+    /// The true distance from each link to the nearest obstacle \[m\], as in the snapshot.
+    pub fn clearance(&self) -> &[f64] {
+        let perceived = || self.stack.controller.forces().clearance();
+        self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
+    }
+
+    /// Turns a joint torque into the commanded one with its share that the null space lets through
+    /// (T4) on top \[N·m\].
+    pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
+        self.stack.controller.project(tau);
+        let sent = self.output.as_ref().map_or(&self.held.total, |sending| &sending.sent);
+        tau.iter_mut().zip(sent).for_each(|(tau, sent)| *tau += sent);
+    }
+
+    /// What the joints can do.
+    pub fn limits(&self) -> &Limits {
+        self.arm.limits()
+    }
+
+    /// The present instant.
+    pub fn time(&self) -> f64 {
+        self.options.time(self.step)
+    }
+
+    /// The path time σ \[s\] of the reference; None without a governor.
+    pub(super) fn path_time(&self) -> Option<f64> {
+        self.governor.as_ref().map(|governor| governor.path_time(self.time()))
+    }
+
+    /// Whether the state is finite and no joint turns faster than [`MAX_SPEED`](Self::MAX_SPEED).
+    pub(super) fn is_sane(&self) -> bool {
+        let slow = self.dq.iter().fold(true, |all, v| all & (v.abs() < Self::MAX_SPEED));
+        slow && is_finite(&self.q)
+    }
+
+    /// Whether torque or speed limits hold for the controller.
+    pub(super) fn is_limited(&self) -> bool {
+        let Limits { velocity, torque, .. } = self.arm.limits();
+        self.stack.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
+    }
+
+    /// Whether the controller stands at the state of the plant, with a model that is the plant and nothing beside it.
+    pub(super) fn is_ideal(&self) -> bool {
+        self.truth.is_none()
+            && Arc::ptr_eq(self.plant.arm(), &self.arm)
+            && self.controller().external_torque().is_none()
+    }
+
+    /// The state and everything that the law made of it, at the present instant.
+    pub fn snapshot(&self) -> Snapshot<'_> {
+        let controller = &self.stack.controller;
+        let (forces, space, gains) = (controller.forces(), controller.space(), controller.gains());
+        let [q_measured, dq_measured] =
+            self.measurement.as_ref().map_or([&[][..]; 2], Measurement::seen);
+        let (dx, error, clearance) = match &self.truth {
+            Some(truth) => (&truth.dx, &truth.error, truth.clearance.as_slice()),
+            None => (&space.dx, controller.error(), forces.clearance()),
+        };
+        let driven = || self.actuator.as_ref().map_or(&[][..], Actuator::torque);
+        let tau_applied = self.output.as_ref().map_or_else(driven, |sending| &sending.acting);
+        let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
+        Snapshot {
+            dimension: D,
+            t: self.time(),
+            q: &self.q,
+            dq: &self.dq,
+            q_measured,
+            dq_measured,
+            sensed: self.perception.as_ref().map(|perception| perception as &dyn Positions),
+            torque: &self.held,
+            tau_applied,
+            tau_vff: forces.torque(),
+            x: self.x.as_slice(),
+            dx: dx.as_slice(),
+            x_ref: controller.reference().x.as_slice(),
+            path_time: self.path_time(),
+            q_plan: self.stack.trajectory.joints().and_then(|_| controller.moved_posture()),
+            replans: self.replanning.as_ref().map(|replanning| replanning.counts()),
+            error: error.as_slice(),
+            force: forces.magnitude(),
+            clearance,
+            obstacles: &self.stack.world,
+            null_acceleration: self.null_acceleration,
+            energy: controller.energy(),
+            power: controller.power(acting),
+            objective_scale: self.is_limited().then_some(&self.objective_scale),
+            tank: controller.tank().map(Tank::level),
+            tau_ext: self.plant.external_torque(),
+            contact_force: self.plant.contact_forces(),
+            tau_ext_estimate: controller.external_torque(),
+            wrench_estimate: controller.external_wrench(),
+            self_clearance: (gains.self_collision != SelfCollision::Ignore)
+                .then(|| forces.self_clearance()),
+            nearest_pair: forces.nearest_pair(),
+            slack: controller.slack(),
+            yields: controller.yields(),
+            manipulability: controller.manipulability(),
+            singular: space.singular,
+        }
+    }
+}

@@ -1,0 +1,337 @@
+//! Forces and torques on links over time: what pushes the plant from outside, τ_ext = Σ Jᵀw (T143).
+
+use super::pull::Spring;
+use crate::math::{Point, Vector};
+use crate::robot::{Model, Robot};
+use nalgebra::SMatrix;
+use serde::{Deserialize, Deserializer};
+
+/// The most wrenches that act on one arm.
+pub const MAX_WRENCHES: usize = 1000;
+
+/// What the end effector is called among the links.
+pub const TIP: &str = "tip";
+
+/// One of `[[wrenches]]`: a force and a torque on a link, at a point that the link carries.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wrench<const D: usize> {
+    /// The name of the link, or [`TIP`].
+    pub link: String,
+    /// Where the force acts, in the frame of the link \[m\].
+    #[serde(default = "zeros", deserialize_with = "Point::read")]
+    pub point: [f64; D],
+    /// The force \[N\].
+    #[serde(default = "zeros", deserialize_with = "Point::read")]
+    pub force: [f64; D],
+    /// The torque beside that of the force \[N·m\].
+    #[serde(default)]
+    pub torque: Torque<D>,
+    /// Along whose axes force and torque are given.
+    #[serde(default)]
+    pub frame: Axes,
+    /// When it begins \[s\].
+    #[serde(default)]
+    pub start: f64,
+    /// How long it lasts \[s\]; to the end by default.
+    #[serde(default)]
+    pub duration: Option<f64>,
+    /// What share of it acts when.
+    #[serde(default)]
+    pub profile: Profile,
+}
+
+fn zeros<const D: usize>() -> [f64; D] {
+    [0.0; D]
+}
+
+/// A torque \[N·m\]: in space three numbers, in the plane one, about the axis out of it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Torque<const D: usize>(pub Vector<3>);
+
+impl<'de, const D: usize> Deserialize<'de> for Torque<D> {
+    fn deserialize<T: Deserializer<'de>>(deserializer: T) -> Result<Self, T::Error> {
+        match D {
+            2 => f64::deserialize(deserializer).map(|torque| Self(Vector::<3>::z() * torque)),
+            _ => Point::<3>::read(deserializer).map(|torque| Self(torque.into())),
+        }
+    }
+}
+
+/// Along whose axes a wrench is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Axes {
+    /// Those of the world.
+    #[default]
+    World,
+    /// Those of the link, with which it turns.
+    Link,
+}
+
+/// The share of a wrench that acts, over the time since it began.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Profile {
+    /// All of it.
+    Constant {},
+    /// Grows in proportion to time, stays, and goes likewise.
+    Ramp {
+        /// How long it grows \[s\].
+        rise: f64,
+        /// How long before its end it begins to go \[s\].
+        #[serde(default)]
+        fall: f64,
+    },
+    /// sin(`angular_frequency` · s + `phase`) after s seconds.
+    Sinusoid {
+        /// Angular frequency \[rad/s\].
+        angular_frequency: f64,
+        /// Phase at the start \[rad\].
+        #[serde(default)]
+        phase: f64,
+    },
+    /// Linear from one to the next, and constant before the first and after the last.
+    Table {
+        /// Seconds since the start, strictly increasing.
+        times: Vec<f64>,
+        /// The share at each of them.
+        factors: Vec<f64>,
+    },
+}
+
+impl Default for Profile {
+    fn default() -> Self {
+        Self::Constant {}
+    }
+}
+
+impl<const D: usize> Wrench<D> {
+    /// How long it lasts \[s\].
+    pub fn length(&self) -> f64 {
+        self.duration.unwrap_or(f64::INFINITY)
+    }
+
+    /// The share of it that acts at time `t` \[s\].
+    pub fn share(&self, t: f64) -> f64 {
+        let (since, length) = (t - self.start, self.length());
+        if !(0.0..length).contains(&since) {
+            return 0.0;
+        }
+        match &self.profile {
+            Profile::Constant {} => 1.0,
+            Profile::Ramp { rise, fall } => {
+                let grown = if since < *rise { since / rise } else { 1.0 };
+                let left = length - since;
+                if left < *fall { grown.min(left / fall) } else { grown }
+            }
+            Profile::Sinusoid { angular_frequency, phase } => {
+                (angular_frequency * since + phase).sin()
+            }
+            Profile::Table { times, factors } => {
+                let next = times.partition_point(|time| *time <= since);
+                let Some(before) = next.checked_sub(1) else { return factors[0] };
+                let Some(end) = times.get(next) else { return factors[before] };
+                let passed = (since - times[before]) / (end - times[before]);
+                factors[before] + passed * (factors[next] - factors[before])
+            }
+        }
+    }
+}
+
+/// A wrench on an arm: which link carries it, and in whose frame it is given.
+#[derive(Debug, Clone)]
+struct Placed<const D: usize> {
+    wrench: Wrench<D>,
+    /// The link's index.
+    link: usize,
+    /// The same, or the number of joints: the frame of the end effector.
+    frame: usize,
+}
+
+/// A wrench as it is at one instant, in world axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Acting<const D: usize> {
+    /// The index of the link that it acts on.
+    pub link: usize,
+    /// Where the force acts \[m\].
+    pub point: Vector<D>,
+    /// The force \[N\].
+    pub force: Vector<D>,
+    /// The torque beside that of the force \[N·m\].
+    pub torque: Vector<3>,
+}
+
+impl<const D: usize> Placed<D> {
+    fn new(wrench: Wrench<D>, arm: &impl Model<D>) -> Result<Self, Vec<String>> {
+        let [link, frame] = find(&wrench.link, arm)?;
+        Ok(Self { wrench, link, frame })
+    }
+
+    /// `share` of it on `robot` where that is.
+    fn acting<R: Robot<D>>(&self, robot: &R, share: f64) -> Acting<D> {
+        let Wrench { point, force, torque, frame, .. } = &self.wrench;
+        let (origin, axes) = robot.link_frame(self.frame);
+        let (force, torque) = (Vector::from(*force) * share, torque.0 * share);
+        let (force, torque) = match frame {
+            Axes::World => (force, torque),
+            Axes::Link => (axes * force, turned(&axes, &torque)),
+        };
+        Acting { link: self.link, point: origin + axes * Vector::from(*point), force, torque }
+    }
+}
+
+/// The index of the link of this name, or of the one that carries the [`TIP`], and that of its frame.
+///
+/// # Errors
+/// If the arm has no such link: with the names of those that it has.
+pub(super) fn find<const D: usize>(
+    given: &str,
+    arm: &impl Model<D>,
+) -> Result<[usize; 2], Vec<String>> {
+    let n = arm.dof();
+    if given == TIP {
+        return Ok([n - 1, n]);
+    }
+    let names = || (0..n).map(|i| arm.link_name(i));
+    let index = names().position(|name| name == given);
+    index.map(|i| [i, i]).ok_or_else(|| names().chain([TIP.to_string()]).collect())
+}
+
+/// A torque of the axes `axes` in the world; in the plane they all have the same one.
+fn turned<const D: usize>(axes: &SMatrix<f64, D, D>, torque: &Vector<3>) -> Vector<3> {
+    match D {
+        2 => *torque,
+        _ => Vector::<3>::from_fn(|row, _| (0..3).map(|k| axes[(row, k)] * torque[k]).sum()),
+    }
+}
+
+/// All wrenches on an arm, and the torque that they are for its joints. Nothing allocates but [`add`](Self::add).
+#[derive(Debug, Clone)]
+pub struct Wrenches<R: Robot<D>, const D: usize> {
+    all: Vec<Placed<D>>,
+    /// How many of them are the scenario's; those after them push while it runs.
+    given: usize,
+    /// The share of each that acts in the present step.
+    shares: Vec<f64>,
+    /// What somebody pulls with, if anybody does.
+    pull: Option<Spring<D>>,
+    on_links: Vec<R::Wrench>,
+    torque: Vec<f64>,
+    total: Vec<f64>,
+}
+
+impl<R: Robot<D>, const D: usize> Wrenches<R, D> {
+    /// Those of a scenario on an arm, which has a link for each.
+    ///
+    /// # Errors
+    /// With the index of the first whose link the arm does not have, and the names of those that it has.
+    pub fn new(given: &[Wrench<D>], arm: &impl Model<D>) -> Result<Self, (usize, Vec<String>)> {
+        let n = arm.dof();
+        let mut this = Self {
+            all: vec![],
+            given: given.len(),
+            shares: vec![],
+            pull: None,
+            on_links: vec![R::Wrench::default(); n],
+            torque: vec![0.0; n],
+            total: vec![0.0; n],
+        };
+        for (i, wrench) in given.iter().enumerate() {
+            this.add(wrench.clone(), arm).map_err(|known| (i, known))?;
+        }
+        Ok(this)
+    }
+
+    /// One more.
+    ///
+    /// # Errors
+    /// If the arm has no such link: with the names of those that it has.
+    pub fn add(&mut self, wrench: Wrench<D>, arm: &impl Model<D>) -> Result<(), Vec<String>> {
+        self.all.push(Placed::new(wrench, arm)?);
+        self.shares.push(0.0);
+        Ok(())
+    }
+
+    /// Whether there is none, and nobody pulls.
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty() && self.pull.is_none()
+    }
+
+    /// Lets somebody pull from now on, or let go.
+    pub fn pull(&mut self, spring: Option<Spring<D>>) {
+        self.pull = spring;
+    }
+
+    /// What somebody pulls with.
+    pub fn pulled(&self) -> Option<&Spring<D>> {
+        self.pull.as_ref()
+    }
+
+    /// The same, to be moved.
+    pub fn pulled_mut(&mut self) -> Option<&mut Spring<D>> {
+        self.pull.as_mut()
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Forgets those that were added and are over at `t` \[s\].
+    pub fn forget_past(&mut self, t: f64) {
+        let mut i = 0;
+        let given = self.given;
+        self.all.retain(|placed| {
+            i += 1;
+            i <= given || placed.wrench.start + placed.wrench.length() > t
+        });
+        self.shares.truncate(self.all.len());
+    }
+
+    /// Forgets those that were added; nobody pulls any more.
+    pub fn forget_added(&mut self) {
+        self.pull = None;
+        self.all.truncate(self.given);
+        self.shares.truncate(self.given);
+    }
+
+    /// From now on what acts is that of time `t` \[s\].
+    pub fn go_to(&mut self, t: f64) {
+        for (share, placed) in self.shares.iter_mut().zip(&self.all) {
+            *share = placed.wrench.share(t);
+        }
+    }
+
+    /// Those of the scenario and those that were added, as they are where `robot` is.
+    pub fn acting<'a>(&'a self, robot: &'a R) -> impl Iterator<Item = Acting<D>> + 'a {
+        self.all.iter().zip(&self.shares).map(|(placed, share)| placed.acting(robot, *share))
+    }
+
+    /// τ_ext where `robot` is \[N·m, N\], (n).
+    pub fn torque(&mut self, robot: &R) -> &[f64] {
+        let Self { all, shares, pull, on_links, torque, .. } = self;
+        on_links.fill(R::Wrench::default());
+        if let Some(spring) = pull {
+            let Acting { link, point, force, .. } = spring.acting(robot);
+            robot.add_force(on_links, link, &point, &force);
+        }
+        for (placed, share) in all.iter().zip(&*shares).filter(|(_, share)| **share != 0.0) {
+            let Acting { link, point, force, torque } = placed.acting(robot, *share);
+            robot.add_force(on_links, link, &point, &force);
+            robot.add_torque(on_links, link, &torque);
+        }
+        robot.wrenches_tr_mul(on_links, torque);
+        torque
+    }
+
+    /// τ + τ_ext where `robot` is \[N·m, N\], (n).
+    pub fn add_to(&mut self, robot: &R, tau: &[f64]) -> &[f64] {
+        self.torque(robot);
+        let Self { torque, total, .. } = self;
+        for ((total, tau), torque) in total.iter_mut().zip(tau).zip(&*torque) {
+            *total = tau + torque;
+        }
+        total
+    }
+}

@@ -1,0 +1,111 @@
+//! What every link keeps along a plan: a uniform cubic B-spline that stays below what was said at the knots (T151).
+
+use super::piecewise;
+use super::{Pace, TrajectoryError};
+
+/// Control points reach over so many knots to either side.
+const REACH: usize = 2;
+
+/// What every link keeps from obstacles, over time: C² where the knots are evenly spaced, and between two of them at most the
+/// smaller of what was said there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeptMargins {
+    times: Vec<f64>,
+    /// The least of the knots around, of all links at the first knot, then of all at the next \[m\].
+    control: Vec<f64>,
+    links: usize,
+}
+
+impl KeptMargins {
+    /// Of `margins` \[m\] at `times` \[s\], a number for each of so many `links`.
+    ///
+    /// # Errors
+    /// With times that do not increase, not as many margins as times, or margins of another length.
+    pub fn new(times: &[f64], margins: &[Vec<f64>], links: usize) -> Result<Self, TrajectoryError> {
+        if times.len() != margins.len() {
+            let (expected, given) = (times.len(), margins.len());
+            return Err(TrajectoryError::MarginCount { expected, given });
+        }
+        piecewise::check(times, margins.len())?;
+        if let Some(i) = margins.iter().position(|margin| margin.len() != links) {
+            let (field, given) = (format!("margins[{i}]"), margins[i].len());
+            return Err(TrajectoryError::Joints { field, expected: links, given });
+        }
+        let mut control = Vec::with_capacity(times.len() * links);
+        for k in 0..times.len() {
+            let around = &margins[k.saturating_sub(REACH)..times.len().min(k + REACH + 1)];
+            control.extend((0..links).map(|link| {
+                around.iter().map(|margin| margin[link]).fold(f64::INFINITY, f64::min)
+            }));
+        }
+        Ok(Self { times: times.to_vec(), control, links })
+    }
+
+    /// What each link keeps at `pace` \[m\], no more than `most`, with its first and second derivative in time. Does not
+    /// allocate.
+    pub fn at(&self, pace: &Pace, most: f64, kept: &mut [[f64; 3]]) {
+        let [first, last] = [self.times[0], self.times[self.times.len() - 1]];
+        let i = self.times[1..self.times.len() - 1].partition_point(|time| *time <= pace.time);
+        let duration = self.times[i + 1] - self.times[i];
+        let s = ((pace.time - self.times[i]) / duration).clamp(0.0, 1.0);
+        let (r, moves) = (1.0 - s, (first..=last).contains(&pace.time));
+        let weights = [
+            r * r * r / 6.0,
+            (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0,
+            (-3.0 * s * s * s + 3.0 * s * s + 3.0 * s + 1.0) / 6.0,
+            s * s * s / 6.0,
+        ];
+        let slopes = [-0.5 * r * r, 1.5 * s * s - 2.0 * s, -1.5 * s * s + s + 0.5, 0.5 * s * s];
+        let bends = [r, 3.0 * s - 2.0, 1.0 - 3.0 * s, s];
+        for (link, kept) in kept.iter_mut().enumerate() {
+            let point = |k: usize| {
+                let knot = (i + k).saturating_sub(1).min(self.times.len() - 1);
+                self.control[knot * self.links + link].min(most)
+            };
+            let sum = |weights: &[f64; 4]| (0..4).map(|k| weights[k] * point(k)).sum::<f64>();
+            *kept = [sum(&weights), 0.0, 0.0];
+            if moves {
+                let (slope, bend) = (sum(&slopes) / duration, sum(&bends) / (duration * duration));
+                kept[1] = slope * pace.speed;
+                kept[2] = bend * pace.speed * pace.speed + slope * pace.change;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Never above what was said at either knot around, nor above the most that is asked for; its derivatives are those
+        /// of what it changes by, at any pace, and it is at rest outside.
+        #[test]
+        fn stays_below_its_knots(
+            said in prop::collection::vec(0.0..0.03, 12), most in 0.0..0.04, at in 0.01..0.99, speed in 0.1..1.0,
+        ) {
+            let times: Vec<f64> = (0..12).map(|k| 0.04 * f64::from(k)).collect();
+            let rows: Vec<Vec<f64>> = said.iter().map(|margin| vec![1.0, *margin]).collect();
+            let kept = KeptMargins::new(&times, &rows, 2).unwrap();
+            let read = |t: f64| {
+                let mut found = [[0.0; 3]; 2];
+                kept.at(&Pace { time: t, speed, change: 0.0 }, most, &mut found);
+                found[1]
+            };
+            for k in 0..11 {
+                let t = times[k] + at * 0.04;
+                let [value, rate, bend] = read(t);
+                prop_assert!((0.0..=most.min(said[k]).min(said[k + 1]) + 1e-15).contains(&value));
+                let h = 1e-6;
+                let [before, after] = [read(t - h * speed), read(t + h * speed)];
+                for (k, derivative) in [rate, bend].into_iter().enumerate() {
+                    let slope = (after[k] - before[k]) / (2.0 * h);
+                    prop_assert!((slope - derivative).abs() < 1e-3 * (1.0 + derivative.abs()), "{slope} {derivative}");
+                }
+            }
+            prop_assert_eq!(read(-1.0)[1..].to_vec(), vec![0.0, 0.0]);
+            prop_assert!((read(1.0)[0] - read(0.44)[0]).abs() < 1e-15);
+        }
+    }
+}

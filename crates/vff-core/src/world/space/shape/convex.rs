@@ -1,0 +1,43 @@
+//! The convex hull of points.
+
+use super::{ConvexCore, Core, Point};
+use crate::geometry::axis::Probe;
+use crate::geometry::{Hull, check_hull};
+use crate::math::{UnitQuaternion, Vector};
+use crate::world::ShapeFault;
+
+/// Whether a hull can be made of the points.
+pub(super) fn check(vertices: &[[f64; 3]]) -> Result<(), ShapeFault> {
+    check_hull(vertices).map_err(|error| ShapeFault::told("vertices", error.to_string()))
+}
+
+/// The hull of the points, turned; of unusable ones a point.
+pub(super) fn around(vertices: &[[f64; 3]], turn: &UnitQuaternion) -> Core {
+    match Hull::new(vertices) {
+        Ok(hull) => Core::Hull(Box::new(hull.turned(turn))),
+        Err(_) => Core::Point(Point(Vector::zeros())),
+    }
+}
+
+impl ConvexCore for Hull {
+    #[inline(always)]
+    fn distance(&self, axis: &Probe) -> f64 {
+        Self::distance(self, axis)
+    }
+
+    fn features(&self) -> Option<usize> {
+        Some(self.corners.len() + self.edges.len())
+    }
+
+    fn extent(&self, _: f64) -> [Vector<3>; 2] {
+        self.bounds()
+    }
+
+    fn reach(&self) -> f64 {
+        Self::reach(self)
+    }
+
+    fn cast(&self, origin: &Vector<3>, direction: &Vector<3>, _: f64, _: f64) -> Option<f64> {
+        self.meet_ray(origin, direction)
+    }
+}

@@ -1,0 +1,111 @@
+use super::plane::{Obstacle, Shape, World};
+use super::{CollisionQuery, Motion};
+use crate::geometry::Body;
+use crate::math::{Capsule, Vector};
+
+fn disc(position: [f64; 2], motion: Motion<2>) -> Obstacle {
+    Obstacle {
+        shape: Shape::Circle { radius: 0.5 },
+        position,
+        angle: 0.0,
+        angular_velocity: 0.0,
+        motion,
+    }
+}
+
+#[test]
+fn update_moves_what_moves() {
+    let velocity = [1.0, -2.0];
+    let mut world = World::new(vec![
+        disc([1.0, 1.0], Motion::default()),
+        disc([0.0, 3.0], Motion::Linear { velocity }),
+    ]);
+    assert_eq!(world.len(), 2);
+    assert!(!world.is_empty());
+    assert_eq!(world.position(1), Vector::<2>::new(0.0, 3.0));
+    assert_eq!(world.velocity(1), Vector::from(velocity));
+    world.update(2.0);
+    assert_eq!(world.time().to_bits(), 2f64.to_bits());
+    assert_eq!(world.position(0), Vector::<2>::new(1.0, 1.0));
+    assert_eq!(world.velocity(0), Vector::<2>::zeros());
+    assert_eq!(world.position(1), Vector::<2>::new(2.0, -1.0));
+    assert_eq!(world.acceleration(1), Vector::<2>::zeros());
+    assert_eq!(world.obstacle(1).shape, Shape::Circle { radius: 0.5 });
+    world.update(0.0);
+    assert_eq!(world.position(1), Vector::<2>::new(0.0, 3.0));
+}
+
+/// A disc on its way is carried elsewhere: nothing jumps, it arrives, and others are left alone.
+#[test]
+fn obstacles_are_carried() {
+    let still = disc([1.0, 1.0], Motion::default());
+    let mut world =
+        World::new(vec![still.clone(), disc([0.0, 3.0], Motion::Linear { velocity: [1.0, -2.0] })]);
+    world.update(1.0);
+    let goal = Vector::<2>::new(5.0, 5.0);
+    for j in 0..2 {
+        let before = (world.position(j), world.velocity(j), world.acceleration(j));
+        world.carry(j, goal, 10.0);
+        let after = (world.position(j), world.velocity(j), world.acceleration(j));
+        assert!((before.0 - after.0).norm() + (before.1 - after.1).norm() < 1e-13);
+        assert!((before.2 - after.2).norm() < 1e-11);
+    }
+    world.update(6.0);
+    assert!((world.position(0) - goal).norm() + (world.position(1) - goal).norm() < 1e-12);
+    world.remove(0);
+    world.add(still);
+    assert_eq!(world.len(), 2);
+    assert!((world.position(0) - goal).norm() < 1e-12);
+    assert_eq!(world.position(1), Vector::<2>::new(1.0, 1.0));
+}
+
+/// The hierarchy of a crowd is given up, and the distances are those of a few obstacles.
+#[test]
+fn obstacles_of_a_crowd_are_carried() {
+    let discs = |count: u32| (0..count).map(|k| disc([f64::from(k), 3.0], Motion::default()));
+    let mut world = World::new(discs(30).collect());
+    let along = Vector::<2>::new(2.0, 0.0);
+    let link = || [Body::new(0, Capsule::new(Vector::<2>::zeros(), along, 0.1))];
+    let distance = |world: &mut World| {
+        let mut found = 0.0;
+        world.for_each_contact(link(), f64::INFINITY, |_, d| found = d, |_| {});
+        found
+    };
+    assert!((distance(&mut world) - 2.4).abs() < 1e-12);
+    world.carry(29, Vector::<2>::new(1.0, 1.0), 10.0);
+    world.update(10.0);
+    assert!((distance(&mut world) - 0.4).abs() < 1e-12);
+}
+
+#[test]
+fn all_pairs_are_visited_in_order() {
+    let mut world = World::new(vec![
+        disc([0.0, 2.0], Motion::Linear { velocity: [0.0, 1.0] }),
+        disc([2.0, -1.0], Motion::default()),
+    ]);
+    world.update(1.0);
+    let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
+    let capsules = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
+    // Carried by links that have other numbers than they.
+    let links = capsules.zip([4, 2]).map(|(shape, link)| Body::new(link, shape));
+    let (mut found, mut distances) = (Vec::new(), Vec::new());
+    world.for_each_contact(
+        links.clone(),
+        f64::INFINITY,
+        |link, distance| distances.push((link, distance)),
+        |contact| found.push(*contact),
+    );
+    let pairs: Vec<_> = found.iter().map(|c| (c.body, c.obstacle)).collect();
+    let carriers: Vec<_> = found.iter().map(|c| c.link).collect();
+    assert_eq!(carriers, [4, 4, 2, 2]);
+    assert_eq!(pairs, [(0, 0), (0, 1), (1, 0), (1, 1)]);
+    assert_eq!(distances, [(4, found[1].distance), (2, found[3].distance)]);
+    for contact in &found {
+        let body = links.clone().nth(contact.body).unwrap();
+        assert_eq!(*contact, world.contact(contact.body, &body, contact.obstacle));
+    }
+    assert!((found[0].distance - 2.4).abs() < 1e-15);
+    assert_eq!(found[0].velocity, Vector::<2>::new(0.0, 1.0));
+    assert!((found[3].distance - 0.4).abs() < 1e-15);
+    assert_eq!(found[3].normal, Vector::<2>::new(0.0, 1.0));
+}

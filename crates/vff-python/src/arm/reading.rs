@@ -1,0 +1,71 @@
+//! Arms from descriptions: those of scenarios, those that others have read, and chains of equal links.
+
+use super::Arm;
+use crate::convert::{number, whole_number};
+use crate::errors::{self, InputError};
+use crate::loading::load_numpy;
+use crate::run::prepared;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use std::iter;
+use toml::{Table, Value};
+use vff_core::runtime::AnyArm;
+use vff_core::scenario::Scenario;
+
+impl Arm {
+    /// Reads an arm from its part of a scenario.
+    pub(super) fn read(py: Python<'_>, document: Table) -> PyResult<Self> {
+        load_numpy(py)?;
+        let arm = AnyArm::read(&document).map_err(|error| errors::arm(&error))?;
+        let document = arm.document(document);
+        Ok(Self { arm, document })
+    }
+}
+
+/// The description of a chain of `n` equal links with this length, mass, radius and gravity.
+pub(super) fn uniform(
+    n: &Bound<'_, PyAny>,
+    [length, mass, radius, gravity]: [Option<&Bound<'_, PyAny>>; 4],
+) -> PyResult<Table> {
+    let n = whole_number("n", n)?;
+    let Some(count) = usize::try_from(n).ok().filter(|n| (1..=100_000).contains(n)) else {
+        return Err(InputError::new_err(format!("n: must be from 1 to 100000, got {n}")));
+    };
+    let read = |name, value: Option<&Bound<'_, PyAny>>, default| {
+        value.map_or(Ok(default), |value| number(name, value)).map(Value::Float)
+    };
+    let mut document = Table::new();
+    document.insert("lengths".into(), Value::Array(vec![read("length", length, 1.0)?; count]));
+    document.insert("masses".into(), read("mass", mass, 1.0)?);
+    document.insert("radius".into(), read("radius", radius, 0.0)?);
+    document.insert("gravity".into(), read("gravity", gravity, 0.0)?);
+    Ok(document)
+}
+
+/// An arm of the package's own readers of models, which return its description.
+pub(super) fn read_by<'py>(
+    reader: &str,
+    model: &Bound<'py, PyAny>,
+    arguments: &Bound<'py, PyTuple>,
+    options: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Arm> {
+    let py = model.py();
+    let all: Vec<_> = iter::once(model.clone()).chain(arguments.iter()).collect();
+    let all = PyTuple::new(py, all)?;
+    let read = py.import("vffnull.arms")?.getattr(reader)?.call(all, options)?;
+    Arm::read(py, crate::convert::document(&read)?)
+}
+
+/// The physical arm of a scenario document, payload included.
+///
+/// Raises
+/// ------
+/// vffnull.errors.ScenarioError
+///     If the scenario cannot be used.
+#[pyfunction]
+pub fn plant(py: Python<'_>, document: &Bound<'_, PyAny>) -> PyResult<Arm> {
+    let document = crate::convert::document(document)?;
+    let (arm, document) =
+        prepared(py, &document, |scenario: Scenario| AnyArm::plant(&scenario, &document))?;
+    Ok(Arm { arm, document })
+}

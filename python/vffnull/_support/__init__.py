@@ -1,0 +1,1 @@
+"""What has nothing to do with arms: arguments, files, extras, progress, interrupts, errors."""

@@ -1,0 +1,211 @@
+"""Meshes as obstacles: convex hulls that enclose them, and how much larger these are."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vffnull._support.errors import InputError
+from vffnull._support.extras import extra
+from vffnull.arms._hulls import PROTRUSION, Hull, simplified
+from vffnull.model.document import frozen
+from vffnull.model.world import Obstacle
+
+if TYPE_CHECKING:
+    from vffnull.model.world import Motion
+
+__all__ = ["Enclosure", "enclose"]
+
+Array = NDArray[np.float64]
+
+SPACING = 1 / 40
+"""Of the points of the surface that must lie within the hulls, as a share of its diagonal."""
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """Convex hulls that enclose a mesh together.
+
+    Attributes
+    ----------
+    hulls : tuple of (k, 3) array
+        Corners of each [m], at most 64, in the frame of the mesh.
+    volume : float
+        Of the hulls [m³]; where they overlap it counts for each.
+    mesh_volume : float or None
+        Of the mesh [m³]; None if its surface is open, so that it has none.
+    protrusion : float
+        How far the surface sticks out of the hulls at most [m]: exactly where there is one hull, otherwise
+        over points that are nowhere farther apart than 1/80 of its diagonal.
+    """
+
+    hulls: tuple[Array, ...]
+    volume: float
+    mesh_volume: float | None
+    protrusion: float
+
+    def obstacles(
+        self,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        motion: Motion | None = None,
+        *,
+        orientation: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+    ) -> list[Obstacle]:
+        """One obstacle per hull; they move as one body.
+
+        Parameters
+        ----------
+        position : (3,) array_like
+            Where the origin of the mesh is at rest [m].
+        motion : Motion, optional
+            How it moves.
+        orientation : (4,) array_like, optional
+            Of the mesh, a unit quaternion ``[w, x, y, z]``.
+        angular_velocity : (3,) array_like, optional
+            How fast it turns about its origin [rad/s].
+        """
+        turned, turns = (None if each is None else frozen(each) for each in (orientation, angular_velocity))
+        return [
+            Obstacle(
+                "convex",
+                (("vertices", frozen(corners)),),
+                frozen(position),
+                motion=motion,
+                orientation=turned,
+                angular_velocity=turns,
+            )
+            for corners in self.hulls
+        ]
+
+
+def enclose(
+    file: str | os.PathLike[str], pieces: int = 1, *, scale: float | Sequence[float] = 1.0
+) -> Enclosure:
+    """Enclose a mesh in convex hulls.
+
+    One hull fills every hollow of the mesh. With more pieces, CoACD (Wei et al., "Approximate convex
+    decomposition for 3D meshes with collision-aware concavity and tree search", ACM Transactions on Graphics
+    41(4), 2022) cuts it where this keeps the hollows best, which takes seconds to minutes. A
+    hull of more than 64 corners is replaced by a larger one of at most 64. Nothing of the mesh sticks out;
+    `Enclosure` says how much larger the hulls are.
+
+    Parameters
+    ----------
+    file : path
+        STL, OBJ, PLY, DAE or what else trimesh reads; in metres, unless a DAE file says otherwise.
+    pieces : int, optional
+        The most hulls that there may be.
+    scale : float or (3,) sequence of float, optional
+        By which the mesh is multiplied: 0.001 for millimetres.
+
+    Raises
+    ------
+    ImportError
+        Without trimesh, SciPy or, for several pieces, CoACD: ``pip install "vffnull[meshes]"``.
+    vffnull.errors.InputError
+        If the file cannot be read, holds nothing that encloses a volume, or the hulls miss more than 1 mm.
+    """
+    if isinstance(pieces, bool) or not isinstance(pieces, int) or pieces < 1:
+        raise InputError(f"pieces: expected a whole number of at least 1, got {pieces!r}")
+    factors = np.asarray(scale, float)
+    if factors.shape not in ((), (3,)) or not np.all(np.isfinite(factors)) or np.any(factors <= 0.0):
+        raise InputError(f"scale: expected one or three positive numbers, got {scale!r}")
+    path = Path(file).expanduser()
+    if not path.is_file():
+        raise InputError(f"mesh {str(path)!r} cannot be found")
+    from vffnull.arms._meshes import read
+
+    solid = read(path, path.stem, np.broadcast_to(factors, 3).tolist())
+    surface = extra("trimesh", "meshes").Trimesh(solid.points, solid.triangles, process=True)
+    parts = [np.asarray(surface.vertices, float)] if pieces == 1 else _cut(surface, pieces)
+    covered, judged = (
+        _points_on(surface, 0.0 if len(parts) == 1 else each) for each in (SPACING, SPACING / 2)
+    )
+    try:
+        hulls = _covering(parts, covered)
+    except extra("scipy.spatial", "meshes").QhullError as error:
+        raise InputError(f"mesh {str(path)!r} is flat: it encloses no volume") from error
+    protrusion = max(0.0, float(_outside(hulls, judged).max()))
+    if protrusion > PROTRUSION:
+        raise InputError(
+            f"mesh {str(path)!r} sticks out of {len(hulls)} hulls by {1e3 * protrusion:.1f} mm; "
+            "try another number of pieces"
+        )
+    return Enclosure(
+        hulls=tuple(hull.corners for hull in hulls),
+        volume=sum(hull.volume for hull in hulls),
+        mesh_volume=abs(float(surface.volume)) if surface.is_watertight else None,
+        protrusion=protrusion,
+    )
+
+
+CUT = """
+import signal, sys
+import coacd, numpy as np
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+coacd.set_log_level("off")
+given = np.load(sys.argv[1])
+parts = coacd.run_coacd(coacd.Mesh(given["points"], given["faces"]), max_convex_hull=int(sys.argv[3]))
+np.savez(sys.argv[2], *(points for points, _ in parts))
+"""
+
+
+def _cut(surface: Any, pieces: int) -> list[Array]:
+    """The vertices of the parts that CoACD makes of a surface, in a process that Ctrl-C ends."""
+    extra("coacd", "meshes")
+    with tempfile.TemporaryDirectory() as folder:
+        given, found, said = (Path(folder) / name for name in ("given.npz", "found.npz", "said.txt"))
+        np.savez(given, points=surface.vertices, faces=surface.faces)
+        with said.open("wb") as output:
+            process = subprocess.Popen(
+                [sys.executable, "-c", CUT, given, found, str(pieces)], stdout=output, stderr=output
+            )
+            try:
+                while process.poll() is None:
+                    time.sleep(0.02)
+            finally:
+                process.kill()
+                process.wait()
+        if process.returncode:
+            raise InputError(f"CoACD cannot cut this mesh: {said.read_text(errors='replace')[-300:]}")
+        with np.load(found) as parts:
+            return [np.asarray(parts[name], float) for name in parts]
+
+
+def _points_on(surface: Any, spacing: float) -> Array:
+    """Vertices of a surface, and points between them, none farther apart than a share of its diagonal.
+
+    A share of 0 asks for the vertices alone.
+    """
+    if not spacing:
+        return np.asarray(surface.vertices, float)
+    trimesh = extra("trimesh", "meshes")
+    longest = spacing * float(np.linalg.norm(surface.extents))
+    points, _ = trimesh.remesh.subdivide_to_size(surface.vertices, surface.faces, longest, max_iter=20)
+    return np.asarray(points, float)
+
+
+def _outside(hulls: Sequence[Hull], points: Array) -> Array:
+    """How far points are outside the hull that they are least outside of [m]."""
+    found: Array = np.min([hull.outside(points) for hull in hulls], axis=0)
+    return found
+
+
+def _covering(parts: Sequence[Array], points: Array) -> list[Hull]:
+    """The hulls of parts, each widened by the points that none contains and it is nearest to."""
+    hulls = [Hull(part) for part in parts]
+    beyond = np.array([hull.outside(points) for hull in hulls])
+    nearest = np.where(beyond.min(axis=0) > 0.0, beyond.argmin(axis=0), -1)
+    wide = (np.vstack([hull.corners, points[nearest == k]]) for k, hull in enumerate(hulls))
+    return [simplified(Hull(each)) for each in wide]

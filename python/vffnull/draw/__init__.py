@@ -1,0 +1,1 @@
+"""What is drawn: one list of primitives for every scene, and a painter each for figures, films, pages."""

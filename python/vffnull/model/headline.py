@@ -1,0 +1,178 @@
+"""What happened in a run, the worst first: one verdict, and a sentence for each thing, wherever it is told.
+
+The core measures the facts; here they get their words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from vffnull._core import Arm
+
+__all__ = ["Finding", "Headline", "findings", "headline"]
+
+Number = float | int | None
+Severity = Literal["good", "odd", "bad"]
+
+_LOST = 1e-2
+"""How far the end effector may be from its reference at the end [m]."""
+_TURNED = 5e-2
+"""The same of its orientation [rad]."""
+_OVER = 1e-3
+"""By which share a limit is exceeded before it counts: barriers hold a speed to parts in ten thousand."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that should not happen, and did.
+
+    Attributes
+    ----------
+    verdict : str
+        A word or two, such as ``"collided"``.
+    severity : {"odd", "bad"}
+        Contact is bad, all else odd.
+    text : str
+        With which link or joint, when, and how much.
+    """
+
+    verdict: str
+    severity: Severity
+    text: str
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What is to be known first of a run.
+
+    Attributes
+    ----------
+    verdict : str
+        The worst that happened in a word or two; ``"completed"`` if nothing did.
+    severity : {"good", "odd", "bad"}
+        Good only if nothing is to be said against the run.
+    lines : tuple of str
+        Sentences, the worst first, and how it ended.
+    """
+
+    verdict: str
+    severity: Severity
+    lines: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.verdict}: {'; '.join(self.lines)}"
+
+
+def headline(
+    status: str, message: str, facts: Mapping[str, Number], arm: Arm, slides: frozenset[int] = frozenset()
+) -> Headline:
+    """The headline of a run.
+
+    Parameters
+    ----------
+    status, message : str
+        How it ended.
+    facts : Mapping
+        Metrics by name. Of what a file of an older version has not measured nothing is said.
+    arm : Arm
+        Whose links and joints are named.
+    slides : frozenset of int, optional
+        Which joints slide.
+    """
+    found = list(findings(facts, arm, slides))
+    lines = tuple(each.text for each in found)
+    if status not in ("completed", "collided"):
+        severity: Severity = "odd" if status == "interrupted" else "bad"
+        return Headline(status, severity, (message, *lines))
+    if found:
+        return Headline(found[0].verdict, found[0].severity, (*lines, message))
+    return Headline(status, "good", (f"{message}{_untouched(facts)}",))
+
+
+def findings(
+    facts: Mapping[str, Number], arm: Arm, slides: frozenset[int] = frozenset()
+) -> Iterator[Finding]:
+    """What should not have happened, the worst first.
+
+    Parameters
+    ----------
+    facts : Mapping
+        Metrics by name; those of a run that goes on say nothing of its end.
+    arm : Arm
+        Whose links and joints are named.
+    slides : frozenset of int, optional
+        Which joints slide.
+    """
+    yield from _contacts(facts, arm)
+    yield from _limits(facts, arm, slides)
+    off, turned = facts.get("end_error") or 0.0, facts.get("end_orientation_error") or 0.0
+    missed = [f"{_length(off)} off"] if off > _LOST else []
+    missed += [f"turned {math.degrees(turned):.1f}° from"] if turned > _TURNED else []
+    if missed:
+        text = f"the end effector is {' and '.join(missed)} its reference at the end"
+        yield Finding("off reference", "odd", text)
+    if broken := facts.get("slack_steps"):
+        text = f"barriers were broken in {broken} of {facts.get('steps', '?')} steps"
+        yield Finding("barrier broken", "odd", f"{text}, by up to {facts['max_slack']:.3g} m/s²")
+
+
+def _contacts(facts: Mapping[str, Number], arm: Arm) -> Iterator[Finding]:
+    """With obstacles, and among the arm's own links."""
+    first, depth = facts.get("collision_time"), facts.get("intrusion_depth")
+    if first is not None and depth is not None:
+        text = f"{_link(arm, facts['min_clearance_link'])} was up to {_length(depth)} inside an obstacle"
+        yield Finding("collided", "bad", text + _when(first, facts["intrusion_time"]))
+    first, least = facts.get("self_collision_time"), facts.get("min_self_clearance")
+    if first is not None and least is not None:
+        one, other = (_link(arm, facts.get(f"min_self_clearance_{which}")) for which in ("link", "other"))
+        text = f"{one} and {other} were up to {_length(-least)} inside each other"
+        yield Finding("hit itself", "bad", text + _when(first, facts.get("self_intrusion_time")))
+
+
+def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> Iterator[Finding]:
+    """Of the arm: what its motors cannot do, and where its joints end."""
+    for name in ("torque", "velocity"):
+        ratio, joint = facts.get(f"{name}_limit_ratio"), facts.get(f"{name}_limit_joint")
+        if ratio is not None and ratio > 1 + _OVER:
+            quantity = {"torque": "force" if joint in slides else "torque", "velocity": "speed"}[name]
+            text = f"the {quantity} of {_joint(arm, joint)} came to {100 * ratio:.4g} % of its limit"
+            yield Finding("over limits", "odd", text)
+    first, joint = facts.get("joint_limit_time"), facts.get("joint_limit_joint")
+    if first is not None:
+        beyond = facts.get("joint_limit_violation") or 0.0
+        far = _length(beyond) if joint in slides else f"{math.degrees(beyond):.3g}°"
+        reached = f"was up to {far} beyond its limits" if beyond > 0 else "came to its stop"
+        when = "from the start" if first == 0 else f"first at t = {first:.4g} s"
+        yield Finding("at a stop", "odd", f"{_joint(arm, joint)} {reached}, {when}")
+
+
+def _untouched(facts: Mapping[str, Number]) -> str:
+    """What was kept apart, of what was measured."""
+    obstacles, links = (facts.get(f"min_{name}") is not None for name in ("clearance", "self_clearance"))
+    what = {(True, True): "", (True, False): " with an obstacle", (False, True): " of its own links"}
+    return f" without contact{what[obstacles, links]}" if obstacles or links else ""
+
+
+def _when(first: float, total: Number) -> str:
+    begun = "from the start" if first == 0 else f"first at t = {first:.4g} s"
+    return f", {begun}" + (f", for {total:.3g} s in all" if total else "")
+
+
+def _link(arm: Arm, link: Number) -> str:
+    if link is None:
+        return "the base"
+    return arm.link_names[int(link)] if arm.dimension == 3 else f"link {link}"
+
+
+def _joint(arm: Arm, joint: Number) -> str:
+    if joint is None:
+        return "a joint"
+    return arm.joint_names[int(joint)] if arm.dimension == 3 else f"joint {joint}"
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 1 else f"{1e3 * metres:.3g} mm"

@@ -1,0 +1,536 @@
+"""What stands in the arm's way: shapes, where they are, and how they move.
+
+In the plane points have two coordinates, in space three: the length of a point decides where an obstacle is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import vffnull._core as _core
+from vffnull._support.arguments import suggesting
+from vffnull._support.errors import InputError, InputTypeError, ScenarioError
+from vffnull.model.document import Document, frozen, plain
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Motion", "Obstacle"]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How an obstacle moves; made by `static`, `linear`, `sinusoid` or `waypoints`.
+
+    Velocities and accelerations follow from the formula, not from differences of positions, so a controller
+    knows at every instant how fast an obstacle comes.
+
+    Attributes
+    ----------
+    kind : str
+        ``"static"``, ``"linear"``, ``"sinusoid"`` or ``"waypoints"``.
+    parameters : tuple of (str, value)
+        The arguments of the constructor, in a form that can be compared and hashed.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If a number makes no sense.
+    """
+
+    kind: str
+    parameters: tuple[tuple[str, Any], ...] = ()
+
+    def __post_init__(self) -> None:
+        _core.check("motion", self.to_dict())
+
+    @staticmethod
+    def static() -> Motion:
+        """Stay where it is."""
+        return Motion("static")
+
+    @staticmethod
+    def linear(velocity: ArrayLike) -> Motion:
+        """Move at a constant velocity.
+
+        Parameters
+        ----------
+        velocity : (2,) or (3,) array_like
+            Velocity [m/s].
+        """
+        return _motion("linear", velocity=velocity)
+
+    @staticmethod
+    def sinusoid(amplitude: ArrayLike, angular_frequency: float, phase: float = 0.0) -> Motion:
+        """Swing along a line: position + amplitude · sin(angular_frequency · t + phase).
+
+        Parameters
+        ----------
+        amplitude : (2,) or (3,) array_like
+            Largest displacement from the obstacle's position [m].
+        angular_frequency : float
+            Angular frequency [rad/s].
+        phase : float, optional
+            Phase at t = 0 [rad].
+        """
+        return _motion("sinusoid", amplitude=amplitude, angular_frequency=angular_frequency, phase=phase)
+
+    @staticmethod
+    def waypoints(
+        times: ArrayLike,
+        points: ArrayLike,
+        *,
+        angles: ArrayLike | None = None,
+        orientations: ArrayLike | None = None,
+    ) -> Motion:
+        """Go from point to point at constant speed; wait at the first before, at the last after.
+
+        With rotations it turns at a constant rate meanwhile, in space about one axis and the shorter way.
+
+        Parameters
+        ----------
+        times : (k,) array_like
+            Increasing instants [s].
+        points : (k, 2) or (k, 3) array_like
+            Where the obstacle's position is then [m]; the first one must be the obstacle's position.
+        angles : (k,) array_like, optional
+            Its angle then, in the plane [rad]; the first one must be the obstacle's angle.
+        orientations : (k, 4) array_like, optional
+            Its orientation then, in space: unit quaternions ``[w, x, y, z]``; the first one must be the
+            obstacle's orientation.
+        """
+        rotations = {"angles": angles, "orientations": orientations}
+        given = {name: each for name, each in rotations.items() if each is not None}
+        return _motion("waypoints", times=times, points=points, **given)
+
+    def to_dict(self) -> Document:
+        """The motion as a part of a scenario document."""
+        return {"kind": self.kind, **plain(dict(self.parameters))}
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{name}={value!r}" for name, value in self.parameters)
+        return f"Motion.{self.kind}({inside})"
+
+
+def _motion(kind: str, **parameters: object) -> Motion:
+    return Motion(kind, tuple((name, frozen(value)) for name, value in parameters.items()))
+
+
+@suggesting
+@dataclass(frozen=True)
+class Obstacle:
+    """A solid body.
+
+    Made by `circle` or `polygon` in the plane, `sphere`, `half_space` or `points` in space, and in both by
+    `capsule`, `box` or `convex`.
+
+    Attributes
+    ----------
+    kind : str
+        ``"circle"``, ``"polygon"``, ``"sphere"``, ``"half_space"``, ``"points"``, ``"convex"``, ``"capsule"``
+        or ``"box"``.
+    dimensions : tuple of (str, value)
+        The shape in the obstacle's own frame, in a form that can be compared and hashed.
+    position : tuple of float
+        Origin of the obstacle's frame at rest [m], two coordinates in the plane and three in space.
+    angle : float
+        Orientation of the obstacle's frame in the plane [rad].
+    orientation : tuple of float or None
+        Orientation of the obstacle's frame in space, a unit quaternion ``(w, x, y, z)``; None is not turned.
+    angular_velocity : float or tuple of float or None
+        How fast it turns about its position [rad/s]: in the plane a number, anticlockwise; in space a vector
+        along world axes; None does not turn.
+    motion : Motion or None
+        How the position changes with time; None stays.
+    contact : tuple of (str, float) or None
+        How it resists links that press into it, as `with_contact` says; None is not felt.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If the shape is no shape: a negative radius, a polygon that is not convex, a NaN, …
+    """
+
+    kind: str
+    dimensions: tuple[tuple[str, Any], ...]
+    position: tuple[float, ...]
+    angle: float = 0.0
+    motion: Motion | None = None
+    orientation: tuple[float, float, float, float] | None = None
+    angular_velocity: float | tuple[float, float, float] | None = None
+    contact: tuple[tuple[str, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        _core.check("obstacle", self.to_dict())
+
+    @staticmethod
+    def circle(
+        center: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A disc.
+
+        Parameters
+        ----------
+        center : (2,) array_like
+            Centre at rest [m].
+        radius : float
+            Radius [m], positive.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        return _obstacle("circle", center, motion=motion, spin=angular_velocity, radius=radius)
+
+    @staticmethod
+    def sphere(
+        center: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A ball in space.
+
+        Parameters
+        ----------
+        center : (3,) array_like
+            Centre at rest [m].
+        radius : float
+            Radius [m], positive.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        return _obstacle("sphere", center, motion=motion, spin=angular_velocity, radius=radius)
+
+    @staticmethod
+    def half_space(
+        point: ArrayLike,
+        normal: ArrayLike,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """Everything behind a plane: a floor, a wall, a ceiling.
+
+        Parameters
+        ----------
+        point : (3,) array_like
+            A point of the surface at rest [m].
+        normal : (3,) array_like
+            Unit vector out of the solid.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        return _obstacle("half_space", point, motion=motion, spin=angular_velocity, normal=normal)
+
+    @staticmethod
+    def capsule(
+        a: ArrayLike,
+        b: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """All points nearer than `radius` to the segment from `a` to `b`; its position is the midpoint.
+
+        Parameters
+        ----------
+        a, b : (2,) or (3,) array_like
+            Ends of the segment at rest [m].
+        radius : float
+            Radius [m], positive.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        ends = _points([a, b])
+        if ends is None:  # the core says what is wrong with them
+            return _obstacle(
+                "capsule", (0.0, 0.0), motion=motion, spin=angular_velocity, a=a, b=b, radius=radius
+            )
+        middle = ends.mean(axis=0)
+        a, b = ends - middle
+        return _obstacle("capsule", middle, motion=motion, spin=angular_velocity, a=a, b=b, radius=radius)
+
+    @staticmethod
+    def box(
+        center: ArrayLike,
+        size: ArrayLike,
+        angle: float = 0.0,
+        motion: Motion | None = None,
+        *,
+        orientation: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A rectangle, in space a cuboid.
+
+        Parameters
+        ----------
+        center : (2,) or (3,) array_like
+            Centre at rest [m].
+        size : (2,) or (3,) array_like
+            Lengths of the edges [m] in the box's own frame.
+        angle : float, optional
+            Rotation of the box in the plane [rad].
+        motion : Motion, optional
+            How it moves.
+        orientation : (4,) array_like, optional
+            Rotation of the box in space, a unit quaternion ``[w, x, y, z]``.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        return _obstacle(
+            "box",
+            center,
+            angle=angle,
+            motion=motion,
+            spin=angular_velocity,
+            orientation=orientation,
+            size=size,
+        )
+
+    @staticmethod
+    def polygon(
+        vertices: ArrayLike,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A convex polygon; its position is the mean of the vertices.
+
+        Parameters
+        ----------
+        vertices : (k, 2) array_like
+            Corners at rest [m], in order.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        corners = _points(vertices)
+        if corners is None:  # no mean to take: the core says what is wrong with them
+            return _obstacle("polygon", (0.0, 0.0), motion=motion, spin=angular_velocity, vertices=vertices)
+        middle = corners.mean(axis=0)
+        return _obstacle("polygon", middle, motion=motion, spin=angular_velocity, vertices=corners - middle)
+
+    @staticmethod
+    def convex(
+        vertices: ArrayLike,
+        motion: Motion | None = None,
+        *,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """The convex hull of points, in any order; its position is the mean of its corners.
+
+        Points within the hull do not count. In the plane this is a `polygon`. `vffnull.arms.meshes.enclose`
+        makes such hulls of the file of a mesh.
+
+        Parameters
+        ----------
+        vertices : (k, 2) or (k, 3) array_like
+            Points at rest [m]: three or more that do not lie on a line, in space four or more that do not lie
+            in a plane. There, the hull has at most 64 corners.
+        motion : Motion, optional
+            How it moves.
+        angular_velocity : float or (3,) array_like, optional
+            How fast it turns about its position [rad/s]: a number in the plane, a vector in space.
+        """
+        points = _points(vertices)
+        if points is None or not _finite(points):  # the core says what is wrong with them
+            return _obstacle(
+                "convex", (0.0, 0.0, 0.0), motion=motion, spin=angular_velocity, vertices=vertices
+            )
+        if points.shape[1] == 2:
+            from vffnull.model.hull import hull
+
+            return Obstacle.polygon(hull(points), motion, angular_velocity=angular_velocity)
+        try:
+            corners = points[sorted({i for face in _core.hull(points) for i in face})]
+        except InputError:
+            return _obstacle(
+                "convex", points.mean(axis=0), motion=motion, spin=angular_velocity, vertices=points
+            )
+        middle = corners.mean(axis=0)
+        return _obstacle("convex", middle, motion=motion, spin=angular_velocity, vertices=corners - middle)
+
+    @staticmethod
+    def points(
+        cloud: ArrayLike,
+        radius: float,
+        motion: Motion | None = None,
+        *,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike | None = None,
+        angular_velocity: ArrayLike | None = None,
+    ) -> Obstacle:
+        """A cloud of points in space, such as a depth camera sees: a ball around each.
+
+        Every ball that comes near a link pushes it as a `sphere` there would, so that a dense cloud pushes
+        hard: thin it out to one point per cell of a grid. `Controller.update_points`,
+        `Simulation.update_points` and `LivePage.update_points` replace the points while a loop runs.
+
+        Parameters
+        ----------
+        cloud : (k, 3) array_like
+            The points [m], relative to `position`: at most 50 000, maybe none.
+        radius : float
+            Radius of the balls [m], 0 or more.
+        motion : Motion, optional
+            How it moves.
+        position : (3,) array_like, optional
+            Where the origin of the points is at rest [m].
+        orientation : (4,) array_like, optional
+            Rotation of the points about it, a unit quaternion ``[w, x, y, z]``.
+        angular_velocity : (3,) array_like, optional
+            How fast they turn about it [rad/s].
+        """
+        return _obstacle(
+            "points",
+            position,
+            motion=motion,
+            spin=angular_velocity,
+            orientation=orientation,
+            points=cloud,
+            radius=radius,
+        )
+
+    def with_contact(
+        self, *, stiffness: float | None = None, damping: float | None = None, friction: float | None = None
+    ) -> Obstacle:
+        """The same obstacle, felt by an arm that touches it: it can be hit, leant on, slid along.
+
+        Parameters
+        ----------
+        stiffness : float, optional
+            Force per depth [N/m]; 10⁵ by default.
+        damping : float, optional
+            By which share the force is larger per speed at which a link gets deeper [s/m]; 2 by default.
+        friction : float, optional
+            Coulomb's coefficient; 0.5 by default.
+
+        Returns
+        -------
+        Obstacle
+            It with this contact (docs/theory.md, T148).
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If a number makes no sense.
+
+        Examples
+        --------
+        >>> table = Obstacle.half_space([0, 0, 0.2], [0, 0, 1]).with_contact(friction=0.3)
+        >>> table.to_dict()["contact"]
+        {'friction': 0.3}
+        """
+        given = {"stiffness": stiffness, "damping": damping, "friction": friction}
+        contact = tuple((name, frozen(value)) for name, value in given.items() if value is not None)
+        return replace(self, contact=contact)
+
+    @property
+    def shape(self) -> Mapping[str, Any]:
+        """The shape as a part of a scenario document."""
+        return {"kind": self.kind, **plain(dict(self.dimensions))}
+
+    def to_dict(self) -> Document:
+        """The obstacle as a part of a scenario document."""
+        document: Document = {"shape": self.shape, "position": list(self.position)}
+        if self.angle:
+            document["angle"] = self.angle
+        if self.orientation is not None:
+            document["orientation"] = list(self.orientation)
+        if self.angular_velocity is not None:
+            document["angular_velocity"] = plain(self.angular_velocity)
+        if self.motion is not None:
+            document["motion"] = plain(self.motion)
+        if self.contact is not None:
+            document["contact"] = dict(self.contact)
+        return document
+
+    def __repr__(self) -> str:
+        parts = [f"{name}={_short(value)}" for name, value in self.dimensions]
+        parts.append(f"position={self.position!r}")
+        if self.angle:
+            parts.append(f"angle={self.angle!r}")
+        if self.orientation is not None:
+            parts.append(f"orientation={self.orientation!r}")
+        if self.angular_velocity is not None:
+            parts.append(f"angular_velocity={self.angular_velocity!r}")
+        if self.motion is not None:
+            parts.append(f"motion={self.motion!r}")
+        if self.contact is not None:
+            parts.append(f"contact={dict(self.contact)!r}")
+        return f"<Obstacle {self.kind}: {', '.join(parts)}>"
+
+
+def checked(obstacles: object, dimension: int) -> list[Document]:
+    """Obstacles of a space of so many dimensions as parts of a scenario document.
+
+    Raises
+    ------
+    vffnull.errors.ScenarioError
+        If one is none; the message has its place in the list.
+    vffnull.errors.InputTypeError
+        If they are no list of `Obstacle` or dict.
+    """
+    documents = plain(obstacles, "obstacles")
+    if not isinstance(documents, list) or not all(isinstance(each, dict) for each in documents):
+        raise InputTypeError("obstacles: expected a list of Obstacle or dict")
+    for i, document in enumerate(documents):
+        try:
+            _core.check("obstacle", document, dimension)
+        except ScenarioError as error:
+            raise ScenarioError(f"obstacles[{i}].{error}", f"obstacles[{i}].{error.path}") from None
+    return documents
+
+
+def _short(value: object) -> str:
+    """How a dimension is written: of many points how many they are."""
+    return f"<{len(value)} points>" if isinstance(value, tuple) and len(value) > 64 else repr(value)
+
+
+def _points(given: object) -> NDArray[np.float64] | None:
+    """Points as an array (k, 2) or (k, 3), or None if they are none."""
+    import numpy as np
+
+    try:
+        points = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    return points if points.ndim == 2 and points.shape[1] in (2, 3) and len(points) else None
+
+
+def _finite(points: NDArray[np.float64]) -> bool:
+    import numpy as np
+
+    return bool(np.isfinite(points).all())
+
+
+def _obstacle(
+    kind: str,
+    position: ArrayLike,
+    *,
+    angle: float = 0.0,
+    motion: Motion | None,
+    orientation: ArrayLike | None = None,
+    spin: ArrayLike | None = None,
+    **dimensions: object,
+) -> Obstacle:
+    shape = tuple((name, frozen(value)) for name, value in dimensions.items())
+    turned, turns = (None if each is None else frozen(each) for each in (orientation, spin))
+    return Obstacle(kind, shape, frozen(position), frozen(angle), motion, turned, turns)

@@ -1,0 +1,518 @@
+"""A controller in the loop of a robot: a thread with a deadline in the core, targets and obstacles from
+anywhere.
+"""
+
+from __future__ import annotations
+
+import threading
+import warnings
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace, TracebackType
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import vffnull._core as _core
+from vffnull._support.arguments import number, positive, whole
+from vffnull._support.errors import InputError, InputTypeError
+from vffnull.logs.stream import StreamRecorder
+from vffnull.model.robot import CommandKind
+from vffnull.model.timing import Clock, Histogram
+
+if TYPE_CHECKING:
+    import os
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from vffnull.model.robot import Robot
+    from vffnull.model.world import Obstacle
+
+    Array = NDArray[np.float64]
+
+__all__ = ["Drive", "DriveReport", "DriveState", "drive"]
+
+_DRAIN = 0.1  # s between two looks for rows to record
+_PATIENCE = 10.0  # s after which a robot that does not answer is left alone
+
+
+@dataclass(frozen=True, eq=False)
+class DriveState:
+    """What a drive did in its last period. Arrays are copies; NaN before the first.
+
+    Attributes
+    ----------
+    t : float
+        Time of the robot since its first state [s].
+    q, dq : (n,) ndarray
+        Joint positions [rad] and velocities [rad/s], as the robot said.
+    tau, tau_task, tau_null, tau_vff : (n,) ndarray
+        Torque of the law and its parts, as in `Terms` [N·m].
+    command : (n,) ndarray
+        What was sent: torques [N·m], positions [rad] or velocities [rad/s].
+    x, x_ref : (m,) ndarray
+        Pose of the end effector and its reference, as `Controller.torque` takes it.
+    force, clearance : (n,) ndarray
+        Repulsion on each link [N], and its distance to the nearest obstacle [m].
+    phase : str
+        ``"starting"``, ``"running"``, ``"holding"``, ``"damping"``, ``"released"``, ``"lost"``,
+        ``"stopping"``, ``"finished"``: what the output stage does; ``"over"`` when the thread has ended.
+    periods : int
+        Periods so far.
+    """
+
+    t: float
+    q: Array
+    dq: Array
+    tau: Array
+    tau_task: Array
+    tau_null: Array
+    tau_vff: Array
+    command: Array
+    x: Array
+    x_ref: Array
+    force: Array
+    clearance: Array
+    phase: str
+    periods: int
+
+    def __repr__(self) -> str:
+        return f"<DriveState: {self.phase}, t = {self.t:.3f} s, clearance {self.clearance.min():.3f} m>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DriveReport(Clock):
+    """How a drive went.
+
+    Attributes
+    ----------
+    status : str
+        ``"completed"`` if its time was over, ``"stopped"`` if it was asked to end, ``"interrupted"`` by
+        Ctrl-C, or ``"fault"``.
+    reason : str
+        What went wrong, in a sentence; empty if nothing did.
+    cause : BaseException or None
+        The exception that the robot has raised, if it has.
+    rate : float
+        Periods per second [Hz].
+    periods : int
+        How many there were.
+    missed : int
+        Those whose work did not end before the next should begin.
+    skipped : int
+        Periods of the clock that were left out because the one before took too long.
+    latency : Histogram
+        From the instant at which a period was due to its start; empty if the robot paces the loop.
+    step : Histogram
+        How long reading, law and writing took; if the robot paces the loop, without waiting for its state.
+    response : Histogram
+        From the instant at which a period was due, or from the state of a robot that paces, to the end of
+        its step.
+    jitter : Histogram
+        Deviation of the interval between two starts from the period.
+    lost : int
+        Rows of the recording that were lost because its thread came too late.
+    notes : tuple of str
+        What the system refused, and what else is to be known.
+    """
+
+    status: Literal["completed", "stopped", "interrupted", "fault"]
+    reason: str
+    cause: BaseException | None
+    skipped: int
+    lost: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """The report as plain values, for JSON: times in seconds, histograms by their quantiles."""
+        return {
+            "status": self.status,
+            "reason": self.reason,
+            "verdict": self.verdict,
+            "held": self.held,
+            "rate": self.rate,
+            "periods": self.periods,
+            "missed": self.missed,
+            "skipped": self.skipped,
+            "lost": self.lost,
+            "notes": list(self.notes),
+            **self._summaries(),
+        }
+
+    def __repr__(self) -> str:
+        why = f" ({self.reason})" if self.reason else ""
+        return f"<DriveReport: {self.status}{why}. {self.verdict}>"
+
+
+class Drive:
+    """A drive under way: made by `drive`. Any thread may call its methods.
+
+    Used in a ``with`` block it ends with the block, by a damped stop, whatever ends that.
+
+    Attributes
+    ----------
+    robot : Robot
+        What is driven.
+    rate : float
+        Periods per second [Hz].
+    """
+
+    def __init__(
+        self, robot: Any, loop: _core.DriveLoop, rate: float, recorder: StreamRecorder | None
+    ) -> None:
+        self.robot, self.rate = robot, rate
+        self._loop = loop
+        self._interrupted = False
+        self._log = _Log(loop, recorder) if recorder is not None else None
+        # Also when Python ends: the thread may need it for the last commands.
+        self._leave = weakref.finalize(self, _leave, loop, self._log)
+        loop.start()
+
+    def set_target(
+        self,
+        x_ref: ArrayLike | Sequence[ArrayLike],
+        dx_ref: ArrayLike | None = None,
+        ddx_ref: ArrayLike | None = None,
+    ) -> None:
+        """Give the reference of the end effector, from now on.
+
+        Until the next call it is carried on with its velocity and acceleration, for `patience` seconds; then
+        it comes to rest on its path within as long again. A reference that jumps makes a torque that jumps,
+        as far as ``torque_rate`` and ``tip_speed`` of the controller's `command` allow: give those of a
+        motion that begins where the end effector is.
+
+        Parameters
+        ----------
+        x_ref, dx_ref, ddx_ref : array_like
+            Pose, velocity and acceleration, as `Controller.torque` takes them.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If they are no reference.
+        """
+        self._loop.set_target(x_ref, dx_ref, ddx_ref)
+
+    def set_obstacles(
+        self, obstacles: Iterable[Obstacle | Mapping[str, Any]], t: float | None = None
+    ) -> None:
+        """Put other obstacles in place of those that there are, all at once.
+
+        They are made ready in this thread; in the loop they are exchanged.
+
+        Parameters
+        ----------
+        obstacles : iterable of Obstacle or Mapping
+            What to keep away from.
+        t : float, optional
+            The time of the drive [s] at which their motions begin; by default now, so that positions are
+            where they are.
+
+        Raises
+        ------
+        vffnull.errors.ScenarioError
+            If one of them is none; then nothing has changed.
+        """
+        self._loop.set_obstacles(tuple(obstacles), t)
+
+    def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
+        """Say where an obstacle is now: cheaper than `set_obstacles`, for a tracker.
+
+        Parameters
+        ----------
+        obstacle : int
+            Which of them, counted from 0.
+        position, velocity : (D,) array_like
+            Where it is [m], and how it goes on [m/s]; at rest by default.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If there is none of that number, or the numbers make no sense.
+        """
+        self._loop.move_obstacle(obstacle, position, velocity)
+
+    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+        """Put other points in place of those of a cloud; as `Controller.update_points`."""
+        self._loop.update_points(cloud, obstacle)
+
+    @property
+    def state(self) -> DriveState:
+        """What it did in its last period; does not wait for the loop."""
+        return DriveState(**self._loop.latest(), phase=self._loop.phase, periods=self._loop.periods)
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self._loop.phase != "over"
+
+    def stop(self) -> None:
+        """Ask it to end, by a damped stop, and return at once."""
+        self._loop.stop()
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait for its end. Ctrl-C ends it, by a damped stop.
+
+        Parameters
+        ----------
+        seconds : float, optional
+            How long at most [s]; for ever by default.
+
+        Returns
+        -------
+        bool
+            Whether it is over.
+        """
+        try:
+            over = self._loop.wait(None if seconds is None else number("seconds", seconds), True)
+        except KeyboardInterrupt:
+            self._interrupted = True
+            self._finish()
+            return True
+        if over:
+            self._finish()
+        return over
+
+    @property
+    def report(self) -> DriveReport:
+        """How it went, once it is over.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it is not.
+        """
+        found = self._loop.report()
+        if found is None:
+            raise InputError("report: the drive is not over; stop() and wait() for it")
+        for name in ("latency", "step", "response", "jitter"):
+            found[name] = Histogram(*found[name])
+        found["notes"] = tuple(found["notes"])
+        if self._interrupted and found["status"] == "stopped":
+            found["status"] = "interrupted"
+        return DriveReport(rate=self.rate, lost=self._log.lost if self._log else 0, **found)
+
+    def __enter__(self) -> Drive:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._interrupted |= kind is not None and issubclass(kind, KeyboardInterrupt)
+        self._finish()
+        if not self.running and (reason := self.report.reason):
+            warnings.warn(f"drive: {reason}", RuntimeWarning, stacklevel=2)
+
+    def _finish(self) -> None:
+        """Bring it to its end, and close its recording."""
+        self._leave()
+
+    def __repr__(self) -> str:
+        return f"<Drive: {self._loop.phase}, {self._loop.periods} periods at {self.rate:g} Hz>"
+
+
+def _leave(loop: _core.DriveLoop, log: _Log | None) -> None:
+    loop.stop()
+    over = loop.wait(_PATIENCE, False)
+    if log is not None:
+        log.close()
+    if not over:
+        sentence = f"drive: the robot has not answered for {_PATIENCE:g} s; its thread is left alone"
+        warnings.warn(sentence, RuntimeWarning, stacklevel=3)
+
+
+class _Log(threading.Thread):
+    """From the rows that the loop keeps to a file."""
+
+    def __init__(self, loop: _core.DriveLoop, recorder: StreamRecorder) -> None:
+        super().__init__(name="vffnull-drive-log", daemon=True)
+        self._loop, self._recorder = loop, recorder
+        self._over = threading.Event()
+        self._failure: Exception | None = None
+        self.lost = 0
+        self.start()
+
+    def run(self) -> None:
+        while not self._over.wait(_DRAIN):
+            self._drain()
+
+    def _drain(self) -> None:
+        rows, lost = self._loop.rows()
+        self.lost += lost
+        if self._failure is not None:
+            return
+        try:
+            for k, t in enumerate(rows["t"]):
+                self._recorder.write(
+                    SimpleNamespace(t=t, **{rowname: rows[name][k] for name, rowname in _NAMES.items()})
+                )
+        except Exception as error:  # a full disk does not end a drive
+            self._failure = error
+
+    def close(self) -> None:
+        """Write what is left."""
+        if self._over.is_set():
+            return
+        self._over.set()
+        self.join()
+        self._drain()
+        try:
+            self._recorder.close()
+        except Exception as error:
+            self._failure = self._failure or error
+        if self._failure is not None:
+            warnings.warn(f"drive: the recording has ended: {self._failure}", RuntimeWarning, stacklevel=4)
+
+
+_NAMES = {
+    name: name
+    for name in ("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "x", "x_ref", "force", "clearance")
+}
+_NAMES["command"] = "tau_applied"
+
+
+def drive(
+    robot: Robot,
+    controller: _core.Controller,
+    rate: float = 1000.0,
+    *,
+    x_ref: ArrayLike | Sequence[ArrayLike] | None = None,
+    obstacles: Iterable[Obstacle | Mapping[str, Any]] = (),
+    seconds: float | None = None,
+    patience: float = 0.1,
+    limits: Mapping[str, Any] | None = None,
+    record_to: str | os.PathLike[str] | None = None,
+    record_every: int = 10,
+    priority: int | None = None,
+    core: int | None = None,
+) -> Drive:
+    """Drive a robot by a controller, on a thread of the core with a deadline per period.
+
+    In every period the state is read, the torque computed, and what the output stage makes of it written; a
+    period that comes too late is left out. The output stage is set by the controller's `command`
+    (`ControlSettings`): it blends in over half a second, watches for states that do not come, keeps torques
+    from changing too fast, and ends by damping the arm until it stands. Whatever goes wrong in the robot's
+    methods (an exception, an array of the wrong shape, numbers that are not finite, a time that stands
+    still) ends the drive in the same way, and the report says what it was. Nothing of it replaces the
+    robot's own safety functions and its stop button.
+
+    A robot in Python needs Python's lock (the GIL) in every period: any other thread of Python that computes
+    delays it, by up to ``sys.getswitchinterval()`` (5 ms), and more where a library holds the lock for
+    longer. On two cores a period took 0.04 ms (median), beside a thread that computes 5.4 ms, and 0.3 ms
+    with a switch interval of 0.1 ms; docs/on-your-robot.md has a table. A `SimulatedRobot`, and drivers in
+    Rust (``vff_core::runtime::drive``), take 0.01 ms and do not need the lock.
+
+    Parameters
+    ----------
+    robot : Robot
+        An object with `read` and `write`: see `vffnull.robots.Robot`, and the adapters beside it.
+    controller : Controller
+        The law with its settings; the drive works on a copy.
+    rate : float, optional
+        Periods per second [Hz], 10 to 20 000. A robot that paces the loop has its own, which this should say.
+    x_ref : array_like, optional
+        Reference of the end effector, as `Controller.torque` takes it; by default it stays where it is.
+    obstacles : iterable of Obstacle or Mapping, optional
+        What to keep away from, where it is at the first state.
+    seconds : float, optional
+        How long, by the robot's clock [s]; until it is stopped by default.
+    patience : float, optional
+        How long a reference is carried on without a new one [s]; then it comes to rest.
+    limits : Mapping, optional
+        Needed for a robot that takes positions or velocities: ``acceleration`` [rad/s²] and ``jerk``
+        [rad/s³] of its set points, and if you like ``speed`` and ``threshold``; see `VirtualArm`, whose set
+        points it gets.
+    record_to : str or path, optional
+        A file ``.arrows`` that is written while the robot is driven: see `StreamRecorder`, which reads it.
+        It holds what was written half a second before a process was killed. Needs ``vffnull[io]``.
+    record_every : int, optional
+        Periods per recorded row.
+    priority : int, optional
+        Run under SCHED_FIFO with this priority, 1 to 99, which few users are allowed.
+    core : int, optional
+        Stay on this core.
+
+    Returns
+    -------
+    Drive
+        The drive, under way: use it in a ``with`` block.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If an argument makes no sense, the controller's `command` does not suit the robot, or its damping is
+        unstable at this rate.
+    vffnull.errors.InputTypeError
+        If an argument is of a type that cannot be used.
+
+    Warns
+    -----
+    RuntimeWarning
+        At the end of a ``with`` block, if something went wrong: the report's `reason`.
+
+    Examples
+    --------
+    >>> from vffnull.robots.simulated import SimulatedRobot
+    >>> robot = SimulatedRobot("panda-sweep")
+    >>> controller = Controller(Arm.named("panda"), {"task": "pose", "stiffness": 900.0, "damping": 60.0})
+    >>> ball = Obstacle.sphere([-0.05, -0.6, 0.62], 0.08, Motion.linear([0.0, 0.2, 0.0]))
+    >>> with drive(robot, controller, obstacles=[ball], seconds=1.0) as panda:
+    ...     panda.wait()
+    True
+    >>> panda.report.status
+    'completed'
+    """
+    command = _kind(robot)
+    options = {
+        "rate": number("rate", rate),
+        "seconds": None if seconds is None else positive("seconds", seconds),
+        "patience": positive("patience", patience),
+        "record_every": 0 if record_to is None else whole("record_every", record_every, 1, 1_000_000),
+        "command": command,
+        "paces": bool(getattr(robot, "paces", False)),
+        "priority": None if priority is None else whole("priority", priority, 1, 99),
+        "core": None if core is None else whole("core", core, 0, 1 << 20),
+        "limits": None if limits is None else dict(limits),
+    }
+    loop = _core.DriveLoop(robot, controller, options)
+    if command == "torque":
+        _suits(robot, loop)
+    loop.set_obstacles(tuple(obstacles), 0.0)
+    if x_ref is not None:
+        loop.set_target(x_ref)
+    recorder = None
+    if record_to is not None:
+        recorder = StreamRecorder(record_to, dimension=loop.dimension)
+    return Drive(robot, loop, options["rate"], recorder)  # type: ignore[arg-type]
+
+
+def _kind(robot: object) -> CommandKind:
+    """What it takes; first of all whether it is a robot."""
+    for name in ("read", "write"):
+        if not callable(getattr(robot, name, None)):
+            raise InputTypeError(
+                f"robot: expected an object with read() and write(), not a {type(robot).__name__}"
+            )
+    given = getattr(robot, "command", "torque")
+    kinds: tuple[CommandKind, ...] = get_args(CommandKind)
+    for kind in kinds:
+        if given == kind:
+            return kind
+    raise InputError(f"robot.command: must be one of {', '.join(kinds)}, got {given!r}")
+
+
+def _suits(robot: object, loop: _core.DriveLoop) -> None:
+    """Refuse a controller that would add a weight twice, or change torques too fast."""
+    theirs = getattr(robot, "gravity", "controller")
+    if loop.gravity != theirs:
+        raise InputError(
+            f"controller: its command.gravity is {loop.gravity!r}, the robot's is {theirs!r}: one of them, "
+            "and only one, adds the torque against gravity; give the controller "
+            f'command={{"gravity": "{theirs}"}}'
+        )
+    most, rate = getattr(robot, "torque_rate", None), loop.torque_rate
+    if most is not None and (rate is None or rate > most):
+        given = "none" if rate is None else f"{rate:g} N·m/s"
+        raise InputError(
+            f"controller: its command.torque_rate is {given}, the robot allows {most:g} N·m/s; "
+            f'give the controller command={{"torque_rate": {most:g}}}'
+        )
