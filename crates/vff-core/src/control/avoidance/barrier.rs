@@ -21,7 +21,7 @@ use crate::control::{
 };
 use crate::interrupt;
 use crate::math::{ScalarOrVec, dot};
-use crate::robot::{Robot, pace};
+use crate::robot::{Limits, Robot, pace};
 use crate::world::Contact;
 use nalgebra::SMatrix;
 
@@ -58,8 +58,15 @@ fn usual<const D: usize>() -> Usual {
 /// How much more what is to be kept weighs.
 const KEPT: f64 = 10.0;
 
-/// How much more a joint's angle and speed weigh than a distance where the torque rate does not leave room for all.
+/// How much more a joint's angle and speed weigh than a distance where there is no room for all: a robot ends a motion
+/// beyond them.
 const JOINTS: f64 = 100.0;
+
+/// From which share of its largest speed on a joint is braked gently by ways that are no program.
+const GUARDED: f64 = 0.5;
+
+/// Slower than that, a joint does not come to its largest speed within 1/this \[1/s\]: a few periods of a loop.
+const AT_ONCE: f64 = 250.0;
 
 /// How far the motion keeps from its limits.
 #[derive(Debug, Clone, Copy)]
@@ -121,6 +128,29 @@ impl Braking {
     }
 }
 
+/// What of the joints is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Joints {
+    All,
+    /// Of an arm without velocity limits.
+    Angles,
+    /// Speeds alone, each from half of its limit on.
+    Speeds,
+}
+
+/// The largest acceleration of a joint towards its largest speed `most` at the speed `dq`, which has that sign (T153).
+fn guarded_acceleration(k: f64, most: f64, dq: f64) -> f64 {
+    let left = most - dq;
+    let beyond = dq - GUARDED * most;
+    if left <= 0.0 {
+        k * left
+    } else if beyond <= 0.0 {
+        AT_ONCE * left
+    } else {
+        left * AT_ONCE.min(k * (1.0 - GUARDED) * most / beyond)
+    }
+}
+
 /// How much faster the three poles of (T131) are than the two of (T67), which react as early.
 pub const THREE_POLES: f64 = 1.5;
 
@@ -170,8 +200,7 @@ pub struct Barrier {
     ends: Vec<[f64; 2]>,
     /// Largest speed of every joint \[rad/s\].
     speed: Vec<f64>,
-    /// Whether that is a limit, and not only what is reckoned with.
-    keeps_speeds: bool,
+    joints: Joints,
     /// Largest speed of the tip \[m/s\], and how fast it may turn \[rad/s\]; infinite where nothing is said.
     tip: [f64; 2],
     reserve: Reserve,
@@ -215,7 +244,7 @@ impl Barrier {
             softness: vec![],
             ends: Vec::with_capacity(n),
             speed: settings.joint_speeds(robot),
-            keeps_speeds: true,
+            joints: Joints::All,
             tip: [tip_speed, tip_angular_speed].map(|most| most.unwrap_or(f64::INFINITY)),
             reserve: Reserve::of(gains),
             braking: Braking::of(&gains.command, n),
@@ -229,7 +258,33 @@ impl Barrier {
 
     /// Leaves the speeds of an arm without velocity limits alone.
     pub fn without_speeds<R: Robot<D>, const D: usize>(self, robot: &R) -> Self {
-        Self { keeps_speeds: !robot.limits().velocity.is_empty(), ..self }
+        let joints = if robot.limits().velocity.is_empty() { Joints::Angles } else { Joints::All };
+        Self { joints, ..self }
+    }
+
+    /// Of the joints keeps their speeds alone, where they would be too fast.
+    pub fn guarding_speeds(self) -> Self {
+        Self { joints: Joints::Speeds, ..self }
+    }
+
+    /// Whether no joint is guarded at this torque \[N·m, N\].
+    pub fn is_calm<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        torque: &[f64],
+        bias: &[f64],
+    ) -> bool {
+        let Self { nominal, scratch, rate, .. } = self;
+        let Limits { velocity, .. } = robot.limits();
+        if velocity.is_empty() {
+            return true;
+        }
+        robot.accelerate(torque, bias, scratch, nominal);
+        let joints = nominal.iter().zip(robot.velocity()).zip(velocity);
+        joints.into_iter().all(|((ddq, dq), most)| {
+            let bound = |dq| guarded_acceleration(*rate, *most, dq);
+            -bound(-dq) <= *ddq && *ddq <= bound(*dq)
+        })
     }
 
     /// Room for this many pairs.
@@ -267,9 +322,8 @@ impl Barrier {
         self.keep_joints(robot, kept.range);
         self.keep_tip(robot, kept.range);
         let softness = 1.0 / self.slack_weight;
-        let of_joints = if kept.range.is_some() { softness / JOINTS } else { softness };
         self.softness.resize(distances, softness);
-        self.softness.resize(self.bounds.len(), of_joints);
+        self.softness.resize(self.bounds.len(), softness / JOINTS);
         self.ends.clear();
         match kept.range {
             None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
@@ -381,7 +435,11 @@ impl Barrier {
     fn joint_accelerations<R: Robot<D>, const D: usize>(&self, robot: &R, i: usize) -> [f64; 2] {
         let (k, q, dq) = (self.rate, robot.configuration()[i], robot.velocity()[i]);
         let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
-        if self.keeps_speeds {
+        if self.joints == Joints::Speeds {
+            let most = self.speed[i];
+            return [-guarded_acceleration(k, most, -dq), guarded_acceleration(k, most, dq)];
+        }
+        if self.joints == Joints::All {
             let most = self.reserve.joint * self.speed[i];
             lower = -k * (most + dq);
             upper = k * (most - dq);
@@ -408,7 +466,9 @@ impl Barrier {
         i: usize,
         range: &TorqueRange,
     ) -> [f64; 2] {
-        let Self { rate, nominal, present, scratch, hessian, speed, reserve, braking, .. } = self;
+        let Self {
+            rate, nominal, present, scratch, hessian, speed, reserve, braking, joints, ..
+        } = self;
         interrupt::spend(8 * nominal.len());
         let unit = &mut hessian[..nominal.len()];
         unit.fill(0.0);
@@ -417,7 +477,7 @@ impl Barrier {
         let jerk = range.jerk(unit, scratch);
         let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
         let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
-        if self.keeps_speeds {
+        if *joints == Joints::All {
             let next = dq + range.period * present[i];
             let kept = reserve.joint * most;
             upper = TorqueRange::most_acceleration(kept - next, jerk, *rate);

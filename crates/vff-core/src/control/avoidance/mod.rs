@@ -14,7 +14,7 @@ pub mod relaxed;
 
 use super::{Avoidance, Gains, OperationalSpace, Torque, TorqueRange, VirtualForces, limits};
 use crate::math::Vector;
-use crate::robot::Robot;
+use crate::robot::{Limits, Robot};
 use crate::trajectory::{JointSpline, Pace};
 use crate::world::CollisionQuery;
 use barrier::{Barrier, Kept};
@@ -77,16 +77,22 @@ struct Limiter<const M: usize> {
     /// W_x (T69).
     weight: SMatrix<f64, M, M>,
     barrier: Barrier,
-    /// Whether more than the torque is limited.
+    /// Whether it acts at all times; otherwise where a torque is beyond its limit, or a joint would be too fast.
     is_judged: bool,
 }
 
 impl<const M: usize> Limiter<M> {
     fn new<R: Robot<D>, const D: usize>(gains: &Gains<M>, robot: &R) -> Self {
+        let is_judged = gains.command.is_judged();
+        let barrier = Barrier::new(robot, gains);
         Self {
             weight: barrier::weight::<D, M>(&gains.yielding, &gains.metric::<D>()),
-            barrier: Barrier::new(robot, gains).without_speeds(robot),
-            is_judged: gains.command.is_judged(),
+            barrier: if is_judged {
+                barrier.without_speeds(robot)
+            } else {
+                barrier.guarding_speeds()
+            },
+            is_judged,
         }
     }
 
@@ -96,7 +102,10 @@ impl<const M: usize> Limiter<M> {
         torque: &mut Torque,
     ) {
         let Situation { robot, space, bias, range, .. } = *situation;
-        if self.is_judged || !limits::within(&torque.total, &robot.limits().torque) {
+        if self.is_judged
+            || !limits::within(&torque.total, &robot.limits().torque)
+            || !self.barrier.is_calm(robot, &torque.total, bias)
+        {
             let kept = Kept { pairs: &[], own: &[], range };
             self.barrier.act(robot, space, &self.weight, kept, bias, torque);
         }
@@ -134,12 +143,13 @@ pub struct Avoider<const D: usize, const M: usize> {
 }
 
 impl<const D: usize, const M: usize> Avoider<D, M> {
-    /// What `gains` ask for on `robot`; nothing if the task always wins and no robot ends a motion that is beyond its limits.
+    /// What `gains` ask for on `robot`; nothing if the task always wins and there are no limits.
     pub fn new<R: Robot<D>>(gains: &Gains<M>, robot: &R) -> Option<Box<Self>> {
         let is_judged = gains.command.is_judged();
-        let is_limited = gains.enforce_limits && !robot.limits().torque.is_empty();
+        let Limits { torque, velocity, .. } = robot.limits();
+        let is_limited = gains.enforce_limits && !(torque.is_empty() && velocity.is_empty());
         let way = match gains.avoidance {
-            Avoidance::NullSpace if !is_judged => return None,
+            Avoidance::NullSpace if !(is_limited || is_judged) => return None,
             Avoidance::NullSpace => Ways::TaskWins(TaskWins),
             Avoidance::Relaxed => Ways::Relaxed(Relaxed::new::<D>(gains)),
             Avoidance::Priority => Ways::Priority(Priority::new(gains, robot)),
