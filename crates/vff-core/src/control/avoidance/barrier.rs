@@ -17,7 +17,6 @@ use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use crate::control::settings::{Keep, Yielding};
 use crate::control::{
     CommandSettings, Gains, Gravity, OperationalSpace, TaskMetric, Torque, TorqueRange,
-    torque_range,
 };
 use crate::interrupt;
 use crate::math::{ScalarOrVec, dot};
@@ -120,9 +119,6 @@ impl Braking {
         [most, if most > 0.0 { -b * dq.clamp(0.0, most) / root } else { 0.0 }]
     }
 }
-
-/// How much faster the three poles of (T131) are than the two of (T67), which react as early.
-pub const THREE_POLES: f64 = 1.5;
 
 /// How near pairs are constraints of the QP \[m\] in a space of dimension `D`.
 pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
@@ -349,11 +345,8 @@ impl Barrier {
             None => -(asked + 2.0 * *k * motion.rate + *k * *k * height),
             Some(range) => {
                 interrupt::spend(7 * nominal.len());
-                robot.mass_solve(normal, scratch);
-                let jerk = range.jerk(normal, scratch);
                 let now = [height, motion.rate, dot(normal, present) + motion.bias];
-                let fastest = THREE_POLES * *k;
-                range.least_acceleration(now, jerk, torque_range::CLOSING, fastest) - asked
+                range.least_distance_acceleration(robot, now, normal, scratch, *k) - asked
             }
         });
     }
@@ -363,10 +356,7 @@ impl Barrier {
         let n = self.nominal.len();
         for i in 0..n {
             interrupt::spend(2 * n);
-            let [lower, upper] = match range {
-                None => self.joint_accelerations(robot, i),
-                Some(range) => self.joint_accelerations_in_time(robot, i, range),
-            };
+            let [lower, upper] = self.joint_accelerations(robot, i, range);
             let Self { nominal, normals, bounds, .. } = self;
             for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
                 let start = normals.len();
@@ -377,70 +367,55 @@ impl Barrier {
         }
     }
 
-    /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68).
-    fn joint_accelerations<R: Robot<D>, const D: usize>(&self, robot: &R, i: usize) -> [f64; 2] {
-        let (k, q, dq) = (self.rate, robot.configuration()[i], robot.velocity()[i]);
-        let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
-        if self.keeps_speeds {
-            let most = self.reserve.joint * self.speed[i];
-            lower = -k * (most + dq);
-            upper = k * (most - dq);
-        }
-        if let Some([low, high]) = robot.limits().kept_angles(i, self.reserve.angle) {
-            if let Some(braking) = self.braking.get(i) {
-                let most = |height, dq| {
-                    let [speed, change] = braking.towards(height, dq);
-                    self.reserve.joint * change + k * (self.reserve.joint * speed - dq)
-                };
-                lower = lower.max(-most(q - low, -dq));
-                upper = upper.min(most(high - q, dq));
-            }
-            lower = lower.max(-2.0 * k * dq - k * k * (q - low));
-            upper = upper.min(-2.0 * k * dq + k * k * (high - q));
-        }
-        [lower, upper]
-    }
-
-    /// The same behind a limit of the torque rate (T131, T132).
-    fn joint_accelerations_in_time<R: Robot<D>, const D: usize>(
+    /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68); behind a
+    /// limit of the torque rate (T131) and (T132).
+    fn joint_accelerations<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
         i: usize,
-        range: &TorqueRange,
+        range: Option<&TorqueRange>,
     ) -> [f64; 2] {
         let Self { rate, nominal, present, scratch, hessian, speed, reserve, braking, .. } = self;
-        interrupt::spend(8 * nominal.len());
-        let unit = &mut hessian[..nominal.len()];
-        unit.fill(0.0);
-        unit[i] = 1.0;
-        robot.mass_solve(unit, scratch);
-        let jerk = range.jerk(unit, scratch);
-        let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
-        let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
+        let (k, q, dq, most) = (*rate, robot.configuration()[i], robot.velocity()[i], speed[i]);
+        let range = range.map(|range| {
+            interrupt::spend(8 * nominal.len());
+            let unit = &mut hessian[..nominal.len()];
+            unit.fill(0.0);
+            unit[i] = 1.0;
+            robot.mass_solve(unit, scratch);
+            (range, range.jerk(unit, scratch))
+        });
+        // For how long, and how, the joint goes on before anything can be changed.
+        let [period, ddq] = range.map_or([0.0; 2], |(range, _)| [range.period, present[i]]);
+        let next = dq + period * ddq;
+        let faster = |left| match range {
+            None => k * left,
+            Some((_, jerk)) => TorqueRange::most_acceleration(left, jerk, k),
+        };
+        let [mut lower, mut upper] = [f64::NEG_INFINITY, f64::INFINITY];
         if self.keeps_speeds {
-            let next = dq + range.period * present[i];
             let kept = reserve.joint * most;
-            upper = TorqueRange::most_acceleration(kept - next, jerk, *rate);
-            lower = -TorqueRange::most_acceleration(kept + next, jerk, *rate);
+            [lower, upper] = [-faster(kept + next), faster(kept - next)];
         }
         if let Some([low, high]) = robot.limits().kept_angles(i, reserve.angle) {
             if let Some(braking) = braking.get(i) {
-                let most = |height: f64, sign: f64| {
-                    let next = sign * (dq + range.period * present[i]);
-                    let [speed, change] = braking.towards(height - sign * range.period * dq, next);
-                    let left = reserve.joint * speed - next;
-                    sign * (reserve.joint * change
-                        + TorqueRange::most_acceleration(left, jerk, *rate))
+                let towards = |height: f64, sign: f64| {
+                    let next = sign * next;
+                    let [speed, change] = braking.towards(height - sign * period * dq, next);
+                    reserve.joint * change + faster(reserve.joint * speed - next)
                 };
-                lower = lower.max(most(q - low, -1.0));
-                upper = upper.min(most(high - q, 1.0));
+                lower = lower.max(-towards(q - low, -1.0));
+                upper = upper.min(towards(high - q, 1.0));
             }
-            let least = |height, sign: f64| {
-                let now = [height, sign * dq, sign * present[i]];
-                sign * range.least_acceleration(now, jerk, most, THREE_POLES * *rate)
+            let away = |height: f64, sign: f64| match range {
+                None => -2.0 * k * (sign * dq) - k * k * height,
+                Some((range, jerk)) => {
+                    let now = [height, sign * dq, sign * ddq];
+                    range.least_acceleration(now, jerk, most, k)
+                }
             };
-            lower = lower.max(least(q - low, 1.0));
-            upper = upper.min(least(high - q, -1.0));
+            lower = lower.max(away(q - low, 1.0));
+            upper = upper.min(-away(high - q, -1.0));
         }
         [lower, upper]
     }
