@@ -150,7 +150,7 @@ def test_an_arm_of_a_urdf_that_hangs_is_shown_above_the_floor(tmp_path: Path) ->
             joints[:, 2].min() > page._scene._floor and page._scene.camera(page._box(), 1.0).position[2] > 0.5
         )
         np.testing.assert_allclose(page._scene._tip.position, joints[-1], atol=3e-4)
-        assert [len(parts) for parts in page._scene._links] == [1] * arm.n
+        assert [len(parts) for parts in page._scene._arms.links] == [1] * arm.n
     finally:
         page.stop()
 

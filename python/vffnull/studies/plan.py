@@ -26,11 +26,7 @@ from vffnull.studies.factors import Factor
 from vffnull.studies.scenes import Base
 
 __all__ = ["FIXED", "Block", "Goal", "Place", "Plan", "Records", "Tuning"]
-
-
 Array = NDArray[np.float64]
-
-
 FIXED = {
     "run": ("", "number of the run in the study"),
     "point": ("", "number of the point in the design, or of the trial"),
@@ -42,26 +38,12 @@ FIXED = {
     "end_time": ("s", "where the run ended"),
 }
 """Unit and meaning of the columns that every study has."""
-
-
 _RUNS = 1  # of the seeds that belong to runs; the streams of designs are elsewhere
-
-
 _NOMINAL = 3e-7  # s for a step and a joint; decides how many runs a block has, so it never changes
-
-
 _BLOCK_TIME = 2.0  # s of such work in a block
-
-
 _MOST_IN_BLOCK = 4096
-
-
 _MOST_BLOCKS = 200_000  # beyond, they grow: a scheduler has to look after each
-
-
 _FEWEST_BLOCKS = 32  # so that a short study keeps a few workers busy, too
-
-
 _BLOCK_BYTES = 64e6  # of records in a block
 
 
