@@ -18,7 +18,8 @@ from test_report_in_space import corners_of, runs_of, same_corners, unpack
 from vffnull.draw import replans, style
 from vffnull.draw.figures.animation import frames_of
 from vffnull.draw.figures.space import SLIM
-from vffnull.draw.primitives import COLOURS, Body, Scene
+from vffnull.draw.primitives import COLOURS, Body
+from vffnull.draw.scene import Scene
 from waiting import frames, wait_for
 
 GREEN = np.array(to_rgb(COLOURS["plan"]))

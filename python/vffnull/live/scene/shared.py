@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from vffnull._core import quaternions
-from vffnull.draw import primitives
+from vffnull.draw import scene as pictures
 from vffnull.draw.geometry import points_in_space
 from vffnull.live.scene.arms import Arms
 from vffnull.live.scene.camera import WITHIN, Camera
@@ -98,7 +98,7 @@ class Scene(ABC):
         self._puller = hand
         self._arm = scenario.arm
         self.reach = self._reach_of(scenario)
-        still = primitives.Scene.of_scenario(scenario)
+        still = pictures.Scene.of_scenario(scenario)
         self._still = dataclasses.replace(still, cores=(), influence=0.0)
         server.scene.reset()
         server.scene.set_up_direction(self.up)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ import viser
 
 from vffnull._core import distances, matrices, quaternions
 from vffnull.draw import colours, geometry
-from vffnull.draw.primitives import pushed_links
+from vffnull.draw.shapes import pushed_links
 from vffnull.live.scene.camera import Camera, framing
 from vffnull.live.scene.cup import LEVEL, Cup, carries, stays_level, upright_in
 from vffnull.live.scene.hands import Grip, Held
