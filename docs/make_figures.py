@@ -21,7 +21,7 @@ from matplotlib.patches import Circle
 import vffnull as vff
 from vffnull.draw import replans, style
 from vffnull.draw.figures import canvas, joints, strobe
-from vffnull.draw.primitives import Scene
+from vffnull.draw.scene import Scene
 
 DOCS = Path(__file__).resolve().parent
 FIGURES = DOCS / "figures"

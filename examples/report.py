@@ -11,7 +11,7 @@ from __future__ import annotations
 import vffnull as vff
 from vffnull.draw import style
 from vffnull.draw.figures import strobe
-from vffnull.draw.primitives import Scene
+from vffnull.draw.scene import Scene
 
 gains = (10, 80)  # N
 results = {f"gain {gain} N": vff.simulate("panda-sweep", {"controller.field.gain": gain}) for gain in gains}

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 
 import vffnull as vff
 from vffnull.draw.figures.render import Balls, trace
-from vffnull.draw.primitives import Cloud, Scene
+from vffnull.draw.primitives import Cloud
+from vffnull.draw.scene import Scene
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, InputTypeError, ScenarioError
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import vffnull as vff
-from vffnull.live.panel import numbers
+from vffnull.live.readouts import numbers
 from vffnull.model.headline import findings
 from waiting import HANG
 

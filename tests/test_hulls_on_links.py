@@ -446,7 +446,7 @@ def test_capsules_of_a_urdf_come_back() -> None:
 
 def test_arrows_begin_where_the_force_leaves_the_link() -> None:
     """On the surface of one of its shapes, with nothing of that shape before them."""
-    from vffnull.draw.primitives import Scene
+    from vffnull.draw.scene import Scene
 
     document = vff.Scenario.load("panda-sweep").to_dict() | {"arm": MIXED}
     result = vff.simulate(document, {"duration": 3.5, "simulation.record_every": 50})

@@ -1,5 +1,5 @@
 """What imports what inside the package, read from the source: no circle, late imports and those for
-annotations included, and rooms that stand on one another.
+annotations included, and rooms that stand on one another; no file is long.
 """
 
 from __future__ import annotations
@@ -156,6 +156,16 @@ def test_rooms_are_few_and_arrows_between_them_run_down() -> None:
     )
     assert len(rooms) <= 16 and max(floor(room, rooms) for room in rooms) <= 8, rooms
     assert not rooms["_support"] and rooms["model"] == {"_support"}
+
+
+LONGEST = 600
+"""Lines; a longer file answers more than one question."""
+
+
+def test_no_file_is_long() -> None:
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in PACKAGE.rglob("*.py")}
+    assert len(lines) > 150
+    assert not {path.name: count for path, count in lines.items() if count > LONGEST}
 
 
 def test_what_is_compiled_calls_back_where_it_has_to() -> None:

@@ -342,9 +342,9 @@ def test_the_ghost_is_the_same_arm_without_projection(page: Any) -> None:
     ghost = page._ghost
     wait_for(lambda: np.linalg.norm(ghost.snapshot()["error"]) > 0.02)
     assert np.linalg.norm(page.snapshot()["error"]) < 1e-3
-    assert page._scene._ghost[0].visible
+    assert page._scene._arms.ghost[0].visible
     page.configure(page.scenario.to_dict()["controller"] | {"projection": "none"})
-    assert not page._scene._ghost[0].visible
+    assert not page._scene._arms.ghost[0].visible
     page.show_ghost(False)
     assert page._ghost is None
 

@@ -236,15 +236,15 @@ def test_a_live_page_draws_the_robot_s_own_meshes(robot: Any, tmp_path: Path) ->
         )
     try:
         frames(page)
-        (link, hand) = page._scene._links
+        (link, hand) = page._scene._arms.links
         assert len(link) == 1 and len(hand) == 2 and len(link[0].faces) == 12
         assert page._panel._meshes.visible
         page.show_meshes(False)
-        assert len(page._scene._links[0][0].faces) > 100  # the ball that collides
+        assert len(page._scene._arms.links[0][0].faces) > 100  # the ball that collides
         page.show_meshes(True)
-        assert len(page._scene._links[0][0].faces) == 12
+        assert len(page._scene._arms.links[0][0].faces) == 12
         page.open(vff.Scenario.load("panda-sweep"))
-        assert not page._panel._meshes.visible and len(page._scene._links) == 7
+        assert not page._panel._meshes.visible and len(page._scene._arms.links) == 7
     finally:
         page.stop()
 

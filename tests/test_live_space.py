@@ -150,7 +150,7 @@ def test_an_arm_of_a_urdf_that_hangs_is_shown_above_the_floor(tmp_path: Path) ->
             joints[:, 2].min() > page._scene._floor and page._scene.camera(page._box(), 1.0).position[2] > 0.5
         )
         np.testing.assert_allclose(page._scene._tip.position, joints[-1], atol=3e-4)
-        assert [len(parts) for parts in page._scene._links] == [1] * arm.n
+        assert [len(parts) for parts in page._scene._arms.links] == [1] * arm.n
     finally:
         page.stop()
 
@@ -673,10 +673,9 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
 
             def uncover() -> None:
                 """Close what is said about software renderers: it hides the ball."""
-                # in one go: a note that goes away by itself between finding and closing it would be waited for
-                tab.evaluate(
-                    "document.querySelectorAll('.mantine-Notification-closeButton').forEach(close => close.click())"
-                )
+                # in one go: a note that goes away by itself between finding and closing it is waited for
+                notes = "document.querySelectorAll('.mantine-Notification-closeButton')"
+                tab.evaluate(f"{notes}.forEach(close => close.click())")
 
             wait_for(lambda: (uncover(), darkness(PLACE) > 0.5)[1])  # the ball
             assert darkness(at(0.0, 0.0, 0.05)) > 0.2  # the base

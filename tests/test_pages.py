@@ -18,7 +18,8 @@ import pytest
 import vffnull as vff
 from browsing import chromium
 from vffnull.draw import geometry
-from vffnull.draw.primitives import ROLES, Arrow, Body, Scene
+from vffnull.draw.primitives import ROLES, Arrow, Body
+from vffnull.draw.scene import Scene
 from vffnull.errors import InputError, InputTypeError
 from waiting import HANG
 

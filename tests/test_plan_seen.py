@@ -18,7 +18,8 @@ from test_report_in_space import corners_of, runs_of, same_corners, unpack
 from vffnull.draw import replans, style
 from vffnull.draw.figures.animation import frames_of
 from vffnull.draw.figures.space import SLIM
-from vffnull.draw.primitives import COLOURS, Body, Scene
+from vffnull.draw.primitives import COLOURS, Body
+from vffnull.draw.scene import Scene
 from waiting import frames, wait_for
 
 GREEN = np.array(to_rgb(COLOURS["plan"]))
@@ -210,7 +211,7 @@ def test_a_live_page_shows_the_plan(page: Any) -> None:
     wait_for(lambda: page.snapshot()["t"] > 0.3)
     page.pause(True)
     frames(page)
-    q, plan = page.snapshot()["q_plan"], page._scene._plan
+    q, plan = page.snapshot()["q_plan"], page._scene._arms.plan
     assert plan and all(handle.visible for handle in plan)
     arm = page.scenario.arm
     if arm.dimension == 2:
@@ -226,11 +227,11 @@ def test_a_live_page_shows_the_plan(page: Any) -> None:
     assert not any(handle.visible for handle in plan)
     page.reset()
     frames(page)
-    assert not any(handle.visible for handle in page._scene._plan)
+    assert not any(handle.visible for handle in page._scene._arms.plan)
     page.show_plan(True)
-    assert all(handle.visible for handle in page._scene._plan)
+    assert all(handle.visible for handle in page._scene._arms.plan)
 
     page.open(vff.Scenario.load("sweep-through"))
     frames(page)
-    assert page._scene._plan == [] and not page._panel._plan.visible
+    assert page._scene._arms.plan == [] and not page._panel._plan.visible
     wait_for(lambda: "vff-replans" not in page._panel._details.content)

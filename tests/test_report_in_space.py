@@ -17,7 +17,8 @@ from PIL import Image
 
 import vffnull as vff
 from browsing import WEBGL, chromium
-from vffnull.draw.primitives import Part, Scene
+from vffnull.draw.scene import Scene
+from vffnull.draw.shapes import Part
 from vffnull.evaluation.geometry.arm import rotation
 from waiting import HANG
 

@@ -84,8 +84,9 @@ def test_what_is_not_said_is_the_default_of_the_core() -> None:
 
 def test_sliders_have_units_ranges_and_defaults_of_the_core() -> None:
     panel = pytest.importorskip("vffnull.live.panel")
-    levels = panel.levels({"field": panel.NO_FIELD})
-    for key, (label, low, high, _, _) in panel.OF_THE_CONTROLLER.items():
+    sliders = pytest.importorskip("vffnull.live.sliders")
+    levels = sliders.levels({"field": sliders.NO_FIELD})
+    for key, (label, low, high, _, _) in sliders.OF_THE_CONTROLLER.items():
         assert levels[key] == CONTROLLER[key]["default"]
         assert low <= levels[key] <= high
         number = CONTROLLER[key]["anyOf"][0]
@@ -93,6 +94,6 @@ def test_sliders_have_units_ranges_and_defaults_of_the_core() -> None:
         unit = label[label.index("[") :]
         assert CONTROLLER[key]["description"].endswith(unit), key
     of_field = CONTROLLER["field"]["properties"]
-    for key, (_, low, _, _, _) in panel.OF_THE_FIELD.items():
+    for key, (_, low, _, _, _) in sliders.OF_THE_FIELD.items():
         assert low >= of_field[key].get("minimum", of_field[key].get("exclusiveMinimum"))
     assert set(panel.WAYS.values()) == set(CONTROLLER["avoidance"]["enum"])

@@ -15,8 +15,9 @@ from differences import smooth_pairs
 from vffnull import _core
 from vffnull.draw import geometry
 from vffnull.draw.figures.render import Solid, trace
-from vffnull.draw.primitives import Body, Scene
+from vffnull.draw.primitives import Body
 from vffnull.draw.report import motion as page
+from vffnull.draw.scene import Scene
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
 from vffnull.evaluation.geometry.arm import rotation

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import vffnull as vff
-from vffnull.draw.primitives import Scene
+from vffnull.draw.scene import Scene
 from vffnull.evaluation.geometry import arm as _arm
 from vffnull.logs import frames
 

@@ -15,7 +15,8 @@ import vffnull as vff
 from vffnull.draw import geometry, style
 from vffnull.draw.figures import animation, film, limits, null_space, render, space, tracking
 from vffnull.draw.figures.render import Canvas, Layer, Solid, rods, trace
-from vffnull.draw.primitives import Axes, Body, Scene
+from vffnull.draw.primitives import Axes, Body
+from vffnull.draw.scene import Scene
 from vffnull.evaluation.geometry.arm import rotation
 
 FRONT = np.eye(3)  # right x, up y, towards the viewer z

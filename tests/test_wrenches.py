@@ -414,7 +414,8 @@ def test_it_is_recorded_where_there_is_any(tmp_path: Path) -> None:
 
 def test_it_is_drawn(tmp_path: Path) -> None:
     """In films, reports and pictures as an arrow from its point along the force."""
-    from vffnull.draw.primitives import Arrow, Scene
+    from vffnull.draw.primitives import Arrow
+    from vffnull.draw.scene import Scene
 
     result = vff.simulate(PANDA, {"duration": 0.7, "wrenches": [TIP]})
     scene = Scene.of_result(result)

@@ -20,7 +20,8 @@ from vffnull.cli import _commands
 from vffnull.draw import geometry, style
 from vffnull.draw.figures import canvas, space, strobe
 from vffnull.draw.figures.render import Canvas
-from vffnull.draw.primitives import Marks, Scene
+from vffnull.draw.primitives import Marks
+from vffnull.draw.scene import Scene
 from vffnull.model.record import QUANTITIES
 from vffnull.model.scenario import read
 

@@ -326,6 +326,10 @@ vff_status vff_controller_torque(struct vff_controller *controller,
                                  double *tau,
                                  size_t joints);
 
+// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
+// next state may be at any time. Obstacles and reference stay.
+vff_status vff_controller_reset(struct vff_controller *controller);
+
 // Begins a loop of `period` seconds that is watched over: from now on `vff_controller_cycle` says what is to be sent. The torque is
 // blended in from the `measured` one, n numbers [N·m, N] that contain gravity only if what is sent does, or, if that is NULL with
 // length 0 or cannot be, from what holds the arm still. Until the first state the measured one is sent, or nothing. Allocates.
@@ -349,10 +353,6 @@ vff_status vff_controller_cycle(struct vff_controller *controller,
 
 // For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
 vff_status vff_controller_stop(struct vff_controller *controller);
-
-// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
-// next state may be at any time. Obstacles and reference stay.
-vff_status vff_controller_reset(struct vff_controller *controller);
 
 // Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
 // runs on the model, whose state is the set point. Allocates.

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `border` | every call: no panic leaves, a fault becomes a status and a message |
 //! | `status` | what can be wrong |
-//! | `robot`, `controller`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
+//! | `robot`, `controller`, `cycle`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
 //! | `mailbox` | one value handed from one thread to another without a lock |
 
 // Names and documentation are those of the C header.
@@ -16,6 +16,7 @@
 mod border;
 mod cloud;
 mod controller;
+mod cycle;
 mod mailbox;
 mod obstacles;
 mod robot;
@@ -27,6 +28,7 @@ mod version;
 pub use border::vff_last_message;
 pub use cloud::*;
 pub use controller::*;
+pub use cycle::*;
 pub use obstacles::*;
 pub use robot::*;
 pub use set_points::*;

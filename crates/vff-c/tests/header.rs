@@ -14,6 +14,7 @@ fn the_header_is_that_of_the_sources() {
         "border",
         "robot",
         "controller",
+        "cycle",
         "set_points",
         "terms",
         "obstacles",

@@ -1,4 +1,4 @@
-//! The arrows between the modules of the core run one way, in tests as well.
+//! The arrows between the modules of the core run one way, in tests as well; no file is long.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,9 @@ const FLOORS: &[&[&str]] = &[
 ];
 /// Modules of one row of which one serves the other.
 const BESIDE: &[[&str; 2]] = &[["robot", "testing"], ["testing", "robot"]];
+
+/// A longer file answers more than one question.
+const LONGEST: usize = 600;
 
 fn floor(module: &str) -> Option<usize> {
     FLOORS.iter().position(|row| row.contains(&module))
@@ -61,4 +64,18 @@ fn arrows_run_one_way() {
     }
     assert!(seen > 500, "only {seen} arrows were found");
     assert!(wrong.is_empty(), "arrows back up:\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn no_file_is_long() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let every =
+        ["vff-core", "vff-python", "vff-c"].map(|name| sources(&crates.join(name).join("src")));
+    let mut seen = 0;
+    for path in every.iter().flatten().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
+        let lines = fs::read_to_string(path).unwrap().lines().count();
+        assert!(lines <= LONGEST, "{}: {lines} lines", path.display());
+        seen += 1;
+    }
+    assert!(seen > 200, "only {seen} files were found");
 }

@@ -1,13 +1,14 @@
 //! `Arm`: an arm and its matrices.
 
+mod attributes;
 mod reading;
 mod states;
 
-use crate::convert::{array1, array2, from_toml, matrix, table_to_dict, to_toml, vector};
+use crate::convert::{array1, array2, matrix, table_to_dict, to_toml, vector};
 use crate::errors::InputError;
 use crate::extended_jacobian::ExtendedJacobian;
+use attributes::{Shapes, limits, planar, shapes};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 pub use reading::plant;
@@ -68,19 +69,6 @@ impl Arm {
     fn n(&self) -> usize {
         self.arm.dof()
     }
-}
-
-/// Limits as an array, None where there are none.
-fn limits<'py>(py: Python<'py>, values: &[f64]) -> Option<Array1<'py>> {
-    (!values.is_empty()).then(|| array1(py, values))
-}
-
-/// An attribute that only arms in the plane have.
-fn planar<'py>(py: Python<'py>, name: &str, values: Option<Vec<f64>>) -> PyResult<Array1<'py>> {
-    values.map(|values| array1(py, &values)).ok_or_else(|| {
-        let sentence = format!("an arm in space has no `{name}`: see `link_poses` and `collision`");
-        PyAttributeError::new_err(sentence)
-    })
 }
 
 #[pymethods]
@@ -368,13 +356,8 @@ impl Arm {
 
     /// What is measured against obstacles and other links: names of links and shapes in their frames.
     #[getter]
-    fn collision<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
-        let pair =
-            |item: Table| Ok((from_toml(py, &item["link"])?, from_toml(py, &item["shape"])?));
-        self.arm.collision().into_iter().map(pair).collect()
+    fn collision<'py>(&self, py: Python<'py>) -> PyResult<Shapes<'py>> {
+        shapes(py, self.arm.collision())
     }
 
     /// Position and orientation of the tip.

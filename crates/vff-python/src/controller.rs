@@ -1,10 +1,8 @@
 //! `Controller`: the torque law in somebody else's loop.
 
 use crate::arm::Arm;
-use crate::convert::{
-    any_vector, array1, document, instead, named_document, new_points, number, read_vector, vector,
-    wrong_type,
-};
+use crate::call::{Reference, finite_time, read_obstacles, sequence};
+use crate::convert::{any_vector, array1, document, new_points, number, vector, wrong_type};
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
 use crate::terms::Terms;
@@ -12,13 +10,13 @@ use crate::turns::Turns;
 use crate::watch::{attended, interruptible};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PySequence};
+use pyo3::types::PyDict;
 use std::mem::{replace, take};
 use vff_core::control::output::Phase;
 use vff_core::math::memory;
 use vff_core::math::rotation::NotARotation;
 use vff_core::runtime::points::make;
-use vff_core::runtime::{AnyController, AnyObstacles, CycleError, Reading, Target};
+use vff_core::runtime::{AnyController, AnyObstacles, CycleError, Reading};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 
@@ -82,63 +80,6 @@ struct Call<'a, 'py> {
     t: Option<&'a Bound<'py, PyAny>>,
 }
 
-/// A reference in numbers, or none.
-pub struct Reference {
-    given: bool,
-    x: Vec<f64>,
-    dx: Vec<f64>,
-    ddx: Vec<f64>,
-}
-
-impl Reference {
-    /// That of a call, where pose, velocity and acceleration have so many numbers.
-    pub fn read(
-        widths: [usize; 3],
-        x_ref: Option<&Bound<'_, PyAny>>,
-        dx_ref: Option<&Bound<'_, PyAny>>,
-        ddx_ref: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let [mut x, mut dx, mut ddx] = widths.map(|width| vec![0.0; width]);
-        x_ref.map_or(Ok(()), |given| read_pose(given, &mut x))?;
-        for (name, given, out) in [("dx_ref", dx_ref, &mut dx), ("ddx_ref", ddx_ref, &mut ddx)] {
-            given.map_or(Ok(()), |given| read_vector(name, given, out))?;
-        }
-        Ok(Self { given: x_ref.is_some(), x, dx, ddx })
-    }
-
-    /// The reference itself.
-    pub fn target(&self) -> Option<Target<'_>> {
-        self.given.then_some(Target { x: &self.x, dx: &self.dx, ddx: &self.ddx })
-    }
-}
-
-/// The time of a call [s], 0 if none is given.
-pub fn finite_time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
-    let t = t.map_or(Ok(0.0), |t| number("t", t))?;
-    match t.is_finite() {
-        true => Ok(t),
-        false => Err(InputError::new_err(format!("t must be finite, got {t}"))),
-    }
-}
-
-/// A reference: one vector or, of a pose in space, position and quaternion.
-pub fn read_pose(given: &Bound<'_, PyAny>, out: &mut [f64]) -> PyResult<()> {
-    match given.cast::<PySequence>() {
-        Ok(pair) if out.len() == 7 && pair.len()? == 2 => {
-            read_vector("x_ref[0]", &pair.get_item(0)?, &mut out[..3])?;
-            read_vector("x_ref[1]", &pair.get_item(1)?, &mut out[3..])
-        }
-        _ => read_vector("x_ref", given, out),
-    }
-}
-
-/// The obstacles of a call.
-pub fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-    let sentence = "obstacles: expected a sequence of obstacles";
-    let fault = |error| instead(obstacles, error, || wrong_type(sentence, obstacles));
-    obstacles.try_iter().map_err(fault)?.collect()
-}
-
 impl Controller {
     /// No obstacle, where the arm is.
     pub fn nothing(&self) -> AnyObstacles {
@@ -154,9 +95,8 @@ impl Controller {
     ) -> PyResult<T> {
         let t = finite_time(call.t)?;
         let (q, dq) = (vector("q", call.q, self.n)?, vector("dq", call.dq, self.n)?);
-        let Reference { x, dx, ddx, .. } =
-            Reference::read(self.widths, Some(call.x), call.dx, call.ddx)?;
-        let target = Target { x: &x, dx: &dx, ddx: &ddx };
+        let reference = Reference::read(self.widths, Some(call.x), call.dx, call.ddx)?;
+        let target = reference.numbers();
         let done = self.among(py, call.obstacles, |controller| {
             let tau = controller.torque(&q, &dq, &target, t)?.to_vec();
             let finite = tau.iter().all(|tau| tau.is_finite());
@@ -224,22 +164,6 @@ impl Inner {
             && given.iter().zip(&self.obstacles).all(|(new, old)| new.is(old.bind(py)))
             && !given.iter().any(|o| o.is_instance_of::<PyDict>())
     }
-}
-
-/// These obstacles in addition to those in `read`.
-pub fn read_obstacles(
-    mut read: AnyObstacles,
-    given: &[Bound<'_, PyAny>],
-) -> PyResult<AnyObstacles> {
-    for (j, obstacle) in given.iter().enumerate() {
-        if j % 256 == 255 {
-            obstacle.py().check_signals()?;
-        }
-        let name = format!("obstacles[{j}]");
-        read.read(&named_document(&name, obstacle)?)
-            .map_err(|error| errors::scenario(&error.inside(&name)))?;
-    }
-    Ok(read)
 }
 
 #[pymethods]

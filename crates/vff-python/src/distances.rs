@@ -1,7 +1,7 @@
 //! `distances`: every pair of link and obstacle, with the derivatives of its distance.
 
 use crate::arm::Arm;
-use crate::controller::{read_obstacles, sequence};
+use crate::call::{read_obstacles, sequence};
 use crate::convert::{float_array, misshapen, values, wrong_type};
 use crate::errors::InputError;
 use crate::watch::interruptible;

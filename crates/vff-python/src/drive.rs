@@ -1,6 +1,7 @@
 //! `DriveLoop`: a controller in the loop of a robot, on a thread of its own.
 
-use crate::controller::{Controller, read_obstacles, read_pose, sequence};
+use crate::call::{read_obstacles, read_pose, sequence};
+use crate::controller::Controller;
 use crate::convert::{
     array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
 };

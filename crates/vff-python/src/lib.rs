@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod arm;
+mod call;
 mod controller;
 mod convert;
 mod distances;

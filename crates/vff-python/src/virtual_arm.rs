@@ -1,6 +1,7 @@
 //! `VirtualArm`: set points for robots that take positions or velocities.
 
-use crate::controller::{Controller, Reference, finite_time};
+use crate::call::{Reference, finite_time};
+use crate::controller::Controller;
 use crate::convert::{any_vector, array1, number, vector, wrong_type};
 use crate::errors::InputError;
 use crate::turns::Turns;

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 import vffnull._core as _core
 from vffnull._core import Arm
 from vffnull.draw import geometry
-from vffnull.draw.primitives import COLOURS, Body, Cloud, Marks, Primitive, Scene, drawable
+from vffnull.draw.primitives import COLOURS, Body, Cloud, Marks, Primitive
+from vffnull.draw.scene import Scene, drawable
 from vffnull.model.outcome import Outcome
 from vffnull.model.record import Layout
 from vffnull.model.scenario import Scenario

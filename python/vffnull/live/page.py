@@ -15,14 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 import vffnull._core as _core
 from vffnull._support.errors import VffNullError
-from vffnull.live.clock import Counts
+from vffnull.live.clock import Counts, Rate
 from vffnull.live.guard import guarding
 from vffnull.live.memory import Memory
-from vffnull.live.panel import Panel, said
+from vffnull.live.panel import Panel
 from vffnull.live.plots import Plots
 from vffnull.live.quiet import quiet, uncover
 from vffnull.live.recording import Recording
-from vffnull.live.scene import TRAIL, WITHIN, Dress, Scene, kind_of
+from vffnull.live.scene import TRAIL, Dress, Scene, around, kind_of
+from vffnull.live.sliders import said
 from vffnull.model.headline import Finding, findings
 from vffnull.model.record import Layout
 from vffnull.model.scenario import Scenario
@@ -88,7 +89,7 @@ class LivePage:
         self._recording: Recording | None = None
         self._lock = threading.RLock()  # around everything that belongs to one scenario
         self._over = threading.Event()
-        self._frames: tuple[float, int] = (time.monotonic(), 0)
+        self._rate = Rate(time.monotonic())
         self.drawn = 0
         """Pictures so far."""
         self.shown: Mapping[str, Any] = {}
@@ -527,19 +528,9 @@ class LivePage:
                 self._run(True)
 
     def _box(self) -> tuple[float, ...]:
-        """Limits [m] around the arm and what is near it at the start: the lower and the upper one along each
-        axis.
-        """
+        """Limits [m] around the arm and what is near it at the start."""
         if self._bounds is None:
-            simulation = _core.Simulation(self._scenario.to_dict())
-            reach = self._scene.reach
-            joints = self._scenario.arm.forward_kinematics(simulation.state.q)
-            near = simulation.state.obstacles
-            every = np.vstack([joints, near[np.linalg.norm(near - joints[0], axis=1) < WITHIN * reach]])
-            low, high = every.min(axis=0) - 0.12 * reach, every.max(axis=0) + 0.12 * reach
-            missing = max(0.0, 0.75 * reach - (high[-1] - low[-1])) / 2
-            low[-1], high[-1] = low[-1] - missing, high[-1] + missing
-            self._bounds = tuple(np.stack([low, high], axis=1).ravel().tolist())
+            self._bounds = around(self._scenario, self._scene.reach)
         return self._bounds
 
     def _paint(self) -> None:
@@ -577,7 +568,8 @@ class LivePage:
                     self._panel.read({**state, **self._scene.readings(), "found": self._found(state)})
                     self._panel.show_memory(self._memory.span, self._memory.back or 0.0)
                     self._drain()
-            self._count(now)
+            self.drawn += 1
+            self.frame_rate = self._rate.count(now)
             self._over.wait(max(0.0, due - time.monotonic()))
 
     def _found(self, state: Mapping[str, Any]) -> list[Finding]:
@@ -597,11 +589,3 @@ class LivePage:
             self._panel.show_recording(False)
             for client in self._server.get_clients().values():
                 client.add_notification("The recording has ended", str(fault), color="red")
-
-    def _count(self, now: float) -> None:
-        self.drawn += 1
-        since, frames = self._frames
-        self._frames = (since, frames + 1)
-        if now - since > 1.0:
-            self.frame_rate = (frames + 1) / (now - since)
-            self._frames = (now, 0)

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping
-from html import escape
-from pathlib import Path
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from typing import Any
 
-import numpy as np
 import viser
 
 from vffnull._support.errors import VffNullError
+from vffnull.live.actions import Page
 from vffnull.live.files import file_name, scenario_of
 from vffnull.live.joints import Joints
 from vffnull.live.memory import KEPT
-from vffnull.live.plots import measures, rounded_up
-from vffnull.live.scene.cup import SPILLS
+from vffnull.live.plots import rounded_up
+from vffnull.live.readouts import details, numbers
+from vffnull.live.sliders import NO_FIELD, OF_THE_CONTROLLER, OF_THE_FIELD, levels, put, said, slide
 from vffnull.live.stories import GIVING_WAY, IN_SPACE, IN_THE_PLANE, STORIES
 from vffnull.live.tasks import TASKS, with_task
 from vffnull.model.scenario import Scenario, scenarios
-from vffnull.model.settings import setting
 
 OWN = "your own"  # a scenario that is not bundled
 LEAD = """
@@ -34,99 +32,8 @@ WAYS = {
     "by barriers (QP)": "cbf",
 }
 """How the page calls what `controller.avoidance` may be."""
-OF_THE_FIELD = {
-    "gain": ("Field gain", 0.0, 6.0, 0.01, "How hard obstacles push; newtons at most if bounded"),
-    "influence": ("Influence [m]", 0.01, 2.0, 0.01, "From how far away they push: the pale halos"),
-}
-"""Sliders of `controller.field`: label, ends, step and hint."""
-OF_THE_CONTROLLER = {
-    "stiffness": ("Stiffness [1/s²]", 0.0, 400.0, 1.0, "How fast the tip comes back to its target"),
-    "damping": ("Damping [1/s]", 0.0, 60.0, 0.5, "How fast the tip's speed dies out"),
-    "null_damping": ("Null damping [1/s]", 0.0, 30.0, 0.5, "How fast the links' own motion dies out"),
-}
-"""Those of `controller` itself."""
-NO_FIELD = {"kind": "khatib", "gain": 0.0, "influence": 0.5}
-"""What the controls show of a controller without a field."""
 BEYOND = 2.5
 """How far a slider goes, in values of the scenario."""
-RATE = 1000.0
-"""Periods per second of a loop that keeps up with the clock [Hz]."""
-ALARM, WARN, CALM = "#c81428", "#8a5a00", "#0a7d55"
-
-
-class Page(Protocol):
-    """What the controls may ask of the page."""
-
-    @property
-    def scenario(self) -> Scenario:
-        """What runs."""
-
-    @property
-    def notes(self) -> list[str]:
-        """What is odd about what runs, in sentences."""
-
-    @property
-    def views(self) -> Mapping[str, str]:
-        """How one may look at the scene, each with a sentence on how things are dragged then."""
-
-    @property
-    def view(self) -> str:
-        """How one does."""
-
-    def open(self, scenario: Scenario) -> None:
-        """Run another scenario."""
-
-    def configure(self, controller: Mapping[str, Any]) -> None:
-        """Take over settings of the controller."""
-
-    def pause(self, paused: bool) -> None:
-        """Stand still, or go on."""
-
-    def look_back(self, seconds: float) -> None:
-        """Show what was drawn so many seconds ago; 0 is the present."""
-
-    def replay(self) -> None:
-        """Show again what was drawn."""
-
-    def reset(self, as_filed: bool = False) -> None:
-        """Go back to the start with the present settings, or with those of the scenario."""
-
-    def begin_at(self, q: list[float]) -> None:
-        """Begin anew from other joint positions (n,)."""
-
-    def present(self) -> Scenario:
-        """What runs, as a scenario: the present settings, and the obstacles where they have been put."""
-
-    def show_ghost(self, on: bool) -> None:
-        """Run the arm without projection beside."""
-
-    def show_plan(self, on: bool) -> None:
-        """Draw the arm where the plan has it."""
-
-    def add_obstacle(self) -> None:
-        """Put a disc, or a ball, where there is room."""
-
-    def remove_obstacle(self) -> None:
-        """Take away the last obstacle."""
-
-    def start_recording(self) -> Path:
-        """Begin to record."""
-
-    def stop_recording(self) -> tuple[Path, int] | None:
-        """End a recording; its file and the number of its rows."""
-
-    def look(self, view: str) -> None:
-        """Look at the scene in another way."""
-
-    def cast_shadows(self, on: bool) -> None:
-        """Whether bodies in space cast shadows."""
-
-    @property
-    def has_meshes(self) -> bool:
-        """Whether it is known how the arm looks."""
-
-    def show_meshes(self, on: bool) -> None:
-        """Draw the arm as it looks, or as the bodies that are measured."""
 
 
 class Panel:
@@ -529,99 +436,3 @@ class Panel:
             if client is None:
                 raise
             client.add_notification("This cannot be done", str(fault), color="red", auto_close_seconds=8.0)
-
-
-def put(control: Any, value: Any) -> None:
-    """Set a control; viser's types take its values for read-only."""
-    control.value = value
-
-
-def slide(slider: Any, value: float) -> None:
-    """Move a slider, and widen it if it has to."""
-    if value > slider.max:
-        slider.max = 2.0 * value
-    if value < slider.min:
-        slider.min = value
-    put(slider, value)
-
-
-def levels(settings: Mapping[str, Any]) -> dict[str, float]:
-    """What the sliders show of settings of the controller."""
-    field = settings["field"]
-    return {
-        "gain": field["gain"] or 1.0,
-        "influence": field["influence"],
-        **{key: first(said(settings, key)) for key in OF_THE_CONTROLLER},
-    }
-
-
-def said(controller: Mapping[str, Any], key: str) -> Any:
-    """What settings of the controller say at a key, or the default of the key."""
-    return setting({"controller": controller}, f"controller.{key}")
-
-
-def first(value: Any) -> float:
-    """A number, or the first of those that a setting gives per axis or joint."""
-    return float(np.ravel(value)[0])
-
-
-def numbers(state: Mapping[str, Any]) -> str:
-    """The read-out as HTML."""
-    clearance, error, _, angle = measures(state)
-    least = state["min_clearance"]
-    rows = [("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", error < 1)]
-    if np.isfinite(angle):
-        value = f"{angle:.3f}°" if angle < 1 else f"{angle:.1f}°"
-        rows.append(("Turned off by", "angle", value, angle < 0.5))
-    if "tilt" in state:
-        tilt, spilt, limit = np.degrees(state["tilt"]), state["spilt"], np.degrees(SPILLS)
-        level = f"tilted {tilt:.1f}°" + (f", {100 * spilt:.0f} % spilt" if spilt > 0 else "")
-        rows.append((f"Cup (spills at {limit:.0f}°)", "cup", level, spilt <= 0))
-    if np.isfinite(least):
-        rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
-        rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))
-    pace = f"{state['rate'] / RATE:.2f} × real time" if state["status"] == "running" else state["status"]
-    rows.append(("Simulated time", "time", f"{state['t']:.1f} s · {pace}", True))
-    if "newtons" in state:
-        rows.append(("Arrow at the base", "newtons", f"{state['newtons']:g} N of repulsion", True))
-    cells = "".join(
-        f'<tr><td>{label}</td><td id="vff-{name}" style="text-align:right;font-weight:600;'
-        f'font-size:{"1.4em" if name == "tip" else "1em"};color:{CALM if fine else ALARM}">{value}</td></tr>'
-        for label, name, value, fine in rows
-    )
-    trouble = ""
-    if state["status"] in ("diverged", "failed"):
-        trouble = (
-            f'<div style="color:white;background:{ALARM};padding:6px 8px;border-radius:4px;margin:4px 0">'
-            f"The loop has stopped: {escape(state['message'])}. <b>Reset</b> brings back "
-            "the scenario and its own settings.</div>"
-        )
-    found = "".join(
-        f'<div style="margin-top:4px;color:{ALARM if each.severity == "bad" else WARN}">'
-        f"<b>{escape(each.verdict)}</b>: {escape(each.text)}</div>"
-        for each in state.get("found", ())
-    )
-    return (
-        f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
-        f'<table style="width:100%;border-collapse:collapse">{cells}</table>'
-        f'<div id="vff-found">{found}</div></div>'
-    )
-
-
-def details(state: Mapping[str, Any], notes: Iterable[str] = ()) -> str:
-    """How the loop is, as HTML."""
-    loop = (
-        f'<span id="vff-status">{state["status"]}</span> · t = {state["t"]:.1f} s<br>'
-        f'loop <span id="vff-rate">{state["rate"]:.1f}</span> Hz · '
-        f"longest step {1e6 * state['worst']:.0f} µs<br>"
-        f"{state['missed']} of {state['periods']} deadlines missed"
-    )
-    if state["q_plan"] is not None:
-        loop += (
-            f'<br>new plans: <span id="vff-replans">{state["replans"]}</span> · '
-            f'stuck: <span id="vff-stuck">{state["times_stuck"]}</span>'
-        )
-    return (
-        '<div style="padding:0 0.75em;font-size:0.8em;color:#555;font-variant-numeric:tabular-nums">'
-        f"{loop}{''.join(f'<br>{escape(note)}' for note in notes)}</div>"
-    )

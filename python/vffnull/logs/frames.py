@@ -18,7 +18,9 @@ import vffnull._core as _core
 from vffnull._core import matrices
 from vffnull._support.errors import ScenarioWarning
 from vffnull.draw import geometry
-from vffnull.draw.primitives import COLOURS, Role, corners_of, drawable, mount_of
+from vffnull.draw.primitives import COLOURS, Role
+from vffnull.draw.scene import drawable
+from vffnull.draw.shapes import corners_of, mount_of
 from vffnull.model.arm import frame
 
 if TYPE_CHECKING:

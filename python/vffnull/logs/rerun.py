@@ -55,7 +55,7 @@ def _plots(rr: Any, log: Any, result: Outcome) -> None:
 
 def _plane(rr: Any, log: Any, result: Outcome) -> None:
     from vffnull.draw import geometry
-    from vffnull.draw.primitives import Scene
+    from vffnull.draw.scene import Scene
 
     log.log("scene", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
     time = [rr.TimeColumn("t", duration=result.t)]

@@ -8,9 +8,9 @@ from typing import Any
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError
 from vffnull.model.document import Document
-from vffnull.studies.document import Block, Plan
 from vffnull.studies.downsampled import records_part
 from vffnull.studies.parts import Part, runs_part
+from vffnull.studies.plan import Block, Plan
 
 __all__ = ["REFUSED", "Report", "Stopped", "compute"]
 

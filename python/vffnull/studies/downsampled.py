@@ -12,8 +12,8 @@ import numpy as np
 from vffnull._support.errors import InputError, ScenarioError
 from vffnull._support.extras import extra
 from vffnull.model.record import Layout, recorded
-from vffnull.studies.document import FIXED, Block, Plan
 from vffnull.studies.parts import Part, about, encoded
+from vffnull.studies.plan import FIXED, Block, Plan
 from vffnull.studies.probe import probe
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 import vffnull._core as _core
 from vffnull._support.errors import ScenarioError
 from vffnull.studies.blocks import compute
-from vffnull.studies.document import Block, Plan
+from vffnull.studies.plan import Block, Plan
 from vffnull.studies.probe import probe
 
 __all__ = ["Estimate", "estimated"]

@@ -17,9 +17,9 @@ from typing import Any, Protocol
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.studies.blocks import Stopped, compute
-from vffnull.studies.document import Block, Plan
 from vffnull.studies.manifest import versions
 from vffnull.studies.parts import Part
+from vffnull.studies.plan import Block, Plan
 from vffnull.studies.store import Store, opened
 
 __all__ = ["ClusterExecutor", "Done", "LocalExecutor", "Executor"]

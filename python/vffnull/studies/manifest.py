@@ -13,9 +13,9 @@ from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull._support.files import digest
 from vffnull.model.document import Document
-from vffnull.studies.document import Plan
 from vffnull.studies.downsampled import record_schema_of
 from vffnull.studies.parts import schema_of
+from vffnull.studies.plan import Plan
 from vffnull.studies.store import Store
 
 __all__ = ["MANIFEST", "begun", "manifest_of", "read_manifest", "versions"]

@@ -18,7 +18,7 @@ import numpy as np
 
 import vffnull._core as _core
 from vffnull._support.extras import extra
-from vffnull.studies.document import FIXED, Block, Plan
+from vffnull.studies.plan import FIXED, Block, Plan
 
 if TYPE_CHECKING:
     import pyarrow

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull.model.document import Document
-from vffnull.studies.document import Plan, read_plan
+from vffnull.studies.document import read_plan
 from vffnull.studies.manifest import MANIFEST, read_manifest
 from vffnull.studies.parts import READERS, Kind, named
+from vffnull.studies.plan import Plan
 from vffnull.studies.store import Store, opened
 
 if TYPE_CHECKING:

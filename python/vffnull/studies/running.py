@@ -12,10 +12,10 @@ from typing import Any
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull._support.progress import Counter
-from vffnull.studies.document import Block, Plan
 from vffnull.studies.executors import Done, Executor
 from vffnull.studies.manifest import begun
 from vffnull.studies.parts import KINDS, READERS, Part, named, wanted
+from vffnull.studies.plan import Block, Plan
 from vffnull.studies.store import Store
 
 __all__ = ["Begun", "begin", "carry_out", "verified"]

@@ -17,9 +17,10 @@ from vffnull._support.progress import Counter, counted
 from vffnull.model.document import Document
 from vffnull.model.scenario import Scenario, read, shown
 from vffnull.studies.dataset import Dataset
-from vffnull.studies.document import Plan, read_plan
+from vffnull.studies.document import read_plan
 from vffnull.studies.estimate import Estimate, estimated
 from vffnull.studies.executor import check_executor, executor
+from vffnull.studies.plan import Plan
 from vffnull.studies.running import Begun, Tell, begin, carry_out, missing, new_token, runs_of
 from vffnull.studies.store import Store, opened
 from vffnull.studies.tuning import Tuned, tune

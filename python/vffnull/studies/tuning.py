@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull._support.progress import Counter
-from vffnull.studies.document import Goal, Plan
 from vffnull.studies.executors import Executor
 from vffnull.studies.factors import Factor
 from vffnull.studies.parts import Part, named
+from vffnull.studies.plan import Goal, Plan
 from vffnull.studies.reading import Runs
 from vffnull.studies.running import Begun, carry_out
 from vffnull.studies.store import Store

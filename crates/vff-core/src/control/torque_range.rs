@@ -3,6 +3,8 @@
 //! A demand that changes faster than the torque may is followed too late, which makes the next demand larger: the arm
 //! oscillates. So everything that asks for torque knows how long that torque takes to build up.
 
+use crate::robot::Robot;
+
 /// Where the next torque of the law may be, joint by joint. Nothing allocates after construction.
 #[derive(Debug, Clone)]
 pub struct TorqueRange {
@@ -21,7 +23,9 @@ pub struct TorqueRange {
 /// c in (T131): how much of the torque rate a barrier takes up at most, as the share 0.23 c² of it.
 const SHARPNESS: f64 = 1.4;
 /// w in (T131): the speed at which obstacles and links close in that barriers reckon with \[m/s\].
-pub const CLOSING: f64 = 1.0;
+const CLOSING: f64 = 1.0;
+/// How much faster the three poles of (T131) are than the two of (T67), which react as early.
+const THREE_POLES: f64 = 1.5;
 /// Share of the torque rate that braking before a speed limit takes up (T132).
 const BRAKING: f64 = 0.25;
 /// In parts of j/k³: a height that is farther below 0 asks for no more than this one.
@@ -47,12 +51,27 @@ impl TorqueRange {
     }
 
     /// The least ḧ after this period for a height h that is to stay positive, of which `now` is \[h, ḣ, ḧ\], where ḧ can
-    /// be changed by `jerk` and ḣ is −`closing` at worst (T131). The pole is `fastest` \[1/s\] at most.
-    pub fn least_acceleration(&self, now: [f64; 3], jerk: f64, closing: f64, fastest: f64) -> f64 {
+    /// be changed by `jerk` and ḣ is −`closing` at worst (T131); no earlier than (T67) reacts with `rate` \[1/s\].
+    pub fn least_acceleration(&self, now: [f64; 3], jerk: f64, closing: f64, rate: f64) -> f64 {
         let [h, dh, ddh] = now;
+        let fastest = THREE_POLES * rate;
         let k = (SHARPNESS * (jerk / closing).sqrt()).min(fastest).min(1.0 / (3.0 * self.period));
         let h = h.max(-DEEPEST * jerk / (k * k * k));
         ddh - self.period * k * (3.0 * ddh + k * (3.0 * dh + k * h))
+    }
+
+    /// The same for a distance along whose gradient the joints push; leaves M⁻¹Jₕᵀ in `response`.
+    pub fn least_distance_acceleration<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        now: [f64; 3],
+        gradient: &[f64],
+        response: &mut [f64],
+        rate: f64,
+    ) -> f64 {
+        robot.mass_solve(gradient, response);
+        let jerk = self.jerk(gradient, response);
+        self.least_acceleration(now, jerk, CLOSING, rate)
     }
 
     /// The largest acceleration with `left` to go to the largest speed: in proportion near it, and farther away as much
@@ -101,7 +120,7 @@ mod tests {
             let mut build_up = |ddx: &Vector<1>| range.build_up(&[mass * ddx[0]]);
             let [e, de, zero] = [x, v, 0.0].map(Vector::<1>::new);
             let wanted = task::sendable_acceleration(&gains, &zero, e, de, &mut build_up)[0];
-            let least = range.least_acceleration(h, jerk, CLOSING, 60.0);
+            let least = range.least_acceleration(h, jerk, CLOSING, 40.0);
             let most = PERIOD * jerk;
             a = wanted.max(least).clamp(a - most, a + most);
             v += PERIOD * a;

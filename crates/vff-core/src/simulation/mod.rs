@@ -23,6 +23,7 @@ mod snapshot;
 mod space;
 mod system;
 mod wrench;
+mod wrenches;
 
 pub use actuator::{Actuator, ActuatorSettings};
 pub use closed_loop::{ClosedLoop, Reality};
@@ -43,4 +44,5 @@ pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
 pub use space::Space;
 pub use system::{Setting, System};
-pub use wrench::{Acting, Axes, MAX_WRENCHES, Profile, TIP, Torque, Wrench, Wrenches};
+pub use wrench::{Acting, Axes, MAX_WRENCHES, Profile, TIP, Torque, Wrench};
+pub use wrenches::Wrenches;

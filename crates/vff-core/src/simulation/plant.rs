@@ -3,7 +3,8 @@
 use super::contact::{ContactSettings, Contacts};
 use super::impulses::Impulses;
 use super::pull::{Pull, Spring};
-use super::wrench::{Acting, Wrench, Wrenches};
+use super::wrench::{Acting, Wrench};
+use super::wrenches::Wrenches;
 use crate::math::{Vector, dot};
 use crate::robot::{Model, Robot};
 use crate::world::{Solid, World};

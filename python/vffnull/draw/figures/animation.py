@@ -24,7 +24,8 @@ from vffnull._support.extras import extra
 from vffnull._support.files import replacing
 from vffnull.draw import geometry, replans, style
 from vffnull.draw.figures import canvas, strobe
-from vffnull.draw.primitives import COLOURS, Arrow, Body, Curve, Marks, Role, Scene, drawable
+from vffnull.draw.primitives import COLOURS, Arrow, Body, Curve, Marks, Role
+from vffnull.draw.scene import Scene, drawable
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

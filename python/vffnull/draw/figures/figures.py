@@ -13,7 +13,7 @@ from vffnull._support.figures import FIGURE_ENDINGS
 from vffnull._support.files import replacing
 from vffnull.draw import style
 from vffnull.draw.figures import joints, limits, links, null_space, overview, sensed, strobe, tracking
-from vffnull.draw.primitives import drawable
+from vffnull.draw.scene import drawable
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from vffnull.draw import geometry, replans, style
 from vffnull.draw.figures import space, tracking
 from vffnull.draw.figures.render import Canvas, Layer, Solid, arrow
-from vffnull.draw.primitives import COLOURS, Arrow, Body, Scene
+from vffnull.draw.primitives import COLOURS, Arrow, Body
+from vffnull.draw.scene import Scene
 
 if TYPE_CHECKING:
     from vffnull.draw.primitives import Rows

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vffnull.draw import replans, style
-from vffnull.draw.primitives import influence_of
+from vffnull.draw.shapes import influence_of
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from vffnull.draw import replans, style
 from vffnull.draw.figures import joints, links, strobe, tracking
-from vffnull.draw.primitives import Scene
+from vffnull.draw.scene import Scene
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from vffnull.draw import style
 from vffnull.draw.figures import canvas, strobe
-from vffnull.draw.primitives import Scene
+from vffnull.draw.scene import Scene
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from vffnull.draw import geometry, style
 from vffnull.draw.figures.render import Balls, Canvas, Layer, Solid, rods
-from vffnull.draw.primitives import COLOURS, Axes, Body, Cloud, Curve, Role, Scene, travels
+from vffnull.draw.primitives import COLOURS, Axes, Body, Cloud, Curve, Role
+from vffnull.draw.scene import Scene, travels
 
 if TYPE_CHECKING:
     from vffnull.draw.primitives import Rows

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from vffnull.draw import style
 from vffnull.draw.figures import canvas, space
-from vffnull.draw.primitives import Marks, Scene
+from vffnull.draw.primitives import Marks
+from vffnull.draw.scene import Scene
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

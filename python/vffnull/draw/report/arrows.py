@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vffnull.draw.primitives import Role, Scene
+from vffnull.draw.primitives import Role
+from vffnull.draw.scene import Scene
 
 Array = NDArray[np.float64]
 

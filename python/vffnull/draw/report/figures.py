@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from vffnull.draw import style
 from vffnull.draw.figures import tracking
-from vffnull.draw.primitives import COLOURS, Curve, Scene
+from vffnull.draw.primitives import COLOURS, Curve
+from vffnull.draw.scene import Scene
 
 if TYPE_CHECKING:
     from vffnull.model.outcome import Outcome

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vffnull.draw import geometry
-from vffnull.draw.primitives import COLOURS, Scene
+from vffnull.draw.primitives import COLOURS
 from vffnull.draw.report import space
 from vffnull.draw.report.arrows import all_arrows
 from vffnull.draw.report.figures import Run
 from vffnull.draw.report.packed import packed
+from vffnull.draw.scene import Scene
 from vffnull.model import record as _record
 from vffnull.model.record import Layout
 

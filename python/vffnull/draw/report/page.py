@@ -12,11 +12,12 @@ import numpy as np
 from bokeh.embed import components
 
 from vffnull.draw import replans, style
-from vffnull.draw.primitives import COLOURS, drawable
+from vffnull.draw.primitives import COLOURS
 from vffnull.draw.report import figures, motion, space
 from vffnull.draw.report.assumptions import assumptions
 from vffnull.draw.report.figures import Run
 from vffnull.draw.report.frame import fill
+from vffnull.draw.scene import drawable
 from vffnull.draw.style import prefixed
 from vffnull.model.outcome import readable
 

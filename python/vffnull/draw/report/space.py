@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from vffnull._core import quaternions
 from vffnull.draw import geometry, style
 from vffnull.draw.figures.space import SLIM, bounds, floor_of
-from vffnull.draw.primitives import COLOURS, Part, Scene, travels
+from vffnull.draw.primitives import COLOURS
 from vffnull.draw.report.arrows import all_arrows
 from vffnull.draw.report.figures import Run
 from vffnull.draw.report.packed import packed
+from vffnull.draw.scene import Scene, travels
+from vffnull.draw.shapes import Part
 
 Array = NDArray[Any]
 

@@ -4,13 +4,14 @@
 
 from __future__ import annotations
 
-from vffnull.live.scene.camera import Camera
+from vffnull.live.scene.camera import Camera, around
+from vffnull.live.scene.looks import TRAIL, Dress
 from vffnull.live.scene.plane import PlaneScene, view
-from vffnull.live.scene.shared import TRAIL, WITHIN, Dress, Scene
+from vffnull.live.scene.shared import Scene
 from vffnull.live.scene.space import SpaceScene
 from vffnull.model.scenario import Scenario
 
-__all__ = ["TRAIL", "WITHIN", "Camera", "Dress", "Scene", "kind_of", "view"]
+__all__ = ["TRAIL", "Camera", "Dress", "Scene", "around", "kind_of", "view"]
 
 
 def kind_of(scenario: Scenario) -> type[Scene]:

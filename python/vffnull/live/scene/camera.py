@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
+
+import vffnull._core as _core
+from vffnull.draw import geometry
+from vffnull.model.scenario import Scenario
+
+Array = NDArray[np.float64]
 
 UPRIGHT, COVERED = 0.6, 0.4
 """A picture with less width over height stands upright; the share of it above the controls of a phone."""
 MARGIN = 0.96
 """The share of the picture, or of what is free of it, that is made use of."""
+
+FIELD_OF_VIEW = 0.6
+"""Vertical, in space [rad]."""
+WITHIN = 1.6
+"""How far from the base an obstacle is that the first picture shows [reaches]."""
 
 
 @dataclass(frozen=True)
@@ -47,3 +60,44 @@ def seen_above(aspect: float) -> float:
     In a picture that stands upright, as on a phone, the controls cover the lower part.
     """
     return 1.0 if aspect >= UPRIGHT else 2 * COVERED - 1
+
+
+def around(scenario: Scenario, reach: float) -> tuple[float, ...]:
+    """Limits [m] around an arm of this reach [m] and what is near it at the start.
+
+    The lower and the upper one along each axis.
+    """
+    state = _core.Simulation(scenario.to_dict()).state
+    joints, near = scenario.arm.forward_kinematics(state.q), state.obstacles
+    every = np.vstack([joints, near[np.linalg.norm(near - joints[0], axis=1) < WITHIN * reach]])
+    low, high = every.min(axis=0) - 0.12 * reach, every.max(axis=0) + 0.12 * reach
+    missing = max(0.0, 0.75 * reach - (high[-1] - low[-1])) / 2
+    low[-1], high[-1] = low[-1] - missing, high[-1] + missing
+    return tuple(np.stack([low, high], axis=1).ravel().tolist())
+
+
+def framing(low: Array, high: Array, towards: Sequence[float], aspect: float) -> Camera:
+    """A camera in this direction that sees the box from `low` to `high` (3,) [m].
+
+    It is just so far away that the box is seen in what is free of the picture, as much of it on the left as
+    on the right, and above as below. A point p is above the lower edge if −u·p + s d·p ≤ s c_d − c_u for the
+    camera at c, with u upwards, d towards the camera, and s the slope of that edge; so with the other three.
+    What the points need of each pair of edges adds up to the distance that the wider pair decides.
+    """
+    middle = (low + high) / 2
+    direction = np.array(towards)
+    direction /= np.linalg.norm(direction)
+    right = np.cross([0.0, 0.0, 1.0], direction)
+    right /= np.linalg.norm(right)
+    above = np.cross(direction, right)
+    corners, _ = geometry.core_in_space({"kind": "box", "size": high - low})
+    tall = MARGIN * float(np.tan(FIELD_OF_VIEW / 2))
+    wide, lower = max(aspect, 0.1) * tall, tall * seen_above(aspect)
+    u, r, d = corners @ above, corners @ right, corners @ direction
+    edges = (r + wide * d).max(), (wide * d - r).max(), (u + tall * d).max(), (lower * d - u).max()
+    away = max((edges[0] + edges[1]) / (2 * wide), (edges[2] + edges[3]) / (tall + lower))
+    aside = (edges[0] - edges[1]) / 2
+    up = (edges[2] - edges[3] + (lower - tall) * away) / 2
+    center = middle + aside * right + up * above
+    x, y, z = (float(each) for each in center + away * direction)
+    return Camera((x, y, z), (*center.tolist(),), (0.0, 0.0, 1.0), FIELD_OF_VIEW, 100.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -21,6 +22,8 @@ _ABOVE = 0.2
 """Share of the cup that is above where the hand holds it."""
 _STEP = 1e-4
 """A surface that moves by less [m] is left as it is."""
+LEVEL = 1e-2
+"""Angle between a tool's axis and the vertical [rad] up to which a cup in it may turn with the tool."""
 
 
 class Liquid:
@@ -142,3 +145,19 @@ def _wedge() -> tuple[Array, Any]:
     vertices = made.vertices.copy()
     vertices[:, 2] *= 1.0 + vertices[:, 0]
     return vertices, made.faces
+
+
+def upright_in(hand: Array) -> Array:
+    """Axes (3, 3) as columns, in the frame of a hand with these axes, of what stands upright in the world."""
+    return np.asarray(hand.T)
+
+
+def carries(upright: Array) -> bool:
+    """Whether a tool that is free to turn about its axis z keeps upright what stands so in its frame."""
+    return bool(abs(upright[2, 2]) > np.cos(LEVEL))
+
+
+def stays_level(reference: Mapping[str, Any]) -> bool:
+    """Whether a reference keeps the orientation that the tool has at the start."""
+    own = {"orientation", "orientations", "start_orientation"}
+    return not own & reference.keys() and not reference.get("turning", False)

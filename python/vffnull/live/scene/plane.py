@@ -12,8 +12,7 @@ import viser
 from vffnull.draw import geometry
 from vffnull.live.scene.camera import MARGIN, Camera, seen_above
 from vffnull.live.scene.hands import Grip, Held
-from vffnull.live.scene.meshes import Mesh, plate
-from vffnull.live.scene.shared import (
+from vffnull.live.scene.looks import (
     FORCE,
     OBSTACLE,
     PALE,
@@ -22,9 +21,10 @@ from vffnull.live.scene.shared import (
     Array,
     Core,
     Quaternion,
-    Scene,
     Which,
 )
+from vffnull.live.scene.meshes import Mesh, plate
+from vffnull.live.scene.shared import Scene
 from vffnull.model.scenario import Scenario
 
 LAYERS = {
@@ -59,6 +59,7 @@ class PlaneScene(Scene):
     up = "+y"
     FREE = np.array([86, 110, 140])
     HALO_OPACITY = 0.12
+    TRAIL_STEP = 0.0
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self._floor: viser.MeshHandle | None = None
@@ -150,7 +151,11 @@ class PlaneScene(Scene):
         joints = self._arm.forward_kinematics(q)
         if which == "arm":
             self._joints = joints
-        arms = {"arm": [link for (link,) in self._links], "ghost": self._ghost, "plan": self._plan}
+        arms = {
+            "arm": [link for (link,) in self._arms.links],
+            "ghost": self._arms.ghost,
+            "plan": self._arms.plan,
+        }
         for i, link in enumerate(arms[which]):
             lay(link, joints[i], joints[i + 1], self._height(i, which))
 

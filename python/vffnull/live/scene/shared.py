@@ -5,62 +5,40 @@ from __future__ import annotations
 import copy
 import dataclasses
 from abc import ABC, abstractmethod
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from vffnull._core import quaternions
-from vffnull.draw import colours, primitives
+from vffnull.draw import scene as pictures
 from vffnull.draw.geometry import points_in_space
-from vffnull.live.scene.camera import Camera
+from vffnull.live.scene.arms import Arms
+from vffnull.live.scene.camera import WITHIN, Camera
 from vffnull.live.scene.hands import Grip, Hand, Held
 from vffnull.live.scene.legend import Legend, strongest
+from vffnull.live.scene.looks import (
+    ARRIVED,
+    FAINT,
+    FORCE,
+    HALO,
+    OBSTACLE,
+    SPECK,
+    STEP,
+    TABLE,
+    TARGET,
+    WRENCH,
+    Array,
+    Core,
+    Dress,
+    Quaternion,
+    Which,
+)
 from vffnull.live.scene.meshes import Mesh
 from vffnull.live.scene.spring import Spring
+from vffnull.live.scene.trail import Trail
 from vffnull.model.scenario import Scenario
-
-if TYPE_CHECKING:
-    from vffnull.arms._capsules import Solid
-
-Array = NDArray[np.float64]
-Colour = tuple[int, int, int]
-Core = tuple[Array, float]
-"""Corners (·, D) [m] of an obstacle's core, relative to its position, and the radius [m] around it."""
-Quaternion = tuple[float, float, float, float]
-Which = Literal["arm", "ghost", "plan"]
-"""Of the arms that are drawn: the one itself, the one without projection, and the one of the plan."""
-Dress = Mapping[str, "Sequence[Solid]"]
-"""Surfaces by the names of their links, in the frames of these."""
-
-NEAR, HIT = np.array(colours.NEAR), np.array(colours.CONTACT)
-"""Colours of a link that is half way into the influence distance, and in contact."""
-OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
-    (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),
-)  # fmt: skip
-WRENCH = (204, 121, 167)
-"""The colour of what pushes from outside."""
-PALE: Mapping[Which, Colour] = {"ghost": GHOST, "plan": TARGET}
-"""Colours of the arms that are seen through; the plan is where the arm ought to be, as the target is."""
-TABLE = (222, 214, 202)
-"""The colour of an obstacle without an end."""
-SHADES = 24
-"""Colours of links are rounded to so many, so that they need not be sent in every frame."""
-TRAIL = 150
-"""Points of the tip's trail."""
-SPECK = 0.002
-"""Radius of a point that has none [reaches]."""
-STEP = 1e-4
-"""What moves or turns by less [m, rad] is left where it is."""
-FAINT = 0.02
-"""The greatest force [N] that is not shown."""
-WITHIN = 1.6
-"""How far from the base an obstacle is that the first picture shows [reaches]."""
-ARRIVED = 0.01
-"""How near is there [reaches]."""
 
 
 class Scene(ABC):
@@ -98,6 +76,8 @@ class Scene(ABC):
     FREE: ClassVar[Array]
     """The colour of a link that is out of influence."""
     HALO_OPACITY: ClassVar[float]
+    TRAIL_STEP: ClassVar[float]
+    """How far the tip goes [reaches] before its trail has another point."""
 
     def __init__(
         self,
@@ -118,7 +98,7 @@ class Scene(ABC):
         self._puller = hand
         self._arm = scenario.arm
         self.reach = self._reach_of(scenario)
-        still = primitives.Scene.of_scenario(scenario)
+        still = pictures.Scene.of_scenario(scenario)
         self._still = dataclasses.replace(still, cores=(), influence=0.0)
         server.scene.reset()
         server.scene.set_up_direction(self.up)  # type: ignore[arg-type]
@@ -134,22 +114,15 @@ class Scene(ABC):
         self._made = 0
         self.influence = 0.0
         self._add_surroundings(scenario)
-        self._links = self._add_arm("arm")
-        for i, parts in enumerate(self._links):
+        follows = scenario.to_dict()["reference"]["kind"] == "plan"
+        self._arms = Arms(self._add_arm, self._place_arm, self.FREE, follows)
+        for i, parts in enumerate(self._arms.links):
             for part in parts:
                 self._make_grippable(part, i)
-        self._ghost = [part for link in self._add_arm("ghost") for part in link]
-        follows = scenario.to_dict()["reference"]["kind"] == "plan"
-        self._plan = [part for link in self._add_arm("plan") for part in link] if follows else []
-        self._with_plan = True
-        self._planned: Array | None = None
-        self._shades = [-1] * self._arm.n
-        self.show_ghost(False)
         self._target = self._add_target()
         self._target.on_drag(self._dragged_target)
         self._tip = self._add_tip()
-        self._trail = self._add_trail()
-        self._places: deque[Array] = deque(maxlen=TRAIL)
+        self._trail = Trail(server, self.reach, self.TRAIL_STEP)
         self._forces = [self._add_arrow(f"/force-{i}") for i in range(self._arm.n)]
         pushed = len(scenario.to_dict().get("wrenches", ()))
         self._wrenches = [self._add_arrow(f"/wrench-{i}", WRENCH) for i in range(pushed)]
@@ -432,7 +405,7 @@ class Scene(ABC):
         tip, reference = state["x"][:size], state["x_ref"][:size]
         places = state["obstacles"]
         self._place_arm(state["q"], "arm")
-        self._draw_plan(state["q_plan"])
+        self._arms.draw_plan(state["q_plan"])
         for forces in (state["forces"], state["wrench_forces"], state["pull_force"]):
             self._legend.cover(float(np.linalg.norm(forces, axis=1).max(initial=0.0)))
         for handle, tail, vector in zip(self._forces, self._tails(state), state["forces"], strict=True):
@@ -443,7 +416,7 @@ class Scene(ABC):
             along = vector / newtons if newtons > FAINT else vector
             self._stretch(handle, place - self._legend.length(newtons) * along, vector)
         self._draw_pull(state)
-        self._shade(state["clearance"])
+        self._arms.shade(state["clearance"], self.influence or 0.1 * self.reach)
         turns = np.tile(np.eye(3), (len(places), 1, 1))
         turns[:, :size, :size] = state["turns"]
         each = zip(self._obstacles, self._halos, places, quaternions(turns), strict=False)
@@ -454,7 +427,7 @@ class Scene(ABC):
                 drawn.wxyz = halo.wxyz = wxyz
         self._target.position = self._spot(reference, "target")
         self._tip.position = self._spot(tip, "tip")
-        self._draw_trail(tip)
+        self._trail.go_to(self._spot(tip, "trail"))
         self._draw_wanted(reference, places, state["status"] == "running")
         self._draw_hint(places)
         self._draw_more(state)
@@ -491,8 +464,7 @@ class Scene(ABC):
 
     def retrace(self, tips: Iterable[Array]) -> None:
         """Let the trail be the one that these places of the tip (D,) [m] have left."""
-        self._places.clear()
-        self._places.extend(self._spot(tip, "trail") for tip in tips)
+        self._trail.retrace(self._spot(tip, "trail") for tip in tips)
 
     @property
     def waits(self) -> bool:
@@ -501,37 +473,11 @@ class Scene(ABC):
 
     def show_ghost(self, visible: bool) -> None:
         """Whether the other arm is drawn."""
-        for handle in self._ghost:
-            handle.visible = visible
+        self._arms.show_ghost(visible)
 
     def show_plan(self, visible: bool) -> None:
         """Whether the arm of the plan is drawn, where there is one."""
-        self._with_plan = visible
-        self._draw_plan(self._planned)
-
-    def _draw_plan(self, q: Array | None) -> None:
-        """The plan's arm at joint positions (n,), if the arm still follows one."""
-        self._planned = q
-        visible = self._with_plan and q is not None
-        for handle in self._plan:
-            if handle.visible != visible:
-                handle.visible = visible
-        if self._plan and visible and q is not None:
-            self._place_arm(q, "plan")
-
-    def _shade(self, clearance: Array) -> None:
-        """Colour the links by their clearance, in shares of the influence distance."""
-        width = self.influence or 0.1 * self.reach
-        for i, parts in enumerate(self._links):
-            share = float(np.clip(clearance[i] / width, 0.0, 1.0))
-            shade = round(share * SHADES)
-            if shade != self._shades[i]:
-                self._shades[i] = shade
-                share = shade / SHADES
-                low, high, part = (HIT, NEAR, 2 * share) if share < 0.5 else (NEAR, self.FREE, 2 * share - 1)
-                red, green, blue = (low + (high - low) * part).astype(int)
-                for handle in parts:
-                    handle.color = (int(red), int(green), int(blue))
+        self._arms.show_plan(visible)
 
     def _draw_hint(self, places: Array) -> None:
         """Over the first obstacle that can be dragged and is in the picture; nowhere, if there is none."""
@@ -551,11 +497,6 @@ class Scene(ABC):
             above = places[first].copy()
             above[-1] += radius + float(corners[:, -1].max()) + 0.01 * self.reach
             self._hint.position = self._spot(above, "hint")
-
-    def _draw_trail(self, tip: Array) -> None:
-        self._places.append(self._spot(tip, "trail"))
-        places = np.array([self._places[0]] * (TRAIL - len(self._places)) + list(self._places))
-        self._trail.points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
 
     def _draw_wanted(self, reference: Array, places: Array, running: bool) -> None:
         """A shadow where something is wanted and not yet, so that dragging shows at once, also in a pause."""
@@ -601,14 +542,6 @@ class Scene(ABC):
     @property
     def _target_radius(self) -> float:
         return 0.028 * self.reach
-
-    def _add_trail(self) -> viser.LineSegmentsHandle:
-        nothing = np.zeros((TRAIL - 1, 2, 3))
-        trail = self._server.scene.add_line_segments("/trail", nothing, nothing, thickness=0.006 * self.reach)
-        fading = np.linspace(1.0, 0.0, TRAIL - 1)[:, None]
-        colours = (255 * fading + (1 - fading) * np.array(HALO)).astype(np.uint8)
-        trail.colors = np.repeat(colours[:, None], 2, axis=1)
-        return trail
 
     def _add_hint(self) -> viser.LabelHandle:
         place = self._spot(self._still.tip[0], "hint")

@@ -12,12 +12,11 @@ import viser
 
 from vffnull._core import distances, matrices, quaternions
 from vffnull.draw import colours, geometry
-from vffnull.draw.primitives import pushed_links
-from vffnull.live.scene.camera import MARGIN, Camera, seen_above
-from vffnull.live.scene.cup import Cup
+from vffnull.draw.shapes import pushed_links
+from vffnull.live.scene.camera import Camera, framing
+from vffnull.live.scene.cup import LEVEL, Cup, carries, stays_level, upright_in
 from vffnull.live.scene.hands import Grip, Held
-from vffnull.live.scene.meshes import Mesh, solid, turned
-from vffnull.live.scene.shared import (
+from vffnull.live.scene.looks import (
     FAINT,
     FORCE,
     PALE,
@@ -27,15 +26,14 @@ from vffnull.live.scene.shared import (
     Array,
     Core,
     Quaternion,
-    Scene,
     Which,
 )
+from vffnull.live.scene.meshes import Mesh, solid, turned
+from vffnull.live.scene.shared import Scene
 from vffnull.model.arm import frame
 from vffnull.model.scenario import Scenario
 from vffnull.model.settings import setting
 
-FIELD_OF_VIEW = 0.6
-"""Vertical [rad]."""
 VIEWS = {
     "Corner": (0.62, -0.68, 0.38),
     "Front": (1.0, 0.0, 0.16),
@@ -55,8 +53,6 @@ LATE = 1.6
 """From where on an obstacle is out of sight [reaches]; it is brought back to where it is within it."""
 BESIDE = 0.35
 """How far beside the arm the pointer has no business with it [reaches]."""
-LEVEL = 1e-2
-"""Angle between a tool's axis and the vertical [rad] up to which a cup in it may turn with the tool."""
 
 
 class SpaceScene(Scene):
@@ -66,6 +62,7 @@ class SpaceScene(Scene):
     up = "+z"
     FREE = np.array(colours.FREE)
     HALO_OPACITY = 0.06
+    TRAIL_STEP = 4e-3
 
     def __init__(
         self, server: viser.ViserServer, scenario: Scenario, *arguments: Any, **options: Any
@@ -100,34 +97,12 @@ class SpaceScene(Scene):
     # --------------------------------------------------------------------------------------------- cameras
 
     def camera(self, box: tuple[float, ...], aspect: float) -> Camera:
-        """From where the view says, and just so far away that the box is seen in what is free of the
-        picture, as much of it on the left as on the right, and above as below.
-
-        A point p is above the lower edge if −u·p + s d·p ≤ s c_d − c_u for the camera at c, with u upwards,
-        d towards the camera, and s the slope of that edge; so with the other three. What the points need of
-        each pair of edges adds up to the distance that the wider pair decides.
-        """
+        """From where the view says; there is room around the base, so that the arm may give way."""
         low, high = np.array(box[::2]), np.array(box[1::2])
         base, room = self._still.joints[0, 0, :2], ROOM * self.reach
         low[:2], high[:2] = np.minimum(low[:2], base - room), np.maximum(high[:2], base + room)
         low[2] = max(low[2], self._floor)
-        middle = (low + high) / 2
-        direction = np.array(VIEWS.get(self._view, VIEWS["Corner"]))
-        direction /= np.linalg.norm(direction)
-        right = np.cross([0.0, 0.0, 1.0], direction)
-        right /= np.linalg.norm(right)
-        above = np.cross(direction, right)
-        corners, _ = geometry.core_in_space({"kind": "box", "size": high - low})
-        tall = MARGIN * float(np.tan(FIELD_OF_VIEW / 2))
-        wide, lower = max(aspect, 0.1) * tall, tall * seen_above(aspect)
-        u, r, d = corners @ above, corners @ right, corners @ direction
-        edges = (r + wide * d).max(), (wide * d - r).max(), (u + tall * d).max(), (lower * d - u).max()
-        away = max((edges[0] + edges[1]) / (2 * wide), (edges[2] + edges[3]) / (tall + lower))
-        aside = (edges[0] - edges[1]) / 2
-        up = (edges[2] - edges[3] + (lower - tall) * away) / 2
-        center = middle + aside * right + up * above
-        x, y, z = (float(each) for each in center + away * direction)
-        return Camera((x, y, z), (*center.tolist(),), (0.0, 0.0, 1.0), FIELD_OF_VIEW, 100.0)
+        return framing(low, high, VIEWS.get(self._view, VIEWS["Corner"]), aspect)
 
     def look(self, view: str) -> None:
         """See `Scene.look`."""
@@ -317,11 +292,6 @@ class SpaceScene(Scene):
                 ]
                 tails[k] += max(0.0, *ways) * force / size
         return tails
-
-    def _draw_trail(self, tip: Array) -> None:
-        """A point of it per step of the hand, so that a hand that rests sends nothing."""
-        if not self._places or np.linalg.norm(tip - self._places[-1]) > 4e-3 * self.reach:
-            super()._draw_trail(tip)
 
     def _draw_more(self, state: Mapping[str, Any]) -> None:
         hand = self._geometry.tip_poses(state["q"])
@@ -583,19 +553,3 @@ def put(handle: viser.SceneNodeHandle, place: Array, wxyz: Array | None = None) 
         handle.position = place
     if wxyz is not None and np.abs(handle.wxyz - wxyz).max() > STEP:
         handle.wxyz = wxyz
-
-
-def upright_in(hand: Array) -> Array:
-    """Axes (3, 3) as columns, in the frame of a hand with these axes, of what stands upright in the world."""
-    return np.asarray(hand.T)
-
-
-def carries(upright: Array) -> bool:
-    """Whether a tool that is free to turn about its axis z keeps upright what stands so in its frame."""
-    return bool(abs(upright[2, 2]) > np.cos(LEVEL))
-
-
-def stays_level(reference: Mapping[str, Any]) -> bool:
-    """Whether a reference keeps the orientation that the tool has at the start."""
-    own = {"orientation", "orientations", "start_orientation"}
-    return not own & reference.keys() and not reference.get("turning", False)

@@ -11,16 +11,16 @@
 //! (T130–T132). Without pairs, the same keeps the limits of the other ways of giving way. How fast the tip moves and turns is
 //! kept like the speed of a joint (T114).
 
+use super::joint_bounds::{Braking, Joints, guarded_acceleration};
 use super::margins::Margins;
 use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use crate::control::settings::{Keep, Yielding};
 use crate::control::{
     CommandSettings, Gains, Gravity, OperationalSpace, TaskMetric, Torque, TorqueRange,
-    torque_range,
 };
 use crate::interrupt;
-use crate::math::{ScalarOrVec, dot};
+use crate::math::dot;
 use crate::robot::{Limits, Robot, pace};
 use crate::world::Contact;
 use nalgebra::SMatrix;
@@ -62,12 +62,6 @@ const KEPT: f64 = 10.0;
 /// beyond them.
 const JOINTS: f64 = 100.0;
 
-/// From which share of its largest speed on a joint is braked gently by ways that are no program.
-const GUARDED: f64 = 0.5;
-
-/// Slower than that, a joint does not come to its largest speed within 1/this \[1/s\]: a few periods of a loop.
-const AT_ONCE: f64 = 250.0;
-
 /// How far the motion keeps from its limits.
 #[derive(Debug, Clone, Copy)]
 struct Reserve {
@@ -96,63 +90,6 @@ impl Reserve {
         }
     }
 }
-
-/// How a joint comes to its stops where a robot wants it slower the nearer it is.
-#[derive(Debug, Clone, Copy)]
-struct Braking {
-    /// b \[rad/s²\].
-    deceleration: f64,
-    /// o \[rad/s\].
-    offset: f64,
-}
-
-impl Braking {
-    /// Of `n` joints, if anything is said of it.
-    fn of(command: &CommandSettings, n: usize) -> Vec<Self> {
-        let of = |given: &ScalarOrVec, i| Self {
-            deceleration: given.get(i),
-            offset: command.stop_offset.get(i),
-        };
-        command
-            .stop_deceleration
-            .as_ref()
-            .map_or(vec![], |given| (0..n).map(|i| of(given, i)).collect())
-    }
-
-    /// √(o² + 2 b h) − o, the largest speed towards a stop that is h away, and how fast it changes at the speed `dq` (T152).
-    fn towards(self, height: f64, dq: f64) -> [f64; 2] {
-        let Self { deceleration: b, offset: o } = self;
-        let root = (o * o + 2.0 * b * height.max(0.0)).sqrt();
-        let most = root - o;
-        [most, if most > 0.0 { -b * dq.clamp(0.0, most) / root } else { 0.0 }]
-    }
-}
-
-/// What of the joints is kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Joints {
-    All,
-    /// Of an arm without velocity limits.
-    Angles,
-    /// Speeds alone, each from half of its limit on.
-    Speeds,
-}
-
-/// The largest acceleration of a joint towards its largest speed `most` at the speed `dq`, which has that sign (T153).
-fn guarded_acceleration(k: f64, most: f64, dq: f64) -> f64 {
-    let left = most - dq;
-    let beyond = dq - GUARDED * most;
-    if left <= 0.0 {
-        k * left
-    } else if beyond <= 0.0 {
-        AT_ONCE * left
-    } else {
-        left * AT_ONCE.min(k * (1.0 - GUARDED) * most / beyond)
-    }
-}
-
-/// How much faster the three poles of (T131) are than the two of (T67), which react as early.
-pub const THREE_POLES: f64 = 1.5;
 
 /// How near pairs are constraints of the QP \[m\] in a space of dimension `D`.
 pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
@@ -403,11 +340,8 @@ impl Barrier {
             None => -(asked + 2.0 * *k * motion.rate + *k * *k * height),
             Some(range) => {
                 interrupt::spend(7 * nominal.len());
-                robot.mass_solve(normal, scratch);
-                let jerk = range.jerk(normal, scratch);
                 let now = [height, motion.rate, dot(normal, present) + motion.bias];
-                let fastest = THREE_POLES * *k;
-                range.least_acceleration(now, jerk, torque_range::CLOSING, fastest) - asked
+                range.least_distance_acceleration(robot, now, normal, scratch, *k) - asked
             }
         });
     }
@@ -417,10 +351,7 @@ impl Barrier {
         let n = self.nominal.len();
         for i in 0..n {
             interrupt::spend(2 * n);
-            let [lower, upper] = match range {
-                None => self.joint_accelerations(robot, i),
-                Some(range) => self.joint_accelerations_in_time(robot, i, range),
-            };
+            let [lower, upper] = self.joint_accelerations(robot, i, range);
             let Self { nominal, normals, bounds, .. } = self;
             for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
                 let start = normals.len();
@@ -431,76 +362,60 @@ impl Barrier {
         }
     }
 
-    /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68).
-    fn joint_accelerations<R: Robot<D>, const D: usize>(&self, robot: &R, i: usize) -> [f64; 2] {
-        let (k, q, dq) = (self.rate, robot.configuration()[i], robot.velocity()[i]);
-        let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
-        if self.joints == Joints::Speeds {
-            let most = self.speed[i];
-            return [-guarded_acceleration(k, most, -dq), guarded_acceleration(k, most, dq)];
-        }
-        if self.joints == Joints::All {
-            let most = self.reserve.joint * self.speed[i];
-            lower = -k * (most + dq);
-            upper = k * (most - dq);
-        }
-        if let Some([low, high]) = robot.limits().kept_angles(i, self.reserve.angle) {
-            if let Some(braking) = self.braking.get(i) {
-                let most = |height, dq| {
-                    let [speed, change] = braking.towards(height, dq);
-                    self.reserve.joint * change + k * (self.reserve.joint * speed - dq)
-                };
-                lower = lower.max(-most(q - low, -dq));
-                upper = upper.min(most(high - q, dq));
-            }
-            lower = lower.max(-2.0 * k * dq - k * k * (q - low));
-            upper = upper.min(-2.0 * k * dq + k * k * (high - q));
-        }
-        [lower, upper]
-    }
-
-    /// The same behind a limit of the torque rate (T131, T132).
-    fn joint_accelerations_in_time<R: Robot<D>, const D: usize>(
+    /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68); behind a
+    /// limit of the torque rate (T131) and (T132).
+    fn joint_accelerations<R: Robot<D>, const D: usize>(
         &mut self,
         robot: &R,
         i: usize,
-        range: &TorqueRange,
+        range: Option<&TorqueRange>,
     ) -> [f64; 2] {
         let Self {
             rate, nominal, present, scratch, hessian, speed, reserve, braking, joints, ..
         } = self;
-        interrupt::spend(8 * nominal.len());
-        let unit = &mut hessian[..nominal.len()];
-        unit.fill(0.0);
-        unit[i] = 1.0;
-        robot.mass_solve(unit, scratch);
-        let jerk = range.jerk(unit, scratch);
-        let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
-        let (mut lower, mut upper) = (f64::NEG_INFINITY, f64::INFINITY);
+        let (k, q, dq, most) = (*rate, robot.configuration()[i], robot.velocity()[i], speed[i]);
+        if *joints == Joints::Speeds && range.is_none() {
+            return [-guarded_acceleration(k, most, -dq), guarded_acceleration(k, most, dq)];
+        }
+        let range = range.map(|range| {
+            interrupt::spend(8 * nominal.len());
+            let unit = &mut hessian[..nominal.len()];
+            unit.fill(0.0);
+            unit[i] = 1.0;
+            robot.mass_solve(unit, scratch);
+            (range, range.jerk(unit, scratch))
+        });
+        // For how long, and how, the joint goes on before anything can be changed.
+        let [period, ddq] = range.map_or([0.0; 2], |(range, _)| [range.period, present[i]]);
+        let next = dq + period * ddq;
+        let faster = |left| match range {
+            None => k * left,
+            Some((_, jerk)) => TorqueRange::most_acceleration(left, jerk, k),
+        };
+        let [mut lower, mut upper] = [f64::NEG_INFINITY, f64::INFINITY];
         if *joints == Joints::All {
-            let next = dq + range.period * present[i];
             let kept = reserve.joint * most;
-            upper = TorqueRange::most_acceleration(kept - next, jerk, *rate);
-            lower = -TorqueRange::most_acceleration(kept + next, jerk, *rate);
+            [lower, upper] = [-faster(kept + next), faster(kept - next)];
         }
         if let Some([low, high]) = robot.limits().kept_angles(i, reserve.angle) {
             if let Some(braking) = braking.get(i) {
-                let most = |height: f64, sign: f64| {
-                    let next = sign * (dq + range.period * present[i]);
-                    let [speed, change] = braking.towards(height - sign * range.period * dq, next);
-                    let left = reserve.joint * speed - next;
-                    sign * (reserve.joint * change
-                        + TorqueRange::most_acceleration(left, jerk, *rate))
+                let towards = |height: f64, sign: f64| {
+                    let next = sign * next;
+                    let [speed, change] = braking.towards(height - sign * period * dq, next);
+                    reserve.joint * change + faster(reserve.joint * speed - next)
                 };
-                lower = lower.max(most(q - low, -1.0));
-                upper = upper.min(most(high - q, 1.0));
+                lower = lower.max(-towards(q - low, -1.0));
+                upper = upper.min(towards(high - q, 1.0));
             }
-            let least = |height, sign: f64| {
-                let now = [height, sign * dq, sign * present[i]];
-                sign * range.least_acceleration(now, jerk, most, THREE_POLES * *rate)
+            let away = |height: f64, sign: f64| match range {
+                None => -2.0 * k * (sign * dq) - k * k * height,
+                Some((range, jerk)) => {
+                    let now = [height, sign * dq, sign * ddq];
+                    range.least_acceleration(now, jerk, most, k)
+                }
             };
-            lower = lower.max(least(q - low, 1.0));
-            upper = upper.min(least(high - q, -1.0));
+            lower = lower.max(away(q - low, 1.0));
+            upper = upper.min(-away(high - q, -1.0));
         }
         [lower, upper]
     }

@@ -7,6 +7,7 @@
 
 pub mod barrier;
 pub mod cbf;
+mod joint_bounds;
 pub mod margins;
 pub mod preview;
 pub mod priority;

@@ -1,10 +1,8 @@
 //! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
 
-use super::barrier::THREE_POLES;
 use super::margins::Margins;
 use super::{Situation, Way};
 use crate::control::distance::DistanceRate;
-use crate::control::torque_range::CLOSING;
 use crate::control::{Gains, Torque, Yielding};
 use crate::interrupt;
 use crate::math::{dot, smoothstep};
@@ -99,10 +97,8 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
             let wanted = match range {
                 None => -2.0 * k * motion.rate - k * k * height,
                 Some(range) => {
-                    robot.mass_solve(gradient, response);
-                    let jerk = range.jerk(gradient, response);
                     let now = [height, motion.rate, dot(gradient, present) + motion.bias];
-                    range.least_acceleration(now, jerk, CLOSING, THREE_POLES * k)
+                    range.least_distance_acceleration(robot, now, gradient, response, k)
                 }
             };
             let missing = wanted - motion.bias - dot(gradient, acceleration);

@@ -1,6 +1,7 @@
 //! A path without corners: the uniform cubic B-spline of points along it, which starts and ends where the path does.
 
-use super::free_space::{FreeSpace, Jointed};
+use super::free_space::FreeSpace;
+use super::levers::Jointed;
 use crate::interrupt;
 use crate::world::Solid;
 

@@ -4,13 +4,12 @@
 //! as it is measured to be, and no point of it can go farther in half of the motion than its joints carry it. Where that
 //! is less, the whole half is free; otherwise it is halved again (T119). What is kept may depend on where the arm is (T150).
 
+use super::levers::{Jointed, Levers};
 use super::margins::Margins;
 use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
-use crate::math::Vector;
-use crate::robot::{PlanarState, Robot, SpatialState};
 use crate::world::{CollisionQuery, Solid, World, top_speed};
 use std::collections::VecDeque;
 
@@ -27,98 +26,6 @@ pub const APART: f64 = 2e-3;
 const STRIDE: f64 = 0.04;
 /// The most of these places.
 const MAX_PLACES: f64 = 64.0;
-
-/// What a planner asks of an arm beyond the operators of the law.
-pub trait Jointed<const D: usize>: Robot<D> {
-    /// The origin of joint `i` \[m\].
-    fn joint_position(&self, i: usize) -> Vector<D>;
-    /// Whether joint `i` slides.
-    fn slides(&self, i: usize) -> bool;
-    /// What people call joint `i`.
-    fn joint_name(&self, i: usize) -> String;
-    /// What people call a link; None is the base.
-    fn link_name(&self, link: Option<usize>) -> String;
-}
-
-impl Jointed<2> for PlanarState {
-    fn joint_position(&self, i: usize) -> Vector<2> {
-        Self::joint_position(self, i)
-    }
-
-    fn slides(&self, _: usize) -> bool {
-        false
-    }
-
-    fn joint_name(&self, i: usize) -> String {
-        format!("joint {i}")
-    }
-
-    fn link_name(&self, link: Option<usize>) -> String {
-        link.map_or_else(|| "the base".to_owned(), |link| format!("link {link}"))
-    }
-}
-
-impl Jointed<3> for SpatialState {
-    fn joint_position(&self, i: usize) -> Vector<3> {
-        Self::joint_position(self, i)
-    }
-
-    fn slides(&self, i: usize) -> bool {
-        Self::slides(self, i)
-    }
-
-    fn joint_name(&self, i: usize) -> String {
-        self.arm().joint_names().nth(i).map_or_else(String::new, |name| format!("`{name}`"))
-    }
-
-    fn link_name(&self, link: Option<usize>) -> String {
-        let named = |link| self.arm().link_names().nth(link).map(|name| format!("`{name}`"));
-        link.and_then(named).unwrap_or_else(|| "the base".to_owned())
-    }
-}
-
-/// How far a motion carries what belongs to the arm \[m\].
-#[derive(Debug, Clone)]
-pub struct Reach {
-    /// How far a point of link l is from joint i at most, number i·n + l; 1 where joint i slides.
-    lever: Vec<f64>,
-    n: usize,
-}
-
-impl Reach {
-    /// Of `robot`, which is moved to q = 0.
-    fn new<R: Jointed<D>, const D: usize>(robot: &mut R) -> Self {
-        let n = robot.dof();
-        robot.update_positions(&vec![0.0; n]);
-        let travel = |k: usize| match robot.limits().joint.get(k) {
-            Some([lower, upper]) if robot.slides(k) => lower.abs().max(upper.abs()),
-            _ => 0.0,
-        };
-        let extent = |link: usize| {
-            let origin = robot.joint_position(link);
-            let bodies = robot.bodies().filter(|body| body.link == link);
-            bodies.map(|body| body.reach_from(&origin)).fold(0.0, f64::max)
-        };
-        let mut lever = vec![0.0; n * n];
-        for i in 0..n {
-            let mut along = travel(i);
-            for link in i..n {
-                lever[i * n + link] = if robot.slides(i) { 1.0 } else { along + extent(link) };
-                if link + 1 < n {
-                    let next = robot.joint_position(link + 1) - robot.joint_position(link);
-                    along += next.norm() + travel(link + 1);
-                }
-            }
-        }
-        Self { lever, n }
-    }
-
-    /// How far `link` goes at most as seen by `from`, the base or a link before it, while the joints go from `a` to `b`.
-    pub fn way(&self, [a, b]: [&[f64]; 2], from: Option<usize>, link: usize) -> f64 {
-        let first = from.map_or(0, |from| from + 1);
-        (first..=link).map(|i| (b[i] - a[i]).abs() * self.lever[i * self.n + link]).sum()
-    }
-}
 
 /// What is certain where a motion was found to keep `margin` \[m\].
 pub fn certain(margin: f64) -> f64 {
@@ -139,7 +46,7 @@ pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
     numbers: [Vec<usize>; 2],
     /// How far the latter go between two of these instants, at most half of it \[m\].
     slack: f64,
-    reach: Reach,
+    reach: Levers,
     /// Whether bodies of the arm must not touch each other.
     keeps_apart: bool,
     /// What every link keeps from everything.
@@ -193,7 +100,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         }
         let n = robot.dof();
         Self {
-            reach: Reach::new(&mut robot),
+            reach: Levers::new(&mut robot),
             robot,
             worlds,
             numbers: [numbers.0, numbers.1],
@@ -234,7 +141,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// The smallest distance between bodies of the arm that must not touch, beyond what each pair may change by; from
     /// where the arm was measured, `way` is that of a link as seen by another.
-    fn least_apart(&mut self, way: impl Fn(&Reach, Option<usize>, usize) -> f64) -> f64 {
+    fn least_apart(&mut self, way: impl Fn(&Levers, Option<usize>, usize) -> f64) -> f64 {
         if !self.keeps_apart {
             return f64::INFINITY;
         }

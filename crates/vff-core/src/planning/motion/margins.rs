@@ -1,7 +1,7 @@
 //! What each link keeps from everything, depending on where the arm is: less near the ends of a motion, as much as those
 //! need (T150).
 
-use super::free_space::Reach;
+use super::levers::Levers;
 
 /// What a margin grows by per length that the joints may have carried a link away from where it has less: to begin with,
 /// and where that leads nowhere.
@@ -70,7 +70,7 @@ impl Margins {
     }
 
     /// What `link` keeps at `q` \[m\].
-    pub fn at(&self, q: &[f64], reach: &Reach, link: usize) -> f64 {
+    pub fn at(&self, q: &[f64], reach: &Levers, link: usize) -> f64 {
         let near = |end: &End| end.kept[link] + self.slope * reach.way([&end.q, q], None, link);
         self.share * self.ends.iter().map(near).fold(self.far[link], f64::min)
     }

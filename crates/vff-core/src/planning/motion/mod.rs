@@ -5,6 +5,7 @@
 
 mod curve;
 mod free_space;
+mod levers;
 mod margins;
 mod plan;
 mod planner;
@@ -28,8 +29,8 @@ use crate::simulation::System;
 use crate::trajectory::{Guided, JointSpline, Knots, Peaks, Trajectory};
 use crate::world::World;
 use curve::Curve;
-pub use free_space::Jointed;
 use free_space::{APART, FreeSpace, Window, certain};
+pub use levers::Jointed;
 use margins::{End, Margins, SHARE};
 pub use plan::{Plan, PlanSettings, PlanStatus};
 pub(super) use planner::ranges_of;

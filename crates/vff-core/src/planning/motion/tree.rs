@@ -1,7 +1,8 @@
 //! RRT-Connect: two trees, one from the start and one from all goals, that grow towards random configurations and
 //! towards each other (Kuffner and LaValle, 2000).
 
-use super::free_space::{FreeSpace, Jointed};
+use super::free_space::FreeSpace;
+use super::levers::Jointed;
 use crate::interrupt;
 use crate::math::Noise;
 use crate::world::Solid;

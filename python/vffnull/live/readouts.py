@@ -1,0 +1,78 @@
+"""The numbers above the controls and below them, as HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from vffnull.live.plots import measures
+from vffnull.live.scene.cup import SPILLS
+
+RATE = 1000.0
+"""Periods per second of a loop that keeps up with the clock [Hz]."""
+ALARM, WARN, CALM = "#c81428", "#8a5a00", "#0a7d55"
+
+
+def numbers(state: Mapping[str, Any]) -> str:
+    """The read-out as HTML."""
+    clearance, error, _, angle = measures(state)
+    least = state["min_clearance"]
+    rows = [("Tip off its target", "tip", f"{error:.3f} mm" if error < 1 else f"{error:.1f} mm", error < 1)]
+    if np.isfinite(angle):
+        value = f"{angle:.3f}°" if angle < 1 else f"{angle:.1f}°"
+        rows.append(("Turned off by", "angle", value, angle < 0.5))
+    if "tilt" in state:
+        tilt, spilt, limit = np.degrees(state["tilt"]), state["spilt"], np.degrees(SPILLS)
+        level = f"tilted {tilt:.1f}°" + (f", {100 * spilt:.0f} % spilt" if spilt > 0 else "")
+        rows.append((f"Cup (spills at {limit:.0f}°)", "cup", level, spilt <= 0))
+    if np.isfinite(least):
+        rows.append(("Clearance now", "clearance", f"{1e3 * clearance:.0f} mm", clearance > 0))
+        rows.append(("Smallest so far", "least", f"{1e3 * least:.0f} mm", least > 0))
+    pace = f"{state['rate'] / RATE:.2f} × real time" if state["status"] == "running" else state["status"]
+    rows.append(("Simulated time", "time", f"{state['t']:.1f} s · {pace}", True))
+    if "newtons" in state:
+        rows.append(("Arrow at the base", "newtons", f"{state['newtons']:g} N of repulsion", True))
+    cells = "".join(
+        f'<tr><td>{label}</td><td id="vff-{name}" style="text-align:right;font-weight:600;'
+        f'font-size:{"1.4em" if name == "tip" else "1em"};color:{CALM if fine else ALARM}">{value}</td></tr>'
+        for label, name, value, fine in rows
+    )
+    trouble = ""
+    if state["status"] in ("diverged", "failed"):
+        trouble = (
+            f'<div style="color:white;background:{ALARM};padding:6px 8px;border-radius:4px;margin:4px 0">'
+            f"The loop has stopped: {escape(state['message'])}. <b>Reset</b> brings back "
+            "the scenario and its own settings.</div>"
+        )
+    found = "".join(
+        f'<div style="margin-top:4px;color:{ALARM if each.severity == "bad" else WARN}">'
+        f"<b>{escape(each.verdict)}</b>: {escape(each.text)}</div>"
+        for each in state.get("found", ())
+    )
+    return (
+        f'<div style="padding:0 0.75em;font-size:0.85em;font-variant-numeric:tabular-nums">{trouble}'
+        f'<table style="width:100%;border-collapse:collapse">{cells}</table>'
+        f'<div id="vff-found">{found}</div></div>'
+    )
+
+
+def details(state: Mapping[str, Any], notes: Iterable[str] = ()) -> str:
+    """How the loop is, as HTML."""
+    loop = (
+        f'<span id="vff-status">{state["status"]}</span> · t = {state["t"]:.1f} s<br>'
+        f'loop <span id="vff-rate">{state["rate"]:.1f}</span> Hz · '
+        f"longest step {1e6 * state['worst']:.0f} µs<br>"
+        f"{state['missed']} of {state['periods']} deadlines missed"
+    )
+    if state["q_plan"] is not None:
+        loop += (
+            f'<br>new plans: <span id="vff-replans">{state["replans"]}</span> · '
+            f'stuck: <span id="vff-stuck">{state["times_stuck"]}</span>'
+        )
+    return (
+        '<div style="padding:0 0.75em;font-size:0.8em;color:#555;font-variant-numeric:tabular-nums">'
+        f"{loop}{''.join(f'<br>{escape(note)}' for note in notes)}</div>"
+    )
