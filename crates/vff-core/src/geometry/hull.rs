@@ -10,6 +10,18 @@ use super::segment::{Feet, between, feet};
 use crate::math::{Capsule, Feature, TOUCHING, Vector};
 
 /// The convex hull of points: a polyhedron, at rest in its own frame.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::Hull;
+///
+/// let mut corners = vec![];
+/// for (x, y, z) in [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)] {
+///     corners.push([x, y, z].map(f64::from));
+/// }
+/// assert_eq!(Hull::new(&corners).unwrap().edge_count(), 6);
+/// assert!(Hull::new(&corners[..3]).is_err());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull<const D: usize = 3> {
     pub(crate) corners: Vec<Corner<D>>,

@@ -17,6 +17,24 @@ use std::sync::Arc;
 use toml::{Table, Value};
 
 /// An arm of any kind: the list of all that there are.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::AnyArm;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let panda = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// assert_eq!((panda.dof(), panda.dimension()), (7, 3));
+/// let planar = AnyArm::read(&toml::toml! { lengths = [0.5, 0.5, 0.5] masses = 2.0 })?;
+/// assert_eq!((planar.dof(), planar.dimension()), (3, 2));
+/// let fault = AnyArm::read(&toml::toml! { lengths = [0.5] masses = -1.0 }).unwrap_err();
+/// assert!(fault.to_string().starts_with("masses"));
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # See also
+/// [`PlanarArm`] and [`SpatialArm`] where the type is known.
 #[derive(Debug, Clone)]
 pub enum AnyArm {
     /// In the plane.

@@ -7,6 +7,20 @@ use std::any::Any;
 use toml::Table;
 
 /// Obstacles in any space: the list of all that there are.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::AnyObstacles;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let mut obstacles = AnyObstacles::Space(vec![]);
+/// obstacles.read(&toml::toml! { shape = { kind = "box", size = [0.4, 0.4, 0.1] } })?;
+/// assert_eq!(obstacles.len(), 1);
+/// let fault = obstacles.read(&toml::toml! { shape = { kind = "sphere", radius = 0.0 } }).unwrap_err();
+/// assert!(fault.to_string().contains("radius"));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
 pub enum AnyObstacles {
     /// In the plane.

@@ -18,6 +18,26 @@ use std::time::Duration;
 use toml::Table;
 
 /// A run of any arm with any task.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 0.2
+///     q0 = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+///     arm = { model = "panda" }
+///     reference = { kind = "setpoint" }
+///     "#,
+/// )?;
+/// let mut run = scenario.prepare()?.run;
+/// while run.step() {}
+/// assert!(run.is_over() && run.snapshot().error.iter().all(|e| e.abs() < 1e-3));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct AnyRun(Box<dyn ErasedRun>);
 

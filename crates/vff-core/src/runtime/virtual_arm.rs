@@ -83,6 +83,32 @@ pub enum VirtualArmError {
 }
 
 /// The arm that the set points are those of. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use vff_core::math::ScalarOrVec;
+/// use vff_core::runtime::{AnyArm, AnyController, SetPointLimits, Target, VirtualArm};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
+/// let limits = SetPointLimits {
+///     speed: None, // the arm's
+///     acceleration: ScalarOrVec::Uniform(5.0),
+///     jerk: ScalarOrVec::Uniform(500.0),
+///     threshold: 0.1,
+/// };
+/// let q = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8];
+/// let mut model = VirtualArm::new(&controller, &limits, 0.001, &q)?;
+/// let target = Target { x: &[0.5, 0.0, 0.5], dx: &[0.0; 3], ddx: &[0.0; 3] };
+/// for k in 0..100 {
+///     model.step(&mut controller, 0.001 * f64::from(k), Some(&target), None)?;
+/// }
+/// let [_, _, ddq] = model.set_point();
+/// assert!(ddq.iter().all(|ddq| ddq.abs() <= 5.0));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
 pub struct VirtualArm {
     period: f64,

@@ -53,6 +53,18 @@ impl Pace {
 
 /// The clock of the reference. It is known in closed form over a control period, at the beginning of which
 /// it hears of the error.
+///
+/// # Example
+/// ```
+/// use vff_core::trajectory::{Governor, GovernorSettings};
+///
+/// let mut governor = Governor::new(GovernorSettings::default(), 0.0);
+/// for k in 0..1000 {
+///     governor.begin(1e-3 * f64::from(k));
+///     governor.hear(1.0); // the end effector is a metre behind
+/// }
+/// assert!(governor.path_time(1.0) < 1.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Governor {
     /// None if it does not slow down any more.

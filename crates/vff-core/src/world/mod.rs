@@ -41,6 +41,27 @@ pub(crate) use crate::math::TOUCHING;
 pub(crate) use crate::math::RELIEF;
 
 /// The obstacles at one instant. `S` is what they are made of: see [`plane::World`] and [`space::World`].
+///
+/// # Example
+/// ```
+/// use vff_core::math::{Capsule, Vector};
+/// use vff_core::world::Motion;
+/// use vff_core::world::space::{Obstacle, Shape, World};
+///
+/// let ball = Obstacle {
+///     shape: Shape::Sphere { radius: 0.1 },
+///     position: [0.0, 1.0, 0.0],
+///     orientation: [1.0, 0.0, 0.0, 0.0],
+///     angular_velocity: [0.0; 3],
+///     motion: Motion::Linear { velocity: [0.0, -0.5, 0.0] },
+/// };
+/// let mut world = World::new(vec![ball]);
+/// world.update(1.0);
+/// assert_eq!(world.position(0), Vector::<3>::new(0.0, 0.5, 0.0));
+/// ```
+///
+/// # See also
+/// [`CollisionQuery`] is how it is asked.
 #[derive(Debug, Clone)]
 pub struct World<S: Solid<D>, const D: usize> {
     obstacles: Vec<Placed<S, D>>,

@@ -48,6 +48,33 @@ const FARTHEST: f64 = 100.0;
 ///
 /// # Errors
 /// If a setting or the scenario is of no use. That nothing is found is no error: see [`Plan::status`].
+///
+/// # Example
+/// ```
+/// use vff_core::planning::motion::{PlanSettings, PlanStatus, plan};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     obstacles = [{ shape = { kind = "circle", radius = 0.1 }, position = [1.2, 1.2] }]
+///     "#,
+/// )?;
+/// let goal = Some(vec![1.2, 0.5, -0.6]);
+/// let found = plan(&scenario, &PlanSettings { goal, ..PlanSettings::default() })?;
+/// assert_eq!(found.status, PlanStatus::Found);
+/// assert_eq!(found.q.len(), 3 * found.times.len());
+/// assert!(found.clearance >= found.margin);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # See also
+/// [`JointSpline`] makes a reference of it; [`Replanner`](super::replanning::Replanner) finds another one on the way.
 pub fn plan(scenario: &Scenario, settings: &PlanSettings) -> Result<Plan, ScenarioError> {
     let task = scenario.controller.task;
     dispatch!(&scenario.scene, task, AnyScene(scene) => plan_for(scenario, scene, settings))

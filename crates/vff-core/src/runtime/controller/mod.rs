@@ -53,6 +53,27 @@ pub enum CycleError {
 pub struct Surroundings(Box<dyn Any + Send>);
 
 /// A controller of any arm with any task in a loop that is not ours.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{AnyArm, AnyController, Target};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// let mut controller = AnyController::new(&arm, &toml::toml! { stiffness = 100.0 damping = 20.0 })?;
+/// controller.add(&toml::toml! { shape = { kind = "sphere", radius = 0.1 } position = [0.4, 0.5, 0.4] })?;
+///
+/// let (q, dq) = ([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0; 7]);
+/// let target = Target { x: &[0.5, 0.0, 0.5], dx: &[0.0; 3], ddx: &[0.0; 3] };
+/// let torque = controller.torque(&q, &dq, &target, 0.0)?;
+/// assert!(torque.len() == 7 && torque.iter().all(|tau| tau.is_finite()));
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # See also
+/// [`ErasedController`] for what it can do; [`Controller`](crate::control::Controller) where the types are known;
+/// [`VirtualArm`](super::VirtualArm) for a robot that takes positions or velocities.
 #[derive(Debug)]
 pub struct AnyController(Box<dyn ErasedController>);
 
@@ -144,6 +165,26 @@ impl DerefMut for AnyController {
 }
 
 /// What every [`AnyController`] can do, whatever its arm and its task.
+///
+/// A loop that is watched over begins once and then asks what is to be sent, cycle by cycle:
+///
+/// ```
+/// use vff_core::control::output::Phase;
+/// use vff_core::runtime::{AnyArm, AnyController, Reading};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
+/// controller.begin(0.001, None)?;
+/// let (q, dq) = ([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0; 7]);
+/// let phase = controller.cycle(Some(Reading { t: 0.0, q: &q, dq: &dq }), None)?;
+/// assert_eq!(phase, Phase::Starting);
+/// assert!(controller.sent().is_some_and(|tau| tau.len() == 7));
+/// let phase = controller.cycle(None, None)?; // no state in this cycle
+/// assert_eq!(phase, Phase::Holding);
+/// # Ok(())
+/// # }
+/// ```
 pub trait ErasedController: Debug + Send {
     /// Another one in the same state. Allocates.
     fn copy(&self) -> AnyController;

@@ -87,6 +87,34 @@ pub struct Report {
 }
 
 /// The loop that drives a robot.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::AnyController;
+/// use vff_core::runtime::drive::{Ending, Loop, Options, SimulatedRobot};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let robot = SimulatedRobot::new(&scenario, 1000.0, None)?;
+/// let controller = AnyController::from_scenario(&scenario)?;
+/// let options = Options { seconds: Some(0.05), ..Options::default() };
+/// let (drive, _exchange) = Loop::new(robot, controller, options)?;
+/// let report = drive.run(); // on a thread of its own beside a robot
+/// assert_eq!(report.ending, Ending::Completed);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # See also
+/// [`Driver`] is what a robot has to do; [`Exchange`] is how other threads talk to the loop.
 #[derive(Debug)]
 pub struct Loop<D> {
     driver: D,

@@ -10,6 +10,14 @@ use serde::Deserialize;
 ///
 /// With `relative = true`, positions are displacements from the end effector at t = 0, in world axes, and
 /// orientations turn the one it has there: R_r = R(given) R(start).
+///
+/// # Example
+/// ```
+/// use vff_core::trajectory::SpatialReference;
+///
+/// let reference: SpatialReference = toml::from_str("setpoint = { point = [0.5, 0.0, 0.4] }").unwrap();
+/// assert!(matches!(reference, SpatialReference::Setpoint { relative: false, .. }));
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SpatialReference {

@@ -9,6 +9,14 @@ use serde::Deserialize;
 ///
 /// The values are taken as they are; `scenario` validates them. What each variant expects is
 /// said beside it.
+///
+/// # Example
+/// ```
+/// use vff_core::world::plane::Shape;
+///
+/// assert!(Shape::Polygon { vertices: vec![[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]] }.check().is_ok());
+/// assert!(Shape::Circle { radius: 0.0 }.check().is_err());
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {

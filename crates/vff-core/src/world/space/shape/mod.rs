@@ -29,6 +29,14 @@ use std::sync::Arc;
 ///
 /// The values are taken as they are; `scenario` validates them. What each variant expects is
 /// said beside it.
+///
+/// # Example
+/// ```
+/// use vff_core::world::space::Shape;
+///
+/// assert!(Shape::Box { size: [0.4, 0.4, 0.1] }.check().is_ok());
+/// assert!(Shape::Sphere { radius: -0.1 }.check().is_err());
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
