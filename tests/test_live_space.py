@@ -673,8 +673,9 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
 
             def uncover() -> None:
                 """Close what is said about software renderers: it hides the ball."""
-                # in one go: a note that goes away by itself between finding and closing it would be waited for
-                tab.evaluate("document.querySelectorAll('.mantine-Notification-closeButton').forEach(close => close.click())")
+                tab.evaluate(  # in one go: a note may go away by itself between finding and closing it
+                    "document.querySelectorAll('.mantine-Notification-closeButton').forEach(x => x.click())"
+                )
 
             wait_for(lambda: (uncover(), darkness(PLACE) > 0.5)[1])  # the ball
             assert darkness(at(0.0, 0.0, 0.05)) > 0.2  # the base
