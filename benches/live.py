@@ -2,19 +2,22 @@
 
 `vffnull live` is started in a process of its own and opened in a headless Chromium, which is running
 already and draws without a graphics card (SwiftShader), 1200 × 700. "Listens": from the start of the
-command to the line with the address; "opens": to the first picture with the arm and its readouts. Then the
-loop runs beside the browser: pictures are those that the browser draws in a second, messages those that the
-page sends to it. Needs `pip install ".[viewer]"`, playwright and Debian's chromium.
+command to the line with the address; "opens": to the first picture with the arm and its readouts; "work":
+what the processors have done for command and browser until then, which depends less on what else the machine
+does. Then the loop runs beside the browser: pictures are those that the browser draws in a second, messages
+those that the page sends to it. Needs `pip install ".[viewer]"`, playwright and Debian's chromium.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -40,9 +43,24 @@ def opened(browser: Browser, url: str) -> tuple[Page, list[object]]:
     return tab, heard
 
 
-def opening(browser: Browser, name: str) -> tuple[float, float]:
-    """Seconds from the command to its answer, and to the picture."""
-    start = time.perf_counter()
+def computed() -> float:
+    """Seconds that the processors have worked for the processes that this one has started, and for theirs."""
+    started: dict[int, tuple[int, int]] = {}
+    for each in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            what = each.read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended meanwhile
+            continue
+        started[int(each.parent.name)] = int(what[1]), int(what[11]) + int(what[12])
+    mine = {os.getpid()}
+    while more := {pid for pid, (parent, _) in started.items() if parent in mine} - mine:
+        mine |= more
+    return sum(started[pid][1] for pid in mine - {os.getpid()}) / os.sysconf("SC_CLK_TCK")
+
+
+def opening(browser: Browser, name: str) -> tuple[float, float, float]:
+    """Seconds from the command to its answer, to the picture, and of work until then."""
+    start, before = time.perf_counter(), computed()
     command = [sys.executable, "-m", "vffnull", "live", name, "--no-browser"]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
@@ -50,16 +68,16 @@ def opening(browser: Browser, name: str) -> tuple[float, float]:
         url = next(word for line in server.stdout for word in line.split() if word.startswith("http"))
         listens = time.perf_counter() - start
         tab, _ = opened(browser, url.rstrip(";"))
-        opens = time.perf_counter() - start
+        opens, work = time.perf_counter() - start, computed() - before
         tab.close()
-        return listens, opens
+        return listens, opens, work
     finally:
         server.send_signal(signal.SIGINT)
         server.communicate()
 
 
 def look(browser: Browser, name: str, seconds: float) -> str:
-    listens, opens = opening(browser, name)
+    listens, opens, work = opening(browser, name)
     page = vff.live(name, open_browser=False, block=False)
     try:
         tab, heard = opened(browser, page.url)
@@ -73,7 +91,7 @@ def look(browser: Browser, name: str, seconds: float) -> str:
     periods = after["periods"] - before["periods"]
     missed = 100 * (after["missed"] - before["missed"]) / periods
     loop = f"{after['rate']:.0f} | {missed:.2f} | {1e6 * after['worst']:.0f}"
-    return f"| {name} | {listens:.1f} | {opens:.1f} | {loop} | {pictures:.0f} | {messages:.0f} |"
+    return f"| {name} | {listens:.1f} | {opens:.1f} | {work:.1f} | {loop} | {pictures:.0f} | {messages:.0f} |"
 
 
 def main() -> None:
@@ -86,9 +104,9 @@ def main() -> None:
         tab = browser.new_page()
         tab.goto("about:blank")
         tab.close()
-        print("| scenario | listens [s] | opens [s] | loop [Hz] | missed [%] | longest step [µs] ", end="")
-        print("| pictures/s | messages/s |")
-        print("|---|--:|--:|--:|--:|--:|--:|--:|")
+        print("| scenario | listens [s] | opens [s] | work [s] | loop [Hz] | missed [%] ", end="")
+        print("| longest step [µs] | pictures/s | messages/s |")
+        print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
         for name in given.scenarios:
             print(look(browser, name, given.seconds), flush=True)
         browser.close()

@@ -51,14 +51,17 @@ class Visit:
         return {url.split("/")[2] for url in self.requests if url.startswith("http")}
 
 
-def visit(browser: Any, url: str, settled: Callable[[Any], bool], size: tuple[int, int]) -> Visit:
-    """Open a page and wait until its picture has settled.
+def visit(
+    browser: Any, url: str, settled: Callable[[Any], bool], size: tuple[int, int], script: str = ""
+) -> Visit:
+    """Open a page, in which a script runs first, and wait until its picture has settled.
 
     Without a GPU a tab sometimes stands still before its first picture; a visitor opens another.
     """
     for patience in (60.0, 240.0, HANG):
         width, height = size
         tab = browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=0.5)
+        tab.add_init_script(script)
         seen = Visit(tab)
         tab.set_default_timeout(1000 * patience)
         tab.on("request", lambda request, seen=seen: seen.requests.append(request.url))

@@ -14,7 +14,8 @@ import vffnull as vff
 from differences import smooth_pairs
 from vffnull import _core
 from vffnull.draw import geometry
-from vffnull.draw.figures.render import Solid, trace
+from vffnull.draw.figures.rays import Solid
+from vffnull.draw.figures.render import trace
 from vffnull.draw.primitives import Body
 from vffnull.draw.report import motion as page
 from vffnull.draw.scene import Scene

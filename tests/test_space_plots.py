@@ -14,7 +14,8 @@ from PIL import Image
 import vffnull as vff
 from vffnull.draw import geometry, style
 from vffnull.draw.figures import animation, film, limits, null_space, render, space, tracking
-from vffnull.draw.figures.render import Canvas, Layer, Solid, rods, trace
+from vffnull.draw.figures.rays import Solid
+from vffnull.draw.figures.render import Canvas, Layer, rods, trace
 from vffnull.draw.primitives import Axes, Body
 from vffnull.draw.scene import Scene
 from vffnull.evaluation.geometry.arm import rotation

@@ -253,12 +253,12 @@ class Scene:
         found: Array = self.joints[0, 0] if self.base is None else self.base
         return found
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """From the base to the farthest point of the joints [m]."""
         return float(np.linalg.norm(self.joints - self.joints[:, :1], axis=-1).max(initial=1e-9))
 
-    @property
+    @cached_property
     def foot(self) -> float:
         """The height [m] of what the arm stands on: that of its base, or where a pedestal below it ends."""
         base = float(self.joints[0, 0, -1] if self.base is None else self.base[-1])

@@ -20,6 +20,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from vffnull._support.errors import InputError
+from vffnull.live.client import prepared
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 _STARTING = threading.Lock()
@@ -68,7 +69,8 @@ def refusal(headers: Headers, port: int, allowed: Collection[str]) -> str | None
 
 @contextmanager
 def guarding(allowed: Collection[str]) -> Iterator[None]:
-    """Let the server that viser starts inside ask `refusal` before it answers anything.
+    """Let the server that viser starts inside ask `refusal` before it answers anything, and send its page
+    `prepared`.
 
     viser has no place for such a check. What it starts is replaced while it starts; servers that others
     start at the same moment in this process are left alone.
@@ -97,7 +99,12 @@ def guarding(allowed: Collection[str]) -> Iterator[None]:
                     {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
                 )
                 return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", about, body)
-            return None if answer is None else answer(connection, request)
+            if answer is None:
+                return None
+            if "Accept-Encoding" in request.headers:  # packing takes longer than sending on one machine
+                del request.headers["Accept-Encoding"]
+            found = answer(connection, request)
+            return None if found is None else prepared(found)
 
         return plain(handler, *arguments, **(how | {"process_request": process}))
 

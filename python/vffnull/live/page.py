@@ -17,6 +17,7 @@ import vffnull._core as _core
 from vffnull._support.errors import VffNullError
 from vffnull.live.clock import Counts, Rate
 from vffnull.live.guard import guarding
+from vffnull.live.icons import archive_open
 from vffnull.live.memory import Memory
 from vffnull.live.panel import Panel
 from vffnull.live.plots import Plots
@@ -109,10 +110,11 @@ class LivePage:
             self._plots = Plots(self._server)
         plots.dock_left()
         plots.set_width(330)
-        self._panel = Panel(self._server, self)
-        self._server.on_client_connect(self._welcome)
-        self._server.on_client_disconnect(self._miss)
-        self._open(scenario)
+        with archive_open():
+            self._panel = Panel(self._server, self)
+            self._server.on_client_connect(self._welcome)
+            self._server.on_client_disconnect(self._miss)
+            self._open(scenario)
         self._painter = threading.Thread(target=self._paint, name="vffnull-painter", daemon=True)
         self._painter.start()
 

@@ -45,9 +45,9 @@ View = str | tuple[float, float]
 
 _WIDTH, _DPI = 5.4, 120  # [in], dots per inch: 648 dots across
 _LONGEST = 0.11  # of the picture's width, the arrow of the greatest force
-_BAYER = 6.0 * (
-    np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16.0 - 15.0 / 32.0
-)  # in shades of 256
+_BAYER = np.rint(
+    6.0 * (np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16.0 - 15.0 / 32.0)
+).astype(np.int16)  # in shades of 256
 _LEAST = 0.004  # of the picture's width, the shortest arrow that is drawn
 
 Progress = Callable[[float, float], None]
@@ -193,7 +193,9 @@ def _dithered(dots: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """
     high, wide, _ = dots.shape
     pattern = np.tile(_BAYER, (high // 4 + 1, wide // 4 + 1))[:high, :wide, None]
-    return np.where(dots == 255, 255, np.clip(np.rint(dots + pattern), 0, 254)).astype(np.uint8)
+    found: NDArray[np.uint8] = np.clip(dots + pattern, 0, 254).astype(np.uint8)
+    found[dots == 255] = 255
+    return found
 
 
 def _write_mp4(picture: Picture, path: Path, fps: float, progress: Progress, encoder: Any) -> None:

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from vffnull.draw import geometry, replans, style
 from vffnull.draw.figures import space, tracking
-from vffnull.draw.figures.render import Canvas, Layer, Solid, arrow
+from vffnull.draw.figures.rays import Solid
+from vffnull.draw.figures.render import Canvas, Layer, arrow
 from vffnull.draw.primitives import COLOURS, Arrow, Body
 from vffnull.draw.scene import Scene
 

@@ -8,24 +8,25 @@ three more where an edge may run through it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import vffnull._core as _core
-from vffnull.draw import geometry
+from vffnull.draw.figures.rays import Grid, Places, Rays, Solid, nearest, pieces
 from vffnull.model.hull import hull
 
 Array = NDArray[np.float64]
 Shades = NDArray[np.float32]
-Where = tuple[slice, slice] | NDArray[np.intp]  # of rays: rows and columns, or numbers
-Surface = tuple[Array, Array, float]  # what its normals are told by, see `_shaded`
+Index = NDArray[np.intp]
 
-_LIGHT = np.array([-0.45, 0.62, 0.64])  # towards it: right, up, to the viewer
+_LIGHT = np.array([-0.45, 0.62, 0.64]) / np.linalg.norm([-0.45, 0.62, 0.64])
+"""Towards it: right, up, to the viewer."""
+_BRIGHT = _LIGHT.astype(np.float32)
+_NOTHING = np.array([255, 255, 255, 0], dtype=np.uint8).view(np.uint32)[0]
+"""A dot that is seen through."""
 _FINE = 2
 """Rays along either side of a dot."""
 _SOFT = 0.02
@@ -36,16 +37,6 @@ _DULL = 0.8
 """Below which part of it that looks to the light nothing of the gleam is seen: a thousandth."""
 _GRAZING = 0.05
 """Sine of the angle above a floor from which on it is seen."""
-
-
-@dataclass(frozen=True, eq=False)
-class Solid:
-    """All points within `radius` of a core with `corners` as of `geometry.core_in_space` [m], in a colour."""
-
-    corners: Array
-    radius: float
-    colour: Array
-    """Red, green, blue from 0 to 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,146 +129,60 @@ class Canvas:
             picture = np.asarray(blocks.mean(axis=(1, 3)))
         else:
             picture, edges = _seen(layers, axes, Grid(xs[::_FINE], ys[::_FINE]))
-            rows, columns = (_FINE * each for each in np.nonzero(edges))
+            edge = np.flatnonzero(edges)
+            rows, columns = (_FINE * each for each in np.divmod(edge, self.shape[1]))
             up, across = np.divmod(np.arange(1, _FINE**2), _FINE)  # the other rays of a dot
             others, _ = _seen(layers, axes, Places(xs[columns[:, None] + across], ys[rows[:, None] + up]))
-            picture[edges] = (picture[edges] + others.sum(axis=1)) / np.float32(_FINE**2)
-        dots = np.full((*self.shape, 4), (255, 255, 255, 0), dtype=np.uint8)
-        seen = picture[..., 3] > 0.0
+            picture = picture.reshape(-1, 4)
+            picture[edge] = (picture[edge] + others.sum(axis=1)) / np.float32(_FINE**2)
+        picture = picture.reshape(-1, 4)
+        dots = np.full(self.shape, _NOTHING).view(np.uint8).reshape(*self.shape, 4)
+        seen = np.flatnonzero(picture[:, 3] > 0.0)
         found = picture[seen]
-        found[:, :3] /= found[:, 3:]
-        dots[seen] = np.clip(255.0 * found + 0.5, 0, 255)
+        found[:, :3] *= 255.0 / found[:, 3:]
+        found[:, 3] *= 255.0
+        found += 0.5
+        dots.reshape(-1, 4)[seen] = np.minimum(found, 255.0, out=found)
         return dots
-
-
-class Grid:
-    """Rays through a grid: `x` (1, columns) and `y` (rows, 1) [m], ascending."""
-
-    def __init__(self, xs: Array, ys: Array) -> None:
-        self.x, self.y = xs[None, :], ys[:, None]
-        self.shape: tuple[int, ...] = len(ys), len(xs)
-        self.step = float(xs[1] - xs[0]) if len(xs) > 1 else 0.0
-
-    def near(self, low: Array, high: Array) -> list[Where]:
-        """Those between two corners (k, 2), for each pair."""
-        left, right = (np.searchsorted(self.x[0], each[:, 0]).tolist() for each in (low, high))
-        first, last = (np.searchsorted(self.y[:, 0], each[:, 1]).tolist() for each in (low, high))
-        rows, columns = map(slice, first, last), map(slice, left, right)
-        return list(zip(rows, columns, strict=True))
-
-    def at(self, where: Any) -> Grid:
-        """Some of them."""
-        return Grid(self.x[0, where[1]], self.y[where[0], 0])
-
-
-class Places:
-    """Rays in bundles: `x` and `y` (k, rays of each) [m], the lowest bundle first."""
-
-    def __init__(self, x: Array, y: Array) -> None:
-        self.x, self.y = x, y
-        self.shape: tuple[int, ...] = x.shape
-        self.step = 0.0
-
-    @cached_property
-    def _sides(self) -> tuple[Array, Array]:
-        return self.x.min(axis=1), self.x.max(axis=1)
-
-    def near(self, low: Array, high: Array) -> list[Where]:
-        """The bundles with one between two corners (k, 2), and some beside, for each pair."""
-        left, right = self._sides
-        first = np.searchsorted(self.y[:, -1], low[:, 1]).tolist()
-        last = np.searchsorted(self.y[:, 0], high[:, 1]).tolist()
-        return [
-            i + np.flatnonzero((right[i:j] >= west) & (left[i:j] <= east))
-            for i, j, west, east in zip(first, last, low[:, 0], high[:, 0], strict=True)
-        ]
-
-    def at(self, where: Any) -> Places:
-        """Some of them."""
-        return Places(self.x[where], self.y[where])
-
-
-Rays = Grid | Places
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """What of a layer is seen by rays: colours (…, 3), depths [m] and opacities."""
+    """What of a layer is seen by some rays, given by their numbers: colours (k, 3), depths [m], opacities."""
 
-    where: Where
+    rays: Index
     colours: Shades
     depths: Array
-    opacity: Array
+    opacity: Shades
 
 
 def _seen(layers: Iterable[Layer], axes: Array, rays: Rays) -> tuple[Shades, NDArray[np.bool_]]:
     """Colours times opacity, and opacity (…, 4), and where another ray of the dot may see something else."""
     sheets: list[Sheet] = []
     ghosts: list[Sheet] = []
-    covered = np.zeros(rays.shape, dtype=bool)
+    covered = np.zeros(rays.size, dtype=bool)
     edges = np.zeros(rays.shape, dtype=bool)
     for layer in layers:
         if layer.floor is not None and axes[2, 2] > _GRAZING:
-            dropped = [_dropped(solid.corners, layer.floor) for solid in layer.solids]
-            where = _around(layer.solids, dropped, axes, rays)
-            sheets.append(Sheet(where, *_shadow(layer.solids, layer.floor, axes, rays.at(where))))
-            if isinstance(rays, Grid):
-                edges[where] |= _steps(sheets[-1].opacity, _SOFT)
-        where = _around(layer.solids, [s.corners for s in layer.solids], axes, rays)
-        near = rays.at(where)
-        colours, depths, surface = _traced(layer.solids, axes, near)
-        if layer.floor is not None:
-            height = near.x * axes[0, 2] + near.y * axes[1, 2]
-            with np.errstate(invalid="ignore"):
-                height = height + (depths * axes[2, 2] if abs(axes[2, 2]) > 1e-9 else 0.0)
-            depths = np.where(height < layer.floor, -np.inf, depths)
-        if layer.box is not None:
-            depths = _within(*layer.box, depths, axes, near)
-        there = np.isfinite(depths)
-        if isinstance(near, Grid):
-            edges[where] |= _steps(np.where(there, surface, -1), 0) | _slender(layer.solids, axes, near)
-        sheet = Sheet(where, colours, depths, np.where(there, layer.opacity, 0.0))
+            sheets.append(_shadow(layer.solids, layer.floor, axes, rays, edges))
+        sheet = _traced(layer, axes, rays, edges)
         (ghosts if layer.ghost else sheets).append(sheet)
         if not layer.ghost and layer.opacity == 1.0:
-            covered[where] |= there
+            covered[sheet.rays] = True
     for sheet in ghosts:
-        opacity = np.where(covered[sheet.where], 0.3 * sheet.opacity, sheet.opacity)
-        sheets.append(Sheet(sheet.where, sheet.colours, sheet.depths, opacity))
-    return _laid(sheets, rays.shape), edges
+        opacity = np.where(covered[sheet.rays], np.float32(0.3), np.float32(1.0)) * sheet.opacity
+        sheets.append(Sheet(sheet.rays, sheet.colours, sheet.depths, opacity))
+    return _laid(sheets, rays.size).reshape(*rays.shape, 4), edges
 
 
-def _steps(values: NDArray[Any], most: float) -> NDArray[np.bool_]:
-    """Where values (rows, columns) differ from the next ones, above, to the right, or both."""
-    found = np.zeros(values.shape, dtype=bool)
-    up = np.abs(values[1:] - values[:-1]) > most
-    across = np.abs(values[:, 1:] - values[:, :-1]) > most
+def _steps(values: NDArray[Any], most: float, found: NDArray[np.bool_]) -> None:
+    """Mark where values (rows, columns) differ from the next ones, above, to the right, or both."""
+    up = np.abs(values[1:] - values[:-1]) > most if most else values[1:] != values[:-1]
+    across = np.abs(values[:, 1:] - values[:, :-1]) > most if most else values[:, 1:] != values[:, :-1]
     found[:-1] |= up
     found[:, :-1] |= across
-    found[:-1, :-1] |= up[:, 1:] | across[1:]
-    return found
-
-
-def _slender(solids: Iterable[Solid | Balls], axes: Array, rays: Grid) -> NDArray[np.bool_]:
-    """Where a rod may be seen that is so thin that it may pass between rays."""
-    found = np.zeros(rays.shape, dtype=bool)
-    thin = [solid for solid in solids if len(solid.corners) <= 2 and solid.radius < rays.step]
-    seen = [solid.corners @ axes.T for solid in thin]
-    margins = [solid.radius + rays.step for solid in thin]
-    for corners, margin, where in zip(seen, margins, _windows(seen, margins, rays), strict=True):
-        near = rays.at(where)
-        found[where] |= np.isfinite(_rod(corners, margin, near.x, near.y))
-    return found
-
-
-def _windows(seen: Sequence[Array], margins: Sequence[float], rays: Rays) -> list[Where]:
-    """Which rays are within a margin of the box around corners (·, 2 or 3), for each of them."""
-    if not seen:
-        return []
-    starts = np.cumsum([0, *map(len, seen[:-1])])
-    flat = np.concatenate(seen)[:, :2]
-    margin = np.array(margins)[:, None]
-    low, high = np.minimum.reduceat(flat, starts) - margin, np.maximum.reduceat(flat, starts) + margin
-    return rays.near(low, high)
+    found[:-1, :-1] |= up[:, 1:]
+    found[:-1, :-1] |= across[1:]
 
 
 def rods(points: Array, radius: float, colour: Array, *, dashed: bool = False, most: int = 80) -> list[Solid]:
@@ -309,52 +214,81 @@ def arrow(tail: Array, vector: Array, radius: float, colour: Array) -> list[Soli
 
 def trace(solids: Iterable[Solid | Balls], axes: Array, xs: Array, ys: Array) -> tuple[Shades, Array]:
     """Colours (h, w, 3) and depths to the viewer (h, w) [m] of what is met; −∞ where there is nothing."""
-    colours, depths, _ = _traced(list(solids), axes, Grid(xs, ys))
-    return colours, depths
+    rays = Grid(xs, ys)
+    sheet = _traced(Layer(list(solids)), axes, rays, np.zeros(rays.shape, dtype=bool))
+    colours = np.ones((rays.size, 3), dtype=np.float32)
+    depths = np.full(rays.size, -np.inf)
+    colours[sheet.rays], depths[sheet.rays] = sheet.colours, sheet.depths
+    return colours.reshape(*rays.shape, 3), depths.reshape(rays.shape)
 
 
-def _traced(
-    solids: Sequence[Solid | Balls], axes: Array, rays: Rays
-) -> tuple[Shades, Array, NDArray[np.int32]]:
-    """The same of any rays, and the number of the surface that each of them meets; −1 where there is none."""
-    depths: Array = np.full(rays.shape, -np.inf)
-    number = np.full(rays.shape, -1, dtype=np.int32)
-    surfaces: list[Surface] = []
-    paints: list[Array] = []
-    bodies = [solid for solid in solids if isinstance(solid, Solid)]
-    views = [solid.corners @ axes.T for solid in bodies]
-    windows = _windows(views, [solid.radius for solid in bodies], rays)
-    for solid, corners, where in zip(bodies, views, windows, strict=True):
+def _traced(layer: Layer, axes: Array, rays: Rays, edges: NDArray[np.bool_]) -> Sheet:
+    """The bodies of a layer as rays see them; of a grid it is marked where another surface begins."""
+    bodies = [solid for solid in layer.solids if isinstance(solid, Solid)]
+    clouds = [solid for solid in layer.solids if isinstance(solid, Balls)]
+    found = pieces(bodies, axes)
+    near, where = rays, None
+    if isinstance(rays, Grid) and not clouds:
+        low, high = found.box
+        (where,) = rays.windows(low[None] - rays.step, high[None] + rays.step)  # with what is beside them
         near = rays.at(where)
-        if 0 in near.shape:
-            continue
-        before, seen = depths[where], number[where]
-        for depth, surface in _surfaces(corners, solid.radius, near.x, near.y):
-            in_front = depth > before
-            np.copyto(before, depth, where=in_front)
-            np.copyto(seen, len(surfaces), where=in_front)
-            surfaces.append(surface)
-            paints.append(solid.colour)
-        depths[where], number[where] = before, seen
-    colours = np.ones((*rays.shape, 3), dtype=np.float32)
-    met = number >= 0
-    if met.any():
-        x, y = (np.broadcast_to(each, rays.shape)[met] for each in (rays.x, rays.y))
-        colours[met] = _shaded(surfaces, np.array(paints), number[met], np.stack([x, y, depths[met]], axis=1))
-    for cloud in solids:
-        if isinstance(cloud, Balls):
-            assert isinstance(rays, Grid)
-            _dab(cloud, axes, rays.x[0], rays.y[:, 0], colours, depths)
-    return colours, depths, number
+    depths, numbers = nearest(found, near)
+    painted = None
+    if clouds:
+        assert isinstance(near, Grid)
+        painted = np.ones((near.size, 3), dtype=np.float32)
+        for cloud in clouds:
+            _dab(cloud, axes, near, painted, depths, numbers)
+    met = np.flatnonzero(depths > -np.inf)
+    depth = depths[met]
+    x, y = near.places(met)
+    points = x, y, depth
+    kept = np.ones(len(met), dtype=bool)
+    if layer.floor is not None:
+        kept &= _along(axes[:, 2], points) >= layer.floor
+    if layer.box is not None:
+        for axis, low, high in zip(axes.T, *layer.box, strict=True):
+            height = _along(axis, points)
+            kept &= (height >= low) & (height <= high)
+    numbers[met[~kept]] = -1
+    if isinstance(near, Grid):
+        at = edges if where is None else edges[where]
+        _steps(numbers.reshape(near.shape), 0.0, at)
+        slender = [s for s in bodies if len(s.corners) <= 2 and s.radius < near.step]
+        if slender:  # may pass between rays
+            _, beside = nearest(pieces(slender, axes, near.step), near)
+            at |= (beside >= 0).reshape(near.shape)
+    met, depth = met[kept], depth[kept]
+    number = numbers[met]
+    paints = np.array([solid.colour for solid in bodies], dtype=np.float32).reshape(-1, 3)[found.body]
+    if painted is None:
+        colours = _shaded(found.surfaces, paints, number, (x[kept], y[kept], depth))
+    else:
+        own = number >= 0
+        colours = painted[met]
+        colours[own] = _shaded(found.surfaces, paints, number[own], (x[kept][own], y[kept][own], depth[own]))
+    if where is not None:
+        assert isinstance(rays, Grid)
+        met = rays.numbers(where, met)
+    return Sheet(met, colours, depth, np.full(len(met), layer.opacity, dtype=np.float32))
 
 
-def _dab(balls: Balls, axes: Array, xs: Array, ys: Array, colours: Shades, depths: Array) -> None:
+def _along(axis: Array, points: tuple[Array, Array, Array]) -> Array:
+    """The coordinate of points along an axis of the world, which has these components in the picture's."""
+    return np.asarray(points[0] * axis[0] + points[1] * axis[1] + points[2] * axis[2])
+
+
+def _dab(
+    balls: Balls, axes: Array, rays: Grid, colours: Shades, depths: Array, numbers: NDArray[np.int32]
+) -> None:
     """Put balls into a picture: at every offset from the middle all of them at once."""
-    step = float(xs[1] - xs[0]) if len(xs) > 1 else balls.radius
+    step = rays.step or balls.radius
+    tall, wide = rays.shape
     middle = balls.points @ axes.T
-    column, row = (np.rint((middle[:, i] - at[0]) / step).astype(int) for i, at in enumerate((xs, ys)))
+    column, row = (
+        np.rint((middle[:, i] - at) / step).astype(int) for i, at in enumerate((rays.x[0, 0], rays.y[0, 0]))
+    )
     colour = balls.colour.astype(np.float32)
-    front, painted = depths.reshape(-1), colours.reshape(-1, 3)
     reach = int(balls.radius / step)
     for across in range(-reach, reach + 1):
         for up in range(-reach, reach + 1):
@@ -363,149 +297,107 @@ def _dab(balls: Balls, axes: Array, xs: Array, ys: Array, colours: Shades, depth
                 continue
             normal[2] = np.sqrt(over)
             x, y = column + across, row + up
-            seen = (x >= 0) & (x < len(xs)) & (y >= 0) & (y < len(ys))
-            place, depth = y[seen] * len(xs) + x[seen], middle[seen, 2] + balls.radius * normal[2]
-            np.maximum.at(front, place, depth)
-            painted[place[front[place] == depth]] = _shade(normal[None].astype(np.float32), colour, True)
+            seen = (x >= 0) & (x < wide) & (y >= 0) & (y < tall)
+            place, depth = y[seen] * wide + x[seen], middle[seen, 2] + balls.radius * normal[2]
+            np.maximum.at(depths, place, depth)
+            front = place[depths[place] == depth]
+            facing, ahead = np.float32(normal @ _LIGHT), np.float32(normal[2])
+            colours[front] = _shade(np.array([facing]), np.array([ahead]), colour)
+            numbers[front] = -1
 
 
-def _surfaces(corners: Array, radius: float, x: Array, y: Array) -> Iterator[tuple[Array, Surface]]:
-    """The depth of every surface of a body, and what its normals are told by."""
-    if len(corners) <= 2:
-        yield _rod(corners, radius, x, y), (corners[0], corners[-1] - corners[0], radius)
-        return
-    if not geometry.is_block(corners):
-        yield from _hull(corners, x, y)
-        return
-    start, edges = geometry.edges_in_space(corners)
-    pairs = [(0, 1)] if len(edges) == 2 else [(0, 1), (1, 2), (0, 2)]
-    for i, j in pairs:
-        out = np.cross(edges[i], edges[j])
-        if abs(out[2]) < 1e-12:
-            continue  # seen from its edge
-        out = out / np.linalg.norm(out) * np.sign(out[2])
-        for base in [start, *(start + edges[k] for k in range(len(edges)) if k not in (i, j))]:
-            yield _face(base, edges[i], edges[j], x, y), (out, np.zeros(3), 0.0)
+def _shaded(
+    surfaces: Array, paints: Shades, number: NDArray[np.int32], points: tuple[Array, Array, Array]
+) -> Shades:
+    """Colours (k, 3) of points of numbered surfaces, told as in `Pieces`.
 
-
-def _rod(corners: Array, radius: float, x: Array, y: Array) -> Array:
-    """The depth of a ball, or of a rod with round ends; −∞ beside it."""
-    a = corners[0]
-    d = corners[-1] - a
-    mx, my = x - a[0], y - a[1]
-    depth = np.full(np.broadcast_shapes(x.shape, y.shape), -np.inf)
-    square, flat = float(d @ d), float(d[:2] @ d[:2])
-    with np.errstate(invalid="ignore"):
-        for end in (np.zeros(3), d) if square > 0.0 else (d,):
-            over = radius**2 - (mx - end[0]) ** 2 - (my - end[1]) ** 2
-            depth = np.fmax(depth, end[2] + np.sqrt(over))
-        if flat > 1e-12 * max(square, radius**2):
-            s = mx * d[0] + my * d[1]
-            rest = (mx**2 + my**2 - radius**2) * square - s**2
-            side = (d[2] * s + np.sqrt(d[2] ** 2 * s**2 - flat * rest)) / flat
-            share = (s + side * d[2]) / square
-            depth = np.fmax(depth, np.where((share >= 0.0) & (share <= 1.0), side, -np.inf))
-    return np.asarray(depth + a[2])
-
-
-def _face(base: Array, e: Array, f: Array, x: Array, y: Array) -> Array:
-    """The depth of a parallelogram; −∞ beside it."""
-    across = e[0] * f[1] - e[1] * f[0]
-    dx, dy = x - base[0], y - base[1]
-    u, v = (dx * f[1] - dy * f[0]) / across, (e[0] * dy - e[1] * dx) / across
-    inside = (u >= 0.0) & (u <= 1.0) & (v >= 0.0) & (v <= 1.0)
-    return np.where(inside, base[2] + u * e[2] + v * f[2], -np.inf)
-
-
-def _hull(corners: Array, x: Array, y: Array) -> Iterator[tuple[Array, Surface]]:
-    """The depth of every face of a hull that is seen, −∞ beside it, and its normal."""
-    for ring in _core.hull(corners):
-        around = corners[ring]
-        sides = np.roll(around, -1, axis=0) - around
-        out = np.cross(sides[0], sides[1])
-        out /= np.linalg.norm(out)
-        if out[2] < 1e-12:
-            continue  # seen from behind, or from its edge
-        depth = around[0, 2] - (out[0] * (x - around[0, 0]) + out[1] * (y - around[0, 1])) / out[2]
-        for corner, side in zip(around, sides, strict=True):
-            left = side[0] * (y - corner[1]) - side[1] * (x - corner[0])
-            depth = np.where(left >= 0.0, depth, -np.inf)
-        yield depth, (out, np.zeros(3), 0.0)
-
-
-def _shaded(surfaces: Sequence[Surface], paints: Array, number: NDArray[np.int32], points: Array) -> Shades:
-    """Colours (k, 3) of points (k, 3) of numbered surfaces.
-
-    A flat one is told by its normal; one that is round, by where its axis begins, the axis, and the radius.
+    Only two things of a normal matter: how much it looks to the light, and how much to the viewer.
     """
-    first: Shades = np.array([each[0] for each in surfaces], dtype=np.float32)
-    axis: Shades = np.array([each[1] for each in surfaces], dtype=np.float32)
-    radius: Shades = np.array([each[2] for each in surfaces], dtype=np.float32)
-    along = axis / np.maximum((axis**2).sum(axis=1), np.float32(1e-30))[:, None]
-    places, colours = points.astype(np.float32), paints.astype(np.float32)
-    found = np.empty(points.shape, dtype=np.float32)
-    for is_round in (True, False):
-        which = np.flatnonzero((radius > 0.0)[number] == is_round)
-        of = number[which]
-        normal = first[of]
-        if is_round:
-            normal = places[which] - normal
-            share = np.clip(np.einsum("ij,ij->i", normal, along[of]), 0.0, 1.0)
-            normal -= share[:, None] * axis[of]
-            normal /= radius[of, None]
-        found[which] = _shade(normal, colours[of], is_round)
+    first, axis, radius = surfaces[:, :3], surfaces[:, 3:6], surfaces[:, 6]
+    is_round = radius > 0.0
+    per_radius = 1.0 / np.where(is_round, radius, 1.0)
+    along = axis / np.maximum((axis**2).sum(axis=1), 1e-30)[:, None]
+    lit = first @ _LIGHT
+    told = np.column_stack(
+        [along, (along * first).sum(axis=1), lit, axis @ _LIGHT, first[:, 2], axis[:, 2], per_radius]
+    ).astype(np.float32)
+    found = np.empty((len(number), 3), dtype=np.float32)
+    flat = np.flatnonzero(~is_round[number]) if not is_round.all() else np.empty(0, dtype=np.intp)
+    if len(flat):
+        strength = (0.5 + 0.5 * np.clip(lit, 0.0, 1.0)).astype(np.float32)
+        found[flat] = (strength[:, None] * paints)[number[flat]]
+        if len(flat) == len(number):
+            return found
+    which = np.flatnonzero(is_round[number]) if len(flat) else slice(None)
+    of = number[which]
+    x, y, z = (each[which].astype(np.float32) for each in points)
+    ax, ay, az, start, lit_start, lit_axis, z_start, z_axis, per = (column[of] for column in told.T.copy())
+    share = np.clip(x * ax + y * ay + z * az - start, 0.0, 1.0)
+    to_light = x * _BRIGHT[0] + y * _BRIGHT[1] + z * _BRIGHT[2]
+    facing = (to_light - lit_start - share * lit_axis) * per
+    ahead = (z - z_start - share * z_axis) * per
+    found[which] = _shade(facing, ahead, paints[of])
     return found
 
 
-def _shade(normal: Shades, colour: Shades, is_round: bool) -> Shades:
-    """Light from above and the left, a soft gleam, and a dark rim that parts a body from those behind."""
-    facing = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)).astype(np.float32), 0.0, 1.0)
+def _shade(facing: Shades, ahead: Shades, colour: Shades) -> Shades:
+    """Light from above and the left, a soft gleam, and a dark rim that parts a body from those behind, by how
+    much normals (k,) look to the light and to the viewer.
+    """
+    facing = np.clip(facing, 0.0, 1.0)
     strength = 0.5 + 0.5 * facing
-    if not is_round:
-        return np.asarray(strength[:, None] * colour)
-    rim = np.flatnonzero(normal[:, 2] < _RIM)
-    strength[rim] *= 0.5 + 0.5 * (np.maximum(normal[rim, 2], 0.0) / _RIM) ** 0.7
+    rim = np.flatnonzero(ahead < _RIM)
+    strength[rim] *= 0.5 + 0.5 * (np.maximum(ahead[rim], 0.0) / _RIM) ** 0.7
     lit = strength[:, None] * colour
     gleam = np.flatnonzero(facing > _DULL)
-    lit[gleam] += 0.22 * facing[gleam, None] ** 24
-    return np.asarray(np.minimum(lit, 1.0))
+    if len(gleam):
+        lit[gleam] += 0.22 * facing[gleam, None] ** 24
+        np.minimum(lit, 1.0, out=lit)
+    return np.asarray(lit)
 
 
 def _shadow(
-    solids: Iterable[Solid | Balls], floor: float, axes: Array, rays: Rays
-) -> tuple[Shades, Array, Array]:
-    """What the solids shade of a level floor below them, the light straight above: colour, depth, opacity."""
+    solids: Iterable[Solid | Balls], floor: float, axes: Array, rays: Rays, edges: NDArray[np.bool_]
+) -> Sheet:
+    """What the solids shade of a level floor below them, the light straight above; of a grid it is marked
+    where a shadow changes so much that one ray per dot is too few.
+    """
     right, up, ahead = axes
-    x, y = rays.x, rays.y
-    depth = (floor - x * right[2] - y * up[2]) / ahead[2]
-    place = [x * right[i] + y * up[i] + depth * ahead[i] for i in range(2)]
-    dark = np.zeros(depth.shape)
     casting = [
         solid for solid in solids if isinstance(solid, Solid) and (len(solid.corners) > 2 or solid.radius > 0)
     ]
+    dark = np.zeros(rays.shape, dtype=np.float32)
     views = [_dropped(solid.corners, floor) @ axes[:2].T for solid in casting]
-    windows = _windows(views, [1.2 * solid.radius for solid in casting], rays)
+    margins = np.array([1.2 * solid.radius for solid in casting])[:, None]
+    low = np.array([each.min(axis=0) for each in views]).reshape(-1, 2) - margins
+    high = np.array([each.max(axis=0) for each in views]).reshape(-1, 2) + margins
+    # where a ray ends on the floor is linear in where it is
+    slopes = np.array([right[:2] - right[2] / ahead[2] * ahead[:2], up[:2] - up[2] / ahead[2] * ahead[:2]])
+    start = floor / ahead[2] * ahead[:2]
+    windows: Sequence[Any] = rays.windows(low, high)
     for solid, window in zip(casting, windows, strict=True):
-        if len(solid.corners) > 2:
-            inside = _inside(hull(solid.corners[:, :2]), place[0][window], place[1][window])
-            dark[window] = np.maximum(dark[window], np.clip((inside + 0.15) / 0.5, 0.0, 1.0))
-            continue
-        a, b = solid.corners[0, :2], solid.corners[-1, :2]
-        along = b - a
-        off = [place[i][window] - a[i] for i in range(2)]
-        share = np.clip((off[0] * along[0] + off[1] * along[1]) / max(along @ along, 1e-300), 0.0, 1.0)
-        away = np.hypot(off[0] - share * along[0], off[1] - share * along[1])
-        dark[window] = np.maximum(dark[window], np.clip((1.15 - away / solid.radius) / 0.5, 0.0, 1.0))
-    return np.full((*depth.shape, 3), 0.25, dtype=np.float32), depth, 0.2 * dark
+        x, y = rays.part(window)
+        place = [x * slopes[0, i] + (y * slopes[1, i] + start[i]) for i in range(2)]
+        dark[window] = np.maximum(dark[window], _shade_of(solid, *place))
+    if isinstance(rays, Grid):
+        _steps(0.2 * dark, _SOFT, edges)
+    met = np.flatnonzero(dark)
+    x, y = rays.places(met)
+    depth = (floor - x * right[2] - y * up[2]) / ahead[2]
+    return Sheet(met, np.full((len(met), 3), 0.25, dtype=np.float32), depth, 0.2 * dark.ravel()[met])
 
 
-def _around(solids: Sequence[Solid | Balls], corners: Sequence[Array], axes: Array, rays: Rays) -> Where:
-    """Which rays may meet solids whose corners are there."""
-    flat = np.concatenate([np.empty((0, 3)), *corners]) @ axes[:2].T
-    margin = np.repeat([1.2 * solid.radius for solid in solids], [len(each) for each in corners])[:, None]
-    low = (flat - margin).min(axis=0, initial=np.inf) - rays.step
-    high = (flat + margin).max(axis=0, initial=-np.inf) + rays.step
-    return rays.near(low[None], high[None])[0]
+def _shade_of(solid: Solid, x: Array, y: Array) -> Array:
+    """How dark it is below a body, from 0 to 1, at places of the floor."""
+    if len(solid.corners) > 2:
+        return np.clip((_inside(hull(solid.corners[:, :2]), x, y) + 0.15) / 0.5, 0.0, 1.0)
+    a, b = solid.corners[0, :2], solid.corners[-1, :2]
+    along, square = b - a, float((b - a) @ (b - a))
+    x, y = x - a[0], y - a[1]
+    if square > 0.0:
+        share = np.clip(x * (along[0] / square) + y * (along[1] / square), 0.0, 1.0)
+        x, y = x - share * along[0], y - share * along[1]
+    return np.clip((1.15 - np.sqrt(x * x + y * y) / solid.radius) / 0.5, 0.0, 1.0)
 
 
 def _inside(outline: Array, x: Array, y: Array) -> Array:
@@ -518,16 +410,6 @@ def _inside(outline: Array, x: Array, y: Array) -> Array:
     return np.asarray(least / max(width / 2.0, 1e-300))
 
 
-def _within(low: Array, high: Array, depths: Array, axes: Array, rays: Rays) -> Array:
-    """The depths, −∞ where a ray meets nothing within a box."""
-    there = np.isfinite(depths)
-    x, y = (np.broadcast_to(each, depths.shape)[there] for each in (rays.x, rays.y))
-    points = np.stack([x, y, depths[there]], axis=1) @ axes
-    kept = depths.copy()
-    kept[there] = np.where(((points < low) | (points > high)).any(axis=1), -np.inf, depths[there])
-    return kept
-
-
 def _dropped(corners: Array, floor: float | None) -> Array:
     """Corners (·, 3) straight below on a floor."""
     below = corners.copy()
@@ -535,35 +417,35 @@ def _dropped(corners: Array, floor: float | None) -> Array:
     return below
 
 
-def _laid(sheets: Sequence[Sheet], shape: tuple[int, ...]) -> Shades:
-    """Sheets over each other, in the order of their depths: colours times opacity, and opacity."""
-    picture = np.zeros((*shape, 4), dtype=np.float32)
-    count: NDArray[np.int8] = np.zeros(shape, dtype=np.int8)
+def _laid(sheets: Sequence[Sheet], size: int) -> Shades:
+    """Sheets over each other, in the order of their depths: colours times opacity, and opacity (rays, 4)."""
+    picture = np.zeros((size, 4), dtype=np.float32)
+    count: NDArray[np.int8] = np.zeros(size, dtype=np.int8)
     for sheet in sheets:
-        count[sheet.where] += sheet.opacity > 0.0
-    for sheet in sheets:  # most rays meet one sheet alone
-        alone = ((count[sheet.where] == 1) & (sheet.opacity > 0.0))[..., None]
-        share = sheet.opacity[..., None].astype(np.float32)
-        part = picture[sheet.where]
-        np.copyto(part[..., :3], sheet.colours * share, where=alone)
-        np.copyto(part[..., 3:], share, where=alone)
-        picture[sheet.where] = part
-    several = count > 1
-    place = np.cumsum(several).reshape(shape) - 1
-    many = int(place.size and place.flat[-1]) + 1
-    depths = np.full((many, len(sheets)), -np.inf, dtype=np.float32)
-    seen = np.zeros((many, len(sheets), 4), dtype=np.float32)
-    for k, sheet in enumerate(sheets):
-        here = several[sheet.where] & (sheet.opacity > 0.0)
-        to = place[sheet.where][here]
-        share = sheet.opacity[here].astype(np.float32)
-        depths[to, k] = sheet.depths[here]
-        seen[to, k, :3] = sheet.colours[here] * share[:, None]
-        seen[to, k, 3] = share
-    over = np.zeros((many, 4), dtype=np.float32)
-    each = np.arange(many)
-    for at in np.argsort(depths, axis=1).T[-int(count.max(initial=1)) :]:  # from behind
-        top = seen[each, at]
-        over = top + over * (1.0 - top[:, 3:])
-    picture[several] = over[: several.sum()]
+        count[sheet.rays] += 1
+    several = np.flatnonzero(count > 1)
+    place = np.empty(size, dtype=np.intp)
+    place[several] = np.arange(len(several))
+    most = int(count.max(initial=1))
+    depths = np.full((len(several), most), -np.inf, dtype=np.float32)
+    seen = np.zeros((most, len(several), 4), dtype=np.float32)
+    level: NDArray[np.int8] = np.zeros(len(several), dtype=np.int8)
+    for sheet in sheets:
+        paint = np.empty((len(sheet.rays), 4), dtype=np.float32)
+        np.multiply(sheet.colours, sheet.opacity[:, None], out=paint[:, :3])
+        paint[:, 3] = sheet.opacity
+        picture[sheet.rays] = paint  # which is all where there is one sheet alone, as with most rays
+        here = np.flatnonzero(count[sheet.rays] > 1)
+        to = place[sheet.rays[here]]
+        on = level[to]
+        depths[to, on] = sheet.depths[here]
+        seen[on, to] = paint[here]
+        level[to] += 1
+    over = np.zeros((len(several), 4), dtype=np.float32)
+    each = np.arange(len(several))
+    for at in np.argsort(depths, axis=1).T:  # from behind
+        top = seen[at, each]
+        over *= 1.0 - top[:, 3:]
+        over += top
+    picture[several] = over
     return picture

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import matplotlib
 import numpy as np
@@ -20,7 +21,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 from numpy.typing import NDArray
 
 from vffnull.draw import geometry, style
-from vffnull.draw.figures.render import Balls, Canvas, Layer, Solid, rods
+from vffnull.draw.figures.rays import Solid
+from vffnull.draw.figures.render import Balls, Canvas, Layer, rods
 from vffnull.draw.primitives import COLOURS, Axes, Body, Cloud, Curve, Role
 from vffnull.draw.scene import Scene, travels
 
@@ -49,6 +51,8 @@ _DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
 _GHOST = 0.45  # opacity of the arm where the plan has it
+_BOUNDS: WeakKeyDictionary[Scene, tuple[Array, Array]] = WeakKeyDictionary()
+"""Of scenes that are still drawn: a film asks for them in every frame."""
 SLIM = 0.8
 """How thick that arm is, compared with its own: it is not seen where the arm is."""
 
@@ -168,6 +172,13 @@ def path_layers(scene: Scene, row: int, thin: float) -> list[Layer]:
 
 def bounds(scene: Scene) -> tuple[Array, Array]:
     """Opposite corners (3,) of a box around the arm at all times and what comes near it [m]."""
+    found = _BOUNDS.get(scene)
+    if found is None:
+        found = _BOUNDS[scene] = _bounds(scene)
+    return found
+
+
+def _bounds(scene: Scene) -> tuple[Array, Array]:
     parts = (*scene.parts, *scene.plan)
     lows = [part.corners.reshape(-1, 3).min(axis=0) - part.radius for part in parts]
     highs = [part.corners.reshape(-1, 3).max(axis=0) + part.radius for part in parts]
