@@ -5,7 +5,7 @@ use crate::math::{Feature, TOUCHING, Vector};
 
 /// Where on the axis the nearest point is \[m\], and how it leads there from `centre`.
 #[inline(always)]
-fn foot(axis: &Probe, centre: &Vector<3>) -> (f64, Vector<3>) {
+pub(crate) fn foot(axis: &Probe, centre: &Vector<3>) -> (f64, Vector<3>) {
     let offset = axis.start - centre;
     let along = within(-axis.direction.dot(&offset), axis.length);
     (along, offset + axis.direction * along)

@@ -14,6 +14,7 @@ mod hierarchy;
 mod motion;
 #[cfg(test)]
 mod oracle;
+mod outlook;
 pub mod plane;
 mod query;
 mod shape_fault;
@@ -25,6 +26,7 @@ pub use crate::math::Feature;
 pub use broad_phase::HORIZON;
 pub use contact::{Contact, Pair};
 pub use motion::{Motion, MotionState};
+pub use outlook::{Ahead, Outlook};
 pub use query::{CollisionQuery, Positions};
 pub use shape_fault::ShapeFault;
 pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
@@ -308,6 +310,33 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         solid.for_each_contact(pair, &seen, &rest, reach, |contact| {
             solid.for_each_barrier(contact, &seen, &rest, &mut visit);
         });
+    }
+
+    /// Those of many contacts nearer than `reach` \[m\] that a program of this `outlook` needs, were the obstacle in this state
+    /// and turned so (T157).
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "two things, how they are placed, and a question"
+    )]
+    #[inline(never)]
+    fn for_each_needed(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let ahead = outlook.ahead(pair.link, &S::body(link), state, turn);
+        let Some(turn) = turn else {
+            return self.solid.for_each_needed(pair, link, state, reach, &ahead, visit);
+        };
+        let seen = Self::seen(link, &state.position, turn);
+        let rest = MotionState::at_rest(Vector::zeros());
+        let visit = |found: &Contact<D>| visit(&turn.place(found, state));
+        self.solid.for_each_needed(pair, &seen, &rest, reach, &ahead, visit);
     }
 
     /// Opposite corners of a box that holds it however it is turned, relative to its position \[m\].

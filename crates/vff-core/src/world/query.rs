@@ -1,9 +1,9 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
-use super::{Asked, Contact, Named, Pair, Placed, Solid, Turn, World};
+use super::{Asked, Contact, Named, Outlook, Pair, Placed, Solid, Turn, World};
 use crate::geometry::{Body, Carried};
 use crate::interrupt;
-use crate::math::{Vector, keep_least};
+use crate::math::{Capsule, Vector, keep_least};
 
 /// How much farther away than it was the nearest of all obstacles is expected at most when a body is asked again \[m\].
 const STRIDE: f64 = 2e-3;
@@ -62,6 +62,18 @@ pub trait CollisionQuery<const D: usize> {
         self.for_each_contact(bodies, reach, |_, _| {}, visit);
     }
 
+    /// The same, but for those of a cloud that others imply for a program of this `outlook` (T157).
+    fn for_each_needed<'a>(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        visit: impl FnMut(&Contact<D>),
+    ) {
+        let _ = outlook;
+        self.for_each_barrier(bodies, reach, visit);
+    }
+
     /// The contact of body number `index` with `obstacle`, were that carried on for `after` \[s\], or back for −`after`, at
     /// its present velocity and rate of turning.
     fn contact_after(
@@ -91,6 +103,38 @@ pub trait CollisionQuery<const D: usize> {
             visit(&nearest);
         }
         take(&nearest)
+    }
+
+    /// The same, but of a cloud those contacts alone that a program of this `outlook` needs (T157).
+    #[expect(clippy::too_many_arguments, reason = "a question, and what is wanted of the answer")]
+    fn for_each_needed_after(
+        &self,
+        index: usize,
+        body: &Body<'_, D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        visit: impl FnMut(&Contact<D>),
+    ) {
+        let _ = outlook;
+        self.for_each_contact_after(index, body, obstacle, after, reach, visit, |_| {});
+    }
+
+    /// The same, but of a cloud the contact of the body and those of the ends of its axis alone.
+    #[expect(clippy::too_many_arguments, reason = "a question, and what is wanted of the answer")]
+    #[inline]
+    fn approach_after<T>(
+        &self,
+        index: usize,
+        body: &Body<'_, D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        visit: impl FnMut(&Contact<D>),
+        take: impl Fn(&Contact<D>) -> T,
+    ) -> T {
+        self.for_each_contact_after(index, body, obstacle, after, reach, visit, take)
     }
 }
 
@@ -162,7 +206,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     }
 
     /// Body by body from the first of `bodies` on, and for each in the order of the obstacles: `meet` is called with those
-    /// that may be within reach, and how they are turned. The distance of what is nearest is needed below `limit` \[m\] only.
+    /// that may be within reach, and how they are turned. The distance of what is nearest is needed below `limit` \[m\] only, and not
+    /// at all where that is no more than `reach`.
     #[inline(always)] // three times
     fn for_each_near<'a>(
         &mut self,
@@ -229,6 +274,15 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 Named::Each(all) => &all[..],
                 Named::BroadPhase(crowd) => crowd.near(obstacles, *time, &probe, reach),
             };
+            // Where no distance is asked for, a search for the nearest point does not pay: they are searched for all in reach.
+            if searched && limit <= reach && limit.is_finite() {
+                interrupt::spend(64 * near.len());
+                for &j in near {
+                    let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
+                    meet(pair, &probe, None, obstacle, obstacle.turn());
+                }
+                continue;
+            }
             let below = |limit: f64| {
                 let near = near.iter().map(|&j| &obstacles[j]);
                 least_distance(near, |obstacle| obstacle.distance_below(&probe, limit))
@@ -253,6 +307,41 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 }
             }
         }
+    }
+}
+
+impl<S: Solid<D>, const D: usize> World<S, D> {
+    /// All barriers, or those of clouds that a program of this `outlook` needs.
+    #[inline(always)]
+    fn for_each_barrier_of<'a>(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
+        reach: f64,
+        outlook: Option<&Outlook<'_, D>>,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        self.for_each_near(
+            bodies,
+            reach,
+            reach,
+            |_, _| {},
+            |pair, probe, hull, obstacle, turn| {
+                let state = &obstacle.state;
+                if let Some(hull) = hull {
+                    let asked = Asked::Barriers(reach);
+                    return obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
+                }
+                if let Some(outlook) = outlook.filter(|_| obstacle.solid.contacts() > 1) {
+                    return obstacle
+                        .for_each_needed(pair, probe, state, turn, reach, outlook, &mut visit);
+                }
+                obstacle.for_each_barrier(pair, probe, turn, reach, |barrier| {
+                    if barrier.distance < reach {
+                        visit(barrier);
+                    }
+                });
+            },
+        );
     }
 }
 
@@ -319,25 +408,76 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         &mut self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         reach: f64,
-        mut visit: impl FnMut(&Contact<D>),
+        visit: impl FnMut(&Contact<D>),
     ) {
-        self.for_each_near(
-            bodies,
-            reach,
-            reach,
-            |_, _| {},
-            |pair, probe, hull, obstacle, turn| {
-                if let Some(hull) = hull {
-                    let (state, asked) = (&obstacle.state, Asked::Barriers(reach));
-                    return obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
-                }
-                obstacle.for_each_barrier(pair, probe, turn, reach, |barrier| {
-                    if barrier.distance < reach {
-                        visit(barrier);
+        self.for_each_barrier_of(bodies, reach, None, visit);
+    }
+
+    #[inline]
+    fn for_each_needed<'a>(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        visit: impl FnMut(&Contact<D>),
+    ) {
+        self.for_each_barrier_of(bodies, reach, Some(outlook), visit);
+    }
+
+    fn for_each_needed_after(
+        &self,
+        index: usize,
+        body: &Body<'_, D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        visit: impl FnMut(&Contact<D>),
+    ) {
+        let placed = &self.obstacles[obstacle];
+        if placed.solid.contacts() == 1 || body.hull.is_some() {
+            return self.for_each_contact_after(index, body, obstacle, after, reach, visit, |_| {});
+        }
+        let pair = Pair { body: index, link: body.link, obstacle };
+        let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
+        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        placed.for_each_needed(pair, &probe, &state, turn.as_ref(), reach, outlook, visit);
+    }
+
+    #[inline]
+    fn approach_after<T>(
+        &self,
+        index: usize,
+        body: &Body<'_, D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+        take: impl Fn(&Contact<D>) -> T,
+    ) -> T {
+        let placed = &self.obstacles[obstacle];
+        if placed.solid.contacts() == 1 || body.hull.is_some() {
+            return self.for_each_contact_after(index, body, obstacle, after, reach, visit, take);
+        }
+        let Body { link, shape, .. } = body;
+        let pair = Pair { body: index, link: *link, obstacle };
+        let state = placed.state_after(self.time, after);
+        let turn = placed.turn_at(self.time).map(|turn| turn.after(after));
+        let contact =
+            |shape: &Capsule<D>| placed.contact(pair, &S::probe(shape), &state, turn.as_ref());
+        let nearest = contact(shape);
+        if nearest.distance < reach {
+            visit(&nearest);
+            if shape.length > 0.0 {
+                for end in [shape.start, shape.end()].iter().filter(|end| **end != nearest.point) {
+                    let of_end = contact(&Capsule { start: *end, length: 0.0, ..*shape });
+                    if of_end.distance < reach {
+                        visit(&of_end);
                     }
-                });
-            },
-        );
+                }
+            }
+        }
+        take(&nearest)
     }
 
     #[inline]

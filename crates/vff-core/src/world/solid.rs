@@ -4,7 +4,7 @@
 //! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
 //! [`Hierarchy`] of boxes for crowds.
 
-use super::{Contact, Motion, MotionState, Pair, Turning};
+use super::{Ahead, Contact, Motion, MotionState, Pair, Turning};
 use crate::geometry::Carried;
 use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
@@ -89,6 +89,20 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
         state: &MotionState<D>,
         visit: impl FnMut(&Contact<D>),
     );
+
+    /// Those of all contacts nearer than `reach` \[m\] that imply the others `ahead` (T157): of a convex solid the one.
+    fn for_each_needed(
+        &self,
+        pair: Pair,
+        body: &Self::Probe,
+        state: &MotionState<D>,
+        reach: f64,
+        ahead: &Ahead<D>,
+        visit: impl FnMut(&Contact<D>),
+    ) {
+        let _ = ahead;
+        self.for_each_contact(pair, body, state, reach, visit);
+    }
 
     /// Calls `visit` with what is `asked` of a hull that a body is, `around` which is the capsule that was made ready. Where
     /// links carry no hulls, it is that capsule.

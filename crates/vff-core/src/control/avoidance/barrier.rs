@@ -20,9 +20,9 @@ use crate::control::{
     CommandSettings, Gains, Gravity, OperationalSpace, TaskMetric, Torque, TorqueRange,
 };
 use crate::interrupt;
-use crate::math::dot;
+use crate::math::{Vector, dot};
 use crate::robot::{Limits, Robot, pace};
-use crate::world::Contact;
+use crate::world::{Contact, Outlook};
 use nalgebra::SMatrix;
 
 /// k where it is not given \[1/s\].
@@ -235,6 +235,14 @@ impl Barrier {
         self.bounds.reserve(constraints);
         self.softness.reserve(constraints);
         self.program.reserve(constraints);
+    }
+
+    /// What it reckons with where points of links move at this velocity.
+    pub fn outlook<'a, const D: usize>(
+        &self,
+        velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
+    ) -> Outlook<'a, D> {
+        Outlook { rate: self.rate, kept: self.margins.most(self.rate), velocity }
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].

@@ -6,6 +6,7 @@ use crate::control::distance::OwnPair;
 use crate::control::settings::SelfCollision;
 use crate::control::{Gains, Torque};
 use crate::geometry::Body;
+use crate::math::Vector;
 use crate::robot::Robot;
 use crate::trajectory::{JointSpline, Pace};
 use crate::world::{CollisionQuery, Contact};
@@ -77,8 +78,10 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         if self.most_own > 0 {
             self.measure_bodies(robot);
         }
-        let Self { activation, pairs, .. } = self;
-        surroundings.for_each_barrier(bodies, *activation, |pair| pairs.push(*pair));
+        let Self { activation, pairs, barrier, .. } = self;
+        let velocity = |link: usize, point: &Vector<D>| robot.point_velocity(link, point);
+        let outlook = barrier.outlook(&velocity);
+        surroundings.for_each_needed(bodies, *activation, &outlook, |pair| pairs.push(*pair));
     }
 
     fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {

@@ -45,6 +45,12 @@ impl Margins {
         (distance - margin, DistanceRate { rate: motion.rate - rate, bias: motion.bias - change })
     }
 
+    /// What links keep from obstacles at most \[m\], reckoned on as barriers of this `rate` \[1/s\] do.
+    pub fn most(&self, rate: f64) -> f64 {
+        let ahead = |[margin, speed, _]: &[f64; 3]| margin + 2.0 * speed / rate;
+        self.of_links.iter().map(ahead).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// What bodies of the arm keep from each other \[m\].
     #[inline]
     pub fn own(&self) -> f64 {

@@ -10,12 +10,13 @@
 //!
 //! `shape` has the list of shapes, its one dispatch, and a file for each with all its answers. A file per question that is
 //! put to any of them: `barriers`, `link_hull_query` (a hull that a link carries), `hierarchy` of boxes around obstacles;
-//! `point_bvh` is around points.
+//! `point_bvh` is around points, of which `needed_points` says which ones a program needs.
 
 mod barriers;
 mod contact;
 mod hierarchy;
 mod link_hull_query;
+mod needed_points;
 mod obstacle;
 #[cfg(test)]
 pub(crate) mod oracle;

@@ -7,7 +7,9 @@ use super::shape::{ConvexCore, Core, dispatch};
 use crate::geometry::axis::{Probe, seen_from};
 use crate::geometry::{Carried, Convex, MAX_FEATURES};
 use crate::math::{Capsule, UnitQuaternion, Vector};
-use crate::world::{Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning};
+use crate::world::{
+    Ahead, Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning,
+};
 
 impl Description<3> for Obstacle {
     fn set_position(&mut self, position: Vector<3>) {
@@ -137,6 +139,21 @@ impl Solid<3> for Volume {
         visit: impl FnMut(&Contact<3>),
     ) {
         self.visit_barriers(contact, link, state, visit);
+    }
+
+    fn for_each_needed(
+        &self,
+        pair: Pair,
+        link: &Probe,
+        state: &MotionState<3>,
+        reach: f64,
+        ahead: &Ahead<3>,
+        visit: impl FnMut(&Contact<3>),
+    ) {
+        if let Core::Cloud(cloud) = &self.core {
+            return cloud.for_each_needed(pair, link, self.radius, state, reach, ahead, visit);
+        }
+        self.for_each_contact(pair, link, state, reach, visit);
     }
 
     fn meet_hull(

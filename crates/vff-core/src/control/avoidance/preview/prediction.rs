@@ -3,7 +3,7 @@
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::Vector;
-use crate::world::{CollisionQuery, Contact};
+use crate::world::{CollisionQuery, Contact, Outlook};
 
 /// A pair that is near, as far as the velocity of a roll-out depends on it.
 #[derive(Debug, Clone, Copy)]
@@ -76,7 +76,20 @@ pub trait Prediction<const D: usize> {
         visit: &mut dyn FnMut(&Contact<D>),
     ) -> Contact<D>;
 
-    /// The same, as far as a roll-out needs it; adds the contacts nearer than `reach` to `found`.
+    /// Calls `visit` with those of their contacts nearer than `reach` \[m\] that a program of this `outlook` needs.
+    #[expect(clippy::too_many_arguments, reason = "a question, and what is wanted of the answer")]
+    fn predict_needed(
+        &self,
+        index: usize,
+        body: &Body<'_, D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        visit: &mut dyn FnMut(&Contact<D>),
+    );
+
+    /// The same, as far as a roll-out needs it; adds contacts nearer than `reach` to `found`.
     fn approach(
         &self,
         index: usize,
@@ -128,7 +141,20 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
         found: &mut Vec<Near<D>>,
     ) -> Approach<D> {
         let visit = |contact: &Contact<D>| found.push(Near::new(contact));
-        self.for_each_contact_after(index, body, obstacle, after, reach, visit, Approach::new)
+        self.approach_after(index, body, obstacle, after, reach, visit, Approach::new)
+    }
+
+    fn predict_needed(
+        &self,
+        index: usize,
+        body: &Body<'_, D>,
+        obstacle: usize,
+        after: f64,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        visit: &mut dyn FnMut(&Contact<D>),
+    ) {
+        self.for_each_needed_after(index, body, obstacle, after, reach, outlook, visit);
     }
 }
 
@@ -162,6 +188,22 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
                 least = least.min(nearest.distance);
             }
             distance(body.link, least);
+        }
+    }
+
+    fn for_each_needed<'a>(
+        &mut self,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let Self { surroundings, obstacles, after } = *self;
+        for (i, body) in bodies.into_iter().enumerate() {
+            interrupt::spend(64 * obstacles.len());
+            for &j in obstacles {
+                surroundings.predict_needed(i, &body, j, after, reach, outlook, &mut visit);
+            }
         }
     }
 

@@ -11,8 +11,9 @@ use crate::geometry::point::{distance_to_point, square_to_point, to_point};
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::world::space::contact::{axis_of, contact_of};
+use crate::world::space::needed_points::{MAX_NEEDED, NeededPoints};
 use crate::world::space::point_bvh::{PointBvh, Sight, around};
-use crate::world::{Contact, Feature, MotionState, Pair, ShapeFault};
+use crate::world::{Ahead, Contact, Feature, MotionState, Pair, ShapeFault};
 use std::fmt;
 use std::ops::Range;
 
@@ -234,6 +235,41 @@ impl Cloud {
             match found {
                 [.., (last, _)] if found.len() == ROOM => first = last + 1,
                 _ => return,
+            }
+        }
+    }
+
+    /// Those of the contacts nearer than `reach` \[m\] that imply the others (T157), in the same order; of few points all.
+    #[expect(clippy::too_many_arguments, reason = "two things, where they are, and a question")]
+    #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
+    pub(in super::super) fn for_each_needed(
+        &self,
+        pair: Pair,
+        link: &Probe,
+        radius: f64,
+        state: &MotionState<3>,
+        reach: f64,
+        ahead: &Ahead<3>,
+        mut visit: impl FnMut(&Contact<3>),
+    ) {
+        if self.points.len() <= MAX_NEEDED {
+            return self.for_each_contact(pair, link, radius, state, reach, visit);
+        }
+        let query = self.query(link, &state.position);
+        let mut needed = NeededPoints::new(ahead, radius + link.radius, reach);
+        let limit = needed.limit();
+        self.approach(&query, limit, |places| {
+            interrupt::spend(16 * places.len());
+            for place in places {
+                let axis = seen_from(link, &(state.position + self.points[place]));
+                needed.add(&axis, self.numbers[place], place as u32);
+            }
+            needed.limit()
+        });
+        for point in needed.finish() {
+            let contact = self.touch(point.place as usize, pair, link, radius, state);
+            if contact.distance < reach {
+                visit(&contact);
             }
         }
     }

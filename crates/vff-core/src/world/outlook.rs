@@ -1,0 +1,62 @@
+//! What a program that keeps distances reckons with, from which follows which of many distances it needs (T157).
+
+use super::{MotionState, Turn};
+use crate::math::{Capsule, Vector};
+
+/// Up to this acceleration of the ends of a link, seen from the obstacle, the distances that are kept imply the others \[m/s²\].
+const IMPLIED_UP_TO: f64 = 16.0;
+
+/// A distance is left out altogether that no smaller acceleration than this violates \[m/s²\].
+const UNHARMED_UP_TO: f64 = 160.0;
+
+/// Of barriers of the rate k: d + 2ḋ/k + d̈/k² is not to be less than what is kept.
+#[derive(Clone, Copy)]
+pub struct Outlook<'a, const D: usize> {
+    /// k \[1/s\].
+    pub rate: f64,
+    /// What is kept of a distance at most \[m\].
+    pub kept: f64,
+    /// The velocity of a point that is fixed to a link \[m/s\].
+    pub velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
+}
+
+/// The same for one link, as an obstacle sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Ahead<const D: usize> {
+    /// What is kept of a distance at most \[m\].
+    pub kept: f64,
+    /// 2u/k of both ends of the axis: by how much they go on \[m\].
+    pub shift: [Vector<D>; 2],
+    /// How far off that the ends may come so that what is left out is implied \[m\].
+    pub implied: f64,
+    /// How far off that the ends may come so that what is higher than this is not violated \[m\].
+    pub unharmed: f64,
+}
+
+impl<const D: usize> Outlook<'_, D> {
+    /// For `link` with this axis and an obstacle in this state, turned so.
+    pub(super) fn ahead(
+        &self,
+        link: usize,
+        axis: &Capsule<D>,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+    ) -> Ahead<D> {
+        let Self { rate, kept, velocity } = *self;
+        let shift = [axis.start, axis.end()].map(|end| {
+            let seen = velocity(link, &end) - state.velocity;
+            let Some(turn) = turn else { return seen * (2.0 / rate) };
+            let carried = turn.spin.rate_of(&(end - state.position));
+            turn.rotation.tr_mul(&(seen - carried)) * (2.0 / rate)
+        });
+        let [implied, unharmed] = [IMPLIED_UP_TO, UNHARMED_UP_TO].map(|most| most / (rate * rate));
+        Ahead { kept, shift, implied, unharmed }
+    }
+}
+
+impl<const D: usize> Ahead<D> {
+    /// How far a point of the axis goes on at most \[m\].
+    pub(super) fn farthest(&self) -> f64 {
+        self.shift.iter().map(Vector::norm).fold(0.0, f64::max)
+    }
+}
