@@ -154,7 +154,7 @@ class Arm:
         """
 
     def with_tool(self, position: ArrayLike, orientation: ArrayLike | None = None) -> Arm:
-        """The same arm in space with its tip elsewhere: another tool. What that weighs is a load (`with_load`).
+        """The same arm in space with its tip elsewhere. What a tool weighs is a load (`with_load`).
 
         Parameters
         ----------
@@ -1402,7 +1402,7 @@ class DriveLoop:
     def set_obstacles(self, obstacles: Sequence[_Document], t: float | None = None) -> None:
         """Other obstacles from now on, whose motions begin at time `t` of the drive, or now."""
     def set_controller(self, controller: Controller, blend: float) -> None:
-        """Another controller in place of the one that drives, within `blend` [s]; its obstacles are those of the drive."""
+        """Another controller takes over within `blend` [s], among the obstacles of the drive."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
     def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:

@@ -53,6 +53,8 @@ enum vff_status
     VFF_STATUS_PANIC = 15,
     // No loop has begun.
     VFF_STATUS_NOT_BEGUN = 16,
+    // The law before is still being left.
+    VFF_STATUS_SUCCEEDING = 17,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -258,8 +260,9 @@ vff_status vff_controller_new(const struct vff_robot *robot,
                               const char *settings,
                               struct vff_controller **controller);
 
-// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, which is that of
-// its time t. Plant, sensors and drives of a scenario are for simulations.
+// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, a plan with its posture
+// and margins, which waits with `governor`. It is that of the time t, or, in a loop that is watched over, begins when the torque has
+// been blended in. Plant, sensors, drives and `replan` of a scenario are for simulations.
 vff_status vff_controller_from_scenario(const char *toml,
                                         struct vff_controller **controller);
 
@@ -397,6 +400,16 @@ vff_status vff_controller_move_obstacle(struct vff_controller *controller,
                                         const double *position,
                                         const double *velocity,
                                         size_t dimension);
+
+// For the loop: obstacle `id` has this orientation at time `t` [s], and turns on at `rate` until it is turned again; NULL is at rest. In space
+// a unit quaternion (w, x, y, z) and 3 numbers, an angular velocity in world axes [rad/s]; in the plane an angle [rad] and its rate, one
+// number each. `length` is that of the orientation. It moves as before. Of one that has not turned before, it allocates.
+vff_status vff_controller_turn_obstacle(struct vff_controller *controller,
+                                        uint32_t id,
+                                        double t,
+                                        const double *orientation,
+                                        size_t length,
+                                        const double *rate);
 
 // Takes obstacle `id` away. Frees memory; observe the state again before the next torque.
 vff_status vff_controller_remove_obstacle(struct vff_controller *controller, uint32_t id);

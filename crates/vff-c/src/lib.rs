@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `border` | every call: no panic leaves, a fault becomes a status and a message |
 //! | `status` | what can be wrong |
-//! | `robot`, `controller`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
+//! | `robot`, `kinematics`, `controller`, `succession`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
 //! | `mailbox` | one value handed from one thread to another without a lock |
 
 // Names and documentation are those of the C header.
@@ -16,20 +16,24 @@
 mod border;
 mod cloud;
 mod controller;
+mod kinematics;
 mod mailbox;
 mod obstacles;
 mod robot;
 mod set_points;
 mod status;
+mod succession;
 mod terms;
 mod version;
 
 pub use border::vff_last_message;
 pub use cloud::*;
 pub use controller::*;
+pub use kinematics::*;
 pub use obstacles::*;
 pub use robot::*;
 pub use set_points::*;
 pub use status::{Status, vff_status_name};
+pub use succession::*;
 pub use terms::*;
 pub use version::*;

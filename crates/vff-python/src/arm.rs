@@ -150,7 +150,7 @@ impl Arm {
         with_load(self, mass, com, inertia)
     }
 
-    /// The same arm in space with its tip elsewhere: another tool. What that weighs is a load (`with_load`).
+    /// The same arm in space with its tip elsewhere. What a tool weighs is a load (`with_load`).
     ///
     /// Parameters
     /// ----------

@@ -379,7 +379,7 @@ impl DriveLoop {
         done.map_err(|error| errors::scenario(&error))
     }
 
-    /// Another controller in place of the one that drives, within `blend` [s]; its obstacles are those of the drive.
+    /// Another controller takes over within `blend` [s], among the obstacles of the drive.
     fn set_controller(
         &self,
         py: Python<'_>,

@@ -243,6 +243,8 @@ impl Barrier {
         self.bounds.reserve(constraints);
         self.softness.reserve(constraints);
         self.program.reserve(constraints);
+        self.ends.clear();
+        self.ends.reserve(n);
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].

@@ -164,6 +164,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Makes room for so many contacts of each body, so that observing them does not allocate.
     pub(crate) fn reserve(&mut self, contacts: usize) {
+        self.forces.reserve(self.robot.body_count());
         if let Some(avoider) = &mut self.avoider {
             avoider.reserve(self.robot.body_count() * contacts);
         }
