@@ -203,6 +203,7 @@ def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
     library = ctypes.CDLL(str(next((prefix / "lib").glob("libvffnull.so"))))
     number, pointer = ctypes.c_double, ctypes.c_void_p
     library.vff_controller_begin.argtypes = [pointer, number, pointer, ctypes.c_size_t]
+    library.vff_controller_planned.argtypes = [pointer, pointer, ctypes.c_size_t, pointer]
     library.vff_controller_succeed.argtypes = [pointer, pointer, number]
     library.vff_controller_cycle.argtypes = [
         pointer, number, pointer, pointer, pointer, ctypes.c_size_t, pointer,
