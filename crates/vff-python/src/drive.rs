@@ -235,7 +235,7 @@ impl DriveLoop {
             match (name, one) {
                 ("t" | "path_time", true) => found.set_item(name, values[0])?,
                 ("t" | "path_time", false) | (_, true) => {
-                    found.set_item(name, PyArray1::from_vec(py, values))?
+                    found.set_item(name, PyArray1::from_vec(py, values))?;
                 }
                 _ => found.set_item(name, array2(py, values, [rows, *width])?)?,
             }

@@ -100,14 +100,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         blend: f64,
         controller: &mut Controller<S::State, D, M>,
     ) {
-        let t = t - *self.begins.get_or_insert(t + blend);
-        match (&mut self.governor, controller.gains().governor) {
-            (Some(governor), _) => governor.begin(t),
-            (none, settings) => {
-                *none = settings.map(|settings| Governor::new(settings, t.max(0.0)))
-            }
+        let since = t - *self.begins.get_or_insert(t + blend);
+        let settings = controller.gains().governor;
+        match &mut self.governor {
+            Some(governor) => governor.begin(since),
+            none => *none = settings.map(|given| Governor::new(given, since.max(0.0))),
         }
-        self.move_posture(t + self.begins.unwrap_or(0.0), controller);
+        self.move_posture(t, controller);
     }
 
     /// Moves the posture of `controller` to where the plan has it at time `t` \[s\] of the loop.
