@@ -249,6 +249,49 @@ def sent(scene: vff.Scenario, way: str, robot: str, disturbances: emulated.Distu
     return row | {"cycles": cycles, "released": 0, "fault": ""}
 
 
+class Reference:
+    """The reference of a scenario in every cycle, with velocity and acceleration."""
+
+    def __init__(self, scenario: vff.Scenario, rate: float) -> None:
+        period = 1.0 / rate
+        steps = max(1, round(period / 1e-3))
+        numerics = {"dt": period / steps, "control_every": steps, "record_every": steps}
+        plain: dict[str, Any] = {
+            "obstacles": [],
+            "controller": {"task": scenario["controller"].get("task", "position")},
+            "simulation": {**numerics, "integrator": "semi_implicit_euler"},
+            **dict.fromkeys(("perception", "measurement", "actuator", "plant", "replan")),
+        }
+        if scenario["reference"]["kind"] == "setpoint":
+            plain["duration"] = 2.0 * period
+        seen = vff.simulate(scenario.replace(**plain), progress=False)
+        place, turn = np.array(seen.x_ref), seen.orientation_ref
+        self.place = place if turn is None else np.concatenate([place, turn], axis=1)
+        velocity = np.gradient(place, period, axis=0)
+        if turn is not None:
+            velocity = np.concatenate([velocity, angular(np.array(turn), period)], axis=1)
+        self.velocity = velocity
+        self.acceleration = np.gradient(velocity, period, axis=0)
+
+    def at(self, cycle: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pose, velocity and acceleration in a cycle; at rest after the last."""
+        k = min(cycle, len(self.place) - 1)
+        if k != cycle:
+            rest = np.zeros_like(self.velocity[k])
+            return self.place[k], rest, rest
+        return self.place[k], self.velocity[k], self.acceleration[k]
+
+
+def angular(turn: np.ndarray, period: float) -> np.ndarray:
+    """Angular velocities (T, 3) [rad/s] of unit quaternions (T, 4), by central differences."""
+    turns = vff._core.matrices(turn)
+    between = vff._core.quaternions(np.einsum("kij,klj->kil", turns[2:], turns[:-2]))
+    sine = np.linalg.norm(between[:, 1:], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, between[:, :1])
+    inner = between[:, 1:] * np.where(sine > 1e-15, angle / np.maximum(sine, 1e-15), 2.0) / (2.0 * period)
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
 def laws(scene: vff.Scenario, way: str, robot: str) -> Any:
     """What computes the torque without gravity in a cycle."""
     arm = scene.arm
@@ -257,7 +300,7 @@ def laws(scene: vff.Scenario, way: str, robot: str) -> Any:
         last = task.steps
         return lambda k, t, q, dq: filtering.torque(min(k, last), q, dq) - arm.gravity_torque(q)
     rate = emulated.franka.RATE if robot == "emulated-franka" else emulated.ur.RATE
-    reference = emulation._Reference(scene, rate, 0.0)
+    reference = Reference(scene, rate)
     settings = dict(
         as_way(scene, "no avoidance" if way == "no avoidance" else "unprojected field")["controller"]
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
 import re
@@ -19,6 +20,8 @@ import pytest
 import vffnull as vff
 from vffnull import _core
 from vffnull.arms import to_mjcf
+from vffnull.robots.emulated import franka
+from vffnull.robots.franka import FrankaRobot
 from waiting import HANG
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -191,6 +194,61 @@ def test_lockstep(built: Path, tmp_path: Path) -> None:
     assert abs(expected - expected[0]).max() > 0.05, "nothing had to give way"
     assert abs(found[:, 0] - 0.001 * np.arange(cycles)).max() < 1e-12
     assert abs(found[:, 1:] - expected).max() < 1e-9
+
+
+def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
+    """The plan of `panda-shelf` with its posture and governor: past the ball to its goal, without a reflex,
+    with a stiffer law on the way.
+    """
+    library = ctypes.CDLL(str(next((prefix / "lib").glob("libvffnull.so"))))
+    number, pointer = ctypes.c_double, ctypes.c_void_p
+    library.vff_controller_begin.argtypes = [pointer, number, pointer, ctypes.c_size_t]
+    library.vff_controller_planned.argtypes = [pointer, pointer, ctypes.c_size_t, pointer]
+    library.vff_controller_succeed.argtypes = [pointer, pointer, number]
+    library.vff_controller_cycle.argtypes = [
+        pointer, number, pointer, pointer, pointer, ctypes.c_size_t, pointer,
+    ]  # fmt: skip
+    library.vff_last_message.restype = ctypes.c_char_p
+
+    def call(name: str, *given: object) -> None:
+        assert getattr(library, name)(*given) == 0, library.vff_last_message()
+
+    shelf = vff.Scenario.load("panda-shelf").replace(**{"controller.command": "of the robot"})
+    controller, robot, stiffer = pointer(), pointer(), pointer()
+    call("vff_controller_from_scenario", str(shelf).encode(), ctypes.byref(controller))
+    call("vff_robot_named", b"panda", ctypes.byref(robot))
+    settings = shelf.to_dict()["controller"] | {"stiffness": 400.0, "damping": 40.0, "posture": READY}
+    text = _core.format_toml(settings).encode()
+    call("vff_controller_successor", controller, robot, text, ctypes.byref(stiffer))
+    there = franka.Robot(shelf)
+    driver = FrankaRobot(there)
+    driver.begin()
+    tau, planned, phase, path_time = np.zeros(7), np.zeros(7), ctypes.c_int(), number()
+    least = np.inf
+    call("vff_controller_begin", controller, 1e-3, None, 0)
+    while phase.value != 7:  # VFF_PHASE_FINISHED
+        t, *state = driver.read()
+        q, dq = (np.ascontiguousarray(each) for each in state)
+        call(
+            "vff_controller_cycle", controller, t, q.ctypes.data, dq.ctypes.data, tau.ctypes.data, 7,
+            ctypes.byref(phase),
+        )  # fmt: skip
+        driver.write(tau)
+        least = min(least, there.body.clearance)
+        if there.body.cycle == 2000:
+            call("vff_controller_succeed", controller, stiffer, 0.5)
+        if there.body.cycle == round(1000 * (shelf.duration + 0.5)):
+            call("vff_controller_planned", controller, planned.ctypes.data, 7, ctypes.byref(path_time))
+            call("vff_controller_stop", controller)
+            arrived = q
+    driver.end()
+    assert there.reflex is None and least > 0.0
+    goal = shelf["reference"]["points"][-1]
+    np.testing.assert_allclose(planned, goal, atol=1e-9)
+    assert path_time.value < shelf.duration - 0.02, "the ball was waited for"
+    assert abs(arrived - goal).max() < 0.05
+    for free, each in (("controller", controller), ("controller", stiffer), ("robot", robot)):
+        getattr(library, f"vff_{free}_free")(each)
 
 
 @pytest.mark.parametrize(

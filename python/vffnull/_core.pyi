@@ -129,6 +129,46 @@ class Arm:
         torque_limits: ArrayLike | None = None,
         velocity_limits: ArrayLike | None = None,
     ) -> Arm: ...
+    def with_load(self, mass: float, com: ArrayLike | None = None, inertia: ArrayLike | None = None) -> Arm:
+        """The same arm with something at its tip, as part of the last link.
+
+        Parameters
+        ----------
+        mass : float
+            Its mass [kg], 0 or more.
+        com : (3,) array_like, optional
+            Its centre of mass in the frame of the tool [m]; at the tip by default, and always in the plane.
+        inertia : (6,) array_like, optional
+            Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point by default.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it is no body.
+
+        Examples
+        --------
+        >>> panda = Arm.named("panda")
+        >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
+        1.5
+        """
+
+    def with_tool(self, position: ArrayLike, orientation: ArrayLike | None = None) -> Arm:
+        """The same arm in space with its tip elsewhere. What a tool weighs is a load (`with_load`).
+
+        Parameters
+        ----------
+        position : (3,) array_like
+            Of the tip in the frame of the last link [m].
+        orientation : (4,) array_like, optional
+            A unit quaternion (w, x, y, z); none by default.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it is no frame, or the arm moves in the plane.
+        """
+
     @staticmethod
     def named(name: str) -> Arm:
         """An arm in space that is bundled.
@@ -1340,14 +1380,16 @@ class DriveLoop:
     ----------
     robot : SimulatedRobot or any object
         The robot: see `vffnull.robots.Robot`.
-    controller : Controller
-        The controller, which is copied.
+    controller : Controller or Mapping
+        The controller, which is copied, or a scenario, whose controller, obstacles and reference it is.
     options : Mapping
         ``rate`` [Hz], ``seconds`` [s] or None, ``patience`` [s], ``record_every``, ``command``, ``paces``,
         ``priority``, ``core``, ``limits``.
     """
 
-    def __new__(cls, robot: object, controller: Controller, options: dict[str, Any]) -> DriveLoop: ...
+    def __new__(
+        cls, robot: object, controller: Controller | _Document, options: dict[str, Any]
+    ) -> DriveLoop: ...
     def start(self) -> None:
         """Begin to drive."""
     def set_target(
@@ -1359,6 +1401,8 @@ class DriveLoop:
         """The reference from now on; as `Controller.torque` takes it."""
     def set_obstacles(self, obstacles: Sequence[_Document], t: float | None = None) -> None:
         """Other obstacles from now on, whose motions begin at time `t` of the drive, or now."""
+    def set_controller(self, controller: Controller, blend: float) -> None:
+        """Another controller takes over within `blend` [s], among the obstacles of the drive."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
     def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
@@ -1400,8 +1444,8 @@ class DriveLoop:
     def rows(self) -> tuple[dict[str, Any], int]:
         """The rows that are to be recorded since the last call, as arrays, and how many were lost."""
     def report(self) -> dict[str, Any] | None:
-        """How it went: ``status``, ``reason``, ``periods``, ``missed``, ``skipped``, ``notes``, histograms.
-        None while it runs.
+        """How it went: ``status``, ``reason``, ``periods``, ``replans``, ``missed``, ``skipped``, ``notes``,
+        histograms. None while it runs.
         """
 
 def distances(

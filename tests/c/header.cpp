@@ -21,6 +21,9 @@ static_assert(noexcept(std::declval<Controller&>().cycle({}, std::declval<vff_ph
 static_assert(noexcept(std::declval<Controller&>().set_point(0.0, {}, {}, {}, std::declval<vff_course&>())));
 static_assert(noexcept(std::declval<Controller&>().set_reference({})));
 static_assert(noexcept(std::declval<Controller&>().move_obstacle(0, 0.0, {})));
+static_assert(noexcept(std::declval<Controller&>().succeed(std::declval<Controller&>())));
+static_assert(noexcept(std::declval<Controller&>().turn_obstacle(0, 0.0, {})));
+static_assert(noexcept(std::declval<const Controller&>().distances(0, {})));
 static_assert(noexcept(std::declval<const Controller&>().terms(std::declval<vff::Terms&>())));
 
 static_assert(std::is_convertible_v<const std::vector<double>&, vff::Input>);
@@ -77,5 +80,24 @@ int main() {
     controller.add_obstacle("shape = { kind = 'sphere', radius = 0.05 }\nposition = [400.0, 0.0, 300.0]");
     const std::vector<std::string> warnings = controller.warnings();
     if (warnings.size() != 1 || warnings[0].find("millimetres?") == std::string::npos) return 22;
+    // Where the tip gets, another law in a loop that runs, and an obstacle that turns.
+    const Robot robot = Robot::named("panda");
+    const std::vector<double> ready = {0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8}, still(7);
+    std::vector<double> torque(7), row(7), gradient(49), there = ready;
+    if (robot.jacobian(ready).size() != 42) return 23;
+    there[0] += 0.1;
+    const auto gap = robot.inverse_kinematics(robot.pose(ready), there);
+    if (gap[0] > 1e-6 || gap[1] > 1e-6) return 24;
+    Controller loop(robot, "task = 'pose'");
+    const auto bar = loop.add_obstacle("shape = { kind = 'box', size = [0.4, 0.1, 0.1] }\nposition = [0, 0.6, 0.6]");
+    loop.begin(0.001);
+    if (!loop.cycle(0.0, ready, still, torque, phase)) return 25;
+    const std::vector<double> turn = {0.0, 0.0, 0.0, 1.0}, rate = {0.0, 0.0, 0.5};
+    if (!loop.turn_obstacle(bar, 0.0, turn, rate) || loop.turn_obstacle(bar, 0.0, turn, turn)) return 26;
+    if (!loop.distances(bar, row, gradient) || !loop.distances(bar, row) || loop.distances(bar, row, row)) return 27;
+    Controller next = loop.successor(robot.with_load(1.0, {0.0, 0.0, 0.05}), "task = 'pose'\nstiffness = 30");
+    if (!loop.succeed(next) || !loop.cycle(0.001, ready, still, torque, phase)) return 28;
+    double path_time = 0.0;
+    if (loop.planned(row, path_time) || !(loop.stable_period(0.0, ready) > 0.0)) return 29;
     return first.get() == nullptr ? 0 : 12;
 }

@@ -53,6 +53,8 @@ enum vff_status
     VFF_STATUS_PANIC = 15,
     // No loop has begun.
     VFF_STATUS_NOT_BEGUN = 16,
+    // The law before is still being left.
+    VFF_STATUS_SUCCEEDING = 17,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -252,14 +254,42 @@ vff_status vff_robot_mass_matrix(const struct vff_robot *robot,
                                  double *mass,
                                  size_t length);
 
+// The Jacobian of the tip at q, row by row: in space 6 × n numbers, linear then angular in world axes; in the plane 2 × n, of its
+// position. Allocates.
+vff_status vff_robot_jacobian(const struct vff_robot *robot,
+                              const double *q,
+                              size_t joints,
+                              double *jacobian,
+                              size_t length);
+
+// A posture in which the tip has this pose: a position [m], or position and orientation, as `vff_robot_pose` writes it. Moves `q`,
+// where the search begins, to the nearest posture within the joint limits that it finds, from there and from elsewhere, and writes to
+// `gap`, two numbers, how far the tip stays away [m, rad]: below 1e-6 both, it is there. Allocates.
+vff_status vff_robot_inverse_kinematics(const struct vff_robot *robot,
+                                        const double *pose,
+                                        size_t length,
+                                        double *q,
+                                        size_t joints,
+                                        double *gap);
+
+// The same robot with a body at its tip, as part of its last link: a mass [kg], its centre of mass in the frame of the tool [m], and its
+// moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; NULL is 0, and in the plane a load is a point. Free it with
+// `vff_robot_free`.
+vff_status vff_robot_with_load(const struct vff_robot *robot,
+                               double mass,
+                               const double *com,
+                               const double *inertia,
+                               struct vff_robot **loaded);
+
 // A controller for a robot, among no obstacles. `settings` is TOML: the table `controller` of a scenario, alone or under that
 // name; NULL for the defaults. Free it with `vff_controller_free`.
 vff_status vff_controller_new(const struct vff_robot *robot,
                               const char *settings,
                               struct vff_controller **controller);
 
-// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, which is that of
-// its time t. Plant, sensors and drives of a scenario are for simulations.
+// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, a plan with its posture
+// and margins, which waits with `governor`. It is that of the time t, or, in a loop that is watched over, begins when the torque has
+// been blended in. Plant, sensors, drives and `replan` of a scenario are for simulations.
 vff_status vff_controller_from_scenario(const char *toml,
                                         struct vff_controller **controller);
 
@@ -354,6 +384,49 @@ vff_status vff_controller_cycle(struct vff_controller *controller,
 // For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
 vff_status vff_controller_stop(struct vff_controller *controller);
 
+// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
+// next state may be at any time. Obstacles and reference stay.
+vff_status vff_controller_reset(struct vff_controller *controller);
+
+// A law that can take the place of that of `controller` while its loop runs: for a robot, with other loads or another tool, and with
+// settings as in `vff_controller_new`, whose `task` and `command` are those of `controller`. It has room for the obstacles of that; make it
+// anew when they have changed. Free it with `vff_controller_free`. Allocates.
+vff_status vff_controller_successor(const struct vff_controller *controller,
+                                    const struct vff_robot *robot,
+                                    const char *settings,
+                                    struct vff_controller **successor);
+
+// For the loop: `successor` takes the place of the law of `controller` within `duration` [s], in which the torque goes over from the one to
+// the other without a step. `successor` then has what is left, and can be freed and nothing else. Obstacles, reference and loop of
+// `controller` stay. With another tool a reference means another tip from then on; where a plan is followed, that allocates. While the
+// last succession is under way it comes to `VFF_STATUS_SUCCEEDING`.
+vff_status vff_controller_succeed(struct vff_controller *controller,
+                                  struct vff_controller *successor,
+                                  double duration);
+
+// For the loop: where the plan that is followed has the joints, n numbers [rad, m], and where its clock is [s], which waits with
+// `governor`; that may be NULL. `VFF_STATUS_NO_REFERENCE` if the reference of the scenario is no plan.
+vff_status vff_controller_planned(const struct vff_controller *controller,
+                                  double *q,
+                                  size_t joints,
+                                  double *path_time);
+
+// For the loop: the distance of every link from obstacle `id` at the observed state, n numbers [m], infinite of one without a shape, and
+// in `gradient`, n × n numbers, how it changes with the joints [m/rad, m/m]; that may be NULL.
+vff_status vff_controller_distances(const struct vff_controller *controller,
+                                    uint32_t id,
+                                    double *distance,
+                                    size_t joints,
+                                    double *gradient);
+
+// How long a torque may be held at q and time `t` [s], at rest, before the null space oscillates (T34) [s]; infinite where nothing makes it.
+// Observe the state again before the next torque. Allocates.
+vff_status vff_controller_stable_period(struct vff_controller *controller,
+                                        double t,
+                                        const double *q,
+                                        size_t joints,
+                                        double *period);
+
 // Begins a loop of `period` seconds with a robot that takes positions or velocities and is at rest at q, n numbers: the closed loop
 // runs on the model, whose state is the set point. Allocates.
 vff_status vff_controller_begin_set_points(struct vff_controller *controller,
@@ -397,6 +470,16 @@ vff_status vff_controller_move_obstacle(struct vff_controller *controller,
                                         const double *position,
                                         const double *velocity,
                                         size_t dimension);
+
+// For the loop: obstacle `id` has this orientation at time `t` [s], and turns on at `rate` until it is turned again; NULL is at rest. In space
+// a unit quaternion (w, x, y, z) and 3 numbers, an angular velocity in world axes [rad/s]; in the plane an angle [rad] and its rate, one
+// number each. `length` is that of the orientation. It moves as before. Of one that has not turned before, it allocates.
+vff_status vff_controller_turn_obstacle(struct vff_controller *controller,
+                                        uint32_t id,
+                                        double t,
+                                        const double *orientation,
+                                        size_t length,
+                                        const double *rate);
 
 // Takes obstacle `id` away. Frees memory; observe the state again before the next torque.
 vff_status vff_controller_remove_obstacle(struct vff_controller *controller, uint32_t id);

@@ -143,6 +143,23 @@ public:
         return out;
     }
 
+    /// The Jacobian of the tip at q, row by row: 6 × n, linear before angular in world axes; 2 × n in the plane.
+    std::vector<double> jacobian(Input q) const {
+        std::vector<double> out((dimension() == 3 ? 6 : 2) * joints());
+        detail::check(vff_robot_jacobian(get(), q.data(), q.size(), out.data(), out.size()));
+        return out;
+    }
+    /// Moves q to the nearest posture for a position, or for a pose; returns how far the tip stays away [m, rad].
+    std::array<double, 2> inverse_kinematics(Input pose, Output q) const {
+        std::array<double, 2> gap{};
+        detail::check(vff_robot_inverse_kinematics(get(), pose.data(), pose.size(), q.data(), q.size(), gap.data()));
+        return gap;
+    }
+    /// The same robot with a body at its tip: mass [kg], centre of mass [m], moments of inertia [kg·m²].
+    Robot with_load(double mass, const std::array<double, 3>& com = {}, const std::array<double, 6>& inertia = {}) const {
+        return Robot([&](vff_robot** out) { return vff_robot_with_load(get(), mass, com.data(), inertia.data(), out); });
+    }
+
     const vff_robot* get() const noexcept { return handle_.get(); }
 
 private:
@@ -249,6 +266,18 @@ public:
         const vff_set_point_limits limits{speed.data(), acceleration.data(), jerk.data(), threshold};
         detail::check(vff_controller_begin_set_points(get(), period, &limits, q.data(), q.size()));
     }
+    /// A law that can take the place of this one while the loop runs: see `succeed`.
+    Controller successor(const Robot& robot, const std::string& settings = "") const {
+        return Controller([&](vff_controller** out) {
+            return vff_controller_successor(get(), robot.get(), settings.c_str(), out);
+        });
+    }
+    /// How long a torque may be held at q and time t [s] before the null space oscillates [s].
+    double stable_period(double t, Input q) {
+        double period = 0.0;
+        detail::check(vff_controller_stable_period(get(), t, q.data(), q.size(), &period));
+        return period;
+    }
     /// n × n numbers, row by row.
     std::vector<double> null_projector() const {
         std::vector<double> out(joints() * joints());
@@ -302,6 +331,25 @@ public:
         const bool first = velocity.empty() || position.size() != sizes_.dimension;
         const std::size_t size = first ? position.size() : velocity.size();
         return vff_controller_move_obstacle(get(), id, t, position.data(), velocity.data(), size);
+    }
+    /// Obstacle `id` has this orientation at time t and turns on at `rate`: quaternion and angular velocity, in the plane angle and
+    /// rate.
+    Status turn_obstacle(std::uint32_t id, double t, Input orientation, Input rate = {}) noexcept {
+        const bool wrong = !rate.empty() && rate.size() != (sizes_.dimension == 3 ? 3u : 1u);
+        return vff_controller_turn_obstacle(get(), id, t, orientation.data(), wrong ? 0 : orientation.size(), rate.data());
+    }
+    /// The distance of every link from obstacle `id` at the observed state [m], and its gradient, n × n, if there is room for it.
+    Status distances(std::uint32_t id, Output out, Output gradient = {}) const noexcept {
+        const bool right = gradient.empty() || gradient.size() == joints() * joints();
+        return vff_controller_distances(get(), id, out.data(), right ? out.size() : 0, gradient.data());
+    }
+    /// Where the plan that is followed has the joints, and where its clock is [s].
+    Status planned(Output q, double& path_time) const noexcept {
+        return vff_controller_planned(get(), q.data(), q.size(), &path_time);
+    }
+    /// `next`, which `successor` has made, takes the place of the law within `duration` [s], without a step of the torque.
+    Status succeed(Controller& next, double duration = 0.5) noexcept {
+        return vff_controller_succeed(get(), next.get(), duration);
     }
     /// Forgets the past.
     Status reset() noexcept { return vff_controller_reset(get()); }

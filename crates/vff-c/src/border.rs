@@ -167,7 +167,18 @@ pub(crate) struct Room<'a> {
     lives: PhantomData<&'a mut [f64]>,
 }
 
-impl Room<'_> {
+impl<'a> Room<'a> {
+    /// The numbers themselves, all 0 at first.
+    pub(crate) fn zeroed(self) -> &'a mut [f64] {
+        let Self { data, length, .. } = self;
+        (0..length).for_each(|i| {
+            // SAFETY: there is room for `length` numbers that nobody else uses.
+            unsafe { data.add(i).write(0.0) }
+        });
+        // SAFETY: they are written, and nobody else uses them.
+        unsafe { slice::from_raw_parts_mut(data, length) }
+    }
+
     /// Writes as many numbers as there is room for.
     pub(crate) fn fill(self, values: &[f64]) {
         assert_eq!(values.len(), self.length);

@@ -189,7 +189,7 @@ pub(crate) unsafe fn with(
     })
 }
 
-fn make(controller: AnyController) -> Result<Controller, Fault> {
+pub(crate) fn make(controller: AnyController) -> Result<Controller, Fault> {
     let inner = UnsafeCell::new(Inner::new(controller)?);
     Ok(Controller { busy: AtomicBool::new(false), inner })
 }
@@ -222,8 +222,9 @@ pub unsafe extern "C" fn vff_controller_new(
     })
 }
 
-/// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, which is that of
-/// its time t. Plant, sensors and drives of a scenario are for simulations.
+/// A controller from the TOML of a whole scenario: its arm, settings, obstacles (numbered from 0) and reference, a plan with its posture
+/// and margins, which waits with `governor`. It is that of the time t, or, in a loop that is watched over, begins when the torque has
+/// been blended in. Plant, sensors, drives and `replan` of a scenario are for simulations.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_from_scenario(
     toml: *const c_char,

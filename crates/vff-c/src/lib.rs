@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `border` | every call: no panic leaves, a fault becomes a status and a message |
 //! | `status` | what can be wrong |
-//! | `robot`, `controller`, `cycle`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
+//! | `robot`, `kinematics`, `controller`, `cycle`, `succession`, `set_points`, `terms`, `obstacles`, `cloud` | the functions |
 //! | `mailbox` | one value handed from one thread to another without a lock |
 
 // Names and documentation are those of the C header.
@@ -17,11 +17,13 @@ mod border;
 mod cloud;
 mod controller;
 mod cycle;
+mod kinematics;
 mod mailbox;
 mod obstacles;
 mod robot;
 mod set_points;
 mod status;
+mod succession;
 mod terms;
 mod version;
 
@@ -29,9 +31,11 @@ pub use border::vff_last_message;
 pub use cloud::*;
 pub use controller::*;
 pub use cycle::*;
+pub use kinematics::*;
 pub use obstacles::*;
 pub use robot::*;
 pub use set_points::*;
 pub use status::{Status, vff_status_name};
+pub use succession::*;
 pub use terms::*;
 pub use version::*;

@@ -61,6 +61,35 @@ pub unsafe extern "C" fn vff_controller_move_obstacle(
     }
 }
 
+/// For the loop: obstacle `id` has this orientation at time `t` [s], and turns on at `rate` until it is turned again; NULL is at rest. In space
+/// a unit quaternion (w, x, y, z) and 3 numbers, an angular velocity in world axes [rad/s]; in the plane an angle [rad] and its rate, one
+/// number each. `length` is that of the orientation. It moves as before. Of one that has not turned before, it allocates.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_turn_obstacle(
+    controller: *mut Controller,
+    id: u32,
+    t: f64,
+    orientation: *const f64,
+    length: usize,
+    rate: *const f64,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let j = inner.place_of(id)?;
+            numbers("t", &raw const t, 1, 1)?;
+            let [turns, rates] = if inner.controller.dimension() == 3 { [4, 3] } else { [1, 1] };
+            let orientation = numbers("orientation", orientation, length, turns)?;
+            let rate = match rate.is_null() {
+                true => &[0.0; 3][..rates],
+                false => numbers("rate", rate, rates, rates)?,
+            };
+            inner.controller.turn(j, t, orientation, rate)?;
+            Ok(())
+        })
+    }
+}
+
 /// Takes obstacle `id` away. Frees memory; observe the state again before the next torque.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_remove_obstacle(

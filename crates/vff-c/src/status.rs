@@ -4,7 +4,7 @@ use std::ffi::c_char;
 use std::io;
 use vff_core::control::output::BeginError;
 use vff_core::math::rotation::NotARotation;
-use vff_core::runtime::{CycleError, PointsError, VirtualArmError};
+use vff_core::runtime::{CycleError, PointsError, SuccessionError, VirtualArmError};
 use vff_core::scenario::ScenarioError;
 
 /// What a call came to. Whatever is not `VFF_STATUS_OK` has changed nothing, has written nothing, and has left a sentence in
@@ -46,6 +46,8 @@ pub enum Status {
     Panic = 15,
     /// No loop has begun.
     NotBegun = 16,
+    /// The law before is still being left.
+    Succeeding = 17,
 }
 
 /// A fault, with its sentence.
@@ -97,6 +99,8 @@ pub(crate) enum Fault {
     NoSetPoints,
     #[error(transparent)]
     Limits(VirtualArmError),
+    #[error(transparent)]
+    Succession(SuccessionError),
     #[error("another thread is in a call with the same {0}")]
     Busy(&'static str),
     #[error("a fault of vffnull itself, please report it: {0}")]
@@ -131,6 +135,15 @@ impl From<VirtualArmError> for Fault {
     }
 }
 
+impl From<SuccessionError> for Fault {
+    fn from(error: SuccessionError) -> Self {
+        match error {
+            SuccessionError::Room(error) => Self::Document(error),
+            error => Self::Succession(error),
+        }
+    }
+}
+
 impl From<CycleError> for Fault {
     fn from(error: CycleError) -> Self {
         match error {
@@ -158,7 +171,8 @@ impl Fault {
             Self::Points(_) | Self::Gone => Status::NotACloud,
             Self::Period(_) | Self::Damping(_) => Status::Period,
             Self::NotBegun | Self::NoSetPoints => Status::NotBegun,
-            Self::Limits(_) => Status::Document,
+            Self::Succession(SuccessionError::Succeeding) => Status::Succeeding,
+            Self::Limits(_) | Self::Succession(_) => Status::Document,
             Self::Torque => Status::Torque,
             Self::Busy(_) => Status::Busy,
             Self::Panic(_) | Self::Broken => Status::Panic,
@@ -169,7 +183,7 @@ impl Fault {
 /// The name of a status, such as "VFF_STATUS_OK"; "?" for a number that is none.
 #[unsafe(no_mangle)]
 pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
-    const NAMES: [&str; 17] = [
+    const NAMES: [&str; 18] = [
         "VFF_STATUS_OK\0",
         "VFF_STATUS_NULL\0",
         "VFF_STATUS_LENGTH\0",
@@ -187,6 +201,7 @@ pub extern "C" fn vff_status_name(status: i32) -> *const c_char {
         "VFF_STATUS_BUSY\0",
         "VFF_STATUS_PANIC\0",
         "VFF_STATUS_NOT_BEGUN\0",
+        "VFF_STATUS_SUCCEEDING\0",
     ];
     let name = usize::try_from(status).ok().and_then(|status| NAMES.get(status));
     name.unwrap_or(&"?\0").as_ptr().cast()

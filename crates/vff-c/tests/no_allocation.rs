@@ -295,6 +295,70 @@ fn no_first_cycle_touches_the_heap() {
     }
 }
 
+/// Nor does a cycle along a plan, nor one in which another law begins to take over, or has done so.
+#[test]
+fn no_cycle_along_a_plan_touches_the_heap() {
+    let shelf = include_str!("../../../python/vffnull/scenarios/panda-shelf.toml");
+    let document: toml::Table = shelf.parse().unwrap();
+    let numbers = |value: &toml::Value| -> Vec<f64> {
+        value.as_array().unwrap().iter().map(|x| x.as_float().unwrap()).collect()
+    };
+    let start = numbers(&document["q0"]);
+    let settings = CString::new(document["controller"].to_string()).unwrap();
+    let settings = CString::new(format!("controller = {}", settings.to_str().unwrap())).unwrap();
+    let shelf = CString::new(shelf).unwrap();
+    let (mut robot, mut running, mut next) = (null_mut(), null_mut(), null_mut());
+    // SAFETY: all pointers are to what lives, and arrays have the lengths that are given.
+    unsafe {
+        assert_eq!(vff_robot_named(c"panda".as_ptr(), &raw mut robot), Status::Ok);
+        assert_eq!(vff_controller_from_scenario(shelf.as_ptr(), &raw mut running), Status::Ok);
+        assert_eq!(vff_controller_begin(running, 1e-3, null(), 0), Status::Ok);
+        let mut posture = settings.to_str().unwrap().to_owned();
+        posture = posture.replacen('{', &format!("{{ posture = {start:?},"), 1);
+        let posture = CString::new(posture).unwrap();
+        let made = vff_controller_successor(running, robot, posture.as_ptr(), &raw mut next);
+        assert_eq!(made, Status::Ok);
+        let (mut tau, mut phase) = ([0.0; 7], vff_phase::Lost);
+        let (mut q, mut time) = ([0.0; 7], 0.0);
+        let mut distance = [0.0; 7];
+        let turned = [0.0, 0.0, 0.0, 1.0];
+        for k in 0..1600 {
+            let t = 1e-3 * f64::from(k);
+            let count = touches(|| {
+                let arrays = (start.as_ptr(), [0.0; 7]);
+                let cycled = vff_controller_cycle(
+                    running,
+                    t,
+                    arrays.0,
+                    arrays.1.as_ptr(),
+                    tau.as_mut_ptr(),
+                    7,
+                    &raw mut phase,
+                );
+                assert_eq!(cycled, Status::Ok);
+                if k == 800 {
+                    assert_eq!(vff_controller_succeed(running, next, 0.5), Status::Ok);
+                }
+                let planned = vff_controller_planned(running, q.as_mut_ptr(), 7, &raw mut time);
+                assert_eq!(planned, Status::Ok);
+                let told =
+                    vff_controller_distances(running, 4, distance.as_mut_ptr(), 7, null_mut());
+                assert_eq!(told, Status::Ok);
+            });
+            assert_eq!(count, 0, "cycle {k}");
+            let count = touches(|| {
+                let turned =
+                    vff_controller_turn_obstacle(running, 0, t, turned.as_ptr(), 4, null());
+                assert_eq!(turned, Status::Ok);
+            });
+            assert!(count == 0 || k == 0, "{count} in cycle {k}");
+        }
+        assert!(time > 0.3, "{time}");
+        [running, next].into_iter().for_each(|one| vff_controller_free(one));
+        vff_robot_free(robot);
+    }
+}
+
 /// The test can fail: what is not for the loop does allocate, and clouds beyond their room would.
 #[test]
 fn the_counter_counts() {

@@ -221,6 +221,28 @@ fn no_period_of_a_drive_allocates() {
     assert_eq!(count(0.03), count(0.3));
 }
 
+/// Nor does one that follows a plan, which waits.
+#[test]
+fn no_period_along_a_plan_allocates() {
+    let plan = r#"{ kind = "plan", times = [0, 1], points = [
+        [0.6, -0.4, 0.5, 0.3, -0.7, 0.4], [0.9, -0.4, 0.5, 0.3, -0.7, 0.4]] }"#;
+    let mut scenario = scenario("position", plan, r#"control = "hold""#, "dynamic");
+    scenario.controller.governor = Some(GovernorSettings::default());
+    scenario.controller.command.start = 0.01;
+    let count = |seconds| {
+        let robot = SimulatedRobot::new(&scenario, 1000.0, None).unwrap();
+        let controller = AnyController::from_scenario(&scenario).unwrap();
+        let options = Options { seconds: Some(seconds), record_every: 1, ..Options::default() };
+        let (drive, _) = Loop::new(robot, controller, options).unwrap();
+        let mut report = None;
+        let count = allocations(|| report = Some(drive.run()));
+        let report = report.unwrap();
+        assert!(report.periods > (1000.0 * seconds) as u64, "{report:?}");
+        count
+    };
+    assert_eq!(count(0.03), count(0.3));
+}
+
 /// A crowd that is sorted anew many times while it drifts, half of it standing still, some of it turning.
 #[test]
 fn no_step_allocates_in_a_crowd() {

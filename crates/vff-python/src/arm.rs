@@ -12,7 +12,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 pub use reading::plant;
-use reading::{read_by, uniform};
+use reading::{read_by, uniform, with_load, with_tool};
 use toml::Table;
 use vff_core::control::extended_jacobian;
 use vff_core::runtime::{AnyArm, AnyState};
@@ -105,6 +105,59 @@ impl Arm {
             }
         }
         Self::read(lengths.py(), document)
+    }
+
+    /// The same arm with something at its tip, as part of the last link.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass : float
+    ///     Its mass [kg], 0 or more.
+    /// com : (3,) array_like, optional
+    ///     Its centre of mass in the frame of the tool [m]; at the tip by default, and always in the plane.
+    /// inertia : (6,) array_like, optional
+    ///     Its moments of inertia xx, yy, zz, xy, xz, yz about that [kg·m²]; a point by default.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If it is no body.
+    ///
+    /// Examples
+    /// --------
+    /// >>> panda = Arm.named("panda")
+    /// >>> panda.with_load(1.5, com=[0.0, 0.0, 0.05]).masses[-1] - panda.masses[-1]
+    /// 1.5
+    #[pyo3(signature = (mass, com=None, inertia=None))]
+    fn with_load(
+        &self,
+        mass: &Bound<'_, PyAny>,
+        com: Option<&Bound<'_, PyAny>>,
+        inertia: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        with_load(self, mass, com, inertia)
+    }
+
+    /// The same arm in space with its tip elsewhere. What a tool weighs is a load (`with_load`).
+    ///
+    /// Parameters
+    /// ----------
+    /// position : (3,) array_like
+    ///     Of the tip in the frame of the last link [m].
+    /// orientation : (4,) array_like, optional
+    ///     A unit quaternion (w, x, y, z); none by default.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If it is no frame, or the arm moves in the plane.
+    #[pyo3(signature = (position, orientation=None))]
+    fn with_tool(
+        &self,
+        position: &Bound<'_, PyAny>,
+        orientation: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        with_tool(self, position, orientation)
     }
 
     /// An arm in space that is bundled.

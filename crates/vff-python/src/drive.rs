@@ -3,12 +3,13 @@
 use crate::call::{read_obstacles, read_pose, sequence};
 use crate::controller::Controller;
 use crate::convert::{
-    array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
+    self, array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
 use crate::privileges::{core_id, take_privileges};
 use crate::real_time::put_times;
+use crate::run::{prepared, replans};
 use crate::simulated_robot::{Simulated, SimulatedRobot, lock, rate_of};
 use crate::virtual_arm::each;
 use crate::watch::SIGNALS;
@@ -182,8 +183,8 @@ type Start = Box<dyn FnOnce() -> (Report, Vec<String>) + Send>;
 /// ----------
 /// robot : SimulatedRobot or any object
 ///     The robot: see `vffnull.robots.Robot`.
-/// controller : Controller
-///     The controller, which is copied.
+/// controller : Controller or Mapping
+///     The controller, which is copied, or a scenario, whose controller, obstacles and reference it is.
 /// options : Mapping
 ///     ``rate`` [Hz], ``seconds`` [s] or None, ``patience`` [s], ``record_every``, ``command``, ``paces``,
 ///     ``priority``, ``core``, ``limits``.
@@ -233,8 +234,10 @@ impl DriveLoop {
         let found = PyDict::new(py);
         for ((name, values), (_, width)) in columns.into_iter().zip(&layout.0) {
             match (name, one) {
-                ("t", true) => found.set_item(name, values[0])?,
-                ("t", false) | (_, true) => found.set_item(name, PyArray1::from_vec(py, values))?,
+                ("t" | "path_time", true) => found.set_item(name, values[0])?,
+                ("t" | "path_time", false) | (_, true) => {
+                    found.set_item(name, PyArray1::from_vec(py, values))?;
+                }
                 _ => found.set_item(name, array2(py, values, [rows, *width])?)?,
             }
         }
@@ -252,10 +255,20 @@ impl DriveLoop {
     ) -> PyResult<Self> {
         let py = robot.py();
         load_numpy(py)?;
-        let sentence = "controller: expected a Controller";
-        let fault = |_| wrong_type(sentence, controller);
-        let given = controller.cast::<Controller>().map_err(fault)?.get();
-        let (law, nothing) = (given.with(py, AnyController::clone)?, given.nothing());
+        let (law, nothing) = match controller.cast::<Controller>() {
+            Ok(given) => (given.get().with(py, AnyController::clone)?, given.get().nothing()),
+            Err(_) => prepared(py, &convert::scenario(controller)?, |scenario| {
+                let law = AnyController::replanning(&scenario)?;
+                let nothing = match law.dimension() {
+                    2 => AnyObstacles::Plane(vec![]),
+                    _ => AnyObstacles::Space(vec![]),
+                };
+                Ok((law, nothing))
+            })?,
+        };
+        for warning in law.warnings() {
+            errors::warn(py, warning)?;
+        }
         let get = |name: &str| options.get_item(name).map(|found| found.filter(|it| !it.is_none()));
         let settings = Options {
             rate: rate_of(get("rate")?.as_ref())?,
@@ -365,6 +378,23 @@ impl DriveLoop {
         let read = read_obstacles(self.nothing.clone(), &sequence(obstacles)?)?;
         let done = py.detach(|| self.exchange.surround(read, t));
         done.map_err(|error| errors::scenario(&error))
+    }
+
+    /// Another controller takes over within `blend` [s], among the obstacles of the drive.
+    fn set_controller(
+        &self,
+        py: Python<'_>,
+        controller: &Bound<'_, PyAny>,
+        blend: &Bound<'_, PyAny>,
+    ) -> PyResult<()> {
+        self.is_here()?;
+        let fault = |_| wrong_type("controller: expected a Controller", controller);
+        let given = controller.cast::<Controller>().map_err(fault)?.get();
+        let like = given.with(py, AnyController::clone)?;
+        let blend = number("blend", blend)?;
+        let exchange = Arc::clone(&self.exchange);
+        let done = py.detach(move || exchange.succeed(&like, blend));
+        done.map_err(|error| InputError::new_err(format!("controller: {error}")))
     }
 
     /// Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s].
@@ -493,8 +523,8 @@ impl DriveLoop {
         Ok((self.columns(py, &rows.values, false)?, rows.lost))
     }
 
-    /// How it went: ``status``, ``reason``, ``periods``, ``missed``, ``skipped``, ``notes``, histograms.
-    /// None while it runs.
+    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``missed``, ``skipped``, ``notes``,
+    /// histograms. None while it runs.
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let over = lock(&self.end.report);
         let Some((report, refused)) = over.clone() else { return Ok(None) };
@@ -508,6 +538,7 @@ impl DriveLoop {
         found.set_item("reason", reason)?;
         found.set_item("cause", lock(&self.cause).as_ref().map(|error| error.clone_ref(py)))?;
         found.set_item("periods", report.periods)?;
+        found.set_item("replans", replans(py, &report.replans)?)?;
         found.set_item("missed", report.timing.missed)?;
         found.set_item("skipped", report.timing.skipped)?;
         found.set_item("notes", [report.notes, refused].concat())?;

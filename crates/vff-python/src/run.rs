@@ -214,7 +214,7 @@ pub fn measured<'py>(
 }
 
 /// Searches for another plan, as Python values.
-fn replans<'py>(py: Python<'py>, searches: &[Replanned]) -> PyResult<Vec<Bound<'py, PyDict>>> {
+pub fn replans<'py>(py: Python<'py>, searches: &[Replanned]) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let entry = |search: &Replanned| {
         let entry = PyDict::new(py);
         entry.set_item("asked", search.asked)?;

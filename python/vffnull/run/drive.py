@@ -4,11 +4,12 @@ anywhere.
 
 from __future__ import annotations
 
+import os
 import threading
 import warnings
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import SimpleNamespace, TracebackType
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -16,12 +17,12 @@ import vffnull._core as _core
 from vffnull._support.arguments import number, positive, whole
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.logs.stream import StreamRecorder
+from vffnull.model.outcome import Replan
 from vffnull.model.robot import CommandKind
+from vffnull.model.scenario import Scenario, ScenarioLike, prepare
 from vffnull.model.timing import Clock, Histogram
 
 if TYPE_CHECKING:
-    import os
-
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -54,6 +55,12 @@ class DriveState:
         Pose of the end effector and its reference, as `Controller.torque` takes it.
     force, clearance : (n,) ndarray
         Repulsion on each link [N], and its distance to the nearest obstacle [m].
+    tau_ext_estimate : (n,) ndarray or None
+        Torque that the model does not know, as an observer estimates it [N·m]; None without one.
+    path_time : float or None
+        Where the clock of the scenario's reference is [s], which waits with a `governor`; None without one.
+    q_plan : (n,) ndarray or None
+        Where the plan that is followed has the joints [rad]; None without one.
     phase : str
         ``"starting"``, ``"running"``, ``"holding"``, ``"damping"``, ``"released"``, ``"lost"``,
         ``"stopping"``, ``"finished"``: what the output stage does; ``"over"`` when the thread has ended.
@@ -75,6 +82,9 @@ class DriveState:
     clearance: Array
     phase: str
     periods: int
+    tau_ext_estimate: Array | None = None
+    path_time: float | None = None
+    q_plan: Array | None = None
 
     def __repr__(self) -> str:
         return f"<DriveState: {self.phase}, t = {self.t:.3f} s, clearance {self.clearance.min():.3f} m>"
@@ -112,6 +122,8 @@ class DriveReport(Clock):
         Deviation of the interval between two starts from the period.
     lost : int
         Rows of the recording that were lost because its thread came too late.
+    replans : tuple of Replan
+        Every search for another plan.
     notes : tuple of str
         What the system refused, and what else is to be known.
     """
@@ -121,6 +133,7 @@ class DriveReport(Clock):
     cause: BaseException | None
     skipped: int
     lost: int
+    replans: tuple[Replan, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain values, for JSON: times in seconds, histograms by their quantiles."""
@@ -134,6 +147,7 @@ class DriveReport(Clock):
             "missed": self.missed,
             "skipped": self.skipped,
             "lost": self.lost,
+            "replans": [asdict(each) for each in self.replans],
             "notes": list(self.notes),
             **self._summaries(),
         }
@@ -231,6 +245,44 @@ class Drive:
         """
         self._loop.move_obstacle(obstacle, position, velocity)
 
+    def set_controller(self, controller: _core.Controller, blend: float = 0.5) -> None:
+        """Let another controller take over, with other gains, another posture, load or tool.
+
+        The torque goes over from one law to the other without a step; while it does, it is a mean of both, so
+        that limits and distances that both keep are kept. Obstacles, reference and loop stay as they are; an
+        energy tank and a look-ahead begin anew. If the last one has not taken over yet, it waits for that.
+
+        A load that the arm takes up is a controller for ``arm.with_load(mass)``. A robot that adds the torque
+        against gravity itself has to be told of it as well, at the same time. With another tool
+        (``arm.with_tool(position)``) a target that was set before means the new tip: set another one; where
+        none was set the new tip stays where it is, and along a plan it goes where the joints put it.
+
+        Parameters
+        ----------
+        controller : Controller
+            The new law: with as many joints, for the same task, with the same `command`. Its own obstacles do
+            not count. The drive works on a copy.
+        blend : float, optional
+            How long the transition takes [s].
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If it does not suit the loop; then nothing has changed.
+
+        Examples
+        --------
+        >>> from vffnull.robots.simulated import SimulatedRobot
+        >>> panda, settings = Arm.named("panda"), {"task": "pose"}
+        >>> with drive(SimulatedRobot("panda-sweep"), Controller(panda, settings), seconds=1.0) as driven:
+        ...     driven.set_controller(Controller(panda.with_load(0.5), settings))
+        ...     driven.wait()
+        True
+        """
+        if not isinstance(controller, _core.Controller):
+            raise InputTypeError(f"controller: expected a Controller, not a {type(controller).__name__}")
+        self._loop.set_controller(controller, positive("blend", blend))
+
     def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
         """Put other points in place of those of a cloud; as `Controller.update_points`."""
         self._loop.update_points(cloud, obstacle)
@@ -287,6 +339,7 @@ class Drive:
         for name in ("latency", "step", "response", "jitter"):
             found[name] = Histogram(*found[name])
         found["notes"] = tuple(found["notes"])
+        found["replans"] = tuple(Replan(**each) for each in found["replans"])
         if self._interrupted and found["status"] == "stopped":
             found["status"] = "interrupted"
         return DriveReport(rate=self.rate, lost=self._log.lost if self._log else 0, **found)
@@ -340,11 +393,10 @@ class _Log(threading.Thread):
         self.lost += lost
         if self._failure is not None:
             return
+        columns = {"tau_applied" if name == "command" else name: rows[name] for name in rows}
         try:
-            for k, t in enumerate(rows["t"]):
-                self._recorder.write(
-                    SimpleNamespace(t=t, **{rowname: rows[name][k] for name, rowname in _NAMES.items()})
-                )
+            for k in range(len(columns["t"])):
+                self._recorder.write(SimpleNamespace(**{name: rows[k] for name, rows in columns.items()}))
         except Exception as error:  # a full disk does not end a drive
             self._failure = error
 
@@ -363,20 +415,13 @@ class _Log(threading.Thread):
             warnings.warn(f"drive: the recording has ended: {self._failure}", RuntimeWarning, stacklevel=4)
 
 
-_NAMES = {
-    name: name
-    for name in ("q", "dq", "tau", "tau_task", "tau_null", "tau_vff", "x", "x_ref", "force", "clearance")
-}
-_NAMES["command"] = "tau_applied"
-
-
 def drive(
     robot: Robot,
-    controller: _core.Controller,
+    controller: _core.Controller | ScenarioLike,
     rate: float = 1000.0,
     *,
     x_ref: ArrayLike | Sequence[ArrayLike] | None = None,
-    obstacles: Iterable[Obstacle | Mapping[str, Any]] = (),
+    obstacles: Iterable[Obstacle | Mapping[str, Any]] | None = None,
     seconds: float | None = None,
     patience: float = 0.1,
     limits: Mapping[str, Any] | None = None,
@@ -405,14 +450,20 @@ def drive(
     ----------
     robot : Robot
         An object with `read` and `write`: see `vffnull.robots.Robot`, and the adapters beside it.
-    controller : Controller
-        The law with its settings; the drive works on a copy.
+    controller : Controller, or str, path, Mapping or Scenario
+        The law with its settings; the drive works on a copy. Of a scenario its controller, obstacles and
+        reference: that begins when the torque has been blended in, and waits where the controller has a
+        `governor`. A plan is followed with its posture and its margins, and the robot has to be where it
+        begins, within 0.1 rad; with a table `replan` another one is searched, in a thread of its own, where
+        it leads nowhere any more. Without `command`, what a robot with ``gravity`` or ``torque_rate`` takes
+        is that `of the robot`.
     rate : float, optional
         Periods per second [Hz], 10 to 20 000. A robot that paces the loop has its own, which this should say.
     x_ref : array_like, optional
-        Reference of the end effector, as `Controller.torque` takes it; by default it stays where it is.
+        Reference of the end effector, as `Controller.torque` takes it; by default that of the scenario, or it
+        stays where it is.
     obstacles : iterable of Obstacle or Mapping, optional
-        What to keep away from, where it is at the first state.
+        What to keep away from, where it is at the first state; by default that of the scenario, or nothing.
     seconds : float, optional
         How long, by the robot's clock [s]; until it is stopped by default.
     patience : float, optional
@@ -443,6 +494,8 @@ def drive(
         unstable at this rate.
     vffnull.errors.InputTypeError
         If an argument is of a type that cannot be used.
+    vffnull.errors.ScenarioError
+        If the scenario cannot be run, or its ``replan`` cannot plan for the arm.
 
     Warns
     -----
@@ -460,8 +513,17 @@ def drive(
     True
     >>> panda.report.status
     'completed'
+
+    From one compartment of a shelf to the next:
+
+    >>> with drive(SimulatedRobot("panda-shelf"), "panda-shelf", seconds=0.7) as panda:
+    ...     panda.wait()
+    True
+    >>> round(panda.state.path_time, 1)
+    0.2
     """
     command = _kind(robot)
+    law = controller if isinstance(controller, _core.Controller) else _scenario(robot, controller)
     options = {
         "rate": number("rate", rate),
         "seconds": None if seconds is None else positive("seconds", seconds),
@@ -473,10 +535,11 @@ def drive(
         "core": None if core is None else whole("core", core, 0, 1 << 20),
         "limits": None if limits is None else dict(limits),
     }
-    loop = _core.DriveLoop(robot, controller, options)
+    loop = _core.DriveLoop(robot, law, options)
     if command == "torque":
         _suits(robot, loop)
-    loop.set_obstacles(tuple(obstacles), 0.0)
+    if obstacles is not None:
+        loop.set_obstacles(tuple(obstacles), 0.0)
     if x_ref is not None:
         loop.set_target(x_ref)
     recorder = None
@@ -498,6 +561,20 @@ def _kind(robot: object) -> CommandKind:
         if given == kind:
             return kind
     raise InputError(f"robot.command: must be one of {', '.join(kinds)}, got {given!r}")
+
+
+def _scenario(robot: object, given: object) -> Scenario:
+    """The scenario, with what the robot takes where it does not say."""
+    if (isinstance(given, Mapping) and "arm" not in given) or not isinstance(given, (*_LIKE, Mapping)):
+        raise InputTypeError(f"controller: expected a Controller or a scenario, not a {type(given).__name__}")
+    scenario = prepare(given)
+    takes = getattr(robot, "gravity", "controller") == "robot" or hasattr(robot, "torque_rate")
+    if takes and "command" not in scenario.to_dict().get("controller", {}):
+        scenario = prepare(scenario, {"controller.command": "of the robot"})
+    return scenario
+
+
+_LIKE = (str, os.PathLike, Scenario)
 
 
 def _suits(robot: object, loop: _core.DriveLoop) -> None:

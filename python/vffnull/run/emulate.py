@@ -11,28 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import vffnull._core as _core
-from vffnull._core import Controller
 from vffnull._support.arguments import positive
 from vffnull._support.errors import InputError
-from vffnull.model.scenario import Scenario, ScenarioLike, prepare
+from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.robots.emulated import ROBOTS, Disturbances, franka, ur
 from vffnull.robots.emulated.body import Physics
 from vffnull.robots.franka import FrankaRobot
 from vffnull.robots.ur import URRobot
 from vffnull.run.drive import Drive, DriveReport, drive
-from vffnull.run.simulate import simulate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from vffnull.robots.emulated.reflex import Margin, Reflex
-
-    Array = NDArray[np.float64]
 
 __all__ = ["Emulation", "emulate"]
 
-_EVERY = 5  # cycles between two references, which are carried on in between
 _MOVES = 0.05  # rad/s
 _COLLISION_TORQUE = 40.0  # N·m: what the emulated robot has by itself
 _START = 0.5  # s: the default of `command.start`
@@ -154,8 +146,7 @@ def emulate(
     robot.
 
     The controller is the scenario's, with ``command = "of the robot"`` unless it has a table of its own; it
-    does not know of the disturbances. A governor does not act, as in any drive, nor does the spring to the
-    posture of a plan.
+    does not know of the disturbances.
 
     Parameters
     ----------
@@ -211,24 +202,15 @@ def emulate(
         there, rate = ur.Robot(ready, disturbances, physics), ur.RATE
         adapter = URRobot(there)
         adapter.paces = True  # its time goes on with the commands
-    settings = _settings(ready)
-    start = settings["command"].get("start", _START) if isinstance(settings["command"], dict) else _START
+    given = ready["controller"].get("command")
+    start = given.get("start", _START) if isinstance(given, Mapping) else _START
     duration = ready.duration + start if seconds is None else positive("seconds", seconds)
-    reference = _Reference(ready, rate, start)
-    watch = _Watch(there, reference)
+    watch = _Watch(there)
     there.before_state = watch
-    obstacles = ready.to_dict().get("obstacles", [])
     began = perf_counter()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "drive: ", RuntimeWarning)  # it is in the report
-        with drive(
-            adapter,
-            Controller(ready.arm, settings),
-            rate=rate,
-            x_ref=reference.at(0)[0],
-            obstacles=obstacles,
-            seconds=duration,
-        ) as driven:
+        with drive(adapter, ready, rate=rate, seconds=duration) as driven:
             watch.drive = driven
             watch.ready.set()
             while not driven.wait(0.1):
@@ -242,7 +224,7 @@ def emulate(
         reflex=there.reflex,
         margins=there.margins(),
         report=driven.report,
-        clearance=watch.clearance if obstacles else None,
+        clearance=watch.clearance if ready.to_dict().get("obstacles") else None,
         released=watch.released,
         left=getattr(there, "left", 0),
         seconds=perf_counter() - began,
@@ -250,15 +232,14 @@ def emulate(
 
 
 class _Watch:
-    """Called before every state, in the thread of the loop: gives the reference, and counts."""
+    """Called before every state, in the thread of the loop: counts."""
 
-    def __init__(self, robot: franka.Robot | ur.Robot, reference: _Reference) -> None:
-        self.body, self.reference = robot.body, reference
+    def __init__(self, robot: franka.Robot | ur.Robot) -> None:
+        self.body = robot.body
         self.ready = threading.Event()
         self.drive: Drive | None = None
         self.clearance = robot.body.clearance
         self.released = 0
-        self._until = 0
 
     def __call__(self, _robot: object) -> None:
         if self.drive is None:
@@ -268,61 +249,3 @@ class _Watch:
         self.clearance = min(self.clearance, body.clearance)
         if driven._loop.phase == "released" and np.abs(body.dq).max() > _MOVES:
             self.released += 1
-        if self.reference.moves and body.cycle >= self._until:
-            self._until = body.cycle + _EVERY
-            driven.set_target(*self.reference.at(body.cycle))
-
-
-class _Reference:
-    """The reference of a scenario in every cycle, with velocity and acceleration, from `start` [s] on."""
-
-    def __init__(self, scenario: Scenario, rate: float, start: float) -> None:
-        period, self._begins = 1.0 / rate, round(start * rate)
-        steps = max(1, round(period / 1e-3))
-        numerics = {"dt": period / steps, "control_every": steps, "record_every": steps}
-        plain: dict[str, Any] = {
-            "obstacles": [],
-            "controller": {"task": scenario["controller"].get("task", "position")},
-            "simulation": {**numerics, "integrator": "semi_implicit_euler"},
-            **dict.fromkeys(("perception", "measurement", "actuator", "plant", "replan")),
-        }
-        if scenario["reference"]["kind"] == "setpoint":
-            plain["duration"] = 2.0 * period
-        seen = simulate(scenario.replace(**plain), progress=False)
-        place, turn = np.array(seen.x_ref), seen.orientation_ref
-        self.place = place if turn is None else np.concatenate([place, turn], axis=1)
-        velocity = np.gradient(place, period, axis=0)
-        if turn is not None:
-            velocity = np.concatenate([velocity, _angular(np.array(turn), period)], axis=1)
-        self.velocity = velocity
-        self.acceleration = np.gradient(velocity, period, axis=0)
-        self.moves = bool(np.ptp(self.place, axis=0).max() > 1e-12)
-
-    def at(self, cycle: int) -> tuple[Array, Array, Array]:
-        """Pose, velocity and acceleration in a cycle; at rest before the first, and after the last."""
-        wanted = cycle - self._begins
-        k = max(0, min(wanted, len(self.place) - 1))
-        if k != wanted:
-            rest = np.zeros_like(self.velocity[k])
-            return self.place[k], rest, rest
-        return self.place[k], self.velocity[k], self.acceleration[k]
-
-
-def _angular(turn: Array, period: float) -> Array:
-    """Angular velocities (T, 3) [rad/s] of unit quaternions (T, 4), by central differences."""
-    turns = _core.matrices(turn)
-    between = _core.quaternions(np.einsum("kij,klj->kil", turns[2:], turns[:-2]))
-    sine = np.linalg.norm(between[:, 1:], axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, between[:, :1])
-    inner = between[:, 1:] * np.where(sine > 1e-15, angle / np.maximum(sine, 1e-15), 2.0) / (2.0 * period)
-    return np.concatenate([inner[:1], inner, inner[-1:]])
-
-
-def _settings(scenario: Scenario) -> dict[str, Any]:
-    """The controller's settings as a drive takes them."""
-    settings = dict(scenario["controller"])
-    settings.pop("governor", None)
-    if "posture" not in settings:
-        settings.pop("posture_stiffness", None)
-    settings.setdefault("command", "of the robot")
-    return settings

@@ -47,6 +47,16 @@ impl Torque {
         }
     }
 
+    /// Keeps a `share` of itself; the rest is of `other`, with `more` \[N·m, N\] added to its task.
+    pub fn blend(&mut self, other: &Self, more: &[f64], share: f64) {
+        let mean = |own: &mut f64, other: f64| *own = share * *own + (1.0 - share) * other;
+        for (i, more) in more.iter().enumerate() {
+            mean(&mut self.total[i], other.total[i] + more);
+            mean(&mut self.task[i], other.task[i] + more);
+            mean(&mut self.null[i], other.null[i]);
+        }
+    }
+
     /// Adds to the part of the task.
     pub fn add_to_task(&mut self, more: impl Fn(usize) -> f64) {
         for (i, (total, task)) in self.total.iter_mut().zip(&mut self.task).enumerate() {

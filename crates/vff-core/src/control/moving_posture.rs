@@ -14,7 +14,13 @@ pub struct MovingPosture {
     pub torque: Vec<f64>,
     momentum: Vec<f64>,
     scratch: Vec<f64>,
+    /// Where it was when the plan was left, and for how long that has been \[s\]; None on a plan.
+    left: Option<f64>,
+    leaving: [Vec<f64>; 3],
 }
+
+/// The pole with which a posture that has left its plan comes to rest \[1/s\].
+const RATE: f64 = 10.0;
 
 impl MovingPosture {
     /// At rest at 0, for `n` joints.
@@ -25,11 +31,44 @@ impl MovingPosture {
             torque: zeros(),
             momentum: zeros(),
             scratch: zeros(),
+            left: None,
+            leaving: [0; 3].map(|_| zeros()),
         }
+    }
+
+    /// Leaves the plan, if it is on one: from now on it comes to rest.
+    pub fn leave(&mut self) {
+        if self.left.is_none() {
+            self.left = Some(0.0);
+            for (from, state) in self.leaving.iter_mut().zip(&self.state) {
+                from.copy_from_slice(state);
+            }
+        }
+    }
+
+    /// Lets `dt` \[s\] pass. Off a plan its velocity decays with the pole [`RATE`] twice, so that neither it nor its acceleration
+    /// jumps. Whether it has moved.
+    pub fn elapse(&mut self, dt: f64) -> bool {
+        let Self { state: [q, dq, ddq], left: Some(since), leaving: [q0, dq0, ddq0], .. } = self
+        else {
+            return false;
+        };
+        *since += dt;
+        let phase = RATE * *since;
+        let (decay, gone) = ((-phase).exp(), -(-phase).exp_m1());
+        for i in 0..q.len() {
+            // q̇ = (v + b t) e^(−ωt) with b = a + ω v.
+            let (v, b) = (dq0[i], ddq0[i] + RATE * dq0[i]);
+            q[i] = q0[i] + v * gone / RATE + b * (gone - phase * decay) / (RATE * RATE);
+            dq[i] = (v + b * *since) * decay;
+            ddq[i] = (b - RATE * (v + b * *since)) * decay;
+        }
+        true
     }
 
     /// Goes to where the plan is at `pace`: q̇_d = q′σ̇ and q̈_d = q″σ̇² + q′σ̈.
     pub fn go_to(&mut self, joints: &JointSpline, pace: &Pace) {
+        self.left = None;
         joints.at(pace.time, self.state.each_mut().map(Vec::as_mut_slice));
         let [_, dq, ddq] = &mut self.state;
         for (dq, ddq) in dq.iter_mut().zip(ddq) {
@@ -44,10 +83,41 @@ impl MovingPosture {
         robot: &R,
         gains: &Gains<M>,
     ) {
-        let Self { state: [_, dq, ddq], torque, momentum, scratch } = self;
+        let Self { state: [_, dq, ddq], torque, momentum, scratch, .. } = self;
         robot.mass_mul(dq, torque);
         gains.null_damping.scale_momentum(robot, 0.0, dq, torque, scratch);
         robot.mass_mul(ddq, momentum);
         torque.iter_mut().zip(momentum.iter()).for_each(|(tau, force)| *tau += force);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A posture that leaves its plan goes on as it was, and comes to rest.
+    #[test]
+    fn it_comes_to_rest_without_a_jump() {
+        let joints =
+            JointSpline::new(&[0.0, 1.0, 2.0], &[vec![0.0], vec![0.7], vec![1.0]]).unwrap();
+        let mut posture = MovingPosture::new(1);
+        posture.go_to(&joints, &Pace::of_time(0.8));
+        let at = |posture: &MovingPosture| posture.state.each_ref().map(|x| x[0]);
+        let before = at(&posture);
+        posture.leave();
+        assert_eq!(at(&posture), before);
+        let mut last = before;
+        for k in 0..30_000 {
+            assert!(posture.elapse(1e-4));
+            let now = at(&posture);
+            assert!((0.5 * (last[1] + now[1]) - (now[0] - last[0]) / 1e-4).abs() < 1e-5, "{k}");
+            assert!((0.5 * (last[2] + now[2]) - (now[1] - last[1]) / 1e-4).abs() < 1e-4, "{k}");
+            last = now;
+        }
+        assert!(last[1].abs() < 1e-9 && last[2].abs() < 1e-9 && before[1] > 0.3);
+        posture.leave(); // once
+        assert_eq!(at(&posture), last);
+        posture.go_to(&joints, &Pace::of_time(0.8));
+        assert_eq!(at(&posture), before);
     }
 }

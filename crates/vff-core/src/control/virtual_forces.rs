@@ -56,6 +56,12 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         }
     }
 
+    /// Makes room for so many bodies again, which one that was cloned does not have.
+    pub fn reserve(&mut self, bodies: usize) {
+        self.bodies.clear();
+        self.bodies.reserve(bodies);
+    }
+
     /// Signed surface distance from each link to the nearest obstacle \[m\]; ∞ without obstacles.
     pub fn clearance(&self) -> &[f64] {
         &self.clearance

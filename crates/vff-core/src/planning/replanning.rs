@@ -6,9 +6,7 @@ use crate::interrupt::{self, Watch};
 use crate::planned_reference::follow_plan;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::scenario::{CheckReach, Scenario, ScenarioError};
-use crate::simulation::{
-    ClosedLoop, Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System,
-};
+use crate::simulation::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Replanned, System};
 use crate::trajectory::{JointSpline, Pace, Trajectory};
 use crate::world::{CollisionQuery, World};
 use std::sync::Arc;
@@ -74,17 +72,16 @@ where
     S: CheckReach<D, M> + 'static,
     S::State: Jointed<D>,
 {
-    /// For the plan that `closed_loop` follows.
+    /// For the plan that `arm` follows in `world`.
     ///
     /// # Errors
     /// If a joint slides without an end.
     pub fn new(
         settings: &ReplanSettings,
         scenario: &Scenario,
-        closed_loop: &ClosedLoop<S, D, M>,
+        (arm, world): (&Arc<S::Arm>, &World<S::Solid, D>),
         plan: &JointSpline,
     ) -> Result<Self, ScenarioError> {
-        let arm = closed_loop.arm();
         let mut state = arm.state();
         has_ends(&state, arm.limits())?;
         state.update_positions(plan.last());
@@ -92,7 +89,7 @@ where
             task: Task {
                 goal: Goal::Pose(Manipulator::<D, M>::pose(&state)),
                 arm: Arc::clone(arm),
-                world: closed_loop.world().clone(),
+                world: world.clone(),
                 keeps_apart: scenario.controller.self_collision != SelfCollision::Ignore,
                 start: plan.first().to_vec(),
             },
@@ -104,7 +101,7 @@ where
             searches: vec![],
             kept: 0.0,
             waits: 0,
-            ahead: Ahead::new(state, closed_loop.world()),
+            ahead: Ahead::new(state, world),
             progress: Progress::default(),
             wait: [f64::NEG_INFINITY, PAUSES[0]],
         };
@@ -166,7 +163,7 @@ where
         let settings = PlanSettings {
             start: None,
             goal: None,
-            time: moment.t + latency,
+            time: moment.since + latency,
             margin,
             horizon: Some(horizon),
             speed,
@@ -360,7 +357,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
                 Some(said) => said.at(&Pace::of_time(then), f64::INFINITY, &mut margins),
                 None => margins.fill([kept / CERTAIN, 0.0, 0.0]),
             }
-            let room = self.room(&state[0], moment.t + ahead, |link| CERTAIN * margins[link][0]);
+            let room =
+                self.room(&state[0], moment.since + ahead, |link| CERTAIN * margins[link][0]);
             least = least.min(room);
             (self.q, self.margins) = (state, margins);
         }

@@ -73,7 +73,7 @@ macro_rules! either_state {
 }
 
 /// What `given` says of a planar arm, with the masses, moments of inertia and gravity of `arm`.
-fn planar_document(arm: &PlanarArm, mut given: Table) -> Table {
+pub(super) fn planar_document(arm: &PlanarArm, mut given: Table) -> Table {
     let list = |values: &[f64]| Value::Array(values.iter().copied().map(Value::Float).collect());
     let each = |of: fn(&planar::Link) -> f64| list(&arm.links().iter().map(of).collect::<Vec<_>>());
     let com = arm.links().iter().map(|link| list(link.com.as_slice())).collect();

@@ -12,8 +12,10 @@ pub mod drive;
 pub mod episode;
 #[cfg(any(feature = "parallel", feature = "realtime"))]
 mod fault;
+mod inverse_kinematics;
 #[cfg(feature = "realtime")]
 pub mod live;
+mod load;
 mod observation;
 pub mod obstacles;
 pub mod points;
@@ -27,7 +29,9 @@ pub mod virtual_arm;
 pub mod wrenches;
 
 pub use arm::{AnyArm, AnyState, DistanceTable};
-pub use controller::{AnyController, CycleError, ErasedController, Reading, Target};
+pub use controller::{
+    AnyController, CycleError, ErasedController, Reading, SuccessionError, Target,
+};
 pub use obstacles::AnyObstacles;
 pub use points::PointsError;
 pub use prepare::{Ready, check};

@@ -50,7 +50,8 @@ where
 {
     let (mut closed_loop, warnings) = scenario.closed_loop::<S, D, M>(scene)?;
     if let (Some(settings), Some(plan)) = (&scenario.replan, closed_loop.plan()) {
-        let replanner = Replanner::new(settings, scenario, &closed_loop, plan)?;
+        let replanner =
+            Replanner::new(settings, scenario, (closed_loop.arm(), closed_loop.world()), plan)?;
         closed_loop.set_replanning(Box::new(replanner));
     }
     let run = Run::new(closed_loop, &scenario.simulation, scenario.duration, recorded).map_err(

@@ -81,6 +81,8 @@ pub struct ReplanCounts {
 pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
     /// Time \[s\].
     pub t: f64,
+    /// That of the obstacles: how long their motions have lasted \[s\].
+    pub since: f64,
     /// Time of the plan \[s\], which is another one where a governor makes it wait.
     pub path_time: f64,
     /// Where the joints are, as far as is known \[rad or m\].

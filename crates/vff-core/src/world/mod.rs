@@ -501,6 +501,25 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.rearrange();
     }
 
+    /// From now on, obstacle `j` is turned as `now` at time `t` \[s\], compared with its description, and goes on so. It moves as
+    /// before. Allocates if it has not turned before.
+    pub fn turn(&mut self, j: usize, t: f64, now: &Turn<D>) {
+        let obstacle = &mut self.obstacles[j];
+        (obstacle.state, obstacle.time) = (obstacle.state_at(self.time), self.time);
+        match &mut obstacle.turned {
+            Some(turned) => {
+                turned.turning.go_on(t, now);
+                turned.now = turned.turning.at(self.time);
+            }
+            none => {
+                let turning = Turning::from(t, now);
+                *none = Some(Box::new(Turned { now: turning.at(self.time), turning }));
+            }
+        }
+        obstacle.is_static = false;
+        self.rearrange();
+    }
+
     /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\]. It turns as
     /// before. In a crowd every obstacle is asked from then on, as after [`carry`](Self::carry). Does not allocate;
     /// the first time, what the motion and the crowd took is freed.

@@ -4,8 +4,9 @@
 //! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
 //! [`Hierarchy`] of boxes for crowds.
 
-use super::{Ahead, Contact, Motion, MotionState, Pair, Turning};
+use super::{Ahead, Contact, Motion, MotionState, Pair, Turn, Turning};
 use crate::geometry::Carried;
+use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
 
@@ -19,6 +20,15 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
     fn motion(&self) -> &Motion<D>;
     /// How it turns from the orientation that is described; none if it does not.
     fn turning(&self) -> Option<Turning<D>>;
+    /// How it is turned, compared with how it is described, where its orientation and its rate are these: an angle \[rad\] and its
+    /// rate in the plane, a quaternion `[w, x, y, z]` and an angular velocity in world axes \[rad/s\] in space.
+    ///
+    /// # Errors
+    /// If the quaternion is none.
+    ///
+    /// # Panics
+    /// If there are not as many numbers.
+    fn turned(&self, orientation: &[f64], rate: &[f64]) -> Result<Turn<D>, NotARotation>;
     /// Lets it move otherwise.
     fn set_motion(&mut self, motion: Motion<D>);
 }

@@ -163,6 +163,20 @@ impl<const D: usize> Turning<D> {
         Self { legs }
     }
 
+    /// Turned as `now` at time `t` \[s\], at that rate before and after.
+    pub fn from(t: f64, now: &Turn<D>) -> Self {
+        let mut this = Self { legs: vec![] };
+        this.go_on(t, now);
+        this
+    }
+
+    /// From now on it is turned as `now` at time `t` \[s\], and goes on at that rate.
+    pub fn go_on(&mut self, t: f64, now: &Turn<D>) {
+        self.legs.clear();
+        let Turn { rotation, spin } = *now;
+        self.legs.push(Leg { from: f64::NEG_INFINITY, at: t, rotation, spin });
+    }
+
     /// How it is turned at time `t` \[s\]; the rate from the right where it jumps.
     pub fn at(&self, t: f64) -> Turn<D> {
         let passed = self.legs.partition_point(|leg| leg.from <= t);

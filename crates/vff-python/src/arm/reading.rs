@@ -1,7 +1,7 @@
 //! Arms from descriptions: those of scenarios, those that others have read, and chains of equal links.
 
 use super::Arm;
-use crate::convert::{number, whole_number};
+use crate::convert::{number, read_vector, whole_number};
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
 use crate::run::prepared;
@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::iter;
 use toml::{Table, Value};
+use vff_core::robot::description::Frame;
 use vff_core::runtime::AnyArm;
 use vff_core::scenario::Scenario;
 
@@ -68,4 +69,38 @@ pub fn plant(py: Python<'_>, document: &Bound<'_, PyAny>) -> PyResult<Arm> {
     let (arm, document) =
         prepared(py, &document, |scenario: Scenario| AnyArm::plant(&scenario, &document))?;
     Ok(Arm { arm, document })
+}
+
+/// Numbers of a known count, or as many zeros.
+fn some<const N: usize>(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<[f64; N]> {
+    let mut out = [0.0; N];
+    given.map_or(Ok(()), |given| read_vector(name, given, &mut out))?;
+    Ok(out)
+}
+
+/// `arm` with a body at its tip.
+pub(super) fn with_load(
+    arm: &Arm,
+    mass: &Bound<'_, PyAny>,
+    com: Option<&Bound<'_, PyAny>>,
+    inertia: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Arm> {
+    let mass = number("mass", mass)?;
+    let made =
+        arm.arm.with_load(mass, some("com", com)?, some("inertia", inertia)?, arm.document.clone());
+    made.map(|(arm, document)| Arm { arm, document }).map_err(|error| errors::arm(&error))
+}
+
+/// `arm` with its tip elsewhere.
+pub(super) fn with_tool(
+    arm: &Arm,
+    position: &Bound<'_, PyAny>,
+    orientation: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Arm> {
+    let mut tool = Frame { position: some("position", Some(position))?, ..Frame::default() };
+    if orientation.is_some() {
+        tool.orientation = some("orientation", orientation)?;
+    }
+    let made = arm.arm.with_tool(tool, arm.document.clone());
+    made.map(|(arm, document)| Arm { arm, document }).map_err(|error| errors::arm(&error))
 }

@@ -235,6 +235,8 @@ impl Barrier {
         self.bounds.reserve(constraints);
         self.softness.reserve(constraints);
         self.program.reserve(constraints);
+        self.ends.clear();
+        self.ends.reserve(n);
     }
 
     /// What it reckons with where points of links move at this velocity.

@@ -25,6 +25,7 @@ pub struct Cbf<const D: usize, const M: usize> {
     most_own: usize,
     /// The bodies, or capsules around them, gathered where they are measured against each other.
     bodies: Vec<Body<'static, D>>,
+    most_bodies: usize,
     pub(super) barrier: Barrier,
     slack: f64,
 }
@@ -40,7 +41,8 @@ impl<const D: usize, const M: usize> Cbf<D, M> {
             pairs: vec![],
             own: vec![],
             most_own: if keeps_apart { OwnPair::most_features(robot) } else { 0 },
-            bodies: Vec::with_capacity(if keeps_apart { robot.body_count() } else { 0 }),
+            bodies: vec![],
+            most_bodies: if keeps_apart { robot.body_count() } else { 0 },
             barrier: Barrier::new(robot, gains),
             slack: 0.0,
         }
@@ -67,6 +69,8 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         self.pairs.reserve(pairs);
         self.own.clear();
         self.own.reserve(self.most_own);
+        self.bodies.clear();
+        self.bodies.reserve(self.most_bodies);
         self.barrier.reserve(pairs + self.most_own);
     }
 

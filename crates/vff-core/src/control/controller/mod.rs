@@ -130,6 +130,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         &reactive.law.torque
     }
 
+    /// Keeps a `share` of the torque of the last command; the rest is `other` with `more` \[N·m, N\].
+    pub fn blend(&mut self, other: &Torque, more: &[f64], share: f64) {
+        self.reactive.law.torque.blend(other, more, share);
+    }
+
     /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
     pub fn project(&mut self, tau: &mut [f64]) {
         self.reactive.project(tau);

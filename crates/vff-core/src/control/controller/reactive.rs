@@ -138,9 +138,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.keep(Some((joints, pace)));
     }
 
-    /// Lets barriers keep what the settings ask for: no plan is followed any more.
+    /// Lets barriers keep what the settings ask for, and the posture come to rest: no plan is followed any more.
     pub fn leave_plan(&mut self) {
         self.keep(None);
+        if let Some(moving) = &mut self.moving {
+            moving.leave();
+        }
     }
 
     fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
@@ -161,6 +164,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Makes room for so many contacts of each body, so that observing them does not allocate.
     pub(crate) fn reserve(&mut self, contacts: usize) {
+        self.forces.reserve(self.robot.body_count());
         if let Some(avoider) = &mut self.avoider {
             avoider.reserve(self.robot.body_count() * contacts);
         }
@@ -433,6 +437,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Lets `dt` \[s\] pass under the last command: the tank fills or empties.
     pub fn elapse(&mut self, dt: f64) {
+        if let Some(moving) = &mut self.moving
+            && moving.elapse(dt)
+        {
+            self.gains.move_posture(&moving.state[0]);
+        }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);
             tank.elapse(dt, self.law.damping_power - self.share * injected);

@@ -13,7 +13,7 @@ use crate::control::CommandSettings;
 use crate::control::Controller;
 use crate::math::smoothstep;
 use crate::robot::{Limits, Manipulator, Robot};
-use std::mem::replace;
+use std::mem::{replace, swap};
 
 /// What a cycle came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -228,6 +228,20 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         let elapsed = replace(&mut self.is_known, true).then_some(self.period);
         controller.hear(Some(&mut self.output), &self.sent, elapsed);
         controller.write_held(&mut self.carried);
+    }
+
+    /// The same for another law in this loop, after that.
+    pub fn report_too<const M: usize>(&mut self, controller: &mut Controller<R, D, M>)
+    where
+        R: Manipulator<D, M> + Clone,
+    {
+        controller.hear(Some(&mut self.output), &self.sent, Some(self.period));
+    }
+
+    /// From now on the arm is like `robot`, which becomes the one before.
+    pub fn exchange_robot(&mut self, robot: &mut R) {
+        swap(&mut self.robot, robot);
+        self.is_there = false;
     }
 
     /// Lets the next command of `controller` ask for what can be sent in this cycle, after [`report`](Self::report).

@@ -96,7 +96,7 @@ fn what_moves_is_foreseen() {
             let q = &[0.2, 0.3, 0.3, 0.3];
             let joints = &plan;
             ahead.look(
-                &Moment { t, path_time: t, q, planned: q, error: 0.0, joints, world },
+                &Moment { t, since: t, path_time: t, q, planned: q, error: 0.0, joints, world },
                 &settings,
                 0.0,
             )

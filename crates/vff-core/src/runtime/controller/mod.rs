@@ -1,5 +1,7 @@
 //! The law in somebody else's loop: any arm with any task, in slices of numbers.
 
+mod fading;
+mod followed;
 mod standalone;
 mod target;
 mod terms;
@@ -11,9 +13,10 @@ use crate::control::observer::Source;
 use crate::control::output::{BeginError, Phase};
 use crate::control::{Avoidance, Settings, StablePeriod, TaskKind};
 use crate::math::rotation::NotARotation;
+use crate::planning::motion::Jointed;
 use crate::robot::Limits;
 use crate::scenario::{self, AnyScene, CheckReach, Scenario, ScenarioError, Scene, dispatch};
-use crate::simulation::System;
+use crate::simulation::{Replanned, System};
 use crate::world::space::Points;
 use nalgebra::DMatrix;
 use standalone::Standalone;
@@ -46,6 +49,23 @@ pub enum CycleError {
     /// The target is no reference.
     #[error(transparent)]
     Target(#[from] NotARotation),
+}
+
+/// Why a law does not take the place of another one.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SuccessionError {
+    /// Its robot or task is another one.
+    #[error("a loop keeps its number of joints, its task and its space")]
+    Another,
+    /// Its `command` is another one.
+    #[error("command: a loop keeps what it has begun with")]
+    Command,
+    /// The last succession is under way.
+    #[error("the law before is still being left")]
+    Succeeding,
+    /// It has no room for the obstacles.
+    #[error(transparent)]
+    Room(#[from] ScenarioError),
 }
 
 /// What is around an arm, ready to be asked: the obstacles of one controller, for another one with the same arm.
@@ -100,6 +120,18 @@ where
     Ok(AnyController(Box::new(Standalone::<S, D, M>::of(scenario, scene)?)))
 }
 
+/// The same, which makes other plans.
+fn make_replanning<S: CheckReach<D, M> + 'static, const D: usize, const M: usize>(
+    scenario: &Scenario,
+    scene: &Scene<S, D>,
+) -> Result<AnyController, ScenarioError>
+where
+    Standalone<S, D, M>: ErasedController + 'static,
+    S::State: Jointed<D>,
+{
+    Ok(AnyController(Box::new(Standalone::<S, D, M>::replanning(scenario, scene)?)))
+}
+
 impl AnyController {
     /// A controller for `arm` with the settings of a `[controller]` table, among no obstacles.
     ///
@@ -118,6 +150,16 @@ impl AnyController {
     pub fn from_scenario(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let task = scenario.controller.task;
         dispatch!(&scenario.scene, task, AnyScene(scene) => make_for(scenario, scene))
+    }
+
+    /// The same; where the reference is a plan and the scenario has a table `replan`, other plans are searched in threads of their own,
+    /// for which no torque waits, but which are begun from the loop, and that allocates.
+    ///
+    /// # Errors
+    /// As [`from_scenario`](Self::from_scenario), or if the arm cannot be planned for.
+    pub fn replanning(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let task = scenario.controller.task;
+        dispatch!(&scenario.scene, task, AnyScene(scene) => make_replanning(scenario, scene))
     }
 
     /// The parts of the last torque. Allocates.
@@ -264,6 +306,30 @@ pub trait ErasedController: Debug + Send {
     /// doubted: it goes there at that speed, until it is placed again. Returns how far away that is \[m\]; 0 if it is believed.
     fn place(&mut self, j: usize, t: f64, position: &[f64], velocity: &[f64]) -> f64;
 
+    /// From now on, obstacle `j` has this orientation at time `t` \[s\] and turns on at this rate: an angle \[rad\] and its rate in the
+    /// plane, a quaternion `[w, x, y, z]` and an angular velocity in world axes \[rad/s\] in space. It moves as before. Allocates if it has
+    /// not turned before.
+    ///
+    /// # Errors
+    /// If the quaternion is none; then nothing has changed.
+    ///
+    /// # Panics
+    /// If there are not as many numbers.
+    fn turn(
+        &mut self,
+        j: usize,
+        t: f64,
+        orientation: &[f64],
+        rate: &[f64],
+    ) -> Result<(), NotARotation>;
+
+    /// Writes the distance \[m\] of every link from obstacle `j` at the observed state, (n), infinite of one without a shape, and, if it is
+    /// asked for, how it changes with the joints, (n, n), row by row.
+    ///
+    /// # Panics
+    /// If a slice has the wrong length.
+    fn write_distances(&self, j: usize, distance: &mut [f64], gradient: Option<&mut [f64]>);
+
     /// Forgets the past and the obstacles.
     fn begin_anew(&mut self);
 
@@ -394,6 +460,23 @@ pub trait ErasedController: Debug + Send {
     /// Whether it has a reference of its own, that of its scenario.
     fn has_reference(&self) -> bool;
 
+    /// Which joint is too far from where the plan begins that this reference is, where it was observed, and where it should be
+    /// \[rad, m\]; None if none is, or it is no plan.
+    fn missed_start(&self) -> Option<(usize, f64, f64)>;
+
+    /// Where the clock of this reference is \[s\]: in a loop that is watched over it begins when the torque has been blended in, and
+    /// with `governor` it waits. None without such a reference.
+    fn path_time(&self) -> Option<f64>;
+
+    /// Where the plan that this reference is has the joints \[rad, m\], (n); None if it is none.
+    fn planned(&self) -> Option<&[f64]>;
+
+    /// The searches for another plan so far.
+    fn replans(&self) -> &[Replanned];
+
+    /// The reference of the last torque; it has the first of the [`widths`](Self::widths).
+    fn write_reference(&self, out: &mut [f64]);
+
     /// The torque at the observed state for that reference, or for the observed pose at rest if it has none.
     fn follow(&mut self) -> &[f64];
 
@@ -402,6 +485,32 @@ pub trait ErasedController: Debug + Send {
 
     /// Forgets the past, not the obstacles. Does not allocate.
     fn forget(&mut self);
+
+    /// What it is, for those who know.
+    fn as_any(&self) -> &dyn Any;
+
+    /// What it is, for those who know and change it.
+    fn as_any_mut(&mut self) -> &mut dyn Any;
+
+    /// A law `like` another one, with its arm and settings, that can [`succeed`](Self::succeed) this one among these obstacles.
+    /// Allocates all that this needs.
+    ///
+    /// # Errors
+    /// If it is for another kind of arm or task, or for other drives.
+    fn successor(&self, like: &AnyController) -> Result<AnyController, SuccessionError>;
+
+    /// Lets `next`, a [`successor`](Self::successor) of this law, take its place within `duration` \[s\], in which the torque goes over
+    /// from the one to the other without a step; `next` has then what is to be freed. Obstacles, reference and loop stay; a tank and
+    /// a look-ahead begin anew. Whether both have the same tip: if not, references that are given mean another one from now on, and
+    /// where a plan is followed it allocates.
+    ///
+    /// # Errors
+    /// If it is no successor of this law, or the last one has not taken over yet; then nothing has changed.
+    fn succeed(&mut self, next: &mut AnyController, duration: f64)
+    -> Result<bool, SuccessionError>;
+
+    /// Whether a succession is under way.
+    fn is_succeeding(&self) -> bool;
 
     /// The parts of the last torque, borrowed.
     fn terms_view(&self) -> TermsView<'_>;

@@ -1,21 +1,25 @@
 //! A controller that is called from outside, with what is around it and what it remembers.
 
+use super::fading::Fading;
+use super::followed::Followed;
 use super::{
-    AnyController, CycleError, ErasedController, FromNumbers, Reading, Scalars, Surroundings,
-    Target, TermsView,
+    AnyController, CycleError, ErasedController, FromNumbers, Reading, Scalars, SuccessionError,
+    Surroundings, Target, TermsView,
 };
 use crate::control::output::{BeginError, Phase, Supervisor};
 use crate::control::{Controller, Gains, Gravity, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
+use crate::planning::motion::Jointed;
+use crate::planning::replanning::Replanner;
 use crate::robot::{Limits, Model, Robot};
 use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
 use crate::scenario::{self, CheckReach, FromDocument, Scenario, ScenarioError, Scene};
-use crate::simulation::System;
-use crate::trajectory::{Sample, Trajectory};
+use crate::simulation::{Replanned, System};
+use crate::trajectory::Sample;
 use crate::world::space::{self, Points};
-use crate::world::{CollisionQuery, Solid, World};
+use crate::world::{CollisionQuery, Contact, Description, Solid, World};
 use nalgebra::DMatrix;
 use std::any::Any;
 use std::mem::swap;
@@ -25,6 +29,7 @@ use toml::Table;
 /// A controller that is called from outside, and what is around it.
 #[derive(Debug, Clone)]
 pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
+    arm: Arc<S::Arm>,
     controller: Controller<S::State, D, M>,
     settings: Settings,
     world: World<S::Solid, D>,
@@ -32,13 +37,15 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     epoch: f64,
     /// When each obstacle was placed last, from there \[s\]; None if it never was.
     placed: Vec<Option<f64>>,
+    /// The law that this one has taken the place of, or room for one.
+    fading: Option<Box<Fading<S, D, M>>>,
     /// What stands between the law and the robot, where that is not nothing.
     output: Option<Box<Output>>,
     /// The watch over the loop that it is in.
     supervisor: Option<Box<Supervisor<S::State, D>>>,
     scratch: Vec<f64>,
     /// The reference of its scenario.
-    trajectory: Option<Trajectory<S::Pose, M>>,
+    followed: Option<Box<Followed<S, D, M>>>,
     /// What is odd about that.
     warnings: Vec<String>,
     /// How far the arm reaches \[m\].
@@ -57,14 +64,16 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let command = &settings.command;
         let output = command.changes_torque().then(|| Box::new(Output::new(command, arm.dof())));
         let mut this = Self {
+            arm: Arc::clone(arm),
             controller,
             world: World::new(vec![]),
             epoch: 0.0,
             placed: vec![],
+            fading: None,
             output,
             supervisor: None,
             scratch: vec![0.0; arm.dof()],
-            trajectory: None,
+            followed: None,
             warnings: vec![],
             reach: arm.reach(),
             last: None,
@@ -83,9 +92,28 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let (arm, trajectory, odd) = scenario.arm_and_reference::<S, D, M>(scene)?;
         let mut this = Self::new(&arm, scenario.controller.clone());
         this.set_obstacles(scene.obstacles.clone())?;
-        this.trajectory = Some(trajectory);
+        this.followed = Some(Box::new(Followed::new(trajectory)));
+        this.reserve();
         this.warnings =
             odd.into_iter().chain(scenario::misread_scene(scene, arm.reach())).collect();
+        Ok(this)
+    }
+
+    /// The same, which plans anew in another thread where the plan leads nowhere any more, if the scenario says so.
+    pub fn replanning(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Self, ScenarioError>
+    where
+        S: CheckReach<D, M> + 'static,
+        S::State: Jointed<D>,
+    {
+        let mut this = Self::of(scenario, scene)?;
+        let Self { followed, world, .. } = &mut this;
+        if let (Some(settings), Some(followed)) = (&scenario.replan, followed)
+            && let Some(plan) = followed.joints()
+        {
+            let arm = Arc::new(S::arm(&scene.arm)?);
+            let replanner = Replanner::<S, D, M>::new(settings, scenario, (&arm, world), plan)?;
+            followed.watch(Box::new(replanner));
+        }
         Ok(this)
     }
 
@@ -110,11 +138,18 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     fn reserve(&mut self) {
         self.placed.resize(self.world.len(), None);
         self.controller.reserve(&self.world);
+        if let Some(fading) = &mut self.fading {
+            fading.controller.reserve(&self.world);
+        }
+        if let Some(followed) = &self.followed {
+            followed.reserve(&mut self.controller);
+        }
     }
 
     fn reset(&mut self) {
         let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
         self.controller = Controller::new(robot, gains);
+        self.end_fading();
         self.reserve();
         (self.last, self.spoilt) = (None, false);
     }
@@ -130,11 +165,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             self.reset();
         }
         self.spoilt = true;
-        let Self { controller, world, epoch, .. } = self;
+        let Self { controller, fading, world, epoch, .. } = self;
         world.update(t - *epoch);
         let elapsed = self.last.replace(t).map_or(0.0, |last| (t - last).max(0.0));
         controller.elapse(elapsed);
         controller.observe(q, dq, world);
+        if let Some(fading) = fading {
+            fading.observe([q, dq], elapsed, world);
+        }
         self.spoilt = false;
         elapsed
     }
@@ -142,10 +180,26 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     /// The law at the observed state; `later` is the reference in so many seconds.
     fn act(&mut self, reference: &Sample<S::Pose, M>, later: impl Fn(f64) -> Sample<S::Pose, M>) {
         self.spoilt = true;
-        let Self { controller, world, .. } = self;
-        controller.look_ahead(world, later);
-        let total = controller.command(reference).total.as_slice();
+        let Self { controller, fading, world, .. } = self;
+        controller.look_ahead(world, &later);
+        controller.command(reference);
+        if let Some(fading) = fading {
+            fading.blend_into(controller, world, reference, later);
+        }
+        let total = controller.torque().total.as_slice();
         self.spoilt = !total.iter().all(|tau| tau.is_finite());
+    }
+
+    /// The law that is being left, if there is one.
+    fn left(&mut self) -> Option<&mut Controller<S::State, D, M>> {
+        let fading = self.fading.as_mut().filter(|fading| fading.is_left());
+        fading.map(|fading| &mut fading.controller)
+    }
+
+    fn end_fading(&mut self) {
+        if let Some(fading) = &mut self.fading {
+            fading.end();
+        }
     }
 
     /// Its torque as the robot wants it.
@@ -166,12 +220,20 @@ where
     /// The law at the observed state, for a target, or for the reference of the scenario, or to stay where it is.
     fn act_for(&mut self, target: Option<&Target<'_>>) {
         if let Some(target) = target {
+            if self.followed.is_some() {
+                self.controller.leave_plan();
+                self.left().into_iter().for_each(Controller::leave_plan);
+            }
             let reference = self.controller.robot().sample(target);
             self.act(&reference, |ahead| reference.carried_on(ahead));
-        } else if let Some(trajectory) = self.trajectory.take() {
-            let now = self.world.time() + self.epoch;
-            self.act(&trajectory.at(now), |ahead| trajectory.at(now + ahead));
-            self.trajectory = Some(trajectory);
+        } else if let Some(mut followed) = self.followed.take() {
+            let since = self.world.time();
+            let now = since + self.epoch;
+            followed.go_to(now, self.settings.command.start, &mut self.controller);
+            self.left().into_iter().for_each(|left| followed.move_posture(now, left));
+            self.act(&followed.at(now), |ahead| followed.at(now + ahead));
+            followed.look([now, since], &self.controller, &self.world);
+            self.followed = Some(followed);
         } else {
             let here = Sample::at_rest(self.controller.pose());
             self.act(&here, |_| here);
@@ -295,6 +357,38 @@ where
         distance
     }
 
+    fn turn(
+        &mut self,
+        j: usize,
+        t: f64,
+        orientation: &[f64],
+        rate: &[f64],
+    ) -> Result<(), NotARotation> {
+        let now = self.world.obstacle(j).turned(orientation, rate)?;
+        let t = self.loop_time(t) - self.epoch;
+        self.world.turn(j, t, &now);
+        Ok(())
+    }
+
+    fn write_distances(&self, j: usize, distance: &mut [f64], mut gradient: Option<&mut [f64]>) {
+        let (n, robot) = (self.dof(), self.controller.robot());
+        distance.fill(f64::INFINITY);
+        if let Some(gradient) = &mut gradient {
+            gradient.fill(0.0);
+        }
+        self.world.for_each_pair(robot.bodies(), |contact: &Contact<D>| {
+            let Contact { link, point, normal, .. } = contact;
+            if contact.obstacle != j || *link >= n || contact.distance >= distance[*link] {
+                return;
+            }
+            distance[*link] = contact.distance;
+            if let Some(gradient) = &mut gradient {
+                let row = &mut gradient[link * n..][..n];
+                robot.point_jacobian_tr_mul(*link, point, normal, row);
+            }
+        });
+    }
+
     fn begin_anew(&mut self) {
         self.reset();
         self.world = World::new(vec![]);
@@ -321,10 +415,12 @@ where
         if let Some((t, q, dq)) = news {
             self.observe_at(q, dq, t);
             supervisor.report(&mut self.controller);
+            self.left().into_iter().for_each(|left| supervisor.report_too(left));
         }
         let wanted = news.is_some() && supervisor.wants_torque();
         if wanted {
             supervisor.announce(&mut self.controller);
+            self.left().into_iter().for_each(|left| supervisor.announce(left));
             self.act_for(target);
         }
         let law = &self.controller;
@@ -378,13 +474,18 @@ where
         let elapsed = self.observe_at(q, dq, self.loop_time(t));
         // A loop of the caller's own, where none is watched.
         if self.supervisor.is_none() {
-            self.controller.hear_itself(elapsed);
+            let Self { controller, fading, .. } = self;
+            if let Some(fading) = fading.as_mut().filter(|fading| fading.is_left()) {
+                fading.controller.hear(None, &controller.torque().total, Some(elapsed));
+            }
+            controller.hear_itself(elapsed);
         }
     }
 
     fn sense(&mut self, tau_ext: &[f64]) {
         assert_eq!(tau_ext.len(), self.dof());
         self.controller.sense(tau_ext);
+        self.left().into_iter().for_each(|left| left.sense(tau_ext));
     }
 
     fn external_torque(&self) -> Option<&[f64]> {
@@ -422,7 +523,28 @@ where
     }
 
     fn has_reference(&self) -> bool {
-        self.trajectory.is_some()
+        self.followed.is_some()
+    }
+
+    fn missed_start(&self) -> Option<(usize, f64, f64)> {
+        self.followed.as_ref()?.missed_start(self.controller.robot().configuration())
+    }
+
+    fn path_time(&self) -> Option<f64> {
+        let now = self.world.time() + self.epoch;
+        self.followed.as_ref().map(|followed| followed.path_time(now))
+    }
+
+    fn planned(&self) -> Option<&[f64]> {
+        self.followed.as_ref()?.joints().and(self.controller.moved_posture())
+    }
+
+    fn replans(&self) -> &[Replanned] {
+        self.followed.as_ref().map_or(&[], |followed| followed.searches())
+    }
+
+    fn write_reference(&self, out: &mut [f64]) {
+        out.copy_from_slice(self.controller.reference().x.as_slice());
     }
 
     fn follow(&mut self) -> &[f64] {
@@ -436,7 +558,12 @@ where
 
     fn forget(&mut self) {
         self.controller.reset();
+        self.end_fading();
         self.last = None;
+        let is_watched = self.supervisor.is_some();
+        if let Some(followed) = &mut self.followed {
+            followed.restart(is_watched);
+        }
     }
 
     fn terms_view(&self) -> TermsView<'_> {
@@ -464,6 +591,77 @@ where
 
     fn null_projector(&self) -> DMatrix<f64> {
         self.controller.null_projector()
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
+    fn as_any_mut(&mut self) -> &mut dyn Any {
+        self
+    }
+
+    fn successor(&self, like: &AnyController) -> Result<AnyController, SuccessionError> {
+        let like = like.as_any().downcast_ref::<Self>().ok_or(SuccessionError::Another)?;
+        if like.dof() != self.dof() {
+            return Err(SuccessionError::Another);
+        }
+        if like.settings.command != self.settings.command {
+            return Err(SuccessionError::Command);
+        }
+        let mut next = like.clone();
+        next.fits(self.world.barrier_count())?;
+        next.world = self.world.clone();
+        (next.supervisor, next.spoilt) = (None, false);
+        next.fading = Some(Box::new(Fading::room(&next.controller)));
+        next.followed.clone_from(&self.followed);
+        next.reserve();
+        next.followed = None;
+        Ok(AnyController(Box::new(next)))
+    }
+
+    fn is_succeeding(&self) -> bool {
+        self.fading.as_ref().is_some_and(|fading| fading.is_left())
+    }
+
+    fn succeed(
+        &mut self,
+        next: &mut AnyController,
+        duration: f64,
+    ) -> Result<bool, SuccessionError> {
+        let next = next.as_any_mut().downcast_mut::<Self>().ok_or(SuccessionError::Another)?;
+        if self.is_succeeding() {
+            return Err(SuccessionError::Succeeding);
+        }
+        let Some(mut fading) = next.fading.take().filter(|_| next.dof() == self.dof()) else {
+            return Err(SuccessionError::Another);
+        };
+        if self.spoilt {
+            self.reset();
+        }
+        swap(&mut self.controller, &mut next.controller);
+        swap(&mut fading.controller, &mut next.controller);
+        swap(&mut self.arm, &mut next.arm);
+        swap(&mut self.settings, &mut next.settings);
+        swap(&mut self.reach, &mut next.reach);
+        let Self { controller, world, supervisor, .. } = self;
+        let before = &fading.controller;
+        controller.observe(before.robot().configuration(), before.robot().velocity(), world);
+        if Arc::ptr_eq(&self.arm, &next.arm) {
+            controller.believe(before);
+        }
+        if let Some(supervisor) = supervisor {
+            supervisor.exchange_robot(&mut fading.robot);
+        }
+        let is_same = fading.begin(controller, duration);
+        if let Some(followed) = &mut self.followed {
+            followed.wait(controller.gains().governor, world.time() + self.epoch);
+            if !is_same {
+                followed.lead(controller.robot());
+            }
+        }
+        next.fading = self.fading.replace(fading);
+        Ok(is_same)
     }
 
     fn stable_period(&mut self, q: &[f64], t: f64) -> StablePeriod {

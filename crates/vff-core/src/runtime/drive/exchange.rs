@@ -3,7 +3,7 @@
 
 use super::reference::Reference;
 use crate::control::output::Phase;
-use crate::runtime::controller::{AnyController, Surroundings, Target};
+use crate::runtime::controller::{AnyController, SuccessionError, Surroundings, Target};
 use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{PointsError, make};
 use crate::scenario::{Problem, ScenarioError};
@@ -60,6 +60,8 @@ pub(super) struct Inbox {
     /// Points for clouds.
     pub points: Vec<(usize, Points)>,
     pub sightings: Vec<Sighting>,
+    /// A law that is to take the place of the one in use, within so long \[s\]. It stays here until the last has done so.
+    pub law: Option<(AnyController, f64)>,
     /// What they took the place of, for others to free.
     pub old: Old,
 }
@@ -70,6 +72,7 @@ pub(super) struct Old {
     pub target: Option<Reference>,
     pub surroundings: Option<Surroundings>,
     pub points: Vec<(usize, Points)>,
+    pub law: Option<AnyController>,
 }
 
 /// The last row, for whoever wants it.
@@ -221,6 +224,21 @@ impl Exchange {
         Ok(())
     }
 
+    /// Lets a law like `like` take the place of the one in use, within `blend` \[s\]: see
+    /// [`succeed`](crate::runtime::ErasedController::succeed). If the last one has not taken over yet, it waits for that.
+    ///
+    /// # Errors
+    /// If it is for another kind of arm or task, for other drives, or has no room for the obstacles; then nothing has changed.
+    pub fn succeed(&self, like: &AnyController, blend: f64) -> Result<(), SuccessionError> {
+        let mut mirror = lock(&self.mirror);
+        let next = mirror.successor(like)?;
+        mirror.forget(); // whatever is being left there
+        mirror.succeed(&mut next.clone(), 0.0)?;
+        let mut new = Some((next, blend.max(0.0)));
+        self.send(|inbox| swap(&mut inbox.law, &mut new));
+        Ok(())
+    }
+
     /// Asks the drive to end: by a damped stop.
     pub fn stop(&self) {
         self.end.store(true, Ordering::Release);
@@ -276,6 +294,9 @@ impl Exchange {
         {
             self.news.store(false, Ordering::Relaxed);
             take_over(&mut inbox);
+            if inbox.law.is_some() {
+                self.news.store(true, Ordering::Relaxed);
+            }
         }
     }
 

@@ -22,6 +22,7 @@ use super::controller::{AnyController, Reading};
 use super::fault::guarded;
 use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
 use crate::control::output::{BeginError, Clock, Phase};
+use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
 use exchange::{Inbox, ROWS, Sighting};
 use reference::Reference;
@@ -84,6 +85,8 @@ pub struct Report {
     pub periods: u64,
     /// What else is to be told, in sentences.
     pub notes: Vec<String>,
+    /// The searches for another plan.
+    pub replans: Vec<Replanned>,
 }
 
 /// The loop that drives a robot.
@@ -145,6 +148,8 @@ struct Inner {
     stale: u32,
     /// What was given last, and when by the time of the drive \[s\]; what it has come to.
     given: Option<(Reference, f64)>,
+    /// Whether that was given by somebody.
+    has_target: bool,
     now: Reference,
     row: Vec<f64>,
     kept: Rows,
@@ -214,6 +219,12 @@ impl<D: Driver> Loop<D> {
         if controller.external_torque().is_some() {
             columns.push(("tau_ext_estimate", n));
         }
+        if controller.has_reference() {
+            columns.push(("path_time", 1));
+        }
+        if controller.planned().is_some() {
+            columns.push(("q_plan", n));
+        }
         let layout = Layout(columns);
         let row = vec![f64::NAN; layout.width()];
         let room = if options.record_every > 0 { ROWS * row.len() } else { 0 };
@@ -230,6 +241,7 @@ impl<D: Driver> Loop<D> {
             last: 0.0,
             stale: 0,
             given: None,
+            has_target: false,
             now: Reference::room(widths),
             row,
             kept: Rows { values: Vec::with_capacity(room), lost: 0 },
@@ -324,6 +336,11 @@ impl Inner {
         }
         if !controller.has_reference() {
             self.given = Some((now.clone(), 0.0));
+        } else if let Some((joint, q, first)) = controller.missed_start() {
+            let text = format!(
+                "the plan begins elsewhere: joint {joint} is at {q:.3}, the plan has it at {first:.3}"
+            );
+            return Err(Fault::Begin(text));
         }
         Ok(())
     }
@@ -391,15 +408,32 @@ impl Inner {
 
     /// Takes over what others have sent.
     fn receive(&mut self, time: f64) {
-        let Self { exchange, controller, given, doubts, .. } = self;
+        let Self { exchange, controller, given, has_target, doubts, .. } = self;
         exchange.receive(|inbox: &mut Inbox| {
-            let Inbox { target, surroundings, points, sightings, old } = inbox;
+            let Inbox { target, surroundings, points, sightings, law, old } = inbox;
             if let Some(new) = target.take() {
+                *has_target = true;
                 old.target = given.replace((new, time)).map(|(before, _)| before);
             }
             if let Some((mut new, epoch)) = surroundings.take() {
                 controller.exchange(&mut new, epoch.unwrap_or(time));
                 old.surroundings = Some(new);
+            }
+            if !controller.is_succeeding()
+                && let Some((mut next, blend)) = law.take()
+            {
+                let rests = !*has_target;
+                match controller.succeed(&mut next, blend) {
+                    // Where nobody has said where the end effector is to be, its other tip stays where it is, too.
+                    Ok(false) if rests => {
+                        if let Some((reference, since)) = given {
+                            reference.rest_at(|pose| controller.write_pose(pose));
+                            *since = time;
+                        }
+                    }
+                    done => debug_assert!(done.is_ok(), "{done:?}"), // it was tried on the mirror
+                }
+                old.law = Some(next);
             }
             for (j, points) in &mut *points {
                 // They were tried on the mirror, which is among the same obstacles.
@@ -501,8 +535,8 @@ impl Inner {
 
     /// Shows the period, and keeps it for a file.
     fn keep_row(&mut self, time: f64) {
-        let Self { row, controller, model, exchange, now, kept, options, until_row, q, dq, .. } =
-            self;
+        let Self { row, controller, model, exchange, given, now, kept, .. } = self;
+        let Self { options, until_row, q, dq, .. } = self;
         let terms = controller.terms_view();
         let command = match model {
             None => controller.sent().unwrap_or_default(),
@@ -521,10 +555,20 @@ impl Inner {
         let mut pose = [0.0; 7];
         let pose = &mut pose[..now.pose().len()];
         controller.write_pose(pose);
-        for values in [&*pose, now.pose(), terms.force, terms.clearance] {
+        put(pose);
+        match given {
+            Some(_) => put(now.pose()),
+            None => {
+                controller.write_reference(pose);
+                put(pose);
+            }
+        }
+        for values in [terms.force, terms.clearance] {
             put(values);
         }
         put(controller.external_torque().unwrap_or_default());
+        put(controller.path_time().as_slice());
+        put(controller.planned().unwrap_or_default());
         exchange.show(row);
         if options.record_every == 0 {
             return;
@@ -554,6 +598,7 @@ impl Inner {
             periods: self.exchange.periods(),
             timing,
             notes: self.notes,
+            replans: self.controller.replans().to_vec(),
         }
     }
 }

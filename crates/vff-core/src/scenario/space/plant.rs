@@ -101,7 +101,10 @@ impl SpatialPlantSpec {
 
 impl PayloadSpec {
     /// Makes it part of the last link.
-    fn load(&self, arm: &mut ArmDescription) -> Result<(), ScenarioError> {
+    ///
+    /// # Errors
+    /// If it is no body; then nothing has changed.
+    pub fn load(&self, arm: &mut ArmDescription) -> Result<(), ScenarioError> {
         number("mass", self.mass, &NOT_NEGATIVE)?;
         inertia::check(&self.inertia, self.mass)
             .map_err(|error| ScenarioError::new("inertia", Problem::Other(error.to_string())))?;

@@ -40,6 +40,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let Some(planned) = controller.moved_posture() else { return };
         let found = replanning.look(&Moment {
             t,
+            since: t,
             path_time: path_time.unwrap_or(t),
             q: controller.robot().configuration(),
             planned,

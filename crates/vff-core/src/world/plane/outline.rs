@@ -4,9 +4,10 @@ use super::axis::{Axis, Meets, Nearest, Probe};
 use super::face::{Face, faces};
 use super::hierarchy::Boxes;
 use super::{Obstacle, Shape, Vec2, from_glam, shape, to_glam};
-use crate::math::{Capsule, Vector};
+use crate::math::rotation::NotARotation;
+use crate::math::{Capsule, Vector, sin_cos};
 use crate::world::{
-    Contact, Description, Feature, Motion, MotionState, Pair, Solid, Spin, Turning,
+    Contact, Description, Feature, Motion, MotionState, Pair, Rotation, Solid, Spin, Turn, Turning,
 };
 
 impl Description<2> for Obstacle {
@@ -32,6 +33,11 @@ impl Description<2> for Obstacle {
             }
             _ => Turning::steady(Spin::planar(self.angular_velocity)),
         }
+    }
+
+    fn turned(&self, orientation: &[f64], rate: &[f64]) -> Result<Turn<2>, NotARotation> {
+        let (sin, cos) = sin_cos(orientation[0] - self.angle);
+        Ok(Turn { rotation: Rotation::<2>::new(cos, -sin, sin, cos), spin: Spin::planar(rate[0]) })
     }
 
     fn set_motion(&mut self, motion: Motion<2>) {

@@ -6,9 +6,10 @@ use super::hierarchy::Boxes;
 use super::shape::{ConvexCore, Core, dispatch};
 use crate::geometry::axis::{Probe, seen_from};
 use crate::geometry::{Carried, Convex, MAX_FEATURES};
+use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use crate::world::{
-    Ahead, Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turning,
+    Ahead, Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turn, Turning,
 };
 
 impl Description<3> for Obstacle {
@@ -37,6 +38,13 @@ impl Description<3> for Obstacle {
             }
             _ => Turning::steady(Spin::spatial(&self.angular_velocity.into())),
         }
+    }
+
+    fn turned(&self, orientation: &[f64], rate: &[f64]) -> Result<Turn<3>, NotARotation> {
+        let [w, x, y, z] = orientation else { panic!("an orientation of {orientation:?}") };
+        let described = UnitQuaternion::new(self.orientation).unwrap_or_default();
+        let rotation = (UnitQuaternion::new([*w, *x, *y, *z])? * described.inverse()).matrix();
+        Ok(Turn { rotation, spin: Spin::spatial(&Vector::from_column_slice(rate)) })
     }
 
     fn set_motion(&mut self, motion: Motion<3>) {

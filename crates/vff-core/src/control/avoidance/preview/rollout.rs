@@ -57,6 +57,8 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// Pairs farther apart than this \[m\] do not matter.
     pub(super) reach: f64,
     reference: Vec<Sample<R::Pose, M>>,
+    /// How many instants that has.
+    instants: usize,
     /// Duration of a step \[s\], and the share of the velocity error that it removes.
     pub(super) step: f64,
     follow: f64,
@@ -100,7 +102,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             bodies: robot.bodies().map(|body| body.enclosing()).collect(),
             apart: vec![],
             reach: NEAR.max(settings.clearance).max(yielding.margin),
-            reference: Vec::with_capacity(settings.steps + 1),
+            reference: vec![],
+            instants: settings.steps + 1,
             step,
             follow: 1.0 - (-RATE * step).exp(),
             margin: yielding.margin,
@@ -110,7 +113,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
 
     /// Makes room for so many more obstacles, and contacts of each body.
     pub fn reserve(&mut self, count: usize, contacts: usize) {
-        let Self { obstacles, pairs, apart, bodies, .. } = self;
+        let Self { obstacles, pairs, apart, bodies, reference, instants, .. } = self;
+        reference.reserve(instants.saturating_sub(reference.len()));
         obstacles.reserve(count);
         pairs.reserve(contacts * bodies.len());
         apart.reserve(count * bodies.len());

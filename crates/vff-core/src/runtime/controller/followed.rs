@@ -1,0 +1,170 @@
+//! The reference of a scenario as a loop follows it: by a clock that waits where the settings have a governor, and of a plan with its
+//! posture, its margins, and another plan where it leads nowhere any more.
+
+use crate::control::Controller;
+use crate::planned_reference::follow_plan;
+use crate::robot::{Manipulator, Robot};
+use crate::simulation::{Moment, Replan, Replanned, System};
+use crate::trajectory::{
+    Governor, GovernorSettings, Guided, JointSpline, Pace, Sample, Trajectory,
+};
+use crate::world::World;
+
+/// How far a joint may be from where a plan begins \[rad, m\].
+const NEAR: f64 = 0.1;
+
+/// The reference of a scenario, and what becomes of it.
+#[derive(Debug, Clone)]
+pub(super) struct Followed<S: System<D, M>, const D: usize, const M: usize> {
+    trajectory: Trajectory<S::Pose, M>,
+    /// What makes it wait.
+    governor: Option<Governor>,
+    /// Makes other plans.
+    replanning: Option<Box<dyn Replan<S, D, M>>>,
+    /// The time of the loop at which it begins \[s\]; it has not begun in a loop that is watched over, until there is a state.
+    begins: Option<f64>,
+}
+
+impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
+    /// From time 0 on.
+    pub(super) fn new(trajectory: Trajectory<S::Pose, M>) -> Self {
+        Self { trajectory, governor: None, replanning: None, begins: Some(0.0) }
+    }
+
+    /// From now on `replanning` watches over the plan, in a thread of its own.
+    pub(super) fn watch(&mut self, mut replanning: Box<dyn Replan<S, D, M>>) {
+        replanning.plan_beside();
+        self.replanning = Some(replanning);
+    }
+
+    /// From now on it waits as these settings say.
+    pub(super) fn wait(&mut self, settings: Option<GovernorSettings>, t: f64) {
+        let since = t - self.begins.unwrap_or(t);
+        if let Some(governor) = &mut self.governor {
+            governor.configure(settings, since);
+        }
+    }
+
+    /// From now on the end effector of a plan is that of `robot`. Allocates.
+    pub(super) fn lead(&mut self, robot: &S::State)
+    where
+        S::Pose: Guided<M>,
+        S::State: Manipulator<D, M, Pose = S::Pose> + 'static,
+    {
+        if let Some(joints) = self.trajectory.joints() {
+            self.trajectory = follow_plan::<S::State, D, M>(robot.clone(), joints.clone());
+        }
+    }
+
+    /// The plan, if it is one.
+    pub(super) fn joints(&self) -> Option<&JointSpline> {
+        self.trajectory.joints()
+    }
+
+    /// The searches for another plan so far.
+    pub(super) fn searches(&self) -> &[Replanned] {
+        self.replanning.as_ref().map_or(&[], |replanning| replanning.searches())
+    }
+
+    /// Begins anew: at time 0, or, in a loop that is watched over, with its first state.
+    pub(super) fn restart(&mut self, watched: bool) {
+        self.governor = None;
+        self.begins = (!watched).then_some(0.0);
+        if let Some(replanning) = &mut self.replanning {
+            self.trajectory = replanning.restart();
+        }
+    }
+
+    /// Makes what it needs of `controller`, so that no cycle allocates.
+    pub(super) fn reserve(&self, controller: &mut Controller<S::State, D, M>) {
+        if let Some(joints) = self.joints() {
+            controller.move_posture(joints, &Pace { time: 0.0, speed: 0.0, change: 0.0 });
+            controller.leave_plan();
+        }
+    }
+
+    /// Where and when a joint is too far from the beginning of the plan for a loop to begin there: its number, where it is and
+    /// where it should be \[rad, m\].
+    pub(super) fn missed_start(&self, q: &[f64]) -> Option<(usize, f64, f64)> {
+        let first = self.joints()?.first();
+        let joints = q.iter().zip(first).enumerate();
+        let far = joints.filter(|(_, (q, first))| (*q - *first).abs() > NEAR);
+        far.map(|(i, (q, first))| (i, *q, *first)).next()
+    }
+
+    /// Comes to time `t` \[s\] of the loop. It begins `blend` \[s\] after the first state of a loop that is watched over, and rests at
+    /// its start until then.
+    pub(super) fn go_to(
+        &mut self,
+        t: f64,
+        blend: f64,
+        controller: &mut Controller<S::State, D, M>,
+    ) {
+        let since = t - *self.begins.get_or_insert(t + blend);
+        let settings = controller.gains().governor;
+        match &mut self.governor {
+            Some(governor) => governor.begin(since),
+            none => *none = settings.map(|given| Governor::new(given, since.max(0.0))),
+        }
+        self.move_posture(t, controller);
+    }
+
+    /// Moves the posture of `controller` to where the plan has it at time `t` \[s\] of the loop.
+    pub(super) fn move_posture(&self, t: f64, controller: &mut Controller<S::State, D, M>) {
+        match self.trajectory.joints() {
+            Some(joints) => {
+                controller.move_posture(joints, &self.pace(t - self.begins.unwrap_or(t)));
+            }
+            None => controller.leave_plan(),
+        }
+    }
+
+    /// Its clock at `t` \[s\] after its beginning, were the error to stay.
+    fn pace(&self, t: f64) -> Pace {
+        match &self.governor {
+            _ if t < 0.0 => Pace { time: 0.0, speed: 0.0, change: 0.0 },
+            Some(governor) => governor.pace(t),
+            None => Pace::of_time(t),
+        }
+    }
+
+    /// Where it is in its own time \[s\] at time `t` \[s\] of the loop.
+    pub(super) fn path_time(&self, t: f64) -> f64 {
+        self.pace(t - self.begins.unwrap_or(t)).time
+    }
+
+    /// Where it puts the end effector at time `t` \[s\] of the loop.
+    pub(super) fn at(&self, t: f64) -> Sample<S::Pose, M> {
+        let t = t - self.begins.unwrap_or(t);
+        match &self.governor {
+            _ if t < 0.0 => Sample::at_rest(self.trajectory.at(0.0).x),
+            Some(governor) => governor.sample(&self.trajectory, t),
+            None => self.trajectory.at(t),
+        }
+    }
+
+    /// Looks at what `controller` has made of it at time `t` \[s\] of the loop, and `since` \[s\] after the obstacles in `world` have
+    /// begun to move: whether it has to wait, and whether another plan is needed.
+    pub(super) fn look(
+        &mut self,
+        [t, since]: [f64; 2],
+        controller: &Controller<S::State, D, M>,
+        world: &World<S::Solid, D>,
+    ) {
+        let error = controller.error().fixed_rows::<D>(0).norm();
+        if let Some(governor) = &mut self.governor {
+            governor.hear(error);
+        }
+        let path_time = self.path_time(t);
+        let Self { trajectory, replanning: Some(replanning), .. } = self else { return };
+        let (Some(joints), Some(planned)) = (trajectory.joints(), controller.moved_posture())
+        else {
+            return;
+        };
+        let q = controller.robot().configuration();
+        let moment = Moment { t, since, path_time, q, planned, error, joints, world };
+        if let Some(found) = replanning.look(&moment) {
+            *trajectory = found;
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! A plan in somebody else's loop: clock, posture and margins are those of a simulation.
+
+use vff_core::control::output::Phase;
+use vff_core::runtime::{AnyController, Reading, Target};
+use vff_core::scenario::Scenario;
+
+const H: f64 = 1e-3;
+
+/// Four links turn past a disc that comes into their way, among margins that change along the plan.
+const SCENE: &str = "duration = 4.0\n q0 = [0.2, 0.3, 0.3, 0.3]\n\
+    arm = { lengths = [1, 1, 1, 1], masses = 1, radius = 0.05, gravity = 9.81 }\n\
+    simulation = { dt = 1e-3, control = 'hold', integrator = 'semi_implicit_euler' }\n\
+    [controller]\n stiffness = 100\n damping = 20\n null_damping = 10\n posture_stiffness = 60\n\
+    avoidance = 'cbf'\n governor = {}\n\
+    [reference]\n kind = 'plan'\n times = [0.0, 1.5, 3.0]\n\
+    points = [[0.2, 0.3, 0.3, 0.3], [0.9, 0.4, 0.3, 0.2], [1.6, 0.3, 0.3, 0.3]]\n\
+    margins = [[0.02, 0.02, 0.02, 0.02], [0.01, 0.01, 0.015, 0.015], [0.02, 0.02, 0.02, 0.02]]\n\
+    [[obstacles]]\n shape = { kind = 'circle', radius = 0.2 }\n position = [2.0, 3.3]\n\
+    motion = { kind = 'linear', velocity = [-0.05, 0.0] }";
+
+fn scenario() -> Scenario {
+    Scenario::from_toml(SCENE).unwrap()
+}
+
+fn controller() -> AnyController {
+    AnyController::from_scenario(&scenario()).unwrap()
+}
+
+/// Every torque of a run, to the last bit, from a controller that is shown the states of it.
+#[test]
+fn the_torques_are_those_of_a_simulation() {
+    let (mut run, mut controller) = (scenario().prepare_recorded(false).unwrap().run, controller());
+    let (mut late, mut x) = (0.0_f64, [0.0; 2]);
+    loop {
+        let seen = run.snapshot();
+        controller.observe(seen.q, seen.dq, seen.t);
+        assert_eq!(controller.follow(), seen.torque.total.as_slice(), "at {}", seen.t);
+        controller.write_reference(&mut x);
+        assert_eq!((&x[..], controller.planned()), (seen.x_ref, seen.q_plan), "at {}", seen.t);
+        late = late.max(seen.t - seen.path_time.unwrap());
+        if !run.step() {
+            break;
+        }
+        let next = controller.path_time().unwrap();
+        assert!(next <= run.snapshot().t);
+    }
+    assert!(late > 0.1, "the governor has waited for {late} s only");
+}
+
+/// In a loop that is watched over, the reference begins when the torque has been blended in, whatever the robot's clock says.
+#[test]
+fn it_begins_when_the_torque_is_blended_in() {
+    for clock in [0.0, 1234.5] {
+        let mut controller = controller();
+        controller.begin(H, None).unwrap();
+        let q = [0.2, 0.3, 0.3, 0.3];
+        for k in 0..1000 {
+            let t = clock + H * f64::from(k);
+            let reading = Some(Reading { t, q: &q, dq: &[0.0; 4] });
+            let phase = controller.cycle(reading, None).unwrap();
+            let (since, path_time) = (H * f64::from(k) - 0.5, controller.path_time().unwrap());
+            if since < -0.5 * H {
+                assert_eq!((phase, path_time), (Phase::Starting, 0.0), "{clock} {k}");
+                assert_eq!(controller.planned().unwrap(), q);
+            } else if since < 0.1 {
+                assert!((path_time - since).abs() < 1e-6, "{clock} {k}: {path_time}");
+            }
+        }
+        // An arm that is held where it was is waited for.
+        assert!(controller.path_time().unwrap() < 0.48);
+    }
+}
+
+/// Other references are taken in between, and the plan goes on after them; a loop begins it anew.
+#[test]
+fn other_references_come_in_between() {
+    let mut controller = controller();
+    let (q, dq) = ([0.2, 0.3, 0.3, 0.3], [0.0; 4]);
+    let mut x = [0.0; 2];
+    controller.observe(&q, &dq, 1.0);
+    controller.follow();
+    controller.write_reference(&mut x);
+    controller.observe(&q, &dq, 1.0 + H);
+    let target = Target { x: &[3.0, 1.0], dx: &[0.0; 2], ddx: &[0.0; 2] };
+    controller.command(&target).unwrap();
+    let mut other = [0.0; 2];
+    controller.write_reference(&mut other);
+    assert_eq!(other, [3.0, 1.0]);
+    controller.observe(&q, &dq, 1.0 + 2.0 * H);
+    controller.follow();
+    controller.write_reference(&mut other);
+    assert!((0..2).all(|i| (other[i] - x[i]).abs() < 5e-3) && other != x);
+    assert_eq!(controller.missed_start(), None);
+    controller.observe(&[0.2, 0.3, 0.45, 0.3], &dq, 1.1);
+    assert_eq!(controller.missed_start(), Some((2, 0.45, 0.3)));
+}
