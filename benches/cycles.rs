@@ -62,7 +62,10 @@ fn scenes() -> Vec<(&'static str, Scenario)> {
     ]
 }
 
-fn methods() -> [(&'static str, fn(Scenario) -> Scenario); 3] {
+/// A name, and what makes a scenario use it.
+type Method = (&'static str, fn(Scenario) -> Scenario);
+
+fn methods() -> [Method; 3] {
     [
         ("null_space", |scenario| scenario),
         ("cbf", |mut scenario| {

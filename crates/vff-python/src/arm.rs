@@ -4,21 +4,21 @@ mod attributes;
 mod reading;
 mod states;
 
-use crate::convert::{array1, array2, matrix, table_to_dict, to_toml, vector};
-use crate::errors::InputError;
+use crate::convert::{array1, array2, matrix, table_to_dict, vector};
 use crate::extended_jacobian::ExtendedJacobian;
-use attributes::{Shapes, limits, planar, shapes};
+use attributes::{Shapes, exported, limits, planar, shapes, summary};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 pub use reading::plant;
-use reading::{read_by, uniform, with_load, with_tool};
+use reading::{given_values, read_by, uniform, with_load, with_tool};
 use toml::Table;
-use vff_core::control::extended_jacobian;
+use vff_core::control::extended_jacobian::MATRICES;
 use vff_core::runtime::{AnyArm, AnyState};
 
 type Array1<'py> = Bound<'py, PyArray1<f64>>;
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
+type Any<'a, 'py> = &'a Bound<'py, PyAny>;
 
 /// An arm of n links in a chain, in the plane or in space. It cannot be changed.
 ///
@@ -98,13 +98,7 @@ impl Arm {
             ("torque_limits", torque_limits),
             ("velocity_limits", velocity_limits),
         ];
-        let mut document = Table::new();
-        for (name, value) in given {
-            if let Some(value) = value {
-                document.insert(name.into(), to_toml(value, name)?);
-            }
-        }
-        Self::read(lengths.py(), document)
+        Self::read(lengths.py(), given_values(given)?)
     }
 
     /// The same arm with something at its tip, as part of the last link.
@@ -152,11 +146,7 @@ impl Arm {
     /// vffnull.errors.InputError
     ///     If it is no frame, or the arm moves in the plane.
     #[pyo3(signature = (position, orientation=None))]
-    fn with_tool(
-        &self,
-        position: &Bound<'_, PyAny>,
-        orientation: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
+    fn with_tool(&self, position: Any<'_, '_>, orientation: Option<Any<'_, '_>>) -> PyResult<Self> {
         with_tool(self, position, orientation)
     }
 
@@ -479,11 +469,7 @@ impl Arm {
     }
 
     /// Time derivative of the Jacobian, (2, n) or (6, n).
-    fn jacobian_dot<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        dq: &Bound<'py, PyAny>,
-    ) -> PyResult<Array2<'py>> {
+    fn jacobian_dot<'py>(&self, q: Any<'_, 'py>, dq: Any<'_, 'py>) -> PyResult<Array2<'py>> {
         matrix(q.py(), &self.moving(q, dq)?.jacobian_dot())
     }
 
@@ -494,11 +480,7 @@ impl Arm {
     }
 
     /// Coriolis matrix C by Christoffel symbols, (n, n) [N·m·s]: Ṁ = C + Cᵀ.
-    fn coriolis_matrix<'py>(
-        &self,
-        q: &Bound<'py, PyAny>,
-        dq: &Bound<'py, PyAny>,
-    ) -> PyResult<Array2<'py>> {
+    fn coriolis_matrix<'py>(&self, q: Any<'_, 'py>, dq: Any<'_, 'py>) -> PyResult<Array2<'py>> {
         let state = self.moving(q, dq)?;
         matrix(q.py(), &self.dense(q.py(), 4, || state.coriolis_matrix())?)
     }
@@ -560,34 +542,22 @@ impl Arm {
     /// ----------
     /// q, dq : (n,) array_like
     ///     Joint positions [rad or m] and velocities.
-    fn extended_jacobian(
-        &self,
-        q: &Bound<'_, PyAny>,
-        dq: &Bound<'_, PyAny>,
-    ) -> PyResult<ExtendedJacobian> {
+    fn extended_jacobian(&self, q: Any<'_, '_>, dq: Any<'_, '_>) -> PyResult<ExtendedJacobian> {
         let state = self.moving(q, dq)?;
-        self.dense(q.py(), extended_jacobian::MATRICES, || state.extended_jacobian())?
-            .map(|inner| ExtendedJacobian { inner })
-            .ok_or_else(|| {
-                InputError::new_err(
-                    "q: the extended Jacobian does not exist here: it needs at least 2 joints and \
-                     a configuration that is not singular (links not all on one line with the tip)",
-                )
-            })
+        let made = self.dense(q.py(), MATRICES, || state.extended_jacobian())?;
+        ExtendedJacobian::of(made)
     }
 
     /// The arm as MJCF, for MuJoCo; see `vffnull.engines.export.to_mjcf`.
     #[pyo3(signature = (name=None))]
     fn to_mjcf(slf: &Bound<'_, Self>, name: Option<&str>) -> PyResult<String> {
-        let export = slf.py().import("vffnull.engines.export")?;
-        export.call_method1("to_mjcf", (slf, name))?.extract()
+        exported(slf, "to_mjcf", name)
     }
 
     /// The arm as URDF; see `vffnull.engines.export.to_urdf`.
     #[pyo3(signature = (name=None))]
     fn to_urdf(slf: &Bound<'_, Self>, name: Option<&str>) -> PyResult<String> {
-        let export = slf.py().import("vffnull.engines.export")?;
-        export.call_method1("to_urdf", (slf, name))?.extract()
+        exported(slf, "to_urdf", name)
     }
 
     fn _repr_html_(slf: &Bound<'_, Self>) -> PyResult<Option<String>> {
@@ -625,14 +595,6 @@ impl Arm {
     }
 
     fn __repr__(&self) -> String {
-        let (n, reach) = (self.n(), self.arm.reach());
-        let links = if n == 1 { "link" } else { "links" };
-        match self.arm.dimension() {
-            2 => format!("<Arm: {n} {links}, reach {reach} m>"),
-            _ => {
-                let name = self.arm.name().map_or(String::new(), |name| format!("{name}, "));
-                format!("<Arm: {name}{n} {links} in space, reach at most {reach:.3} m>")
-            }
-        }
+        summary(&self.arm)
     }
 }

@@ -1,6 +1,7 @@
 //! `ExtendedJacobian`: task and null space of an arm as matrices.
 
 use crate::convert::matrix;
+use crate::errors::InputError;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use vff_core::control::extended_jacobian;
@@ -14,6 +15,18 @@ type Array2<'py> = Bound<'py, PyArray2<f64>>;
 #[pyclass(frozen, module = "vffnull")]
 pub struct ExtendedJacobian {
     pub inner: extended_jacobian::ExtendedJacobian,
+}
+
+impl ExtendedJacobian {
+    /// What was made of a state, where there is one.
+    pub fn of(made: Option<extended_jacobian::ExtendedJacobian>) -> PyResult<Self> {
+        made.map(|inner| Self { inner }).ok_or_else(|| {
+            InputError::new_err(
+                "q: the extended Jacobian does not exist here: it needs at least 2 joints and \
+                 a configuration that is not singular (links not all on one line with the tip)",
+            )
+        })
+    }
 }
 
 #[pymethods]

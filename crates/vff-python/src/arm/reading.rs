@@ -1,7 +1,7 @@
 //! Arms from descriptions: those of scenarios, those that others have read, and chains of equal links.
 
 use super::Arm;
-use crate::convert::{number, read_vector, whole_number};
+use crate::convert::{number, read_vector, to_toml, whole_number};
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
 use crate::run::prepared;
@@ -21,6 +21,14 @@ impl Arm {
         let document = arm.document(document);
         Ok(Self { arm, document })
     }
+}
+
+/// The part of a scenario that has these values.
+pub(super) fn given_values<const N: usize>(
+    given: [(&str, Option<&Bound<'_, PyAny>>); N],
+) -> PyResult<Table> {
+    let values = given.into_iter().filter_map(|(name, value)| Some((name, value?)));
+    values.map(|(name, value)| Ok((name.into(), to_toml(value, name)?))).collect()
 }
 
 /// The description of a chain of `n` equal links with this length, mass, radius and gravity.

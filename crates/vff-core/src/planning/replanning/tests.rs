@@ -12,7 +12,8 @@ fn progress(q: &[f64], error: f64, t: f64, progress: &mut Progress) -> Option<Re
     joints.at(t, state.each_mut().map(Vec::as_mut_slice));
     let [planned, ..] = &state;
     let (joints, world) = (&joints, &world);
-    let moment = Moment::<Plane, 2, 2> { t, path_time: t, q, planned, error, joints, world };
+    let moment =
+        Moment::<Plane, 2, 2> { t, since: t, path_time: t, q, planned, error, joints, world };
     progress.look(&moment, &ReplanSettings::default())
 }
 

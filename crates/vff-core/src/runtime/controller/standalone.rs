@@ -1,5 +1,7 @@
 //! A controller that is called from outside, with what is around it and what it remembers.
 
+mod made;
+
 use super::fading::Fading;
 use super::followed::Followed;
 use super::{
@@ -7,15 +9,13 @@ use super::{
     Surroundings, Target, TermsView,
 };
 use crate::control::output::{BeginError, Phase, Supervisor};
-use crate::control::{Controller, Gains, Gravity, Output, Settings, StablePeriod, Tank};
+use crate::control::{Controller, Gravity, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
-use crate::planning::motion::Jointed;
-use crate::planning::replanning::Replanner;
-use crate::robot::{Limits, Model, Robot};
+use crate::robot::{Limits, Robot};
 use crate::runtime::obstacles::AnyObstacles;
 use crate::runtime::points::{self, PointsError};
-use crate::scenario::{self, CheckReach, FromDocument, Scenario, ScenarioError, Scene};
+use crate::scenario::{self, FromDocument, ScenarioError};
 use crate::simulation::{Replanned, System};
 use crate::trajectory::Sample;
 use crate::world::space::{self, Points};
@@ -57,95 +57,6 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
-    /// Among no obstacles.
-    pub fn new(arm: &Arc<S::Arm>, settings: Settings) -> Self {
-        let (robot, gains) = (arm.state(), Gains::new(&settings).of_arm(&settings, &**arm));
-        let controller = Controller::new(robot, gains);
-        let command = &settings.command;
-        let output = command.changes_torque().then(|| Box::new(Output::new(command, arm.dof())));
-        let mut this = Self {
-            arm: Arc::clone(arm),
-            controller,
-            world: World::new(vec![]),
-            epoch: 0.0,
-            placed: vec![],
-            fading: None,
-            output,
-            supervisor: None,
-            scratch: vec![0.0; arm.dof()],
-            followed: None,
-            warnings: vec![],
-            reach: arm.reach(),
-            last: None,
-            spoilt: false,
-            settings,
-        };
-        this.reserve();
-        this
-    }
-
-    /// The controller of a scenario.
-    pub fn of(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Self, ScenarioError>
-    where
-        S: CheckReach<D, M>,
-    {
-        let (arm, trajectory, odd) = scenario.arm_and_reference::<S, D, M>(scene)?;
-        let mut this = Self::new(&arm, scenario.controller.clone());
-        this.set_obstacles(scene.obstacles.clone())?;
-        this.followed = Some(Box::new(Followed::new(trajectory)));
-        this.reserve();
-        this.warnings =
-            odd.into_iter().chain(scenario::misread_scene(scene, arm.reach())).collect();
-        Ok(this)
-    }
-
-    /// The same, which plans anew in another thread where the plan leads nowhere any more, if the scenario says so.
-    pub fn replanning(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Self, ScenarioError>
-    where
-        S: CheckReach<D, M> + 'static,
-        S::State: Jointed<D>,
-    {
-        let mut this = Self::of(scenario, scene)?;
-        let Self { followed, world, .. } = &mut this;
-        if let (Some(settings), Some(followed)) = (&scenario.replan, followed)
-            && let Some(plan) = followed.joints()
-        {
-            let arm = Arc::new(S::arm(&scene.arm)?);
-            let replanner = Replanner::<S, D, M>::new(settings, scenario, (&arm, world), plan)?;
-            followed.watch(Box::new(replanner));
-        }
-        Ok(this)
-    }
-
-    fn set_obstacles(
-        &mut self,
-        obstacles: Vec<<S::Solid as Solid<D>>::Obstacle>,
-    ) -> Result<(), ScenarioError> {
-        let world = World::<S::Solid, D>::new(obstacles);
-        self.fits(world.barrier_count())?;
-        self.world = world;
-        self.placed.clear();
-        self.reserve();
-        Ok(())
-    }
-
-    /// Whether there is room for so many distances of each link.
-    fn fits(&self, barriers: usize) -> Result<(), ScenarioError> {
-        scenario::validate_size(&self.settings, self.controller.robot().dof(), barriers)
-    }
-
-    /// Allocates all that the next torques need among these obstacles.
-    fn reserve(&mut self) {
-        self.placed.resize(self.world.len(), None);
-        self.controller.reserve(&self.world);
-        if let Some(fading) = &mut self.fading {
-            fading.controller.reserve(&self.world);
-        }
-        if let Some(followed) = &self.followed {
-            followed.reserve(&mut self.controller);
-        }
-    }
-
     fn reset(&mut self) {
         let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
         self.controller = Controller::new(robot, gains);

@@ -5,6 +5,7 @@
 //! [`control::output`](crate::control::output); what goes wrong in the robot's driver leads to the same end, and is a value, a
 //! [`Fault`]. Drivers are [`Driver`]s; [`SimulatedRobot`] is one.
 
+mod doubts;
 mod driver;
 mod ending;
 mod exchange;
@@ -24,6 +25,7 @@ use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
 use crate::control::output::{BeginError, Clock, Phase};
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
+use doubts::Doubts;
 use exchange::{Inbox, ROWS, Sighting};
 use reference::Reference;
 use std::mem::swap;
@@ -161,34 +163,6 @@ struct Inner {
     refused: u32,
     doubts: Doubts,
     notes: Vec<String>,
-}
-
-/// Obstacles that were seen where they cannot have come.
-#[derive(Debug, Default)]
-struct Doubts {
-    count: u64,
-    /// The farthest one \[m\], and when \[s\].
-    farthest: (f64, usize, f64),
-}
-
-impl Doubts {
-    /// Obstacle `j` was seen at time `t` \[s\], so far from where it can be \[m\].
-    fn add(&mut self, j: usize, t: f64, distance: f64) {
-        self.count += u64::from(distance > 0.0);
-        if distance > self.farthest.0 {
-            self.farthest = (distance, j, t);
-        }
-    }
-
-    fn note(&self) -> Option<String> {
-        let Self { count, farthest: (distance, j, t) } = self;
-        (*count > 0).then(|| {
-            format!(
-                "obstacles were seen {count} times where they cannot have come at command.obstacle_speed, \
-                 farthest away obstacles[{j}] at t = {t:.3} s, by {distance:.3} m; they were brought there no faster"
-            )
-        })
-    }
 }
 
 impl<D: Driver> Loop<D> {

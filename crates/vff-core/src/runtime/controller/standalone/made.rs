@@ -1,0 +1,103 @@
+//! How a controller is made, of settings or of a scenario, and what is around it.
+
+use super::super::followed::Followed;
+use super::Standalone;
+use crate::control::{Controller, Gains, Output, Settings};
+use crate::planning::motion::Jointed;
+use crate::planning::replanning::Replanner;
+use crate::robot::{Model, Robot};
+use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
+use crate::simulation::System;
+use crate::world::{CollisionQuery, Solid, World};
+use std::sync::Arc;
+
+impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
+    /// Among no obstacles.
+    pub fn new(arm: &Arc<S::Arm>, settings: Settings) -> Self {
+        let (robot, gains) = (arm.state(), Gains::new(&settings).of_arm(&settings, &**arm));
+        let controller = Controller::new(robot, gains);
+        let command = &settings.command;
+        let output = command.changes_torque().then(|| Box::new(Output::new(command, arm.dof())));
+        let mut this = Self {
+            arm: Arc::clone(arm),
+            controller,
+            world: World::new(vec![]),
+            epoch: 0.0,
+            placed: vec![],
+            fading: None,
+            output,
+            supervisor: None,
+            scratch: vec![0.0; arm.dof()],
+            followed: None,
+            warnings: vec![],
+            reach: arm.reach(),
+            last: None,
+            spoilt: false,
+            settings,
+        };
+        this.reserve();
+        this
+    }
+
+    /// The controller of a scenario.
+    pub fn of(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Self, ScenarioError>
+    where
+        S: CheckReach<D, M>,
+    {
+        let (arm, trajectory, odd) = scenario.arm_and_reference::<S, D, M>(scene)?;
+        let mut this = Self::new(&arm, scenario.controller.clone());
+        this.set_obstacles(scene.obstacles.clone())?;
+        this.followed = Some(Box::new(Followed::new(trajectory)));
+        this.reserve();
+        this.warnings =
+            odd.into_iter().chain(scenario::misread_scene(scene, arm.reach())).collect();
+        Ok(this)
+    }
+
+    /// The same, which plans anew in another thread where the plan leads nowhere any more, if the scenario says so.
+    pub fn replanning(scenario: &Scenario, scene: &Scene<S, D>) -> Result<Self, ScenarioError>
+    where
+        S: CheckReach<D, M> + 'static,
+        S::State: Jointed<D>,
+    {
+        let mut this = Self::of(scenario, scene)?;
+        let Self { followed, world, .. } = &mut this;
+        if let (Some(settings), Some(followed)) = (&scenario.replan, followed)
+            && let Some(plan) = followed.joints()
+        {
+            let arm = Arc::new(S::arm(&scene.arm)?);
+            let replanner = Replanner::<S, D, M>::new(settings, scenario, (&arm, world), plan)?;
+            followed.watch(Box::new(replanner));
+        }
+        Ok(this)
+    }
+
+    pub(super) fn set_obstacles(
+        &mut self,
+        obstacles: Vec<<S::Solid as Solid<D>>::Obstacle>,
+    ) -> Result<(), ScenarioError> {
+        let world = World::<S::Solid, D>::new(obstacles);
+        self.fits(world.barrier_count())?;
+        self.world = world;
+        self.placed.clear();
+        self.reserve();
+        Ok(())
+    }
+
+    /// Whether there is room for so many distances of each link.
+    pub(super) fn fits(&self, barriers: usize) -> Result<(), ScenarioError> {
+        scenario::validate_size(&self.settings, self.controller.robot().dof(), barriers)
+    }
+
+    /// Allocates all that the next torques need among these obstacles.
+    pub(super) fn reserve(&mut self) {
+        self.placed.resize(self.world.len(), None);
+        self.controller.reserve(&self.world);
+        if let Some(fading) = &mut self.fading {
+            fading.controller.reserve(&self.world);
+        }
+        if let Some(followed) = &self.followed {
+            followed.reserve(&mut self.controller);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! The nearest points of a body that is a hull to every obstacle.
+
+use super::{Named, Pair, Placed, Solid, Turn};
+use crate::geometry::Carried;
+use crate::math::keep_least;
+
+/// The distance between the surface of a hull, which the capsule of `around` holds, and the nearest obstacle \[m\], where it is
+/// below `limit`. If it is below `reach`, `meet` is called with those that may be, in their order.
+///
+/// The capsule is never farther from anything than the hull: most obstacles are asked no more.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the parts of a world that is borrowed, and a question"
+)]
+#[inline(never)]
+pub(super) fn near_hull<S: Solid<D>, const D: usize>(
+    obstacles: &mut [Placed<S, D>],
+    named: &mut Named<S, D>,
+    time: f64,
+    pair: Pair,
+    around: &S::Probe,
+    hull: &Carried<'_, D>,
+    [reach, limit]: [f64; 2],
+    mut meet: impl FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
+) -> f64 {
+    let is_crowd = matches!(named, Named::BroadPhase(_));
+    let mut within = reach;
+    loop {
+        let near = match named {
+            Named::All => None,
+            Named::Each(all) => Some(&all[..]),
+            Named::BroadPhase(crowd) => Some(crowd.near(obstacles, time, around, within)),
+        };
+        let count = near.map_or(obstacles.len(), <[usize]>::len);
+        let asked = || (0..count).map(|k| near.map_or(k, |near| near[k]));
+        let mut least = f64::INFINITY;
+        for j in asked() {
+            let (obstacle, bound) = (&obstacles[j], least.min(limit));
+            // False where it is undefined.
+            let is_farther = obstacle.distance_below(around, bound) >= bound;
+            if !is_farther {
+                let (pair, state) = (Pair { obstacle: j, ..pair }, &obstacle.state);
+                let found = obstacle.hull_contact(pair, hull, around, state, obstacle.turn());
+                keep_least(&mut least, found.distance);
+            }
+        }
+        // Of a crowd those nearer to the capsule than `within`, or the nearest one: that of the hull is no farther than this.
+        if is_crowd && least > within && within < limit {
+            within = least.min(limit);
+            continue;
+        }
+        if least < reach {
+            for j in asked() {
+                let obstacle = &obstacles[j];
+                let is_far = obstacle.distance_below(around, reach) >= reach;
+                if !is_far {
+                    meet(Pair { obstacle: j, ..pair }, obstacle, obstacle.turn());
+                }
+            }
+        }
+        return least + 0.0;
+    }
+}

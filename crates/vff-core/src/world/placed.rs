@@ -1,0 +1,257 @@
+//! An obstacle where it is at an instant, and what it is asked there.
+
+use super::{Asked, Contact, Description, MotionState, Outlook, Pair, Solid, Turn, Turning};
+use crate::geometry::Carried;
+use crate::math::Vector;
+
+/// An obstacle with what is computed once (`solid`) and when it is needed (`state`).
+#[derive(Debug, Clone)]
+pub(super) struct Placed<S: Solid<D>, const D: usize> {
+    pub(super) description: S::Obstacle,
+    pub(super) solid: S,
+    pub(super) state: MotionState<D>,
+    /// The instant that the state belongs to \[s\]; any, if the obstacle is static.
+    pub(super) time: f64,
+    /// Whether it neither moves nor turns.
+    pub(super) is_static: bool,
+    /// How it turns, if it does.
+    pub(super) turned: Option<Box<Turned<D>>>,
+    /// The most contacts and barriers that it will have, where that is more than it has.
+    pub(super) room: usize,
+}
+
+/// How an obstacle turns, and how it is turned at the instant of its state.
+#[derive(Debug, Clone)]
+pub(super) struct Turned<const D: usize> {
+    pub(super) turning: Turning<D>,
+    pub(super) now: Turn<D>,
+}
+
+impl<S: Solid<D>, const D: usize> Placed<S, D> {
+    pub(super) fn new(description: S::Obstacle) -> Self {
+        let turned =
+            description.turning().map(|turning| Box::new(Turned { now: turning.at(0.0), turning }));
+        Self {
+            solid: S::new(&description),
+            state: description.motion().at(0.0, description.position()),
+            time: 0.0,
+            is_static: description.motion().is_static() && turned.is_none(),
+            turned,
+            room: 0,
+            description,
+        }
+    }
+
+    /// Whether the state is that at time `t` \[s\]. Compared as bits: only the very same instant is.
+    #[inline]
+    pub(super) fn is_at(&self, t: f64) -> bool {
+        self.time.to_bits() == t.to_bits() || self.is_static
+    }
+
+    /// The state at time `t` \[s\].
+    #[inline]
+    pub(super) fn state_at(&self, t: f64) -> MotionState<D> {
+        if self.is_at(t) { self.state } else { self.moved_to(t) }
+    }
+
+    /// The same, carried on for `after` \[s\]. Without a copy between, which processors wait for.
+    #[inline(always)]
+    pub(super) fn state_after(&self, t: f64, after: f64) -> MotionState<D> {
+        if self.is_at(t) { self.state.after(after) } else { self.moved_to(t).after(after) }
+    }
+
+    /// Keeps the state at time `t` \[s\].
+    #[inline]
+    pub(super) fn move_to(&mut self, t: f64) {
+        if !self.is_at(t) {
+            (self.state, self.time) = (self.moved_to(t), t);
+            if let Some(turned) = &mut self.turned {
+                turned.now = turned.turning.at(t);
+            }
+        }
+    }
+
+    /// How it is turned at time `t` \[s\]; none if it does not turn.
+    #[inline]
+    pub(super) fn turn_at(&self, t: f64) -> Option<Turn<D>> {
+        let turned = self.turned.as_ref()?;
+        Some(if self.is_at(t) { turned.now } else { turned.turning.at(t) })
+    }
+
+    /// How it is turned at the instant of its state.
+    #[inline]
+    pub(super) fn turn(&self) -> Option<&Turn<D>> {
+        self.turned.as_ref().map(|turned| &turned.now)
+    }
+
+    #[inline(never)]
+    pub(super) fn moved_to(&self, t: f64) -> MotionState<D> {
+        self.description.motion().at(t, self.description.position())
+    }
+
+    /// The distance between the surfaces of obstacle and link \[m\], bit for bit that of their contact.
+    #[inline(always)]
+    pub(super) fn distance(&self, link: &S::Probe) -> f64 {
+        self.distance_below(link, f64::INFINITY)
+    }
+
+    /// The same where it is less than `limit` \[m\]; otherwise anything that is not.
+    #[inline(always)]
+    pub(super) fn distance_below(&self, link: &S::Probe, limit: f64) -> f64 {
+        let position = &self.state.position;
+        match self.turn() {
+            None => self.solid.distance_below(link, position, limit),
+            Some(turn) => {
+                let seen = Self::seen(link, position, turn);
+                self.solid.distance_below(&seen, &Vector::zeros(), limit)
+            }
+        }
+    }
+
+    /// A body as the obstacle sees it that is at this position and turned so.
+    #[inline]
+    pub(super) fn seen(link: &S::Probe, position: &Vector<D>, turn: &Turn<D>) -> S::Probe {
+        S::probe(&turn.see(&S::body(link), position))
+    }
+
+    /// Their contact, were the obstacle in this state and turned so.
+    #[inline]
+    pub(super) fn contact(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+    ) -> Contact<D> {
+        let Some(turn) = turn else { return self.solid.contact(pair, link, state) };
+        let seen = Self::seen(link, &state.position, turn);
+        let found = self.solid.contact(pair, &seen, &MotionState::at_rest(Vector::zeros()));
+        turn.place(&found, state)
+    }
+
+    /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds, were the obstacle in this state and
+    /// turned so.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "two things, how they are placed, and a question"
+    )]
+    #[inline(never)]
+    pub(super) fn meet_hull(
+        &self,
+        pair: Pair,
+        hull: &Carried<'_, D>,
+        around: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+        asked: Asked,
+        visit: &mut dyn FnMut(&Contact<D>),
+    ) {
+        let Some(turn) = turn else {
+            return self.solid.meet_hull(pair, hull, around, state, asked, visit);
+        };
+        let rotation = turn.rotation.tr_mul(hull.rotation);
+        let position = turn.rotation.tr_mul(&(hull.position - state.position));
+        let hull = Carried { hull: hull.hull, rotation: &rotation, position };
+        let (around, rest) =
+            (Self::seen(around, &state.position, turn), MotionState::at_rest(Vector::zeros()));
+        let visit = &mut |found: &Contact<D>| visit(&turn.place(found, state));
+        self.solid.meet_hull(pair, &hull, &around, &rest, asked, visit);
+    }
+
+    /// The contact with a hull that is nearest, the same way.
+    pub(super) fn hull_contact(
+        &self,
+        pair: Pair,
+        hull: &Carried<'_, D>,
+        around: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+    ) -> Contact<D> {
+        let mut nearest = None;
+        let visit = &mut |found: &Contact<D>| nearest = Some(*found);
+        self.meet_hull(pair, hull, around, state, turn, Asked::Nearest, visit);
+        // Every solid has one.
+        nearest.unwrap_or_else(|| self.contact(pair, around, state, turn))
+    }
+
+    /// All of their contacts nearer than `reach` \[m\], were the obstacle in this state and turned so.
+    #[inline(always)] // with and without turning apart
+    pub(super) fn for_each_contact(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let Some(turn) = turn else {
+            return self.solid.for_each_contact(pair, link, state, reach, visit);
+        };
+        let seen = Self::seen(link, &state.position, turn);
+        let rest = MotionState::at_rest(Vector::zeros());
+        let visit = |found: &Contact<D>| visit(&turn.place(found, state));
+        self.solid.for_each_contact(pair, &seen, &rest, reach, visit);
+    }
+
+    /// All distances that must be kept so that every contact nearer than `reach` \[m\] is, at the instant of the state.
+    #[inline(always)]
+    pub(super) fn for_each_barrier(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        turn: Option<&Turn<D>>,
+        reach: f64,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let Self { solid, state, .. } = self;
+        let Some(turn) = turn else {
+            return solid.for_each_contact(pair, link, state, reach, |contact| {
+                solid.for_each_barrier(contact, link, state, &mut visit);
+            });
+        };
+        let (seen, rest) =
+            (Self::seen(link, &state.position, turn), MotionState::at_rest(Vector::zeros()));
+        let mut visit = |row: &Contact<D>| visit(&turn.place(row, state));
+        solid.for_each_contact(pair, &seen, &rest, reach, |contact| {
+            solid.for_each_barrier(contact, &seen, &rest, &mut visit);
+        });
+    }
+
+    /// Those of many contacts nearer than `reach` \[m\] that a program of this `outlook` needs, were the obstacle in this state
+    /// and turned so (T157).
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "two things, how they are placed, and a question"
+    )]
+    #[inline(never)]
+    pub(super) fn for_each_needed(
+        &self,
+        pair: Pair,
+        link: &S::Probe,
+        state: &MotionState<D>,
+        turn: Option<&Turn<D>>,
+        reach: f64,
+        outlook: &Outlook<'_, D>,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        let ahead = outlook.ahead(pair.link, &S::body(link), state, turn);
+        let Some(turn) = turn else {
+            return self.solid.for_each_needed(pair, link, state, reach, &ahead, visit);
+        };
+        let seen = Self::seen(link, &state.position, turn);
+        let rest = MotionState::at_rest(Vector::zeros());
+        let visit = |found: &Contact<D>| visit(&turn.place(found, state));
+        self.solid.for_each_needed(pair, &seen, &rest, reach, &ahead, visit);
+    }
+
+    /// Opposite corners of a box that holds it however it is turned, relative to its position \[m\].
+    pub(super) fn extent(&self) -> [Vector<D>; 2] {
+        if self.turned.is_some() {
+            let reach = Vector::repeat(self.solid.reach());
+            [-reach, reach]
+        } else {
+            self.solid.extent()
+        }
+    }
+}
