@@ -384,10 +384,6 @@ vff_status vff_controller_cycle(struct vff_controller *controller,
 // For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
 vff_status vff_controller_stop(struct vff_controller *controller);
 
-// For the loop: forgets the past: an energy tank is as full as at the start, a look-ahead follows no candidate, and the
-// next state may be at any time. Obstacles and reference stay.
-vff_status vff_controller_reset(struct vff_controller *controller);
-
 // A law that can take the place of that of `controller` while its loop runs: for a robot, with other loads or another tool, and with
 // settings as in `vff_controller_new`, whose `task` and `command` are those of `controller`. It has room for the obstacles of that; make it
 // anew when they have changed. Free it with `vff_controller_free`. Allocates.
