@@ -138,7 +138,8 @@ def test_types_of_the_header(prefix: Path, tmp_path: Path) -> None:
 def test_the_loop_of_libfranka(prefix: Path, tmp_path: Path) -> None:
     """As the page has it, against stand-ins of libfranka's names; it never met libfranka."""
     page = (ROOT / "docs" / "c.md").read_text(encoding="utf-8")
-    (loop,) = re.findall(r"^```cpp\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    examples = re.findall(r"^```cpp\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    (loop,) = (example for example in examples if "franka::" in example)
     (tmp_path / "page.inc").write_text(loop, encoding="utf-8")
     run([compiled(prefix, ROOT / "tests" / "c" / "libfranka_loop.cpp", tmp_path / "loop", f"-I{tmp_path}")])
 

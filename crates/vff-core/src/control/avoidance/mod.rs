@@ -80,20 +80,23 @@ struct Limiter<const M: usize> {
     barrier: Barrier,
     /// Whether it acts at all times; otherwise where a torque is beyond its limit, or a joint would be too fast.
     is_judged: bool,
+    /// Whether the torque is within its limits before.
+    is_fitted: bool,
 }
 
 impl<const M: usize> Limiter<M> {
-    fn new<R: Robot<D>, const D: usize>(gains: &Gains<M>, robot: &R) -> Self {
+    fn new<R: Robot<D>, const D: usize>(gains: &Gains<M>, robot: &R, is_fitted: bool) -> Self {
         let is_judged = gains.command.is_judged();
         let barrier = Barrier::new(robot, gains);
         Self {
             weight: barrier::weight::<D, M>(&gains.yielding, &gains.metric::<D>()),
-            barrier: if is_judged {
+            barrier: if is_judged || robot.limits().velocity.is_empty() {
                 barrier.without_speeds(robot)
             } else {
                 barrier.guarding_speeds()
             },
             is_judged,
+            is_fitted,
         }
     }
 
@@ -104,7 +107,7 @@ impl<const M: usize> Limiter<M> {
     ) {
         let Situation { robot, space, bias, range, .. } = *situation;
         if self.is_judged
-            || !limits::within(&torque.total, &robot.limits().torque)
+            || !(self.is_fitted || limits::within(&torque.total, &robot.limits().torque))
             || !self.barrier.is_calm(robot, &torque.total, bias)
         {
             let kept = Kept { pairs: &[], own: &[], range };
@@ -144,20 +147,22 @@ pub struct Avoider<const D: usize, const M: usize> {
 }
 
 impl<const D: usize, const M: usize> Avoider<D, M> {
-    /// What `gains` ask for on `robot`; nothing if the task always wins and there are no limits.
+    /// What `gains` ask for on `robot`; nothing if the task always wins and no speed is limited.
     pub fn new<R: Robot<D>>(gains: &Gains<M>, robot: &R) -> Option<Box<Self>> {
         let is_judged = gains.command.is_judged();
         let Limits { torque, velocity, .. } = robot.limits();
         let is_limited = gains.enforce_limits && !(torque.is_empty() && velocity.is_empty());
+        let is_paced = gains.enforce_limits && !velocity.is_empty();
         let way = match gains.avoidance {
-            Avoidance::NullSpace if !(is_limited || is_judged) => return None,
+            Avoidance::NullSpace if !(is_paced || is_judged) => return None,
             Avoidance::NullSpace => Ways::TaskWins(TaskWins),
             Avoidance::Relaxed => Ways::Relaxed(Relaxed::new::<D>(gains)),
             Avoidance::Priority => Ways::Priority(Priority::new(gains, robot)),
             Avoidance::Cbf => Ways::Cbf(Cbf::new(gains, robot)),
         };
         let keeps_limits = matches!(way, Ways::Cbf(_)) || !(is_limited || is_judged);
-        let limiter = (!keeps_limits).then(|| Limiter::new(gains, robot));
+        let is_fitted = matches!(way, Ways::TaskWins(_)) && gains.enforce_limits;
+        let limiter = (!keeps_limits).then(|| Limiter::new(gains, robot, is_fitted));
         Some(Box::new(Self { way, limiter }))
     }
 
