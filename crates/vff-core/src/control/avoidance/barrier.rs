@@ -220,7 +220,8 @@ impl Barrier {
         let joints = nominal.iter().zip(robot.velocity()).zip(velocity);
         joints.into_iter().all(|((ddq, dq), most)| {
             let bound = |dq| guarded_acceleration(*rate, *most, dq);
-            -bound(-dq) <= *ddq && *ddq <= bound(*dq)
+            // The first is never more than either bound, and nearly always enough.
+            ddq.abs() <= *rate * (*most - dq.abs()) || (-bound(-dq) <= *ddq && *ddq <= bound(*dq))
         })
     }
 
