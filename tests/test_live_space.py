@@ -697,9 +697,15 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
                 page.look(view)
                 wait_for(lambda: (tab.wait_for_timeout(100), settled(tab))[1])
                 frames(page)
-                end_of_time = time.monotonic() + HANG
+                end_of_time, tries = time.monotonic() + HANG, 0
                 while page.snapshot()["clearance"].min() >= 0.15:
                     assert time.monotonic() < end_of_time, f"the ball does not come to the elbow, {view}"
+                    uncover()  # the note may come again, and lie on the ball
+                    tries += 1
+                    if tries % 5 == 0:  # the ball may lie behind a link, or the tab stand still
+                        page.reset()
+                        tab.set_viewport_size({"width": 1000, "height": 450 - tries // 5 % 2})
+                        tab.wait_for_timeout(1000)
                     # On a busy machine the picture may lag behind the camera: a visitor tries again.
                     ball = page._scene._obstacles[0].position
                     elbow = page.scenario.arm.forward_kinematics(page.snapshot()["q"])[3]
