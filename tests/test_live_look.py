@@ -290,8 +290,7 @@ def test_few_kinds_of_shaders_delay_the_first_picture(name: str) -> None:
                 return tab
 
             def settled(_: Any) -> bool:
-                state = page.snapshot()
-                return state["status"] == "running" and state["t"] > 0.3
+                return page.snapshot()["t"] > 0.3  # its run may have ended before a slow picture comes
 
             seen = visit(SimpleNamespace(new_page=counting), page.url, settled, (900, 700))
             kinds = seen.tab.evaluate("() => window.kinds.size")
