@@ -75,9 +75,7 @@ have the inertia of rotors that MuJoCo Menagerie's model of it has, 0.1 kg·m²,
 
 **{observed}** runs of {observeds} where the kilogram is observed were ended by the robot; **{clean}** of
 {cleans} without it; **{loaded}** of {loadeds} where nobody knows of it, of which {late} after the scene's
-end. A stop damps the arm, −d M q̇ and the weights that are known: under one that nobody knows the arm
-sinks instead of standing still, until the stop is given up after 5 s, a joint is at its end, or the hand
-or a joint too fast.
+end. A stop damps the arm and holds it where it comes to rest, whatever it carries (T160).
 
 A **reflex** is a run that the robot ends by itself, with the rule that most of them broke; *stop*: so
 many of them in the stop. **Faults** are runs that the drive ends although the robot does not.

@@ -425,8 +425,8 @@ def test_the_hand_does_not_turn_too_fast() -> None:
     assert outcome.reflex is None
 
 
-def test_a_stop_holds_a_load_that_is_observed() -> None:
-    """A kilogram pulls an arm down that is to stand, unless an observer has seen it."""
+def test_a_stop_holds_a_load() -> None:
+    """A kilogram that nobody knows of moves an arm that is to stand by millimetres; with an observer by less."""
 
     def sunk(**more: object) -> float:
         there = franka.Robot(SCENE, Disturbances(load={"mass": 1.0}))
@@ -437,7 +437,7 @@ def test_a_stop_holds_a_load_that_is_observed() -> None:
         return seen[1500] - min(seen[1500:])
 
     touch = {"task": "reject", "null_space": "reject"}
-    assert sunk() > 0.05
+    assert sunk() < 0.02
     assert sunk(observer={}, touch=touch) < 0.002
 
 

@@ -76,16 +76,16 @@ enum vff_phase
     VFF_PHASE_RUNNING = 1,
     // The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
     VFF_PHASE_HOLDING = 2,
-    // The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: damping
-    // only.
+    // The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: the arm is
+    // damped and, at a state that comes, held once it is slow.
     VFF_PHASE_DAMPING = 3,
     // It has been missing for longer still: nothing is sent but gravity, if it is ours.
     VFF_PHASE_RELEASED = 4,
     // The loop is over: the state did not come back. Only `vff_controller_begin` leads out of this.
     VFF_PHASE_LOST = 5,
-    // The end was asked for: damping only, until the arm stands.
+    // The end was asked for: the arm is damped and, once it is slow, held, until it stands.
     VFF_PHASE_STOPPING = 6,
-    // The loop is over: the arm stands.
+    // The loop is over: the arm stands, and is held as long as there are cycles.
     VFF_PHASE_FINISHED = 7,
 };
 #ifndef __cplusplus

@@ -28,16 +28,16 @@ pub enum vff_phase {
     Running = 1,
     /// The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
     Holding = 2,
-    /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: damping
-    /// only.
+    /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: the arm is
+    /// damped and, at a state that comes, held once it is slow.
     Damping = 3,
     /// It has been missing for longer still: nothing is sent but gravity, if it is ours.
     Released = 4,
     /// The loop is over: the state did not come back. Only `vff_controller_begin` leads out of this.
     Lost = 5,
-    /// The end was asked for: damping only, until the arm stands.
+    /// The end was asked for: the arm is damped and, once it is slow, held, until it stands.
     Stopping = 6,
-    /// The loop is over: the arm stands.
+    /// The loop is over: the arm stands, and is held as long as there are cycles.
     Finished = 7,
 }
 

@@ -67,9 +67,15 @@ impl Bench {
 
     /// The robot does what it was sent, for one period.
     fn go_on(&mut self) {
+        self.go_on_with(&[0.0; 3]);
+    }
+
+    /// The same under a torque that nobody knows of.
+    fn go_on_with(&mut self, external: &[f64]) {
         let g = self.gravity();
         let own = if self.carries_itself { g } else { vec![0.0; 3] };
-        let tau: Vec<_> = self.sent.iter().zip(own).map(|(sent, own)| sent + own).collect();
+        let torques = self.sent.iter().zip(own).zip(external);
+        let tau: Vec<_> = torques.map(|((sent, own), external)| sent + own + external).collect();
         let ddq = self.state.forward_dynamics(&tau);
         for ((q, dq), ddq) in self.q.iter_mut().zip(&mut self.dq).zip(ddq) {
             *dq += H * ddq;
@@ -81,6 +87,14 @@ impl Bench {
 
     fn gravity(&self) -> Vec<f64> {
         self.state.gravity_torque()
+    }
+
+    /// The torques of a weight \[N\] at the tip.
+    fn load(&self, weight: f64) -> Vec<f64> {
+        let mut joints = vec![];
+        self.state.append_joint_positions(&mut joints);
+        let tip = joints[joints.len() - 2];
+        (0..3).map(|i| -weight * (tip - joints[2 * i])).collect()
     }
 }
 
@@ -310,6 +324,55 @@ fn a_stop_is_damped() {
     bench.t += H;
     assert_eq!(bench.cycle(Some(AWAY)), Phase::Finished);
     assert_eq!(bench.cycle_with(None, None), Phase::Finished);
+}
+
+/// An arm with a load that nobody knows of stands where it was stopped, at rest or in motion, and goes on standing there.
+#[test]
+fn a_stop_holds_a_load_that_nobody_knows_of() {
+    for moving in [0, 150] {
+        let mut bench = Bench::new(ARM, "start = 0");
+        bench.controller.begin(H, None).unwrap();
+        for _ in 0..moving {
+            bench.cycle(Some(AWAY));
+            bench.go_on();
+        }
+        bench.controller.stop();
+        let (mut k, mut low, mut stood) = (0, f64::INFINITY, None);
+        let stopped = bench.tip();
+        for _ in 0..4000 {
+            // 1.5 kg at the tip, half of what the last link weighs.
+            let weight = bench.load(1.5 * 9.81);
+            if bench.cycle(None) == Phase::Finished && stood.is_none() {
+                stood = Some(k);
+            }
+            bench.go_on_with(&weight);
+            low = low.min(bench.tip()[1] - stopped[1]);
+            k += 1;
+        }
+        assert!(stood.is_some_and(|k| k < 3000), "{stood:?}");
+        assert!(near(&bench.dq, &[0.0; 3], 1e-3), "{:?}", bench.dq);
+        let sunk = stopped[1] - bench.tip()[1];
+        assert!(low > -0.15 && sunk < 0.1, "{moving}: {low}, {sunk}");
+    }
+}
+
+/// What holds an arm that is stopped is no stronger than a quarter of its limits: who pushes harder moves it.
+#[test]
+fn a_stop_gives_in() {
+    let mut bench = Bench::new(ARM, "start = 0");
+    bench.controller.begin(H, None).unwrap();
+    bench.controller.stop();
+    let first = bench.q.clone();
+    for _ in 0..1000 {
+        bench.cycle(None);
+        bench.go_on_with(&[0.0, 0.0, -0.4 * LIMITS[2]]);
+    }
+    assert!(bench.q[2] < first[2] - 0.5, "{}", bench.q[2]);
+    for _ in 0..2000 {
+        bench.cycle(None);
+        bench.go_on();
+    }
+    assert!(near(&bench.dq, &[0.0; 3], 0.01), "{:?}", bench.dq);
 }
 
 /// What is sent changes no faster than it may, in whatever phase; without the limit it would.

@@ -7,6 +7,7 @@
 pub mod admission;
 pub mod clock;
 pub mod friction;
+pub mod hold;
 pub mod supervision;
 
 use super::{CommandSettings, Gravity, TorqueRange};

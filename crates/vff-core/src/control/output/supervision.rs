@@ -3,12 +3,13 @@
 //! What goes wrong in a loop is a value, a [`Phase`], never a panic. A state that does not come, comes again, is not finite or
 //! cannot be ([`Admission`]) counts as missing. Fewer than `patience` missing in a row: what was sent last is held. From there on the arm is
 //! damped as if its velocity decayed from the last one known (T115), then nothing but gravity is sent, then it is lost. As long as there is
-//! a state, an arm that is too fast, or a law without a torque, is damped where it is.
+//! a state, an arm that is too fast, or a law without a torque, is damped where it is, and held there once it is slow ([`Hold`]).
 //!
 //! The arm that is damped is at the last state of the loop, whatever else the law was asked.
 
 use super::Output;
 use super::admission::Admission;
+use super::hold::Hold;
 use crate::control::CommandSettings;
 use crate::control::Controller;
 use crate::math::smoothstep;
@@ -24,16 +25,16 @@ pub enum Phase {
     Running,
     /// The state is missing, for fewer than `patience` cycles: what was sent last is held.
     Holding,
-    /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: damping
-    /// only.
+    /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: the arm is
+    /// damped and, at a state that comes, held once it is slow.
     Damping,
     /// It has been missing for 5/d: nothing is sent but gravity, if it is ours.
     Released,
     /// It has been missing for 10/d. Nothing leads out of this but a new beginning.
     Lost,
-    /// The end was asked for: damping only, until the arm stands.
+    /// The end was asked for: the arm is damped and, once it is slow, held, until it stands.
     Stopping,
-    /// It stands. Nothing is sent but gravity, if it is ours.
+    /// It stands, and is held as long as there are cycles.
     Finished,
 }
 
@@ -113,6 +114,10 @@ pub struct Supervisor<R, const D: usize> {
     is_known: bool,
     /// What the law adds for a load that the model does not know: an arm that is damped holds it, too.
     carried: Vec<f64>,
+    /// That, and what holds it.
+    beside: Vec<f64>,
+    /// What holds an arm that is damped where it comes to rest.
+    hold: Hold,
 }
 
 impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
@@ -172,6 +177,8 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             blended: 0.0,
             sent: vec![0.0; n],
             carried: vec![0.0; n],
+            beside: vec![0.0; n],
+            hold: Hold::new(n, damping, period),
             is_known: false,
         })
     }
@@ -196,7 +203,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.admission.clock().ahead()
     }
 
-    /// Asks for the end: damping only from the next cycle on, until the arm stands.
+    /// Asks for the end: from the next cycle on the arm is damped and held, until it stands.
     pub fn stop(&mut self) {
         self.stops = true;
     }
@@ -259,10 +266,11 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             self.speechless = self.speechless.saturating_add(1);
             return match self.speechless < self.patience {
                 true => self.hold(),
-                false => self.damp_as(Phase::Damping, self.damping),
+                false => self.damp_here(Phase::Damping, self.damping),
             };
         }
         self.speechless = 0;
+        self.hold.release();
         self.phase = Phase::Running;
         self.output.convert(robot, tau);
         if self.blended < self.blend {
@@ -287,7 +295,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             _ => Phase::Stopping,
         };
         self.place();
-        self.damp_as(phase, self.damping.max(damping_before_stops(&self.robot)))
+        self.damp_here(phase, self.damping.max(damping_before_stops(&self.robot)))
     }
 
     /// A cycle without a state.
@@ -322,10 +330,20 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.phase
     }
 
+    /// Damps the arm at a new state, and holds it there once it is slow.
+    fn damp_here(&mut self, phase: Phase, d: f64) -> Phase {
+        self.place();
+        self.hold.update(&self.robot, d);
+        self.damp_as(phase, d)
+    }
+
     /// Damps the arm at the last state; the torque of the law is blended in anew after that.
     fn damp_as(&mut self, phase: Phase, d: f64) -> Phase {
         self.place();
-        self.output.damp(&self.robot, d, &self.carried);
+        let Self { beside, carried, hold, .. } = self;
+        let known = carried.iter().zip(hold.torque());
+        beside.iter_mut().zip(known).for_each(|(out, (carried, hold))| *out = carried + hold);
+        self.output.damp(&self.robot, d, &self.beside);
         (self.phase, self.blended) = (phase, 0.0);
         self.send();
         self.origin.copy_from_slice(self.output.sent());
