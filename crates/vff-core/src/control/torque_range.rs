@@ -30,6 +30,8 @@ const THREE_POLES: f64 = 1.5;
 const BRAKING: f64 = 0.25;
 /// In parts of j/k³: a height that is farther below 0 asks for no more than this one.
 const DEEPEST: f64 = 0.3;
+/// The least share of (T161): a distance that joints hardly change is not worth everything else.
+const LEAST_SHARE: f64 = 1e-3;
 
 impl TorqueRange {
     /// For drives whose torque may change so fast \[N·m/s, N/s\], each.
@@ -54,13 +56,19 @@ impl TorqueRange {
     /// be changed by `jerk` and ḣ is −`closing` at worst (T131); no earlier than (T67) reacts with `rate` \[1/s\].
     pub fn least_acceleration(&self, now: [f64; 3], jerk: f64, closing: f64, rate: f64) -> f64 {
         let [h, dh, ddh] = now;
-        let fastest = THREE_POLES * rate;
-        let k = (SHARPNESS * (jerk / closing).sqrt()).min(fastest).min(1.0 / (3.0 * self.period));
+        let k = self.pole(jerk, closing, rate);
         let h = h.max(-DEEPEST * jerk / (k * k * k));
         ddh - self.period * k * (3.0 * ddh + k * (3.0 * dh + k * h))
     }
 
-    /// The same for a distance along whose gradient the joints push; leaves M⁻¹Jₕᵀ in `response`.
+    /// k of (T131) \[1/s\].
+    fn pole(&self, jerk: f64, closing: f64, rate: f64) -> f64 {
+        let fastest = THREE_POLES * rate;
+        (SHARPNESS * (jerk / closing).sqrt()).min(fastest).min(1.0 / (3.0 * self.period))
+    }
+
+    /// The same for a distance along whose gradient the joints push, and what this period asks for in parts of what (T67) would ask
+    /// for at once (T161); leaves M⁻¹Jₕᵀ in `response`.
     pub fn least_distance_acceleration<R: Robot<D>, const D: usize>(
         &self,
         robot: &R,
@@ -68,10 +76,11 @@ impl TorqueRange {
         gradient: &[f64],
         response: &mut [f64],
         rate: f64,
-    ) -> f64 {
+    ) -> [f64; 2] {
         robot.mass_solve(gradient, response);
         let jerk = self.jerk(gradient, response);
-        self.least_acceleration(now, jerk, CLOSING, rate)
+        let share = self.period * self.pole(jerk, CLOSING, rate).powi(3) / (rate * rate);
+        [self.least_acceleration(now, jerk, CLOSING, rate), share.clamp(LEAST_SHARE, 1.0)]
     }
 
     /// The largest acceleration with `left` to go to the largest speed: in proportion near it, and farther away as much

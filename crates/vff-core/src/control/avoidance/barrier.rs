@@ -132,6 +132,8 @@ pub struct Barrier {
     scratch: Vec<f64>,
     normals: Vec<f64>,
     bounds: Vec<f64>,
+    /// What each distance asks for in parts of what (T67) would, behind a limit of the torque rate (T161).
+    shares: Vec<f64>,
     softness: Vec<f64>,
     /// What every joint can be sent \[N·m, N\]; empty if anything.
     ends: Vec<[f64; 2]>,
@@ -178,6 +180,7 @@ impl Barrier {
             scratch: zeros(n),
             normals: vec![],
             bounds: vec![],
+            shares: vec![],
             softness: vec![],
             ends: Vec::with_capacity(n),
             speed: settings.joint_speeds(robot),
@@ -231,7 +234,9 @@ impl Barrier {
         let constraints = pairs + 4 * n + 2;
         self.normals.clear();
         self.bounds.clear();
+        self.shares.clear();
         self.softness.clear();
+        self.shares.reserve(pairs);
         self.normals.reserve(constraints * n);
         self.bounds.reserve(constraints);
         self.softness.reserve(constraints);
@@ -261,6 +266,7 @@ impl Barrier {
         robot.accelerate(&torque.total, bias, &mut self.scratch, &mut self.nominal);
         self.normals.clear();
         self.bounds.clear();
+        self.shares.clear();
         self.softness.clear();
         if let Some(range) = kept.range {
             robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
@@ -269,9 +275,7 @@ impl Barrier {
         let distances = self.bounds.len();
         self.keep_joints(robot, kept.range);
         self.keep_tip(robot, kept.range);
-        let softness = 1.0 / self.slack_weight;
-        self.softness.resize(distances, softness);
-        self.softness.resize(self.bounds.len(), softness / JOINTS);
+        self.soften(distances);
         self.ends.clear();
         match kept.range {
             None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
@@ -306,9 +310,20 @@ impl Barrier {
         if outcome == Outcome::NotConvex {
             return 0.0; // The state is not finite: the run ends here.
         }
-        let missing = |(a, bound): (&[f64], &f64)| bound - dot(a, y);
-        let constraints = self.normals.chunks_exact(n).zip(&self.bounds).take(distances);
+        let missing = |((a, bound), share): ((&[f64], &f64), &f64)| (bound - dot(a, y)) / share;
+        let constraints = self.normals.chunks_exact(n).zip(&self.bounds).zip(&self.shares);
         constraints.map(missing).fold(0.0, f64::max)
+    }
+
+    /// How soft each constraint is: 1/ρ for a distance, or as much less as it asks for at a time, and a hundredth of the least of
+    /// these for joints and the tip (T161).
+    fn soften(&mut self, distances: usize) {
+        let Self { softness, shares, bounds, slack_weight, .. } = self;
+        let of = |share: f64| share / *slack_weight;
+        let least = shares.iter().fold(1.0, |least: f64, share| least.min(*share));
+        softness.extend(shares.iter().map(|share| of(*share)));
+        debug_assert_eq!(softness.len(), distances);
+        softness.resize(bounds.len(), of(least) / JOINTS);
     }
 
     /// Every distance, with the exact d̈ (T60).
@@ -340,21 +355,25 @@ impl Barrier {
         range: Option<&TorqueRange>,
         gradient: impl FnOnce(&mut [f64], &mut [f64]),
     ) {
-        let Self { rate: k, nominal, present, normals, bounds, scratch, .. } = self;
+        let Self { rate: k, nominal, present, normals, bounds, shares, scratch, .. } = self;
         interrupt::spend(64 + nominal.len());
         let start = normals.len();
         normals.resize(start + nominal.len(), 0.0);
         let normal = &mut normals[start..];
         gradient(normal, scratch);
         let asked = dot(normal, nominal) + motion.bias;
-        bounds.push(match range {
-            None => -(asked + 2.0 * *k * motion.rate + *k * *k * height),
+        let [bound, share] = match range {
+            None => [-(asked + 2.0 * *k * motion.rate + *k * *k * height), 1.0],
             Some(range) => {
                 interrupt::spend(7 * nominal.len());
                 let now = [height, motion.rate, dot(normal, present) + motion.bias];
-                range.least_distance_acceleration(robot, now, normal, scratch, *k) - asked
+                let [least, share] =
+                    range.least_distance_acceleration(robot, now, normal, scratch, *k);
+                [least - asked, share]
             }
-        });
+        };
+        bounds.push(bound);
+        shares.push(share);
     }
 
     /// The angles and the speeds of all joints: a constraint for each side of each.

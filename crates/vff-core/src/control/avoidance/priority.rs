@@ -98,7 +98,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
                 None => -2.0 * k * motion.rate - k * k * height,
                 Some(range) => {
                     let now = [height, motion.rate, dot(gradient, present) + motion.bias];
-                    range.least_distance_acceleration(robot, now, gradient, response, k)
+                    range.least_distance_acceleration(robot, now, gradient, response, k)[0]
                 }
             };
             let missing = wanted - motion.bias - dot(gradient, acceleration);
