@@ -57,6 +57,7 @@ SHORTER = {
     "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
     "python benches/drive.py": "python benches/drive.py --quick",
     "python benches/gym.py": "python benches/gym.py 8 20",
+    "python benches/interrupt.py": "python benches/interrupt.py --tries 51",
     "python benches/many.py": "python benches/many.py --scenarios 4 --duration 1 --repeat 1",
     "python benches/peers/run.py": "python benches/peers/run.py --quick",
     "python benches/studies.py": "python benches/studies.py --quick",
