@@ -279,7 +279,9 @@ def tried(name: str, tries: int, seed: int, folder: Path) -> list[tuple[str, flo
         if done.returncode:
             found.append((f"crash: {done.returncode} {done.stderr[-300:]}", None))
         elif done.stderr:
-            found[-1] = (f"other: said {done.stderr[-300:]}", None)
+            # Of an exception in a finaliser Python tells and goes on: no fault, but to be seen.
+            how = "told" if done.stderr.startswith("Exception ignored in") else "other"
+            found[-1] = (f"{how}: {done.stderr[-300:]}", None)
     return found
 
 
@@ -319,7 +321,7 @@ def main() -> int:
     total = ", ".join(f"{how} {number}" for how, number in sorted(ends.items()))
     print(f"{sum(ends.values())} tries of {len(names)} calls: {total}")
     print(f"{late} answered after more than {LIMIT} s")
-    return bool(faults)
+    return any(": told: " not in fault for fault in faults)
 
 
 if __name__ == "__main__":
