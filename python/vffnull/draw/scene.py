@@ -48,6 +48,10 @@ if TYPE_CHECKING:
 
 _PAIRS = 200_000
 """Of links and obstacles that are measured at a time."""
+_CORNER = -50.0
+"""The azimuth [°] of the corner from which a scene in space is seen unless somebody says otherwise."""
+_END_ON = 0.5
+"""How wide an arm at least is in a picture, compared with one from the next corner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +269,16 @@ class Scene:
         own = [float(part.corners[..., -1].min()) - part.radius for part in self.parts if part.index < 0]
         lowest = min(own, default=base)
         return lowest if lowest < base - 0.25 * self.reach else base
+
+    @property
+    def next_corner(self) -> float:
+        """By how much [°] the usual view from a corner is turned, to not see the arm end-on: 0 or 90."""
+        if self.dimension == 2:
+            return 0.0
+        usual, turned = (
+            np.ptp(self.joints[0] @ geometry.looking(_CORNER + turn, 0.0)[0]) for turn in (0.0, 90.0)
+        )
+        return 90.0 if usual < _END_ON * turned else 0.0
 
     @property
     def moves(self) -> bool:
