@@ -20,6 +20,7 @@ from vffnull.draw.primitives import Axes, Body
 from vffnull.draw.scene import Scene
 from vffnull.evaluation.geometry.arm import rotation
 from vffnull.live.scene.space import SpaceScene
+from vffnull.model.arm import arm_of
 
 FRONT = np.eye(3)  # right x, up y, towards the viewer z
 GREY = np.full(3, 0.5)
@@ -521,6 +522,22 @@ def test_a_pedestal_stands_on_the_floor() -> None:
     arm["collision"] = [*arm["collision"], {"link": arm["base"], "shape": column}]
     scene = Scene.of_scenario(plain.replace(arm=arm))
     assert scene.foot == floor_of(scene) == pytest.approx(-1.0)
+
+
+def test_an_arm_is_not_looked_for_behind_its_own_pedestal() -> None:
+    """One that stands beside a body, as of a robot with two arms: behind it, seen from the usual corner."""
+    document = vff.Arm.named("panda").to_dict()
+    body = {"kind": "capsule", "a": [0.25, -0.3, 0.0], "b": [0.25, -0.3, 1.4], "radius": 0.25}
+    for place, turn in ((body, 90.0), (body | {"a": [-0.5, 0.4, 0.0], "b": [-0.5, 0.4, 1.4]}, 0.0)):
+        made = document | {"collision": [*document["collision"], {"link": document["base"], "shape": place}]}
+        scene = Scene.of_arm(arm_of(made), [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+        assert scene.next_corner == turn
+
+
+def test_bundled_scenes_are_seen_from_the_usual_corner() -> None:
+    """So that figures of one are beside those of another."""
+    scenes = [Scene.of_scenario(vff.Scenario.load(name)) for name in vff.scenarios()]
+    assert {scene.next_corner for scene in scenes} == {0.0}
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.8, 1.6, 2.4, 3.1, 4.0, 5.0])
