@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import threading
 import time
 import zipfile
@@ -17,6 +19,7 @@ from vffnull.arms import _meshes
 from vffnull.arms._hulls import CORNERS
 from vffnull.arms.meshes import Enclosure, enclose
 from vffnull.errors import InputError
+from waiting import HANG
 
 PANDA = vff.Arm.named("panda")
 Q = np.array([0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854])
@@ -181,3 +184,26 @@ def test_cutting_ends_at_ctrl_c(tmp_path: Path) -> None:
         enclose(path, 50)
         pytest.fail("the cut had ended before")
     thread.join()
+
+
+def test_a_binary_stl_is_read_without_the_library_as_with_it(tmp_path: Path) -> None:
+    """To the last bit, in a process that never imports it; an STL in text is the library's."""
+    path, text = saved(bracket(), tmp_path), tmp_path / "text.stl"
+    found, wanted = _meshes._binary_stl(path), _meshes._by_trimesh(path)
+    assert found is not None
+    for ours, theirs in zip(found, wanted, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+        assert np.asarray(ours).dtype == np.asarray(theirs).dtype
+    text.write_text(trimesh.exchange.stl.export_stl_ascii(bracket()))
+    assert _meshes._binary_stl(text) is None
+    np.testing.assert_allclose(
+        np.sort(_meshes.read(text, "text", (1, 1, 1)).points, axis=0),
+        np.sort(_meshes.read(path, "binary", (1, 1, 1)).points, axis=0),
+        atol=1e-6,
+    )
+    script = (
+        "import sys; from pathlib import Path; from vffnull.arms import _meshes\n"
+        f"_meshes.read(Path({str(path)!r}), 'mesh', (1, 1, 1)); print('trimesh' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=HANG)
+    assert done.stdout.strip() == "False", done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import warnings
 from pathlib import Path
 
@@ -11,9 +12,12 @@ import pytest
 from click.testing import CliRunner
 
 import vffnull as vff
+import vffnull._core as _core
 from vffnull.arms import _kept, read_urdf
 from vffnull.arms._capsules import Solid, fit_solids
+from vffnull.arms._new import INNER, TRIED, _bent
 from vffnull.arms._read import _always
+from vffnull.arms._touching import spread
 from vffnull.cli import _commands
 from vffnull.errors import ScenarioError, ScenarioWarning
 from vffnull.model.arm import arm_of
@@ -195,3 +199,79 @@ def test_mjcf_in_a_scenario(tmp_path: Path) -> None:
     scenario.write_text(f'{text}urdf = "robot.xml"\n', encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"this is MJCF, `\[arm\] mjcf = …` reads it"):
         vff.Scenario.load(scenario)
+
+
+def _new(*arguments: str) -> str:
+    done = CliRunner().invoke(_commands, ["arms", "new", *arguments], standalone_mode=False)
+    assert done.exception is None, done.exception
+    return done.stdout
+
+
+def test_an_arm_whose_links_touch_in_the_middle_of_its_ranges() -> None:
+    """A posture further out is found where none of the inner half is free: a forearm that is folded there."""
+    made = vff.Arm.named("ur5e").to_dict()
+    made["joint_limits"][2] = [0.9, 2.0 * np.pi - 0.9]
+    (wrist,) = (each for each in made["collision"] if each["link"] == "wrist_1_link")
+    wrist["shape"]["radius"] = 0.28
+    made["ignore"] = [["wrist_1_link", "wrist_3_link"]]
+    inner = _core.overlapping_links(made, [q.tolist() for q in spread(made, TRIED, INNER[0])])
+    assert all(inner)
+    assert not _core.overlapping_links(made, [_bent(made, arm_of(made))])[0]
+
+
+def test_an_mjcf_has_no_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the scenario would not take is refused at once."""
+    monkeypatch.chdir(tmp_path)
+    Path("robot.xml").write_text(vff.Arm.named("ur5e").to_mjcf(), encoding="utf-8")
+    for command in ("new", "check"):
+        done = CliRunner().invoke(
+            _commands, ["arms", command, "robot.xml", "--package", "."], standalone_mode=False
+        )
+        assert "--package is for a URDF" in str(done.exception)
+
+
+def test_arms_new_hands_on_how_the_file_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every option of reading is in the scenario, which reads the arm that was read."""
+    monkeypatch.chdir(tmp_path)
+    Path("robot.urdf").write_text(vff.Arm.named("panda").to_urdf(), encoding="utf-8")
+    tip = vff.arms.named("panda")["tip"]
+    asked = ["--tip", tip, "--lock", "panda_joint7=0.25", "--collision", "file", "--package", str(tmp_path)]
+    Path("mine.toml").write_text(_new("robot.urdf", *asked, "--fix-inertia"), encoding="utf-8")
+    table = _core.parse_toml(Path("mine.toml").read_text(encoding="utf-8"), "mine")["arm"]
+    assert table == {
+        "urdf": "robot.urdf",
+        "tip": tip,
+        "locked": {"panda_joint7": 0.25},
+        "collision": "file",
+        "packages": [str(tmp_path)],
+        "fix_inertia": True,
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        assert vff.Scenario.load("mine.toml").arm.n == 6
+
+
+def test_what_is_odd_about_an_arm_is_listed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`arms new` and `validate` list it; `run` says in one line that there is something."""
+    monkeypatch.chdir(tmp_path)
+    document = vff.Arm.named("ur5e").to_dict()
+    bare = document["joints"][2]["link"]
+    document["collision"] = [each for each in document["collision"] if each["link"] != bare]
+    text = re.sub(r' velocity="[^"]*"', "", arm_of(document).to_urdf())
+    Path("robot.urdf").write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(
+        _commands, ["arms", "new", "robot.urdf", "--tip", document["tip"]], standalone_mode=False
+    )
+    assert f"no shape on `{bare}`" in done.stderr and "no limit of speed" in done.stderr
+    Path("mine.toml").write_text(done.stdout, encoding="utf-8")
+    listed = CliRunner().invoke(_commands, ["validate", "mine.toml"], standalone_mode=False).output
+    assert listed.count("warning: ") == done.stderr.count("warning: ") > 1
+    ran = CliRunner().invoke(
+        _commands, ["run", "mine.toml", "--set", "duration=0.1", "-q"], standalone_mode=False
+    )
+    told = [line for line in ran.stderr.splitlines() if "about the arm" in line]
+    assert told == [
+        f"warning: {listed.count('warning: ')} things are odd about the arm: "
+        "`vffnull validate mine.toml` lists them"
+    ]
+    assert "no shape on" not in ran.output

@@ -204,10 +204,21 @@ def test_a_controller_has_default_settings() -> None:
 
 def test_metrics_and_films_show_themselves_in_a_notebook(short: vff.Result) -> None:
     shown = short.metrics._repr_html_()
-    assert shown.count("<tr>") == len(short.metrics) and "min_clearance" in shown
+    assert shown.count("<tr>") == len(short.metrics) - len(short.metrics.missing) and "min_clearance" in shown
     assert "&lt;b&gt;" in vff.Metrics({"<b>": 1.0})._repr_html_()
     film = short.animate(fps=10)
     assert "GIF" in repr(film)
+
+
+def test_tables_of_metrics_have_no_rows_without_a_value(short: vff.Result) -> None:
+    """What does not apply to a run is named below the table, so that nothing is lost."""
+    named, missing = str(short.metrics).split("without a value: ")
+    assert "–" not in named and "min_clearance " in named
+    assert missing.replace("\n", " ").split(", ") == short.metrics.missing
+    assert "collision_time" in short.metrics.missing
+    assert str(vff.Metrics({"steps": 3})) == "steps  3   steps of the plant, the start among them"
+    assert str(vff.Metrics({"replans": None})) == "without a value: replans"
+    assert str(vff.Metrics({})) == "(no metrics)"
 
 
 @pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")

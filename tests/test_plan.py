@@ -280,6 +280,27 @@ def test_files_of_others_are_refused(found: vff.Plan, tmp_path: Path) -> None:
         vff.Plan.load(tmp_path / "missing.npz")
 
 
+def test_damaged_files(found: vff.Plan, tmp_path: Path) -> None:
+    """One wrong bit, anywhere, gives no other plan and no other error: in all of the headers, here and there
+    in the rest.
+    """
+    path, random = found.save(tmp_path / "plan.npz"), np.random.default_rng(4)
+    whole = path.read_bytes()
+    heads = [at.start() + i for at in re.finditer(b"PK|NUMPY", whole) for i in range(0, 80, 3)]
+    for at in [*heads, *random.integers(len(whole), size=200)]:
+        damaged = bytearray(whole)
+        damaged[min(at, len(whole) - 1)] ^= 1 << random.integers(8)
+        path.write_bytes(damaged)
+        try:
+            again = vff.Plan.load(path)
+        except InputError as error:
+            assert str(path) in str(error)
+            continue
+        assert repr(again) == repr(found)
+        for name in ("t", "q", "dq", "ddq", "tip", "margins"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+
+
 @pytest.mark.parametrize(
     ("change", "path"),
     [

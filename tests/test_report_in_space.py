@@ -291,6 +291,18 @@ def test_a_scene_in_space_is_turned_and_moved(browser: Any, result: vff.Result, 
         acts_like_a_scene(tab, result, "webgl")
 
 
+def test_an_arm_that_comes_towards_the_corner_is_seen_from_the_next(browser: Any, tmp_path: Path) -> None:
+    """The usual corner is 48° to the right of where arms reach; this one reaches to just there."""
+    q0 = [-0.83, *vff.Scenario.load("panda-sweep")["q0"][1:]]
+    short = {"q0": q0, "duration": 0.02, "obstacles": []}
+    path = vff.simulate("panda-sweep", short).report(tmp_path / "turned.html")
+    with opened(browser, path) as tab:
+        assert np.degrees(tab.look()["azimuth"]) == pytest.approx(90.0 - 47.6, abs=0.5)
+        tab.page.get_by_role("button", name="Side").click()
+        tab.page.get_by_role("button", name="Corner").click()
+        tab.page.wait_for_function("Math.abs(vffnullSpace.look.azimuth - 0.74) < 0.01", timeout=1000 * HANG)
+
+
 def test_without_webgl_it_is_drawn_flat(browser: Any, result: vff.Result, path: Path) -> None:
     with opened(browser, path, script=NO_WEBGL) as tab:
         acts_like_a_scene(tab, result, "flat")

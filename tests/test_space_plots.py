@@ -19,6 +19,8 @@ from vffnull.draw.figures.render import Canvas, Layer, rods, trace
 from vffnull.draw.primitives import Axes, Body
 from vffnull.draw.scene import Scene
 from vffnull.evaluation.geometry.arm import rotation
+from vffnull.live.scene.space import SpaceScene
+from vffnull.model.arm import arm_of
 
 FRONT = np.eye(3)  # right x, up y, towards the viewer z
 GREY = np.full(3, 0.5)
@@ -520,3 +522,44 @@ def test_a_pedestal_stands_on_the_floor() -> None:
     arm["collision"] = [*arm["collision"], {"link": arm["base"], "shape": column}]
     scene = Scene.of_scenario(plain.replace(arm=arm))
     assert scene.foot == floor_of(scene) == pytest.approx(-1.0)
+
+
+def test_an_arm_is_not_looked_for_behind_its_own_pedestal() -> None:
+    """One that stands beside a body, as of a robot with two arms: behind it, seen from the usual corner."""
+    document = vff.Arm.named("panda").to_dict()
+    body = {"kind": "capsule", "a": [0.25, -0.3, 0.0], "b": [0.25, -0.3, 1.4], "radius": 0.25}
+    for place, turn in ((body, 90.0), (body | {"a": [-0.5, 0.4, 0.0], "b": [-0.5, 0.4, 1.4]}, 0.0)):
+        made = document | {"collision": [*document["collision"], {"link": document["base"], "shape": place}]}
+        scene = Scene.of_arm(arm_of(made), [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+        assert scene.next_corner == turn
+
+
+def test_bundled_scenes_are_seen_from_the_usual_corner() -> None:
+    """So that figures of one are beside those of another."""
+    scenes = [Scene.of_scenario(vff.Scenario.load(name)) for name in vff.scenarios()]
+    assert {scene.next_corner for scene in scenes} == {0.0}
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.8, 1.6, 2.4, 3.1, 4.0, 5.0])
+def test_no_arm_is_seen_end_on_unless_asked_for(turn: float, tmp_path: Path) -> None:
+    """Wherever it reaches, figures, films, reports and the live page show it from where it is not short."""
+    usual = vff.Scenario.load("panda-sweep")
+    q0 = [turn - 6.2832 if turn > 2.8 else turn, *usual["q0"][1:]]
+    q0[0] = float(np.clip(q0[0], -2.8, 2.8))
+    made = usual.replace(q0=q0, duration=0.02, obstacles=[])
+    scene = Scene.of_scenario(made)
+    joints = scene.joints[0] - scene.joints[0, 0]
+    reach = float(np.ptp(np.linalg.norm(joints[:, :2], axis=1)))
+
+    def width(azimuth: float) -> float:
+        return float(np.ptp(joints @ geometry.looking(azimuth, 0.0)[0]))
+
+    drawn = space.stage(style.figure(4.0), scene, (0.0, 0.0, 1.0, 1.0))
+    assert width(drawn.azim) > 0.35 * reach
+    assert drawn.azim == space.AZIMUTH + scene.next_corner
+    page = SpaceScene.__new__(SpaceScene)
+    page._still, page._view, page._floor, page.reach = scene, "", 0.0, scene.reach
+    low, high = space.bounds(scene)
+    seen = page.camera((low[0], high[0], low[1], high[1], low[2], high[2]), 1.0)
+    away = np.asarray(seen.position) - np.asarray(seen.look_at)
+    assert width(np.degrees(np.arctan2(away[1], away[0]))) > 0.35 * reach

@@ -10,11 +10,14 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vffnull._support.errors import InputError
 from vffnull.arms._capsules import Solid
 
 __all__ = ["MissingMeshError", "Packages", "find", "read"]
+
+Array = NDArray[Any]
 
 Packages = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
@@ -24,6 +27,8 @@ MOST_BYTES = 128 << 20
 MOST_TRIANGLES = 1_000_000
 """Of a mesh: its hulls take kilobytes for each."""
 
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""A triangle in a binary STL."""
 _PACKED = (".gz", ".bz2", ".xz", ".tar", ".tgz")
 _METRES = {"meters": 1.0, "meter": 1.0, "millimeters": 1e-3, "centimeters": 1e-2, "inches": 0.0254}
 
@@ -113,26 +118,12 @@ def read(path: Path, name: str, scale: Sequence[float]) -> Solid:
     Raises
     ------
     ImportError
-        If trimesh is not installed.
+        If trimesh is not installed, and the file is another than a binary STL.
     vffnull.errors.InputError
         If the file holds no triangles, or too much, or cannot be read.
     """
     _check_size(path)
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError('meshes need trimesh: pip install "vffnull[meshes]"') from error
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        unit = _METRES.get(scene.units or "meters", 1.0) if path.suffix.lower() == ".dae" else 1.0
-        mesh = scene.to_mesh()
-        points, triangles = np.array(mesh.vertices, float), np.array(mesh.faces, np.int64)
-    except ImportError as error:
-        raise ImportError(
-            f'{path.suffix} needs another library: pip install "vffnull[meshes]" ({error})'
-        ) from error
-    except Exception as error:  # whatever a parser says of a broken file
-        raise InputError(f"mesh {path} cannot be read: {error or type(error).__name__}") from error
+    points, triangles, unit = _binary_stl(path) or _by_trimesh(path)
     if len(triangles) == 0:
         raise InputError(f"mesh {path} holds no triangles")
     if len(triangles) > MOST_TRIANGLES:
@@ -143,6 +134,37 @@ def read(path: Path, name: str, scale: Sequence[float]) -> Solid:
     if not np.all(np.isfinite(points)):
         raise InputError(f"mesh {path} has vertices that are not finite")
     return Solid.mesh(name, points * (unit * np.asarray(scale, float)), triangles)
+
+
+def _binary_stl(path: Path) -> tuple[Array, Array, float] | None:
+    """What is in a binary STL; None of another file. Importing trimesh takes longer than all else."""
+    if path.suffix.lower() != ".stl":
+        return None
+    data = path.read_bytes()
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) != 84 + 50 * count:
+        return None
+    points = np.frombuffer(data, _FACET, count, 84)["corners"].astype(float).reshape(-1, 3)
+    return points, np.arange(3 * count).reshape(-1, 3), 1.0
+
+
+def _by_trimesh(path: Path) -> tuple[Array, Array, float]:
+    """Vertices, triangles and the unit of length [m] as trimesh reads them."""
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError('meshes need trimesh: pip install "vffnull[meshes]"') from error
+    try:
+        scene = trimesh.load_scene(path, process=False)
+        unit = _METRES.get(scene.units or "meters", 1.0) if path.suffix.lower() == ".dae" else 1.0
+        mesh = scene.to_mesh()
+        return np.array(mesh.vertices, float), np.array(mesh.faces, np.int64), unit
+    except ImportError as error:
+        raise ImportError(
+            f'{path.suffix} needs another library: pip install "vffnull[meshes]" ({error})'
+        ) from error
+    except Exception as error:  # whatever a parser says of a broken file
+        raise InputError(f"mesh {path} cannot be read: {error or type(error).__name__}") from error
 
 
 def _check_size(path: Path) -> None:

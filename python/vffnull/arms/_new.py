@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 
 TRIED = 256
 """Postures of which the best is where the arm starts."""
-INNER = 0.5
-"""Share of the ranges of the joints in which they are."""
+INNER = (0.5, 0.75, 0.95)
+"""Shares of the ranges of the joints in which they are: a wider one where links touch in all of the first."""
 HELD = 0.5
 """Share of the torque limits that may be needed to stand there."""
 COMPENSATED = 0.9
@@ -173,7 +173,18 @@ def _steps(finer: int) -> list[str]:
 
 def _bent(document: Mapping[str, Any], arm: Any) -> list[float]:
     """The posture in which the tip moves best in all directions, of those in which the arm can stand."""
-    postures = spread(document, TRIED, INNER)
+    for share in INNER:
+        found = _best(arm, document, spread(document, TRIED, share))
+        if found is not None:
+            return found
+    raise InputError(
+        f"none of {len(INNER) * TRIED} postures within the limits is free of links that touch, and held with "
+        "half of the torque limits; `vffnull arms check` says what touches"
+    )
+
+
+def _best(arm: Any, document: Mapping[str, Any], postures: Array) -> list[float] | None:
+    """The same of some postures; None if the arm can stand in none of them."""
     touching = _core.overlapping_links(document, [q.tolist() for q in postures])
     # The base stands on something: links are above it, where there are such postures.
     floor = document.get("mount", {}).get("position", (0.0, 0.0, 0.0))[2]
@@ -187,10 +198,7 @@ def _bent(document: Mapping[str, Any], arm: Any) -> list[float]:
         if fits.any():
             moves = [_mobility(arm, q) if fit else -1.0 for q, fit in zip(postures, fits, strict=True)]
             return [round(float(q), 4) for q in postures[int(np.argmax(moves))]]
-    raise InputError(
-        f"none of {TRIED} postures within the limits is free of links that touch, and held with half of the "
-        "torque limits; `vffnull arms check` says what touches"
-    )
+    return None
 
 
 def _mobility(arm: Any, q: Array) -> float:

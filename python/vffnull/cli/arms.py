@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,11 +90,66 @@ def show(name: str, as_toml: bool, as_json: bool) -> int:
     return FINE
 
 
-def _reading(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The arguments of commands that read a model."""
+@dataclass(frozen=True)
+class _Model:
+    """A file with an arm, and what is asked of whoever reads it."""
+
+    file: Path
+    tip: str | None
+    base: str | None
+    locked: tuple[str, ...]
+    collision: str
+    srdf: Path | None
+    packages: tuple[Path, ...]
+    fix_inertia: bool
+
+    def read(self) -> Report:
+        """What the file holds."""
+        from vffnull import arms as models
+
+        if not self.file.is_file():
+            what = "is a directory" if self.file.is_dir() else "there is no such file"
+            raise InputError(f"{self.file}: {what}")
+        given = {**self._named, "srdf": self.srdf, "collision": self.collision}
+        if not self._is_mjcf:
+            packages = list(self.packages) or None
+            return models.read_urdf(self.file, packages=packages, fix_inertia=self.fix_inertia, **given)
+        if self.packages:
+            raise InputError(f"{self.file}: an MJCF says where its meshes are; --package is for a URDF")
+        return models.read_mjcf(self.file, fix_inertia=self.fix_inertia, **given)
+
+    def table(self) -> dict[str, Any]:
+        """The ``[arm]`` of a scenario that reads the same."""
+        table: dict[str, Any] = {"mjcf" if self._is_mjcf else "urdf": str(self.file)}
+        table |= {key: value for key, value in self._named.items() if value}
+        table |= {"srdf": str(self.srdf)} if self.srdf else {}
+        table |= {"collision": self.collision} if self.collision != "fit" else {}
+        table |= {"packages": [str(each) for each in self.packages]} if self.packages else {}
+        return table | ({"fix_inertia": True} if self.fix_inertia else {})
+
+    @property
+    def _named(self) -> dict[str, Any]:
+        locked = dict(_assignment(text) for text in self.locked)
+        return {"tip": self.tip, "base": self.base, "locked": locked}
+
+    @property
+    def _is_mjcf(self) -> bool:
+        with self.file.open("rb") as opened:
+            return b"<mujoco" in opened.read(4096)
+
+
+def _reading(command: Callable[..., int]) -> Callable[..., int]:
+    """The arguments of commands that read a model, which get it as `model`."""
+
+    @wraps(command)
+    def with_model(**given: Any) -> int:
+        own = {each.name: given.pop(each.name) for each in fields(_Model)}
+        return command(_Model(**own), **given)
+
+    told: Callable[..., int] = with_model
     for option in reversed(_READING):
-        command = option(command)
-    return command
+        told = option(told)
+    return told
 
 
 _READING = (
@@ -135,16 +192,7 @@ _READING = (
 
 @arms.command()
 @_reading
-def new(
-    file: Path,
-    tip: str | None,
-    base: str | None,
-    locked: tuple[str, ...],
-    collision: str,
-    srdf: Path | None,
-    packages: tuple[Path, ...],
-    fix_inertia: bool,
-) -> int:
+def new(model: _Model) -> int:
     """Print a scenario to start from: an arm of your own holds its tip while a ball passes its elbow.
 
     \b
@@ -155,17 +203,10 @@ def new(
     """
     from vffnull.arms._new import scenario_text
 
-    given = {"tip": tip, "base": base, "locked": dict(_assignment(text) for text in locked), "srdf": srdf}
-    options = {**given, "collision": collision, "fix_inertia": fix_inertia}
-    report = _read(file, options, list(packages))
+    report = model.read()
     for message in report.warnings:
         say(f"warning: {message}", "yellow")
-    table: dict[str, Any] = {"mjcf" if _is_mjcf(file) else "urdf": str(file)}
-    table |= {key: str(value) if isinstance(value, Path) else value for key, value in given.items() if value}
-    table |= {"collision": collision} if collision != "fit" else {}
-    table |= {"packages": [str(each) for each in packages]} if packages else {}
-    table |= {"fix_inertia": True} if fix_inertia else {}
-    click.echo(scenario_text(report, table))
+    click.echo(scenario_text(report, model.table()))
     return FINE
 
 
@@ -173,18 +214,7 @@ def new(
 @_reading
 @click.option("--toml", "as_toml", is_flag=True, help="Print the explicit description for a scenario.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object: everything that was read.")
-def check(
-    file: Path,
-    tip: str | None,
-    base: str | None,
-    locked: tuple[str, ...],
-    collision: str,
-    srdf: Path | None,
-    packages: tuple[Path, ...],
-    fix_inertia: bool,
-    as_toml: bool,
-    as_json: bool,
-) -> int:
+def check(model: _Model, as_toml: bool, as_json: bool) -> int:
     """Say what a URDF or MJCF (.xml) holds: what was read, what is odd, how tight the shapes are.
 
     \b
@@ -192,15 +222,7 @@ def check(
     vffnull arms check robot.urdf --tip tool0 --collision file
     vffnull arms check robot.urdf --tip tool0 --lock finger=0.02 --package ~/ros/src
     """
-    options: dict[str, Any] = {
-        "tip": tip,
-        "base": base,
-        "locked": dict(_assignment(text) for text in locked),
-        "collision": collision,
-        "srdf": srdf,
-        "fix_inertia": fix_inertia,
-    }
-    report = _read(file, options, list(packages))
+    report = model.read()
     if as_json:
         click.echo(json.dumps(_finite(report.to_dict()), ensure_ascii=False))
     elif as_toml:
@@ -210,21 +232,6 @@ def check(
     else:
         click.echo(str(report))
     return FINE
-
-
-def _read(file: Path, options: dict[str, Any], packages: list[Path]) -> Report:
-    from vffnull import arms as models
-
-    if not file.is_file():
-        raise InputError(f"{file}: {'is a directory' if file.is_dir() else 'there is no such file'}")
-    if _is_mjcf(file):
-        return models.read_mjcf(file, **options)
-    return models.read_urdf(file, packages=packages or None, **options)
-
-
-def _is_mjcf(file: Path) -> bool:
-    with file.open("rb") as opened:
-        return b"<mujoco" in opened.read(4096)
 
 
 def _assignment(text: str) -> tuple[str, float]:

@@ -100,9 +100,15 @@ def _assignment(text: str) -> tuple[str, Any]:
 
 
 def prepared(source: str, assignments: tuple[str, ...]) -> Scenario:
-    """The scenario with what ``--set`` changes; what is odd about a file of its arm goes to stderr."""
+    """The scenario with what ``--set`` changes; what is odd about a file of its arm goes to stderr.
+
+    All of it is told once, by ``arms check``, ``arms new`` and ``validate``; here, where it would stand
+    above the result of every run, no more than that there is something, where it is more than one thing.
+    """
     with warned() as odd:
         ready = prepare(source, assigned(assignments))
+    if len(odd) > 1:
+        odd = [f"{len(odd)} things are odd about the arm: `vffnull validate {source}` lists them"]
     for message in odd:
         say(f"warning: {message}", "yellow")
     return ready

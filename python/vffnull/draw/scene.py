@@ -48,6 +48,10 @@ if TYPE_CHECKING:
 
 _PAIRS = 200_000
 """Of links and obstacles that are measured at a time."""
+_CORNER = -50.0, 20.0
+"""Azimuth and elevation [°] of the corner from which a scene in space is seen by default."""
+_END_ON = 0.6
+"""How wide an arm at least is in a picture, compared with one from the next corner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +269,32 @@ class Scene:
         own = [float(part.corners[..., -1].min()) - part.radius for part in self.parts if part.index < 0]
         lowest = min(own, default=base)
         return lowest if lowest < base - 0.25 * self.reach else base
+
+    @property
+    def next_corner(self) -> float:
+        """By how much [°] the usual view from a corner is turned, to see the arm neither end-on nor behind
+        what it stands on: 0 or 90.
+        """
+        if self.dimension == 2:
+            return 0.0
+        return 90.0 if self._width_seen(0.0) < _END_ON * self._width_seen(90.0) else 0.0
+
+    def _width_seen(self, turn: float) -> float:
+        """How wide the arm is at the start [m], seen from the corner or one beside it, where its base hides
+        nothing; that is measured by rectangles.
+        """
+        view = geometry.looking(_CORNER[0] + turn, _CORNER[1])
+        nearer = np.cross(*view)
+        begins, ends = self.joints[0, :-1], self.joints[0, 1:]
+        places = np.concatenate([begins + share * (ends - begins) for share in np.linspace(0.0, 1.0, 6)])
+        flat, hidden = places @ view.T, np.zeros(len(places), dtype=bool)
+        for part in self.parts:
+            if part.index < 0:
+                corners = part.corners[0] @ view.T
+                low, high = corners.min(axis=0) - part.radius, corners.max(axis=0) + part.radius
+                behind = places @ nearer < float((part.corners[0] @ nearer).mean())
+                hidden |= behind & np.all((low < flat) & (flat < high), axis=1)
+        return float(np.ptp(flat[~hidden, 0])) if not hidden.all() else 0.0
 
     @property
     def moves(self) -> bool:

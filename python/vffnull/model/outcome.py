@@ -116,13 +116,16 @@ class Metrics(Mapping[str, float | int | None]):
 
     def __str__(self) -> str:
         rows = self._rows()
-        if not rows:
-            return "(no metrics)"
-        wide = [max(len(row[column]) for row in rows) for column in range(3)]
-        return "\n".join(
+        wide = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
+        lines = [
             f"{name:<{wide[0]}}  {value:>{wide[1]}} {unit:<{wide[2]}}  {meaning}".rstrip()
             for name, value, unit, meaning in rows
-        )
+        ]
+        if self.missing:
+            from textwrap import wrap
+
+            lines += wrap(f"without a value: {', '.join(self.missing)}", 100)
+        return "\n".join(lines) or "(no metrics)"
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -135,9 +138,18 @@ class Metrics(Mapping[str, float | int | None]):
         )
         return f"<table>{''.join(lines)}</table>"
 
+    @property
+    def missing(self) -> list[str]:
+        """Names of the measures that do not apply to the run."""
+        return [name for name, value in self.items() if value is None]
+
     def _rows(self) -> list[tuple[str, str, str, str]]:
-        """Name, value, unit and meaning."""
-        return [(name, readable(value), *self._layout.metric(name)) for name, value in self.items()]
+        """Name, value, unit and meaning of what has a value."""
+        return [
+            (name, readable(value), *self._layout.metric(name))
+            for name, value in self.items()
+            if value is not None
+        ]
 
 
 def readable(value: float | int | None) -> str:

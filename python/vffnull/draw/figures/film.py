@@ -74,7 +74,7 @@ class SpacePicture:
         self._figure, self._agg = figure, figure.canvas
         self._axes = figure.add_axes((0.0, strip / height, 1.0, _PICTURE / height))
         self._corner = 0.0, float(round(strip * dpi))  # of the bodies' picture in the figure [dots]
-        self._canvas = self._stage(dpi, view or (space.AZIMUTH, space.ELEVATION))
+        self._canvas = self._stage(dpi, view or (space.AZIMUTH + scene.next_corner, space.ELEVATION))
         top = 1.0 - 0.15 / height
         figure.text(0.03, top, result.scenario.name, ha="left", va="center", weight="bold", fontsize=9)
         self._clock = self._say(0.03, top - 0.17 / height, ha="left", color=style.MUTED)

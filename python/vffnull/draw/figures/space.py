@@ -40,7 +40,7 @@ VIEWS: dict[str, Array] = {
 
 _AXES = (np.array(to_rgb("#D62728")), np.array(to_rgb("#2CA02C")), np.array(to_rgb("#1F77B4")))
 ELEVATION, AZIMUTH = 20.0, -52.0
-"""Where from a scene is seen [°]."""
+"""Where from a scene is seen [°], or from the next corner."""
 DARK = np.array([60, 64, 72]) / 255.0
 """The colour of obstacles among links that are coloured by clearance."""
 _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
@@ -230,7 +230,7 @@ def stage(fig: FigureBase, scene: Scene, rect: tuple[float, float, float, float]
     low, high = padded(scene)
     ax: Any = fig.add_axes(rect, projection="3d")
     ax.set_proj_type("ortho")
-    ax.view_init(elev=ELEVATION, azim=AZIMUTH)
+    ax.view_init(elev=ELEVATION, azim=AZIMUTH + scene.next_corner)
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     ax.set_box_aspect(high - low, zoom=0.97)
     ax.patch.set_alpha(0.0)

@@ -66,6 +66,7 @@ def render(results: list[Outcome], names: list[str]) -> str:
         replanned=any(run.replans for run in results),
         cards=list(_cards(alone)) if alone else [],
         metrics=list(_metrics(results)),
+        missing=dict(_missing(results)),
         differences=list(_differences(results)),
         scenarios=[
             (name, _glance(run.scenario), str(run.scenario)) for run, name in zip(results, names, strict=True)
@@ -132,10 +133,24 @@ def _cards(result: Outcome) -> Iterator[tuple[str, str, str]]:
 
 
 def _metrics(results: list[Outcome]) -> Iterator[tuple[str, list[str], str, str]]:
-    """Rows of the table: name, the value in every run, unit, meaning."""
+    """Rows of the table: name, the value in every run, unit, meaning; of what has a value in one."""
     for name in results[0].metrics:
+        if _is_missing(name, results):
+            continue
         unit, meaning = results[0].layout.metric(name)
         yield name, [readable(run.metrics.get(name)) for run in results], unit, meaning
+
+
+def _missing(results: list[Outcome]) -> Iterator[tuple[str, str]]:
+    """Name and meaning of what has no value in any run."""
+    for name in results[0].metrics:
+        if _is_missing(name, results):
+            yield name, results[0].layout.metric(name)[1]
+
+
+def _is_missing(name: str, results: list[Outcome]) -> bool:
+    """Whether no run has a value of a metric."""
+    return all(run.metrics.get(name) is None for run in results)
 
 
 def _differences(results: list[Outcome]) -> Iterator[tuple[str, list[str]]]:

@@ -115,7 +115,6 @@ const vffnullSpace = (() => {
   const views = [];
   const headed = direction => [Math.atan2(direction[1], direction[0]), Math.asin(unit(direction)[2])];
   const directionOf = ({ azimuth: a, elevation: e }) => [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), Math.sin(e)];
-  [look.azimuth, look.elevation] = headed(VIEWS.Corner);
 
   const camera = view => {
     const { scene, canvas } = view, aspect = canvas.width / Math.max(canvas.height, 1);
@@ -215,6 +214,11 @@ const vffnullSpace = (() => {
   const open = (canvas, run, unpack, painters = [webglPainter, flatPainter]) => {
     const scene = sceneOf(run.space, run.colours, unpack), view = { canvas, scene, row: 0, sized: false };
     view.painter = painters.reduce((found, make) => found || make(canvas, scene, vec, redraw), null);
+    if (!views.length) { // the first run of a page says from which corner
+      const { turn } = scene, [x, y, z] = VIEWS.Corner;
+      if (turn === 90) VIEWS.Corner = [-y, x, z];
+      [look.azimuth, look.elevation] = headed(VIEWS.Corner);
+    }
     views.push(view);
     listen(view);
     return { show(row) { view.row = row; paint(view); } };

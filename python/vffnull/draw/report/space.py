@@ -56,6 +56,7 @@ def pack(run: Run) -> dict[str, Any]:
     return {
         "reach": reach,
         "floor": floor_of(scene),
+        "turn": scene.next_corner,
         "box": [low.tolist(), high.tolist()],
         "near": near(scene),
         "shades": [[value / 255 for value in shade] for shade in (style.CONTACT, style.NEAR, style.FREE)],

@@ -102,7 +102,10 @@ class SpaceScene(Scene):
         base, room = self._still.joints[0, 0, :2], ROOM * self.reach
         low[:2], high[:2] = np.minimum(low[:2], base - room), np.maximum(high[:2], base + room)
         low[2] = max(low[2], self._floor)
-        return framing(low, high, VIEWS.get(self._view, VIEWS["Corner"]), aspect)
+        view = self._view if self._view in VIEWS else "Corner"
+        x, y, z = VIEWS[view]
+        turned = view == "Corner" and self._still.next_corner
+        return framing(low, high, (-y, x, z) if turned else (x, y, z), aspect)
 
     def look(self, view: str) -> None:
         """See `Scene.look`."""

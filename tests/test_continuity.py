@@ -1,0 +1,71 @@
+"""The torque along smooth motions in space (docs/theory.md, *Continuity*): near contact, in singularities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vffnull as vff
+
+LAWS = ("null_space", "relaxed", "priority", "cbf")
+FIELD = vff.Field.bounded(40, 0.25)
+NEAREST = 0.002
+"""How near the ball comes [m]."""
+PANDA, UR5E = vff.Arm.named("panda"), vff.Arm.named("ur5e")
+READY = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+STRETCHED_WRIST = np.array([0.0, -1.2, 1.6, -0.6, 0.0, 0.3])  # joint 4 at 0: two axes in one line
+
+Array = Any
+
+
+def beside_the_elbow(s: float) -> Array:
+    return READY + 0.25 * np.sin(2 * np.pi * s) * np.array([1.0, 0.3, 0.5, 0.2, 0.4, 0.3, 0.2])
+
+
+def through_a_singularity(s: float) -> Array:
+    return STRETCHED_WRIST + np.array([0.2, 0.1, 0.1, 0.2, 0.4, 0.3]) * np.sin(2 * np.pi * s + 0.1)
+
+
+def largest_step(
+    arm: Any, motion: Callable[[float], Array], law: str, ball: vff.Obstacle, steps: int
+) -> tuple[float, float]:
+    """The largest change of a torque from one instant to the next [N·m], and the least clearance [m]."""
+    settings = vff.ControlSettings(
+        task="pose", stiffness=100, damping=20, null_damping=8, field=FIELD, avoidance=law
+    )
+    controller, h = vff.Controller(arm, settings), 1e-6
+    wanted = np.concatenate(arm.pose(motion(0.2)))
+    torques, clearances = [], []
+    for s in np.linspace(0.0, 1.0, steps + 1):
+        rate = (motion(s + h) - motion(s - h)) / (2 * h)
+        terms = controller.terms(motion(s), rate, wanted, obstacles=[ball])
+        torques.append(terms.tau)
+        clearances.append(terms.clearance.min())
+    return float(np.abs(np.diff(torques, axis=0)).max()), float(min(clearances))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("arm", "motion", "place", "singular"),
+    [
+        (PANDA, beside_the_elbow, [0.3, 0.28, 0.7], False),
+        (UR5E, through_a_singularity, [0.4, 0.0, 0.75], True),
+    ],
+    ids=["2 mm", "singularity"],
+)
+def test_a_torque_in_half_the_step_changes_half_as_much(
+    arm: Any, motion: Callable[[float], Array], place: list[float], singular: bool, law: str
+) -> None:
+    """A jump would be as large in any step. The ball comes as near as 2 mm, and pushes."""
+    volume = [
+        np.linalg.det(J @ J.T) for J in (np.array(arm.jacobian(motion(s))) for s in np.linspace(0, 1, 501))
+    ]
+    assert (np.sqrt(max(min(volume), 0.0)) < 1e-3) == singular
+    _, far = largest_step(arm, motion, "null_space", vff.Obstacle.sphere(place, 0.01), 500)
+    ball = vff.Obstacle.sphere(place, 0.01 + far - NEAREST)
+    coarse, fine = (largest_step(arm, motion, law, ball, steps) for steps in (1000, 2000))
+    assert fine[1] == pytest.approx(NEAREST, abs=2e-4)
+    assert fine[0] == pytest.approx(coarse[0] / 2, rel=0.05)
