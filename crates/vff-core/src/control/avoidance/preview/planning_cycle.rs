@@ -348,12 +348,12 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         while self.tried < due {
             if self.under_way != UnderWay::Trial {
                 let k = self.tried;
-                if 2 * k >= self.count || k % 2 == 0 {
+                if 2 * k >= self.count || k.is_multiple_of(2) {
                     trial.copy_from(best);
                     trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
                     trial.holds ^= k % 8 == 7;
                 } else {
-                    trial.draw(noise, settings.speed * if k % 3 == 0 { 0.4 } else { 1.0 });
+                    trial.draw(noise, settings.speed * if k.is_multiple_of(3) { 0.4 } else { 1.0 });
                 }
                 trial.holds |= *holds;
                 trial.limit(&rollout.speed);
