@@ -12,11 +12,13 @@ use scene::{EULER, STEPS, looking, prepare};
 use std::fmt::Write as _;
 use std::hint::black_box;
 use std::time::Instant;
-use vff_core::control::Avoidance;
+use vff_core::control::{Avoidance, Deadline, Yielding};
+use vff_core::interrupt;
 use vff_core::scenario::Scenario;
+use vff_core::simulation::Value;
 
-/// Equal runs of each scene.
-const RUNS: usize = 10;
+/// Equal runs of each scene: enough for each cycle to be left alone in one of them.
+const RUNS: usize = 40;
 
 /// Points of a wall of so many \[m\], 1.6 m wide and high, in the plane y = −`away`: rough by 2 mm.
 fn wall(count: usize, away: f64) -> String {
@@ -52,7 +54,9 @@ fn scenes() -> Vec<(&'static str, Scenario)> {
     let still = [0.32, 0.0, 0.6];
     vec![
         ("8 balls", panda::scene(8)),
+        ("8 balls, one at the base", plain(panda::searching(8))),
         ("8 balls, of boxes", panda::of_boxes(panda::scene(8))),
+        ("8 balls, of boxes, one at the base", plain(panda::of_boxes(panda::searching(8)))),
         ("8 balls, of boxes, apart", panda::apart(panda::of_boxes(panda::scene(8)))),
         ("5000 points at 0.34 m", beside(&wall(5000, 0.435), still)),
         ("50000 points at 0.3 m", beside(&wall(50_000, 0.395), still)),
@@ -62,10 +66,17 @@ fn scenes() -> Vec<(&'static str, Scenario)> {
     ]
 }
 
+/// The same by the law of the null space alone.
+fn plain(mut scenario: Scenario) -> Scenario {
+    scenario.controller.avoidance = Avoidance::NullSpace;
+    scenario.controller.yielding = Yielding::default();
+    scenario
+}
+
 /// A name, and what makes a scenario use it.
 type Method = (&'static str, fn(Scenario) -> Scenario);
 
-fn methods() -> [Method; 3] {
+fn methods() -> [Method; 4] {
     [
         ("null_space", |scenario| scenario),
         ("cbf", |mut scenario| {
@@ -73,6 +84,11 @@ fn methods() -> [Method; 3] {
             scenario
         }),
         ("cbf + preview", looking),
+        ("cbf + preview, 100 µs", |scenario| {
+            let mut scenario = looking(scenario);
+            scenario.controller.deadline = Some(Deadline::Micros(100.0));
+            scenario
+        }),
     ]
 }
 
@@ -120,25 +136,39 @@ fn main() {
     }
     // `cargo bench -- --test` only wants to know whether it runs.
     let runs = if std::env::args().any(|a| a == "--test") { 1 } else { RUNS };
-    let columns = ["p50", "p99.9", "p99.99", "max", "p50*", "p99.9*", "max*", "clearance"];
+    let columns = ["p50", "p99.9", "p99.99", "max", "p50*", "p99.9*", "max*", "work"];
     println!(
-        "one cycle of {runs} runs of {STEPS} [µs], plant included; * the least time of the same cycle in all runs"
+        "one cycle of {runs} runs of {STEPS} [µs], plant included; * the least time of the same cycle in all runs;\n\
+         work: the most that one of them reports, as a deadline counts it [µs]; late, cut, roll-outs left out; clearance [m]"
     );
-    println!("{:44}{}", "", columns.map(|c| format!("{c:>10}")).concat());
+    println!("{:58}{}", "", columns.map(|c| format!("{c:>10}")).concat());
     for (name, scenario) in scenes() {
         for (method, how) in methods() {
             let scenario = silent(how(scenario.clone()));
             let mut run = prepare(&scenario);
-            while run.step() {}
+            let mut work = 0;
+            loop {
+                let before = interrupt::spent();
+                if !run.step() {
+                    break;
+                }
+                work = work.max(interrupt::spent().wrapping_sub(before));
+            }
             let metrics = run.outcome().metrics;
-            let found = metrics.iter().find(|(metric, _)| metric.name == "min_clearance");
-            let clearance = found.map_or_else(String::new, |(_, value)| format!("{value:?}"));
+            let told = |name| match metrics.iter().find(|(metric, _)| metric.name == name) {
+                Some((_, Value::Number(x))) => format!("{x:.4}"),
+                Some((_, Value::Count(count))) => count.to_string(),
+                _ => "–".to_owned(),
+            };
+            let names = ["late_cycles", "cut_cycles", "rollouts_left_out", "min_clearance"];
+            let told = names.map(told).join(" ");
             let [all, least] = times(&scenario, runs);
             let of_all = [50.0, 99.9, 99.99, 100.0].map(|share| at(&all, share));
             let of_least = [50.0, 99.9, 100.0].map(|share| at(&least, share));
             let shares = of_all.iter().chain(&of_least).map(|time| format!("{time:10.1}"));
             let shares: String = shares.collect();
-            println!("{:44}{} {clearance}", format!("{name}, {method}"), shares);
+            let work = work as f64 * 1e-3;
+            println!("{:58}{shares}{work:10.1}  {told}", format!("{name}, {method}"));
         }
     }
 }

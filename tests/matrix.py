@@ -147,6 +147,8 @@ OPTIONS: dict[str, Option] = {
     "predictor": Option(lambda _: {"simulation.control": "predictor"}),
     "long period": Option(lambda _: {"simulation.dt": 0.004}, yields_less=True),
     "two steps a period": Option(lambda _: {"simulation.dt": 0.0005, "simulation.control_every": 2}),
+    "deadline": Option(lambda _: {"controller.deadline": 1.0}, yields_less=True),  # nothing is foreseen
+    "deadline, generous": Option(lambda _: {"controller.deadline": 200.0}, yields_less=True),
     "stops repel": Option(
         lambda _: {"controller.joint_limit_field": {"kind": "bounded", "gain": 10.0, "influence": 0.3}},
         _NO_STOPS,

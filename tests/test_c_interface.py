@@ -214,7 +214,8 @@ def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
     def call(name: str, *given: object) -> None:
         assert getattr(library, name)(*given) == 0, library.vff_last_message()
 
-    shelf = vff.Scenario.load("panda-shelf").replace(**{"controller.command": "of the robot"})
+    changes = {"controller.command": "of the robot", "controller.deadline": "unlimited"}
+    shelf = vff.Scenario.load("panda-shelf").replace(**changes)
     controller, robot, stiffer = pointer(), pointer(), pointer()
     call("vff_controller_from_scenario", str(shelf).encode(), ctypes.byref(controller))
     call("vff_robot_named", b"panda", ctypes.byref(robot))

@@ -145,6 +145,7 @@ def test_what_is_shown() -> None:
     assert len(report.step) == len(report.latency) == report.periods
     assert drive.state.phase == "over" and not drive.running
     shown = json.loads(json.dumps(report.to_dict()))
+    assert list(shown["left_out"]) == ["late", "cut", "rollouts", "points", "programs"]
     assert (
         shown["periods"] == report.periods and shown["verdict"] in str(report) and "stopped" in repr(report)
     )
@@ -610,3 +611,39 @@ def test_waiting_has_an_end() -> None:
         begun = time.monotonic()
         assert not drive.wait(0.05)
         assert time.monotonic() - begun >= 0.05
+
+
+@pytest.mark.parametrize(("deadline", "cut"), [(1e-3, True), (1e9, False), ("unlimited", False)])
+def test_a_deadline_by_the_clock_is_kept_and_counted(deadline: Any, cut: bool) -> None:
+    """In a crowd, which asks for look-ahead always: without time for any, every cycle is late and cut, and
+    the arm is within its limits all the same; with all the time there is, nothing is left out.
+    """
+    scene = vff.Scenario.load("iiwa-crowd").replace(**{"controller.deadline": deadline})
+    robot = SimulatedRobot(scene)
+    with vff.drive(robot, scene, seconds=0.6) as drive:
+        assert drive.wait(HANG)
+        state, report = drive.state, drive.report
+    assert report.status == "completed" and np.isfinite(state.q).all() and np.isfinite(state.command).all()
+    most = scene.arm.torque_limits
+    assert most is not None and (np.abs(state.tau) <= most * (1 + 1e-9)).all()
+    left_out = report.left_out
+    assert state.left_out == left_out and report.to_dict()["left_out"] == left_out
+    if cut:
+        assert left_out["late"] > 550 and left_out["cut"] > 550
+    else:
+        assert left_out["late"] == left_out["cut"] == left_out["rollouts"] == 0
+
+
+def test_a_loop_has_a_deadline_of_three_tenths_of_its_period() -> None:
+    """Of 1 ns where the period is 3 ns: no cycle is so short. Without a loop there is none."""
+    settings = dict(SCENE["controller"]) | {"avoidance": "cbf", "yielding": {"preview": {}}}
+    law, q, dq = vff.Controller(ARM, settings), np.array(SCENE["q0"]), np.zeros(7)
+    for k in range(10):
+        law.torque(q, dq, ARM.pose(q), t=1e-3 * k)
+    assert set(law.left_out.values()) == {0}
+    law.begin(3e-9)
+    for k in range(10):
+        law.cycle(3e-9 * (k + 1), q, dq)
+    assert law.left_out["late"] == law.left_out["cut"] == 10
+    law.begin(1e-3)
+    assert set(law.left_out.values()) == {0}

@@ -146,3 +146,48 @@ def test_the_most_expensive_settings_bound_a_step(steps: int, candidates: int) -
         simulation.step()
         longest = max(longest, time.thread_time() - begin)
     assert longest < 1.0
+
+
+def ahead(deadline: Any, preview: dict[str, Any] | None = {}) -> vff.Result:  # noqa: B006
+    """Discs that close on the arm, with so long a cycle, of 1 ms."""
+    document = closing() | {"simulation": {"control": "hold", "dt": 1e-3}}
+    document["controller"] |= {} if deadline is None else {"deadline": deadline}
+    document["controller"] |= {"yielding": {} if preview is None else {"preview": preview}}
+    return vff.simulate(document)
+
+
+def test_a_deadline_in_a_simulation_repeats_and_counts_what_it_leaves_out() -> None:
+    """By the work, not by the clock: the same bits each time; a generous one changes none; with less time
+    less is tried, and all of that is told.
+    """
+    free, generous, short, none = ahead("unlimited"), ahead(1e4), ahead(4.0), ahead(1e-3)
+    assert np.array_equal(free.tau, ahead(None).tau)
+    assert np.array_equal(free.tau, generous.tau)
+    assert free.metrics["late_cycles"] is None and free.metrics["rollouts_left_out"] is None
+    assert generous.metrics["late_cycles"] == generous.metrics["cut_cycles"] == 0
+    assert np.array_equal(short.tau, ahead(4.0).tau)
+    assert not np.array_equal(short.tau, free.tau)
+    assert 0 < short.metrics["rollouts_left_out"] and 0 < short.metrics["cut_cycles"]  # type: ignore[operator]
+    assert "out of time" in str(short.headline)
+    # With no time at all nothing is foreseen, every cycle is late, and the arm does what `cbf` does.
+    assert np.array_equal(none.tau, ahead(None, preview=None).tau)
+    steps = none.metrics["steps"]
+    assert none.metrics["late_cycles"] == none.metrics["cut_cycles"] == steps
+    assert np.isfinite(none.q).all() and none.status in ("completed", "collided")
+
+
+def test_less_time_is_enough_where_a_search_finds_a_way() -> None:
+    """A search that is cut in every other cycle, and tries a part of its candidates, is out before the discs
+    close.
+    """
+    found = ahead(4.0).metrics
+    assert found["min_clearance"] > -0.02  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(0.0, "greater than 0"), (-5.0, "greater than 0"), ("off", "unlimited")]
+)
+def test_a_deadline_is_a_time_or_unlimited(value: Any, words: str) -> None:
+    with pytest.raises(vff.errors.ScenarioError, match=words) as refused:
+        vff.ControlSettings(deadline=value)
+    assert "deadline" in str(refused.value)

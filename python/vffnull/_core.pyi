@@ -745,6 +745,13 @@ class Controller:
     @property
     def wrench_estimate(self) -> _Array | None:
         """The wrench at the end effector that this is, (m,) [N, N·m]; None without an observer."""
+    @property
+    def left_out(self) -> dict[str, int]:
+        """What was left out since the loop began: ``late``, cycles that took longer than the
+        deadline; ``cut``, cycles in which the look-ahead stopped for lack of time; ``rollouts`` that it did
+        not make because of that; ``points`` of clouds beyond the 64 that ``cbf`` keeps of a link, counted
+        once a cycle; ``programs`` of ``cbf`` that ended with constraints left.
+        """
     def stop(self) -> None:
         """End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is
         finished.
@@ -1439,13 +1446,16 @@ class DriveLoop:
     @property
     def periods(self) -> int:
         """Periods so far."""
+    @property
+    def left_out(self) -> dict[str, int]:
+        """What was left out so far: name and count of each."""
     def latest(self) -> dict[str, Any]:
         """The last period as arrays; NaN before the first."""
     def rows(self) -> tuple[dict[str, Any], int]:
         """The rows that are to be recorded since the last call, as arrays, and how many were lost."""
     def report(self) -> dict[str, Any] | None:
-        """How it went: ``status``, ``reason``, ``periods``, ``replans``, ``missed``, ``skipped``, ``notes``,
-        histograms. None while it runs.
+        """How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``missed``,
+        ``skipped``, ``notes``, histograms. None while it runs.
         """
 
 def distances(

@@ -147,6 +147,20 @@ typedef struct vff_sizes {
     size_t rate;
 } vff_sizes;
 
+// What a loop has left out since it began: for lack of time before the `deadline`, or because of a bound.
+typedef struct vff_left_out {
+    // Cycles that took longer than the deadline.
+    uint64_t late;
+    // Cycles in which the look-ahead stopped for lack of time.
+    uint64_t cut;
+    // Roll-outs that it did not make because of that.
+    uint64_t rollouts;
+    // Points of clouds beyond the 64 that `cbf` keeps of a link, counted once a cycle.
+    uint64_t points;
+    // Programs of `cbf` that ended with constraints left.
+    uint64_t programs;
+} vff_left_out;
+
 // What the joints of a robot that takes positions or velocities may do.
 typedef struct vff_set_point_limits {
     // Largest speeds, n numbers [rad/s, m/s]; NULL for those of the arm.
@@ -380,6 +394,9 @@ vff_status vff_controller_cycle(struct vff_controller *controller,
                                 double *tau,
                                 size_t joints,
                                 vff_phase *phase);
+
+// For the loop: what was left out since it began, or the last `vff_controller_reset`.
+vff_status vff_controller_left_out(const struct vff_controller *controller, struct vff_left_out *left_out);
 
 // For the loop: ends it safely. From the next cycle on the arm, or its set point, is damped until it stands.
 vff_status vff_controller_stop(struct vff_controller *controller);

@@ -325,6 +325,8 @@ public:
     }
     /// Ends the loop safely: `phase` will be `VFF_PHASE_FINISHED`.
     Status stop() noexcept { return vff_controller_stop(get()); }
+    /// What was left out since the loop began, for lack of time or because of a bound.
+    Status left_out(vff_left_out& counts) const noexcept { return vff_controller_left_out(get(), &counts); }
     Status terms(Terms& out) const noexcept { return vff_controller_terms(get(), &out); }
     /// Obstacle `id` is at `position` at time t and goes on at `velocity`.
     Status move_obstacle(std::uint32_t id, double t, Input position, Input velocity = {}) noexcept {

@@ -3,7 +3,7 @@
 use crate::border::{any_numbers, place, room};
 use crate::controller::{Controller, Inner, given, with};
 use crate::status::{Fault, Status};
-use vff_core::control::output::Phase;
+use vff_core::control::{self, output::Phase};
 use vff_core::runtime::{Reading, VirtualArm};
 
 impl Inner {
@@ -111,6 +111,40 @@ pub unsafe extern "C" fn vff_controller_cycle(
             let (tau, phase) = inner.cycle(reading)?;
             out.fill(tau);
             to.write(phase);
+            Ok(())
+        })
+    }
+}
+
+/// What a loop has left out since it began: for lack of time before the `deadline`, or because of a bound.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Cycles that took longer than the deadline.
+    pub late: u64,
+    /// Cycles in which the look-ahead stopped for lack of time.
+    pub cut: u64,
+    /// Roll-outs that it did not make because of that.
+    pub rollouts: u64,
+    /// Points of clouds beyond the 64 that `cbf` keeps of a link, counted once a cycle.
+    pub points: u64,
+    /// Programs of `cbf` that ended with constraints left.
+    pub programs: u64,
+}
+
+/// For the loop: what was left out since it began, or the last `vff_controller_reset`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_left_out(
+    controller: *const Controller,
+    left_out: *mut LeftOut,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let out = place("left_out", left_out)?;
+            let control::LeftOut { late, cut, rollouts, points, programs } =
+                inner.controller.left_out();
+            out.write(LeftOut { late, cut, rollouts, points, programs });
             Ok(())
         })
     }

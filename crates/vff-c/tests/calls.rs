@@ -381,6 +381,11 @@ fn loops_are_those_of_the_core() {
             assert_eq!(done, Status::Ok, "{}", message());
             assert_eq!(tau.to_vec(), expected.sent().unwrap().to_vec());
             assert_eq!(format!("{phase:?}"), format!("{same:?}"));
+            let mut left_out = LeftOut { late: 9999, cut: 1, rollouts: 1, points: 1, programs: 1 };
+            assert_eq!(vff_controller_left_out(c, &raw mut left_out), Status::Ok);
+            let LeftOut { late, cut, rollouts, points, programs } = left_out;
+            assert!(late <= 1200, "{late}"); // by the clock
+            assert_eq!([cut, rollouts, points, programs], [0; 4]);
             if phases.last() != Some(&phase) {
                 phases.push(phase);
             }

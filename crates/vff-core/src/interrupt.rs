@@ -48,6 +48,8 @@ impl Watch {
 thread_local! {
     /// Work left until the next look at the clock. Without a watch it never runs out.
     static LEFT: Cell<usize> = const { Cell::new(usize::MAX) };
+    /// All work that could have been done until nothing was left, so that this less what is left is what was done.
+    static GRANTED: Cell<usize> = const { Cell::new(usize::MAX) };
     static WATCH: RefCell<Option<Watch>> = const { RefCell::new(None) };
     /// When was asked last.
     static ASKED: Cell<Option<Instant>> = const { Cell::new(None) };
@@ -58,15 +60,29 @@ thread_local! {
 pub fn spend(work: usize) {
     LEFT.with(|left| match left.get().checked_sub(work) {
         Some(rest) => left.set(rest),
-        None => look(),
+        None => look(work),
     });
+}
+
+/// The work that this thread has reported so far, from an arbitrary start: only differences mean something. The same
+/// computation makes the same difference, on every machine and whoever watches.
+#[inline]
+pub fn spent() -> usize {
+    GRANTED.get().wrapping_sub(LEFT.get())
+}
+
+/// From now on `left` remains until the next look at the clock; returns what remained.
+fn grant(left: usize) -> usize {
+    GRANTED.set(spent().wrapping_add(left));
+    LEFT.replace(left)
 }
 
 #[cold]
 #[inline(never)]
-fn look() {
+fn look(work: usize) {
     let watch = WATCH.with_borrow(Clone::clone);
-    LEFT.set(if watch.is_some() { QUANTUM } else { usize::MAX });
+    GRANTED.set(GRANTED.get().wrapping_add(work));
+    grant(if watch.is_some() { QUANTUM } else { usize::MAX });
     let Some(watch) = watch else { return };
     if let Watch::Ask(_) = watch {
         let now = Instant::now();
@@ -86,14 +102,14 @@ struct Scope(Option<Watch>, usize, Option<Instant>);
 
 impl Scope {
     fn enter(watch: Watch) -> Self {
-        Self(WATCH.replace(Some(watch)), LEFT.replace(QUANTUM), ASKED.take())
+        Self(WATCH.replace(Some(watch)), grant(QUANTUM), ASKED.take())
     }
 }
 
 impl Drop for Scope {
     fn drop(&mut self) {
         WATCH.set(self.0.take());
-        LEFT.set(self.1);
+        grant(self.1);
         ASKED.set(self.2);
     }
 }
@@ -270,6 +286,33 @@ mod tests {
             let sum = || in_parts(work);
             assert_eq!((sum(), watched(Watch::Ask(|| true), sum)), (20, Ok(20)));
         }
+    }
+
+    /// What was done is counted to the unit, under a watch and without, beyond many looks at the clock, and after one that
+    /// ended it.
+    #[test]
+    fn work_is_counted() {
+        fn counted(work: impl FnOnce()) -> usize {
+            let before = spent();
+            work();
+            spent().wrapping_sub(before)
+        }
+        let some = || (0..700).for_each(|k| spend(k * 13));
+        let most = 13 * 700 * 699 / 2;
+        assert!(most > 3 * QUANTUM);
+        assert_eq!(counted(some), most);
+        assert_eq!(counted(|| assert!(watched(Watch::Ask(|| true), some).is_ok())), most);
+        let inner = || {
+            some();
+            assert_eq!(counted(|| assert!(watched(Watch::Ask(|| true), some).is_ok())), most);
+            some();
+        };
+        assert_eq!(counted(|| assert!(watched(Watch::Ask(|| true), inner).is_ok())), 3 * most);
+        assert_eq!(
+            watched(Watch::Flag(Arc::new(AtomicBool::new(true))), endless),
+            Err(Interrupted)
+        );
+        assert_eq!(counted(some), most);
     }
 
     /// A panic that is none of ours stays one.

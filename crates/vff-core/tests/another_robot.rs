@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use std::sync::Arc;
 use vff_core::control::avoidance::preview::Preview;
 use vff_core::control::{
-    Avoidance, Controller, Formulation, Gains, PreviewSettings, Settings, Yielding,
+    Avoidance, Budget, Controller, Formulation, Gains, PreviewSettings, Settings, Yielding,
 };
 use vff_core::field::{Field, FieldKind};
 use vff_core::geometry::Body;
@@ -799,7 +799,8 @@ fn look_ahead_foresees_two_discs() {
         let mut world = World::new(obstacles.to_vec());
         world.update(0.4);
         for _ in 0..6 {
-            preview_alone.advance(&robot, &mut world, &|_| reference);
+            let unlimited = Budget::of_simulation(None);
+            preview_alone.advance(&robot, &mut world, &|_| reference, &unlimited);
             preview_alone.elapse(preview.period);
         }
         preview_alone.is_active()

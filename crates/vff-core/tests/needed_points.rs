@@ -2,6 +2,7 @@
 //! and in closed loop the arm keeps what it keeps with all of them.
 
 use proptest::prelude::*;
+use std::cell::Cell;
 use std::fmt::Write as _;
 use vff_core::geometry::Body;
 use vff_core::math::{Capsule, Vector};
@@ -64,7 +65,8 @@ proptest! {
         };
         let (mut all, mut needed) = (vec![], vec![]);
         world.for_each_barrier([Body::new(0, link)], REACH, |contact| all.push(*contact));
-        let outlook = Outlook { rate: RATE, kept: KEPT, velocity: &of_point };
+        let coarsened = Cell::new(0);
+        let outlook = Outlook { rate: RATE, kept: KEPT, velocity: &of_point, coarsened: &coarsened };
         world.for_each_needed([Body::new(0, link)], REACH, &outlook, |contact| needed.push(*contact));
         prop_assert!(needed.iter().all(|contact| all.contains(contact)));
         prop_assert!(needed.is_sorted_by_key(|contact| all.iter().position(|other| other == contact)));

@@ -10,7 +10,7 @@ use crate::turns::Turns;
 use crate::watch::{attended, interruptible};
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 use std::mem::{replace, take};
 use vff_core::control::output::Phase;
 use vff_core::math::memory;
@@ -429,6 +429,15 @@ impl Controller {
     #[getter]
     fn wrench_estimate<'py>(&self, py: Python<'py>) -> PyResult<Option<Array1<'py>>> {
         Ok(self.inner.take(py)?.controller.external_wrench().map(|wrench| array1(py, wrench)))
+    }
+
+    /// What was left out since the loop began: ``late``, cycles that took longer than the
+    /// deadline; ``cut``, cycles in which the look-ahead stopped for lack of time; ``rollouts`` that it did
+    /// not make because of that; ``points`` of clouds beyond the 64 that ``cbf`` keeps of a link, counted
+    /// once a cycle; ``programs`` of ``cbf`` that ended with constraints left.
+    #[getter]
+    fn left_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.inner.take(py)?.controller.left_out().named().into_py_dict(py)
     }
 
     /// End the loop safely: from the next cycle on the arm is damped until it stands, and the loop is

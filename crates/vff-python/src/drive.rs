@@ -15,7 +15,7 @@ use crate::virtual_arm::each;
 use crate::watch::SIGNALS;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 use std::process;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread;
@@ -508,6 +508,12 @@ impl DriveLoop {
         self.exchange.periods()
     }
 
+    /// What was left out so far: name and count of each.
+    #[getter]
+    fn left_out<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.exchange.left_out().into_py_dict(py)
+    }
+
     /// The last period as arrays; NaN before the first.
     fn latest<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         self.is_here()?;
@@ -523,8 +529,8 @@ impl DriveLoop {
         Ok((self.columns(py, &rows.values, false)?, rows.lost))
     }
 
-    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``missed``, ``skipped``, ``notes``,
-    /// histograms. None while it runs.
+    /// How it went: ``status``, ``reason``, ``periods``, ``replans``, ``left_out``, ``missed``,
+    /// ``skipped``, ``notes``, histograms. None while it runs.
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let over = lock(&self.end.report);
         let Some((report, refused)) = over.clone() else { return Ok(None) };
@@ -539,6 +545,7 @@ impl DriveLoop {
         found.set_item("cause", lock(&self.cause).as_ref().map(|error| error.clone_ref(py)))?;
         found.set_item("periods", report.periods)?;
         found.set_item("replans", replans(py, &report.replans)?)?;
+        found.set_item("left_out", report.left_out.named().into_py_dict(py)?)?;
         found.set_item("missed", report.timing.missed)?;
         found.set_item("skipped", report.timing.skipped)?;
         found.set_item("notes", [report.notes, refused].concat())?;

@@ -191,6 +191,10 @@ class ControlSettings:
         friction compensation, how fast the tip may move and turn, and when a loop gives up; see ``vffnull
         schema`` for the keys of ``[controller.command]``. ``"of the robot"`` takes gravity, rate and speeds
         of the tip as the interface of a bundled arm does.
+    deadline : float or "unlimited", optional
+        How long a cycle may take [µs], look-ahead included: that stops when the time is over, and keeps the
+        best motion so far. In loops the clock counts; three tenths of the period if it is not said. In
+        simulations, which have none if it is not said, the work counts, so that runs repeat.
     characteristic_length : float, optional
         Radius [m] at which an angle of the task counts as its arc, where metres and radians are put together.
     singularity : float, optional
@@ -226,6 +230,7 @@ class ControlSettings:
     yielding: Document | None = None
     governor: Document | None = None
     command: Document | Literal["of the robot"] | None = None
+    deadline: float | Literal["unlimited"] | None = None
     characteristic_length: float | None = None
     singularity: float | None = None
 

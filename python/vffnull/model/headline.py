@@ -115,6 +115,10 @@ def findings(
     if missed:
         text = f"the end effector is {' and '.join(missed)} its reference at the end"
         yield Finding("off reference", "odd", text)
+    if cut := facts.get("cut_cycles"):
+        left, late = facts.get("rollouts_left_out") or 0, facts.get("late_cycles") or 0
+        text = f"the look-ahead was out of time in {cut} cycles and left out {left} roll-outs"
+        yield Finding("out of time", "odd", text + (f"; {late} cycles were late" if late else ""))
     if broken := facts.get("slack_steps"):
         text = f"barriers were broken in {broken} of {facts.get('steps', '?')} steps"
         yield Finding("barrier broken", "odd", f"{text}, by up to {facts['max_slack']:.3g} m/s²")

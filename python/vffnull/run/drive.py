@@ -9,7 +9,7 @@ import threading
 import warnings
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from types import SimpleNamespace, TracebackType
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -66,6 +66,8 @@ class DriveState:
         ``"stopping"``, ``"finished"``: what the output stage does; ``"over"`` when the thread has ended.
     periods : int
         Periods so far.
+    left_out : dict
+        What was left out so far, as `Controller.left_out` counts it.
     """
 
     t: float
@@ -82,6 +84,7 @@ class DriveState:
     clearance: Array
     phase: str
     periods: int
+    left_out: dict[str, int]
     tau_ext_estimate: Array | None = None
     path_time: float | None = None
     q_plan: Array | None = None
@@ -124,6 +127,9 @@ class DriveReport(Clock):
         Rows of the recording that were lost because its thread came too late.
     replans : tuple of Replan
         Every search for another plan.
+    left_out : dict
+        What was left out for lack of time before the ``deadline``, or because of a bound, as
+        `Controller.left_out` counts it.
     notes : tuple of str
         What the system refused, and what else is to be known.
     """
@@ -134,6 +140,7 @@ class DriveReport(Clock):
     skipped: int
     lost: int
     replans: tuple[Replan, ...] = ()
+    left_out: dict[str, int] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """The report as plain values, for JSON: times in seconds, histograms by their quantiles."""
@@ -148,6 +155,7 @@ class DriveReport(Clock):
             "skipped": self.skipped,
             "lost": self.lost,
             "replans": [asdict(each) for each in self.replans],
+            "left_out": dict(self.left_out),
             "notes": list(self.notes),
             **self._summaries(),
         }
@@ -290,7 +298,8 @@ class Drive:
     @property
     def state(self) -> DriveState:
         """What it did in its last period; does not wait for the loop."""
-        return DriveState(**self._loop.latest(), phase=self._loop.phase, periods=self._loop.periods)
+        told = {"phase": self._loop.phase, "periods": self._loop.periods, "left_out": self._loop.left_out}
+        return DriveState(**self._loop.latest(), **told)
 
     @property
     def running(self) -> bool:

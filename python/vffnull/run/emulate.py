@@ -158,7 +158,7 @@ def emulate(
         What is not as the model says; nothing by default. `vffnull.robots.emulated.usual` has what is to be
         expected.
     overrides : Mapping, optional
-        Keys of the scenario that differ.
+        Keys of the scenario that differ. Without a ``controller.deadline`` there is none.
     physics : {"own", "mujoco"}, optional
         Whose dynamics move the arm.
     seconds : float, optional
@@ -204,13 +204,16 @@ def emulate(
         adapter.paces = True  # its time goes on with the commands
     given = ready["controller"].get("command")
     start = given.get("start", _START) if isinstance(given, Mapping) else _START
+    # Its time goes on with the cycles, however long they take: a clock says nothing of it.
+    is_timed = ready["controller"].get("deadline") is not None
+    driving = ready if is_timed else ready.replace(**{"controller.deadline": "unlimited"})
     duration = ready.duration + start if seconds is None else positive("seconds", seconds)
     watch = _Watch(there)
     there.before_state = watch
     began = perf_counter()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "drive: ", RuntimeWarning)  # it is in the report
-        with drive(adapter, ready, rate=rate, seconds=duration) as driven:
+        with drive(adapter, driving, rate=rate, seconds=duration) as driven:
             watch.drive = driven
             watch.ready.set()
             while not driven.wait(0.1):

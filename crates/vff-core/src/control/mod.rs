@@ -8,6 +8,7 @@
 
 pub mod avoidance;
 mod controller;
+pub mod deadline;
 pub mod distance;
 pub mod energy;
 pub mod extended_jacobian;
@@ -28,6 +29,7 @@ pub mod torque_range;
 pub mod virtual_forces;
 
 pub use controller::{Controller, ReactiveController};
+pub use deadline::{Budget, Deadline, LeftOut};
 pub use energy::{Energy, Power};
 pub use gains::{Gains, NullDamping};
 pub use law::{Law, Torque};

@@ -191,7 +191,7 @@ impl Live {
 
     /// What has been measured since the start or the last reset, of every control period. There is no tail.
     pub fn metrics(&self) -> Vec<(&'static Metric, Value)> {
-        self.metrics.values()
+        self.metrics.values(self.run.left_out())
     }
 
     /// Takes over the settings of a `[controller]` table.

@@ -146,6 +146,9 @@ pub trait ErasedRun: Debug + Send + Any {
     /// The present instant.
     fn snapshot(&self) -> Snapshot<'_>;
 
+    /// [`ClosedLoop::left_out`](crate::simulation::ClosedLoop::left_out).
+    fn left_out(&self) -> [Option<u64>; 5];
+
     /// Advances the closed loop alone, without record or metrics, under its own torque or under
     /// `external` \[N·m\]. Returns false if the new state is not finite.
     fn advance(&mut self, external: Option<&[f64]>) -> bool;
@@ -310,6 +313,10 @@ where
 
     fn snapshot(&self) -> Snapshot<'_> {
         self.closed_loop().snapshot()
+    }
+
+    fn left_out(&self) -> [Option<u64>; 5] {
+        self.closed_loop().left_out()
     }
 
     fn advance(&mut self, external: Option<&[f64]>) -> bool {

@@ -96,6 +96,15 @@ pub const METRICS: &[Metric] = &[
         "",
         "how often the arm came no nearer to the end of its plan, with replan only",
     ),
+    metric("late_cycles", "", "control cycles that took longer than the deadline"),
+    metric("cut_cycles", "", "control cycles in which look-ahead stopped for lack of time"),
+    metric("rollouts_left_out", "", "roll-outs of look-ahead that were not made because of that"),
+    metric(
+        "points_left_out",
+        "",
+        "points of clouds, counted once a cycle, beyond the 64 that cbf keeps of a link",
+    ),
+    metric("programs_cut", "", "programs of cbf that ended with constraints left"),
 ];
 
 fn norm(values: &[f64]) -> f64 {
@@ -392,8 +401,8 @@ impl Metrics {
         self.passivity_residual = larger(self.passivity_residual, defect);
     }
 
-    /// The values, in the order of [`METRICS`].
-    pub fn values(&self) -> Vec<(&'static Metric, Value)> {
+    /// The values, in the order of [`METRICS`], with what was [left out](super::ClosedLoop::left_out).
+    pub fn values(&self, left_out: [Option<u64>; 5]) -> Vec<(&'static Metric, Value)> {
         // What has left the range of numbers is none: a run may end while its sums overflow.
         let number =
             |value: f64| if value.is_finite() { Value::Number(value) } else { Value::None };
@@ -465,7 +474,9 @@ impl Metrics {
             count(self.replans.map(|counts| counts.taken)),
             count(self.replans.map(|counts| counts.stuck)),
         ];
-        debug_assert_eq!(values.len(), METRICS.len());
-        METRICS.iter().zip(values).collect()
+        let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
+        let left_out = left_out.map(|counted| count(counted.map(whole)));
+        debug_assert_eq!(values.len() + left_out.len(), METRICS.len());
+        METRICS.iter().zip(values.into_iter().chain(left_out)).collect()
     }
 }

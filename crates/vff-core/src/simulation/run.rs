@@ -179,7 +179,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
             let status = if collided { Status::Collided } else { Status::Completed };
             (status, format!("reached its end at t = {end_time} s"))
         };
-        let metrics = self.metrics.values();
+        let metrics = self.metrics.values(self.closed_loop.left_out());
         let replans = self.closed_loop.replans().to_vec();
         let chatter = self.chatter.filter(|_| !self.diverged);
         let warnings = chatter.and_then(|chatter| chatter.told()).into_iter().collect();

@@ -2,6 +2,7 @@
 
 use super::{MotionState, Turn};
 use crate::math::{Capsule, Vector};
+use std::cell::Cell;
 
 /// Up to this acceleration of the ends of a link, seen from the obstacle, the distances that are kept imply the others \[m/s²\].
 const IMPLIED_UP_TO: f64 = 16.0;
@@ -18,11 +19,13 @@ pub struct Outlook<'a, const D: usize> {
     pub kept: f64,
     /// The velocity of a point that is fixed to a link \[m/s\].
     pub velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
+    /// Points that were taken for implied by others only because there is no room for more.
+    pub coarsened: &'a Cell<u64>,
 }
 
 /// The same for one link, as an obstacle sees it.
 #[derive(Debug, Clone, Copy)]
-pub struct Ahead<const D: usize> {
+pub struct Ahead<'a, const D: usize> {
     /// What is kept of a distance at most \[m\].
     pub kept: f64,
     /// 2u/k of both ends of the axis: by how much they go on \[m\].
@@ -31,6 +34,8 @@ pub struct Ahead<const D: usize> {
     pub implied: f64,
     /// How far off that the ends may come so that what is higher than this is not violated \[m\].
     pub unharmed: f64,
+    /// See [`Outlook`].
+    pub coarsened: &'a Cell<u64>,
 }
 
 impl<const D: usize> Outlook<'_, D> {
@@ -41,8 +46,8 @@ impl<const D: usize> Outlook<'_, D> {
         axis: &Capsule<D>,
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
-    ) -> Ahead<D> {
-        let Self { rate, kept, velocity } = *self;
+    ) -> Ahead<'_, D> {
+        let Self { rate, kept, velocity, coarsened } = *self;
         let shift = [axis.start, axis.end()].map(|end| {
             let seen = velocity(link, &end) - state.velocity;
             let Some(turn) = turn else { return seen * (2.0 / rate) };
@@ -50,11 +55,11 @@ impl<const D: usize> Outlook<'_, D> {
             turn.rotation.tr_mul(&(seen - carried)) * (2.0 / rate)
         });
         let [implied, unharmed] = [IMPLIED_UP_TO, UNHARMED_UP_TO].map(|most| most / (rate * rate));
-        Ahead { kept, shift, implied, unharmed }
+        Ahead { kept, shift, implied, unharmed, coarsened }
     }
 }
 
-impl<const D: usize> Ahead<D> {
+impl<const D: usize> Ahead<'_, D> {
     /// How far a point of the axis goes on at most \[m\].
     pub(super) fn farthest(&self) -> f64 {
         self.shift.iter().map(Vector::norm).fold(0.0, f64::max)

@@ -107,7 +107,7 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
         body: &Self::Probe,
         state: &MotionState<D>,
         reach: f64,
-        ahead: &Ahead<D>,
+        ahead: &Ahead<'_, D>,
         visit: impl FnMut(&Contact<D>),
     ) {
         let _ = ahead;

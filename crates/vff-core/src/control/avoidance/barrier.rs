@@ -13,6 +13,7 @@
 
 use super::joint_bounds::{Braking, Joints, guarded_acceleration};
 use super::margins::Margins;
+use crate::control::deadline::LeftOut;
 use crate::control::distance::{DistanceRate, OwnPair};
 use crate::control::quadratic_program::{Outcome, Problem, QuadraticProgram};
 use crate::control::settings::{Keep, Yielding};
@@ -24,6 +25,7 @@ use crate::math::{Vector, dot};
 use crate::robot::{Limits, Robot, pace};
 use crate::world::{Contact, Outlook};
 use nalgebra::SMatrix;
+use std::cell::Cell;
 
 /// k where it is not given \[1/s\].
 pub const RATE: f64 = 40.0;
@@ -150,6 +152,8 @@ pub struct Barrier {
     slack_weight: f64,
     /// What is kept of distances.
     pub(super) margins: Margins,
+    /// Points of clouds, and programs that ended with constraints left.
+    pub(super) left_out: LeftOut,
 }
 
 /// What is to be kept.
@@ -191,6 +195,7 @@ impl Barrier {
             rate: rate(settings),
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
+            left_out: LeftOut::default(),
         };
         this.reserve(0);
         this
@@ -245,12 +250,13 @@ impl Barrier {
         self.ends.reserve(n);
     }
 
-    /// What it reckons with where points of links move at this velocity.
+    /// What it reckons with where points of links move at this velocity, and where points that are left out are counted.
     pub fn outlook<'a, const D: usize>(
         &self,
         velocity: &'a dyn Fn(usize, &Vector<D>) -> Vector<D>,
+        coarsened: &'a Cell<u64>,
     ) -> Outlook<'a, D> {
-        Outlook { rate: self.rate, kept: self.margins.most(self.rate), velocity }
+        Outlook { rate: self.rate, kept: self.margins.most(self.rate), velocity, coarsened }
     }
 
     /// Adds M y to the torque and returns the largest δ of a pair \[m/s²\].
@@ -299,6 +305,7 @@ impl Barrier {
             bounds: &self.bounds,
             softness: &self.softness,
         });
+        self.left_out.programs += u64::from(outcome == Outcome::Unfinished);
         let y = self.program.x();
         let n = y.len();
         if outcome != Outcome::NotConvex {

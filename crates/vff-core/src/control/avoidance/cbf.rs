@@ -2,6 +2,7 @@
 
 use super::barrier::{self, Barrier, Kept};
 use super::{Situation, Way};
+use crate::control::deadline::LeftOut;
 use crate::control::distance::OwnPair;
 use crate::control::settings::SelfCollision;
 use crate::control::{Gains, Torque};
@@ -11,6 +12,7 @@ use crate::robot::Robot;
 use crate::trajectory::{JointSpline, Pace};
 use crate::world::{CollisionQuery, Contact};
 use nalgebra::SMatrix;
+use std::cell::Cell;
 
 /// The pairs near the arm, and the program.
 #[derive(Debug, Clone)]
@@ -26,7 +28,7 @@ pub struct Cbf<const D: usize, const M: usize> {
     /// The bodies, or capsules around them, gathered where they are measured against each other.
     bodies: Vec<Body<'static, D>>,
     most_bodies: usize,
-    pub(super) barrier: Barrier,
+    barrier: Barrier,
     slack: f64,
 }
 
@@ -84,8 +86,10 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         }
         let Self { activation, pairs, barrier, .. } = self;
         let velocity = |link: usize, point: &Vector<D>| robot.point_velocity(link, point);
-        let outlook = barrier.outlook(&velocity);
+        let coarsened = Cell::new(0);
+        let outlook = barrier.outlook(&velocity, &coarsened);
         surroundings.for_each_needed(bodies, *activation, &outlook, |pair| pairs.push(*pair));
+        barrier.left_out.points += coarsened.get();
     }
 
     fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
@@ -100,5 +104,13 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
 
     fn slack(&self) -> Option<f64> {
         Some(self.slack)
+    }
+
+    fn program(&self) -> Option<&Barrier> {
+        Some(&self.barrier)
+    }
+
+    fn forget(&mut self) {
+        self.barrier.left_out = LeftOut::default();
     }
 }

@@ -13,6 +13,7 @@ pub mod preview;
 pub mod priority;
 pub mod relaxed;
 
+use super::deadline::LeftOut;
 use super::{Avoidance, Gains, OperationalSpace, Torque, TorqueRange, VirtualForces, limits};
 use crate::math::Vector;
 use crate::robot::{Limits, Robot};
@@ -62,6 +63,14 @@ trait Way<const D: usize, const M: usize> {
     fn slack(&self) -> Option<f64> {
         None
     }
+
+    /// The program, if it is one.
+    fn program(&self) -> Option<&Barrier> {
+        None
+    }
+
+    /// Forgets what was left out.
+    fn forget(&mut self) {}
 }
 
 /// The task always wins, as far as the drives let it.
@@ -174,9 +183,22 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     /// The program of `cbf`, if that is the way.
     #[cfg(test)]
     pub(crate) fn barrier(&self) -> Option<&Barrier> {
-        match &self.way {
-            Ways::Cbf(cbf) => Some(&cbf.barrier),
-            _ => None,
+        each!(&self.way, way => Way::<D, M>::program(way))
+    }
+
+    /// What bounds have left out since the beginning.
+    pub fn left_out(&self) -> LeftOut {
+        let of_way = each!(&self.way, way => Way::<D, M>::program(way));
+        let of_limiter = self.limiter.as_ref().map(|limiter| &limiter.barrier);
+        let programs = of_way.into_iter().chain(of_limiter);
+        programs.fold(LeftOut::default(), |sum, program| sum.with(program.left_out))
+    }
+
+    /// Forgets that.
+    pub fn forget(&mut self) {
+        each!(&mut self.way, way => Way::<D, M>::forget(way));
+        if let Some(limiter) = &mut self.limiter {
+            limiter.barrier.left_out = LeftOut::default();
         }
     }
 

@@ -11,6 +11,7 @@ mod tests;
 pub use reactive::ReactiveController;
 
 use super::avoidance::preview::Preview;
+use super::deadline::{Budget, LeftOut};
 use super::{Avoidance, Gains, Law, Output, Torque, Yielding};
 use crate::robot::Manipulator;
 use crate::trajectory::{JointSpline, Pace, Sample};
@@ -27,6 +28,8 @@ use std::ops::Deref;
 pub struct Controller<R: Manipulator<D, M>, const D: usize, const M: usize> {
     reactive: ReactiveController<R, D, M>,
     preview: Option<Box<Preview<R, D, M>>>,
+    /// How long a cycle may take: that of a simulation, unless somebody says otherwise.
+    budget: Budget,
 }
 
 impl<R: Manipulator<D, M>, const D: usize, const M: usize> Deref for Controller<R, D, M> {
@@ -46,12 +49,37 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
             }
             _ => None,
         };
-        Self { reactive: ReactiveController::new(robot, gains), preview }
+        let budget = Budget::of_simulation(gains.deadline);
+        Self { reactive: ReactiveController::new(robot, gains), preview, budget }
+    }
+
+    /// Lets cycles take no longer than `budget` says, from now on.
+    pub fn keep_to(&mut self, budget: Budget) {
+        self.budget = budget;
+    }
+
+    /// Whether cycles have a deadline, and whether it looks ahead.
+    pub fn is_limited(&self) -> [bool; 2] {
+        [self.budget.is_limited(), self.preview.is_some()]
+    }
+
+    /// So many controllers share a cycle from now on, a part each.
+    pub fn share_cycle(&mut self, parts: u64) {
+        self.budget.share(parts);
+    }
+
+    /// What was left out since the beginning: for lack of time, or because of a bound.
+    pub fn left_out(&self) -> LeftOut {
+        let of_preview = self.preview.as_ref().map(|preview| preview.left_out());
+        let late = LeftOut { late: self.budget.late(), ..LeftOut::default() };
+        late.with(of_preview.unwrap_or_default()).with(self.reactive.left_out())
     }
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
+        self.budget.begin();
         self.reactive.observe(q, dq, surroundings);
+        self.budget.suspend();
     }
 
     /// Makes room for all contacts with these surroundings, so that the next observation, look-ahead and command among
@@ -107,26 +135,32 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.believe(&other.reactive);
     }
 
-    /// Looks ahead from the observed state, if it is time: `reference(s)` is that in s seconds.
+    /// Looks ahead from the observed state, if it is time and as far as there is time left in this cycle: `reference(s)` is
+    /// that in s seconds.
     pub fn look_ahead(
         &mut self,
         surroundings: &mut impl CollisionQuery<D>,
         reference: impl Fn(f64) -> Sample<R::Pose, M>,
     ) {
-        if let Some(preview) = &mut self.preview {
-            preview.advance(&self.reactive.robot, surroundings, &reference);
+        let Self { reactive, preview, budget } = self;
+        if let Some(preview) = preview {
+            budget.go_on();
+            preview.advance(&reactive.robot, surroundings, &reference, budget);
+            budget.suspend();
         }
     }
 
     /// The torque at the observed state for this reference.
     pub fn command(&mut self, reference: &Sample<R::Pose, M>) -> &Torque {
-        let Self { reactive, preview } = self;
+        let Self { reactive, preview, budget } = self;
+        budget.reserve();
         reactive.follow(reference);
         if let Some(preview) = preview {
             let Law { bias, torque, .. } = &mut reactive.law;
             preview.act(&reactive.robot, &reactive.space, bias, torque);
         }
         reactive.give_way();
+        budget.end();
         &reactive.law.torque
     }
 
@@ -142,6 +176,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
 
     /// Forgets what it remembers of the past: the tank is as full as at the start, and no candidate is taken.
     pub fn reset(&mut self) {
+        self.budget.reset();
         self.reactive.reset();
         if let Some(preview) = &mut self.preview {
             preview.reset();

@@ -1,6 +1,7 @@
 //! The controller that sees the present alone: observe, then command.
 
 use crate::control::avoidance::{Avoider, Situation};
+use crate::control::deadline::LeftOut;
 use crate::control::limits::{self, ObjectiveScale, Parts};
 use crate::control::moving_posture::MovingPosture;
 use crate::control::observer::{MomentumObserver, Touch};
@@ -8,6 +9,7 @@ use crate::control::{
     Formulation, Gains, Law, OperationalSpace, Output, Tank, Torque, TorqueRange, VirtualForces,
     extended_jacobian, task,
 };
+use crate::interrupt;
 use crate::math::{Pose, Vector, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::{JointSpline, Pace, Sample};
@@ -120,6 +122,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
+        interrupt::spend(32 * D * D * q.len());
         self.space.update(&mut self.robot, q, dq);
         self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
         if let Some(avoider) = &mut self.avoider {
@@ -421,6 +424,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.avoider.as_ref().and_then(|avoider| avoider.slack())
     }
 
+    /// What bounds have left out since the beginning.
+    pub fn left_out(&self) -> LeftOut {
+        self.avoider.as_ref().map_or_else(LeftOut::default, |avoider| avoider.left_out())
+    }
+
     /// `tau ← Nᵀ tau` at the observed state, N of the chosen projection (T4).
     pub fn project(&mut self, tau: &mut [f64]) {
         let Self { robot, space, gains, law, .. } = self;
@@ -431,6 +439,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn reset(&mut self) {
         if let Some(observer) = &mut self.observer {
             observer.forget();
+        }
+        if let Some(avoider) = &mut self.avoider {
+            avoider.forget();
         }
         self.tank = self.gains.tank.map(Tank::new);
     }

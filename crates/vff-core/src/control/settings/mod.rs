@@ -9,6 +9,7 @@ pub use command::{CommandSettings, Gravity, OF_THE_ROBOT};
 pub use preview::PreviewSettings;
 pub use yielding::{Keep, Yielding};
 
+use super::deadline::Deadline;
 use super::observer::{ObserverSettings, Touch};
 use super::tank::TankSettings;
 use crate::field::Field;
@@ -139,6 +140,9 @@ settings! {
         /// What stands between the torque and the robot; nothing by default.
         #[serde(deserialize_with = "command::read")]
         command: CommandSettings = CommandSettings::default();
+        /// How long a cycle may take, look-ahead included, or `"unlimited"`; none: three tenths of the period in a loop whose period
+        /// is known, where the clock counts, unlimited in a simulation, where 1000 units of work count as a microsecond.
+        deadline: Option<Deadline> = None, "µs", POSITIVE;
         /// Where metres and radians of a task are put together, an angle counts as its arc at this radius; none: 1 in the
         /// plane, a sixth of the reach in space.
         characteristic_length: Option<f64> = None, "m", POSITIVE;

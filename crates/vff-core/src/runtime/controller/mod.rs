@@ -11,7 +11,7 @@ use super::obstacles::AnyObstacles;
 use super::points::PointsError;
 use crate::control::observer::Source;
 use crate::control::output::{BeginError, Phase};
-use crate::control::{Avoidance, Settings, StablePeriod, TaskKind};
+use crate::control::{Avoidance, LeftOut, Settings, StablePeriod, TaskKind};
 use crate::math::rotation::NotARotation;
 use crate::planning::motion::Jointed;
 use crate::robot::Limits;
@@ -482,6 +482,9 @@ pub trait ErasedController: Debug + Send {
 
     /// The observed pose of the end effector; it has the first of the [`widths`](Self::widths).
     fn write_pose(&self, out: &mut [f64]);
+
+    /// What was left out since the loop began: for lack of time before its deadline, or because of a bound.
+    fn left_out(&self) -> LeftOut;
 
     /// Forgets the past, not the obstacles. Does not allocate.
     fn forget(&mut self);

@@ -9,7 +9,7 @@ use super::{
     Surroundings, Target, TermsView,
 };
 use crate::control::output::{BeginError, Phase, Supervisor};
-use crate::control::{Controller, Gravity, Output, Settings, StablePeriod, Tank};
+use crate::control::{Controller, Gravity, LeftOut, Output, Settings, StablePeriod, Tank};
 use crate::math::rotation::NotARotation;
 use crate::math::{Pose, Vector};
 use crate::robot::{Limits, Robot};
@@ -52,19 +52,15 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     reach: f64,
     /// The instant of the last call \[s\].
     last: Option<f64>,
+    /// The period of the loop that it is in \[s\], if that is known.
+    period: Option<f64>,
+    /// What laws have left out that others took the place of.
+    left_out: LeftOut,
     /// Whether the last call came to no good: it was broken off, or its torque is not finite.
     spoilt: bool,
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
-    fn reset(&mut self) {
-        let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
-        self.controller = Controller::new(robot, gains);
-        self.end_fading();
-        self.reserve();
-        (self.last, self.spoilt) = (None, false);
-    }
-
     /// The time of the loop \[s\] when the clock of its states says `t`: another one where that was set.
     fn loop_time(&self, t: f64) -> f64 {
         t - self.supervisor.as_ref().map_or(0.0, |supervisor| supervisor.clock_ahead())
@@ -92,6 +88,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     fn act(&mut self, reference: &Sample<S::Pose, M>, later: impl Fn(f64) -> Sample<S::Pose, M>) {
         self.spoilt = true;
         let Self { controller, fading, world, .. } = self;
+        let is_left = fading.as_ref().is_some_and(|fading| fading.is_left());
+        controller.share_cycle(if is_left { 2 } else { 1 });
         controller.look_ahead(world, &later);
         controller.command(reference);
         if let Some(fading) = fading {
@@ -105,12 +103,6 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
     fn left(&mut self) -> Option<&mut Controller<S::State, D, M>> {
         let fading = self.fading.as_mut().filter(|fading| fading.is_left());
         fading.map(|fading| &mut fading.controller)
-    }
-
-    fn end_fading(&mut self) {
-        if let Some(fading) = &mut self.fading {
-            fading.end();
-        }
     }
 
     /// Its torque as the robot wants it.
@@ -302,6 +294,7 @@ where
 
     fn begin_anew(&mut self) {
         self.reset();
+        self.left_out = LeftOut::default();
         self.world = World::new(vec![]);
         self.placed.clear();
     }
@@ -310,6 +303,8 @@ where
         let robot = self.controller.robot().clone();
         let supervisor = Supervisor::new(&self.settings.command, robot, period, measured)?;
         self.supervisor = Some(Box::new(supervisor));
+        self.period = Some(period);
+        self.keep_time();
         self.forget();
         Ok(())
     }
@@ -467,7 +462,12 @@ where
         out.copy_from_slice(self.controller.pose().as_slice());
     }
 
+    fn left_out(&self) -> LeftOut {
+        self.left_out.with(self.controller.left_out())
+    }
+
     fn forget(&mut self) {
+        self.left_out = LeftOut::default();
         self.controller.reset();
         self.end_fading();
         self.last = None;
@@ -555,6 +555,8 @@ where
         swap(&mut self.arm, &mut next.arm);
         swap(&mut self.settings, &mut next.settings);
         swap(&mut self.reach, &mut next.reach);
+        self.left_out = self.left_out.with(fading.controller.left_out());
+        self.keep_time();
         let Self { controller, world, supervisor, .. } = self;
         let before = &fading.controller;
         controller.observe(before.robot().configuration(), before.robot().velocity(), world);
@@ -564,6 +566,7 @@ where
         if let Some(supervisor) = supervisor {
             supervisor.exchange_robot(&mut fading.robot);
         }
+        fading.controller.share_cycle(2);
         let is_same = fading.begin(controller, duration);
         if let Some(followed) = &mut self.followed {
             followed.wait(controller.gains().governor, world.time() + self.epoch);

@@ -2,6 +2,7 @@
 //! copy a row.
 
 use super::reference::Reference;
+use crate::control::LeftOut;
 use crate::control::output::Phase;
 use crate::runtime::controller::{AnyController, SuccessionError, Surroundings, Target};
 use crate::runtime::obstacles::AnyObstacles;
@@ -103,6 +104,7 @@ pub struct Exchange {
     pub(super) end: AtomicBool,
     phase: Mutex<Phase>,
     pub(super) periods: AtomicU64,
+    left_out: [AtomicU64; 5],
 }
 
 impl fmt::Debug for Exchange {
@@ -124,6 +126,7 @@ impl Exchange {
             end: AtomicBool::new(false),
             phase: Mutex::new(Phase::Starting),
             periods: AtomicU64::new(0),
+            left_out: [const { AtomicU64::new(0) }; 5],
             layout,
         }
     }
@@ -254,6 +257,15 @@ impl Exchange {
         self.periods.load(Ordering::Relaxed)
     }
 
+    /// What was left out so far, for lack of time or because of a bound: name and count of each.
+    pub fn left_out(&self) -> [(&'static str, u64); 5] {
+        let mut named = LeftOut::default().named();
+        for ((_, count), now) in named.iter_mut().zip(&self.left_out) {
+            *count = now.load(Ordering::Relaxed);
+        }
+        named
+    }
+
     /// Columns of a row.
     pub fn layout(&self) -> &Layout {
         &self.layout
@@ -304,6 +316,13 @@ impl Exchange {
     pub(super) fn enter(&self, phase: Phase) {
         if let Ok(mut shown) = self.phase.try_lock() {
             *shown = phase;
+        }
+    }
+
+    /// Shows what was left out so far.
+    pub(super) fn count(&self, left_out: LeftOut) {
+        for (shown, (_, count)) in self.left_out.iter().zip(left_out.named()) {
+            shown.store(count, Ordering::Relaxed);
         }
     }
 

@@ -22,6 +22,7 @@ pub use simulated::SimulatedRobot;
 use super::controller::{AnyController, Reading};
 use super::fault::guarded;
 use super::virtual_arm::{Course, SetPointLimits, VirtualArm, VirtualArmError};
+use crate::control::LeftOut;
 use crate::control::output::{BeginError, Clock, Phase};
 use crate::simulation::Replanned;
 use crate::simulation::pace::{self, Late, Timing};
@@ -89,6 +90,8 @@ pub struct Report {
     pub notes: Vec<String>,
     /// The searches for another plan.
     pub replans: Vec<Replanned>,
+    /// What was left out, for lack of time or because of a bound.
+    pub left_out: LeftOut,
 }
 
 /// The loop that drives a robot.
@@ -544,6 +547,7 @@ impl Inner {
         put(controller.path_time().as_slice());
         put(controller.planned().unwrap_or_default());
         exchange.show(row);
+        exchange.count(controller.left_out());
         if options.record_every == 0 {
             return;
         }
@@ -573,6 +577,7 @@ impl Inner {
             timing,
             notes: self.notes,
             replans: self.controller.replans().to_vec(),
+            left_out: self.controller.left_out(),
         }
     }
 }

@@ -144,7 +144,7 @@ fn column<'a>(driven: &'a Driven, name: &str) -> &'a [f64] {
 #[test]
 fn it_drives() {
     let driven = drive(Mishap::None, half_a_second(), false);
-    let Report { ending, timing, periods, notes, replans } = &driven.report;
+    let Report { ending, timing, periods, notes, replans, .. } = &driven.report;
     assert_eq!((ending, notes.len(), replans.len(), driven.ended), (&Ending::Completed, 0, 0, 1));
     assert!(*periods > 500 && *periods as usize == driven.told.len(), "{periods}");
     assert_eq!((timing.latency.len(), timing.work.len()), (*periods, *periods));

@@ -9,6 +9,7 @@ mod trace;
 use super::SCHEMA;
 use super::tables::SPATIAL_KEYS;
 use super::tables::{CONTACT, Tables, UNREACHABLE, WhereUnreachable};
+use crate::control::deadline::UNLIMITED;
 use crate::control::settings::OF_THE_ROBOT;
 use crate::simulation::{ContactSettings, Plane, Space};
 use serde_json::{Map, Value, json};
@@ -128,6 +129,9 @@ fn table(keys: &[Key], path: &str, rows: &Rows, variant: Option<&str>) -> Value 
         if here == "controller.command" {
             let either = json!([{ "const": OF_THE_ROBOT }, value]);
             value = json!({ "description": "what stands before the robot", "anyOf": either });
+        }
+        if here == "controller.deadline" {
+            value = json!({ "anyOf": [{ "const": UNLIMITED }, value] });
         }
         if let Some(row) = row_of(&here, rows) {
             describe(&mut value, row);

@@ -3,6 +3,7 @@
 //! A [`Tracer`] answers whatever a type asks for and keeps a note of it. One pass sees one variant of every enum and
 //! finds out of one key at most whether it may be missing; [`trace`] makes as many passes as that takes.
 
+use crate::control::deadline::UNLIMITED;
 use serde::de::{
     self, DeserializeSeed, Deserializer, Expected, IntoDeserializer, MapAccess, SeqAccess,
     VariantAccess, Visitor, value::StrDeserializer,
@@ -215,6 +216,9 @@ impl<'de> Deserializer<'de> for Tracer<'_> {
             *self.kind = Kind::AnyTable;
             let sphere = serde_json::json!({ "kind": "sphere", "center": [0, 0, 0], "radius": 1 });
             return sphere.deserialize_any(visitor).map_err(de::Error::custom);
+        }
+        if expected == format!("a number or \"{UNLIMITED}\"") {
+            return self.deserialize_f64(visitor);
         }
         if expected != "a number or a list of numbers" {
             return Err(Fault::Other(format!("a type that reads {expected}")));

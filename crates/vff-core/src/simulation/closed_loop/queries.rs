@@ -75,6 +75,16 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         &self.stack.controller
     }
 
+    /// What was left out so far, in the order of [`LeftOut::named`]; None of what there is not.
+    pub fn left_out(&self) -> [Option<u64>; 5] {
+        let controller = self.controller();
+        let [is_limited, looks_ahead] = controller.is_limited();
+        let (ahead, keeps) = (is_limited && looks_ahead, controller.slack().is_some());
+        let is_there = [is_limited, ahead, ahead, keeps, keeps];
+        let mut counts = controller.left_out().named().into_iter().zip(is_there);
+        [(); 5].map(|()| counts.next().and_then(|((_, count), there)| there.then_some(count)))
+    }
+
     /// The obstacles.
     pub fn world(&self) -> &World<S::Solid, D> {
         &self.stack.world

@@ -33,7 +33,7 @@ pub(super) struct Needed {
 impl Needed {
     /// Whether `other` implies this one, where so much more is allowed \[m\].
     #[inline]
-    fn is_implied_by(&self, other: &Self, ahead: &Ahead<3>, allowed: f64) -> bool {
+    fn is_implied_by(&self, other: &Self, ahead: &Ahead<'_, 3>, allowed: f64) -> bool {
         let Self { height, lever: [a, b], .. } = self;
         let room = height - other.height + (allowed + ALLOWED_SHARE * height.max(0.0)) / PASSES;
         // The sum of the lengths of four parts, which is 2 in all.
@@ -46,7 +46,7 @@ impl Needed {
 
 /// Those that are needed so far.
 pub(super) struct NeededPoints<'a> {
-    ahead: &'a Ahead<3>,
+    ahead: &'a Ahead<'a, 3>,
     /// Of the link and the balls together \[m\].
     radii: f64,
     /// What is farther is not needed at all \[m\].
@@ -59,7 +59,7 @@ pub(super) struct NeededPoints<'a> {
 
 impl<'a> NeededPoints<'a> {
     /// None as yet, of those nearer than `reach` \[m\].
-    pub(super) fn new(ahead: &'a Ahead<3>, radii: f64, reach: f64) -> Self {
+    pub(super) fn new(ahead: &'a Ahead<'a, 3>, radii: f64, reach: f64) -> Self {
         Self {
             ahead,
             radii,
@@ -105,10 +105,17 @@ impl<'a> NeededPoints<'a> {
         self.least = self.least.min(height);
     }
 
-    /// Whether one of the first so many implies this one.
+    /// Whether one of the first so many implies this one. Counts those that do so only because more is allowed.
     fn is_implied(&self, point: &Needed, count: usize) -> bool {
-        let implies = |other: &Needed| point.is_implied_by(other, self.ahead, self.allowed);
-        self.found[..count].iter().any(implies)
+        let implied = |allowed: f64| {
+            let implies = |other: &Needed| point.is_implied_by(other, self.ahead, allowed);
+            self.found[..count].iter().any(implies)
+        };
+        let is_implied = implied(self.allowed);
+        if is_implied && self.allowed > ALLOWED && !implied(ALLOWED) {
+            self.ahead.coarsened.update(|count| count + 1);
+        }
+        is_implied
     }
 
     /// Leaves out those that others imply.

@@ -155,7 +155,7 @@ impl Solid<3> for Volume {
         link: &Probe,
         state: &MotionState<3>,
         reach: f64,
-        ahead: &Ahead<3>,
+        ahead: &Ahead<'_, 3>,
         visit: impl FnMut(&Contact<3>),
     ) {
         if let Core::Cloud(cloud) = &self.core {

@@ -86,6 +86,11 @@ pub struct Forecast {
     pub worst: f64,
 }
 
+impl Forecast {
+    /// Of no instant.
+    pub const NOTHING: Self = Self { distance: f64::INFINITY, error: 0.0, worst: 0.0 };
+}
+
 /// What a candidate costs of which this is predicted (T73).
 pub fn cost(settings: &PreviewSettings, margin: f64, forecast: Forecast, holds: bool) -> f64 {
     let missing = (settings.clearance - forecast.distance).max(0.0);

@@ -7,6 +7,7 @@
 use super::due;
 use super::prediction::{Later, Prediction};
 use crate::control::avoidance::barrier;
+use crate::control::deadline::Budget;
 use crate::control::{Gains, ReactiveController};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
@@ -124,7 +125,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
 
     /// Goes on up to this share of the whole and returns what there was: a contact at once, a large error of the task at
     /// the end. It began `ago` \[s\] before the present, for which `surroundings` and `reference`, in so many seconds,
-    /// speak.
+    /// speak. None where the time of this control cycle is over before that.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
     pub fn go_on(
         &mut self,
@@ -133,15 +134,19 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         surroundings: &dyn Prediction<D>,
         obstacles: &[usize],
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
-    ) -> Foreseen {
+        budget: &Budget,
+    ) -> Option<Foreseen> {
         let due = due(self.count, share).min(self.count);
         while self.done < due {
+            if !budget.is_left() {
+                return None;
+            }
             let after = self.step * self.done as f64 - ago;
             let mut later = Later { surroundings, obstacles, after };
             self.controller.observe(&self.q, &self.dq, &mut later);
             if self.controller.forces().clearance().iter().any(|distance| *distance < self.least) {
                 self.stop();
-                return Foreseen::Contact;
+                return Some(Foreseen::Contact);
             }
             self.controller.command(&reference(after));
             let error = self.controller.gains().metric::<D>().norm(self.controller.error());
@@ -149,7 +154,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
             self.advance();
             self.done += 1;
         }
-        if self.strays && !self.is_running() { Foreseen::Error } else { Foreseen::Nothing }
+        let strays = self.strays && !self.is_running();
+        Some(if strays { Foreseen::Error } else { Foreseen::Nothing })
     }
 
     /// One step of semi-implicit Euler.
@@ -187,7 +193,9 @@ mod tests {
         let mut rollout =
             ClosedLoopRollout::<PlanarState, 2, 2>::new(&state, &gains, DURATION, None);
         rollout.begin(&state);
-        let hit = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference) == Foreseen::Contact;
+        let unlimited = Budget::of_simulation(None);
+        let foreseen = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference, &unlimited);
+        let hit = foreseen == Some(Foreseen::Contact);
 
         let mut controller = Controller::new(state, gains);
         let mut world = world;

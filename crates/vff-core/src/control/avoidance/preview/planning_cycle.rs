@@ -3,6 +3,12 @@
 //! The work of a cycle is spread over the control steps of its period, so that no step takes much longer than the
 //! others. The first finds out by a roll-out whether a contact is predicted. If so, the closed loop itself is rolled
 //! out, and only if that is hit, too, every step tries its share of the candidates.
+//!
+//! Where the time of a control cycle is over, all of this stops, and goes on in the next: every roll-out is done instant by
+//! instant. The best candidate so far is followed meanwhile; what was not tried when the period is over is left out.
+
+#[cfg(test)]
+mod tests;
 
 use super::candidate::{Candidate, Forecast, cost};
 use super::closed_loop_rollout::{ClosedLoopRollout, Foreseen};
@@ -10,6 +16,7 @@ use super::due;
 use super::prediction::Prediction;
 use super::rollout::{RATE, Rollout};
 use crate::control::PreviewSettings;
+use crate::control::deadline::{Budget, LeftOut};
 use crate::control::{Gains, OperationalSpace, Torque};
 use crate::math::Noise;
 use crate::robot::Manipulator;
@@ -29,6 +36,20 @@ const KEPT_UP: f64 = 0.5;
 
 /// Planning cycles that a closed-loop rollout takes.
 const CYCLES: f64 = 2.0;
+
+/// Whose roll-out is under way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum UnderWay {
+    Nothing,
+    /// That of the law as it is.
+    Idle,
+    /// That of the candidate that is being followed; with the cost of the law as it is.
+    Present {
+        of_idle: f64,
+    },
+    /// That of the candidate on trial.
+    Trial,
+}
 
 /// Look-ahead with its workspace.
 #[derive(Debug, Clone)]
@@ -60,6 +81,12 @@ pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     weight: f64,
     trial: Candidate,
     rollout: Rollout<R, D, M>,
+    under_way: UnderWay,
+    /// When, since the beginning of the cycle, it was found out what the law as it is leads to \[s\]: at once, if there is time.
+    judged: f64,
+    left_out: LeftOut,
+    change: Vec<f64>,
+    scratch: Vec<f64>,
 }
 
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D, M> {
@@ -87,6 +114,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             weight: 0.0,
             trial: Candidate::idle(n),
             rollout: Rollout::new(robot, &gains.yielding, settings, gains.metric::<D>()),
+            under_way: UnderWay::Nothing,
+            judged: 0.0,
+            left_out: LeftOut::default(),
+            change: vec![0.0; n],
+            scratch: vec![0.0; n],
         }
     }
 
@@ -112,6 +144,13 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         self.holds = false;
         self.weight = 0.0;
         self.best.make_idle();
+        (self.under_way, self.judged) = (UnderWay::Nothing, 0.0);
+        self.left_out = LeftOut::default();
+    }
+
+    /// What was left out for lack of time.
+    pub fn left_out(&self) -> LeftOut {
+        self.left_out
     }
 
     /// Lets `dt` \[s\] pass.
@@ -132,88 +171,157 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         }
     }
 
-    /// Begins a cycle at the state of `robot` if it is time, and does the work that is due; `reference(s)` is that in
-    /// s seconds.
+    /// Begins a cycle at the state of `robot` if it is time, and does the work that is due as far as there is time for it;
+    /// `reference(s)` is that in s seconds.
     pub fn advance(
         &mut self,
         robot: &R,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
+        budget: &Budget,
     ) {
-        if self.elapsed >= self.settings.period - 1e-9 {
-            self.begin(robot, surroundings, reference);
-        }
-        if self.closed_loop.is_running() || self.tried < self.count {
-            self.rollout.forget(surroundings.count());
-            self.roll_out_closed_loop(surroundings, reference);
-            self.search(surroundings);
+        let is_done = self.work(robot, surroundings, reference, budget).is_some();
+        if !is_done {
+            self.left_out.cut += 1;
+            self.give_up_what_is_old();
         }
         self.since = 0.0;
+    }
+
+    /// None where the time of this control cycle is over before all that is due is done.
+    fn work(
+        &mut self,
+        robot: &R,
+        surroundings: &mut dyn Prediction<D>,
+        reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
+        budget: &Budget,
+    ) -> Option<()> {
+        if self.is_over() {
+            budget.is_left().then_some(())?;
+            self.begin(robot, surroundings, reference);
+        }
+        if self.is_judging() || self.closed_loop.is_running() || self.tried < self.count {
+            if self.rollout.forget(surroundings.count()) {
+                self.rollout.begin();
+            }
+            self.judge(robot, surroundings, budget)?;
+            self.roll_out_closed_loop(surroundings, reference, budget)?;
+            self.search(surroundings, budget)?;
+        }
+        Some(())
+    }
+
+    /// Whether it is not yet known what the law as it is leads to, or the candidate that is being followed.
+    fn is_judging(&self) -> bool {
+        matches!(self.under_way, UnderWay::Idle | UnderWay::Present { .. })
+    }
+
+    /// Whether it is time for another cycle. The search has a period, however long it took until it could begin.
+    fn is_over(&self) -> bool {
+        let Self { settings: PreviewSettings { period, horizon, .. }, elapsed, judged, .. } = self;
+        *elapsed >= if self.is_judging() { *horizon } else { judged + period } - 1e-9
+    }
+
+    /// Without time for another look, a candidate is followed no longer than it was looked at, and a prediction is none of what
+    /// has passed.
+    fn give_up_what_is_old(&mut self) {
+        if self.elapsed > self.settings.horizon {
+            self.active = false;
+            self.best.make_idle();
+        }
+        if self.closed_loop.is_running() && self.begun > self.settings.trigger {
+            self.closed_loop.stop();
+        }
     }
 
     /// How many candidates must have been tried by now, for the cycle to end in the last control step of its period:
     /// all of them in the very first step, which does not know how long a step is.
     fn due(&self) -> usize {
-        let share = (self.elapsed + self.since) / self.settings.period;
+        let share = (self.elapsed - self.judged + self.since) / self.settings.period;
         due(FIRST + self.settings.candidates, share).saturating_sub(FIRST).min(self.count)
     }
 
-    /// Begins a cycle: finds out whether a contact is predicted for the law as it is, and whether the candidate that
-    /// is being followed still does better than that.
+    /// Begins a cycle: takes in what is, to find out whether a contact is predicted for the law as it is.
     fn begin(
         &mut self,
         robot: &R,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
     ) {
-        let Self { settings, rollout, best, trial, active, holds, margin, closed_loop, .. } = self;
-        let (horizon, margin) = (settings.horizon, *margin);
+        let Self { settings, rollout, best, trial, active, holds, closed_loop, .. } = self;
+        self.left_out.rollouts += (self.count - self.tried) as u64;
         best.switch -= self.elapsed;
         self.elapsed = 0.0;
         (self.tried, self.count) = (0, 0);
+        (self.under_way, self.judged) = (UnderWay::Nothing, 0.0);
         if closed_loop.is_running() {
             return;
         }
         rollout.prepare(settings, robot, surroundings, reference);
         closed_loop.reserve(surroundings.most_contacts());
         trial.make_idle();
-        // A candidate is given up only once the law as it is keeps the margin over the whole horizon.
         match std::mem::take(&mut self.foreseen) {
             Foreseen::Contact => (*active, *holds) = (true, false),
             Foreseen::Error if !*active => (*active, *holds) = (true, true),
             _ => {}
         }
-        let (until, enough) = if *active { (horizon, margin) } else { (settings.trigger, 0.0) };
-        let most = settings.error.map_or(f64::INFINITY, |e| if *active { KEPT_UP * e } else { e });
-        let step = rollout.step;
-        let free = |so_far: Forecast, s: f64| s + step > until + 1e-9 && so_far.distance >= enough;
-        let idle = rollout.forecast(trial, surroundings, 0.0, &free);
-        let contact = idle.distance < enough;
-        let ahead = !rollout.obstacles.is_empty() && (contact || idle.worst > most);
-        if !*active && ahead {
-            closed_loop.begin(robot);
-            self.begun = 0.0;
+        rollout.begin();
+        self.under_way = UnderWay::Idle;
+    }
+
+    /// Finds out whether a contact is predicted for the law as it is, and whether the candidate that is being followed still
+    /// does better than that.
+    fn judge(
+        &mut self,
+        robot: &R,
+        surroundings: &dyn Prediction<D>,
+        budget: &Budget,
+    ) -> Option<()> {
+        let Self { settings, rollout, best, trial, active, holds, closed_loop, .. } = self;
+        let (horizon, margin) = (settings.horizon, self.margin);
+        if self.under_way == UnderWay::Idle {
+            // A candidate is given up only once the law as it is keeps the margin over the whole horizon.
+            let (until, enough) = if *active { (horizon, margin) } else { (settings.trigger, 0.0) };
+            let most =
+                settings.error.map_or(f64::INFINITY, |e| if *active { KEPT_UP * e } else { e });
+            let step = rollout.step;
+            let free =
+                |so_far: Forecast, s: f64| s + step > until + 1e-9 && so_far.distance >= enough;
+            let idle = rollout.go_on(trial, surroundings, self.elapsed, &free, budget)?;
+            self.under_way = UnderWay::Nothing;
+            let contact = idle.distance < enough;
+            let ahead = !rollout.obstacles.is_empty() && (contact || idle.worst > most);
+            if !*active && ahead {
+                closed_loop.begin(robot);
+                self.begun = 0.0;
+            }
+            *active &= ahead;
+            if !*active {
+                best.make_idle();
+                return Some(());
+            }
+            if self.weight == 0.0 {
+                self.aim.copy_from_slice(robot.velocity());
+            }
+            rollout.begin();
+            self.under_way = UnderWay::Present { of_idle: cost(settings, margin, idle, true) };
         }
-        *active &= ahead;
-        if !*active {
-            best.make_idle();
-            return;
+        if let UnderWay::Present { of_idle } = self.under_way {
+            let all = |_: Forecast, _: f64| false;
+            let present = rollout.go_on(best, surroundings, self.elapsed, &all, budget)?;
+            (self.under_way, self.judged) = (UnderWay::Nothing, self.elapsed);
+            // The null space alone was not enough.
+            *holds &= present.distance >= margin;
+            self.cost = cost(settings, margin, present, best.holds);
+            if of_idle <= self.cost {
+                self.cost = of_idle;
+                best.make_idle();
+            }
+            // A candidate that keeps its distance needs little more than to be kept up to date.
+            let settled = present.distance >= settings.clearance;
+            self.count = if settled { settings.candidates / 8 } else { settings.candidates };
         }
-        if self.weight == 0.0 {
-            self.aim.copy_from_slice(robot.velocity());
-        }
-        let present = rollout.forecast(best, surroundings, 0.0, &|_, _| false);
-        // The null space alone was not enough.
-        *holds &= present.distance >= margin;
-        self.cost = cost(settings, margin, present, best.holds);
-        let of_idle = cost(settings, margin, idle, true);
-        if of_idle <= self.cost {
-            self.cost = of_idle;
-            best.make_idle();
-        }
-        // A candidate that keeps its distance needs little more than to be kept up to date.
-        let settled = present.distance >= settings.clearance;
-        self.count = if settled { settings.candidates / 8 } else { settings.candidates };
+        Some(())
     }
 
     /// Does its share of the closed-loop rollout, if one is running, so that it takes so many cycles.
@@ -221,38 +329,49 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         &mut self,
         surroundings: &dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
-    ) {
+        budget: &Budget,
+    ) -> Option<()> {
         let Self { settings, closed_loop, rollout, since, begun, .. } = self;
         if closed_loop.is_running() {
             let share = (*begun + *since) / (CYCLES * settings.period);
             let obstacles = &rollout.obstacles;
-            self.foreseen = closed_loop.go_on(share, *begun, surroundings, obstacles, reference);
+            self.foreseen =
+                closed_loop.go_on(share, *begun, surroundings, obstacles, reference, budget)?;
         }
+        Some(())
     }
 
     /// Tries the candidates that are due, new ones and variations of the best so far, and keeps the best (T73).
-    fn search(&mut self, surroundings: &dyn Prediction<D>) {
+    fn search(&mut self, surroundings: &dyn Prediction<D>, budget: &Budget) -> Option<()> {
         let due = self.due();
         let Self { settings, margin, noise, best, cost: least, holds, trial, rollout, .. } = self;
-        for k in self.tried..due {
-            if 2 * k >= self.count || k % 2 == 0 {
-                trial.copy_from(best);
-                trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
-                trial.holds ^= k % 8 == 7;
-            } else {
-                trial.draw(noise, settings.speed * if k % 3 == 0 { 0.4 } else { 1.0 });
+        while self.tried < due {
+            if self.under_way != UnderWay::Trial {
+                let k = self.tried;
+                if 2 * k >= self.count || k.is_multiple_of(2) {
+                    trial.copy_from(best);
+                    trial.vary(noise, settings.speed * if k % 4 < 2 { 0.3 } else { 0.1 });
+                    trial.holds ^= k % 8 == 7;
+                } else {
+                    trial.draw(noise, settings.speed * if k.is_multiple_of(3) { 0.4 } else { 1.0 });
+                }
+                trial.holds |= *holds;
+                trial.limit(&rollout.speed);
+                rollout.begin();
+                self.under_way = UnderWay::Trial;
             }
-            trial.holds |= *holds;
-            trial.limit(&rollout.speed);
             let price = |forecast| cost(settings, *margin, forecast, trial.holds);
             let worse = |so_far, _| price(so_far) > *least;
-            let found = price(rollout.forecast(trial, surroundings, self.elapsed, &worse));
+            let found = rollout.go_on(trial, surroundings, self.elapsed, &worse, budget)?;
+            self.under_way = UnderWay::Nothing;
+            self.tried += 1;
+            let found = price(found);
             if found < *least {
                 *least = found;
                 std::mem::swap(best, trial);
             }
         }
-        self.tried = self.tried.max(due);
+        Some(())
     }
 
     /// Whether a candidate is being followed.
@@ -277,7 +396,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         if !self.counts() {
             return;
         }
-        let (change, scratch) = (&mut self.rollout.w, &mut self.rollout.v);
+        let Self { change, scratch, .. } = self;
         robot.accelerate(&torque.total, bias, scratch, change);
         for ((change, u), dq) in change.iter_mut().zip(&self.aim).zip(robot.velocity()) {
             *change = RATE * (u - dq) - *change;
@@ -288,137 +407,5 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         }
         robot.mass_mul(change, scratch);
         torque.add_to_task(|i| scratch[i]);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::fixtures::{Asked, closing, disc, holding, robot};
-    use super::*;
-    use crate::control::{Avoidance, Settings, Yielding};
-    use crate::robot::PlanarState;
-    use crate::robot::Robot;
-    use crate::world::plane::World;
-    use std::cell::Cell;
-
-    fn preview(robot: &PlanarState, settings: &PreviewSettings) -> Preview<PlanarState, 2, 2> {
-        let law = Settings { avoidance: Avoidance::Cbf, ..Settings::default() };
-        Preview::new(robot, &Gains::new(&law).with_seed(7), settings)
-    }
-
-    /// Discs that close in on the second link trigger the search; one that passes does not, nor does one that the law
-    /// avoids, though a roll-out touches it, nor an empty world. The chosen candidate is free of contact and keeps
-    /// the speed limits.
-    #[test]
-    fn only_contacts_ahead_trigger() {
-        let robot = robot();
-        let settings = PreviewSettings { horizon: 2.0, trigger: 2.0, ..PreviewSettings::default() };
-        let reference = holding(&robot);
-        for (obstacles, touched, expected) in [
-            (vec![], false, false),
-            (vec![disc([1.4, 2.4], [0.0, 0.8])], false, false),
-            (vec![disc([1.4, 2.6], [0.0, -0.8])], true, false),
-            (vec![disc([1.4, 2.4], [0.0, -0.8]), disc([1.4, -0.6], [0.0, 0.8])], true, true),
-        ] {
-            let mut world = World::new(obstacles);
-            let mut preview = preview(&robot, &settings);
-            // The first step does the whole closed-loop rollout, but the next cycle begins after a period, not before.
-            for half in 0..6 {
-                preview.advance(&robot, &mut world, &|_| reference);
-                assert_eq!(preview.is_active(), expected && half >= 2, "{half}: {world:?}");
-                preview.elapse(0.5 * settings.period);
-            }
-            let Preview { best, rollout, .. } = &mut preview;
-            let idle = rollout.forecast(&Candidate::idle(4), &world, 0.0, &|_, _| false);
-            assert_eq!(idle.distance < 0.0, touched, "{idle:?}");
-            if expected {
-                let chosen = rollout.forecast(best, &world, 0.0, &|_, _| false);
-                assert!(chosen.distance > 0.0, "{chosen:?}");
-                let fastest = best.first.iter().chain(&best.then).map(|u| u.abs());
-                assert!(fastest.fold(0.0, f64::max) <= Yielding::default().speed);
-            }
-        }
-    }
-
-    /// However long the control period is: every cycle tries all candidates, and no step does more than its share of
-    /// the roll-outs. Only the first step, which does not know the period, does the whole closed-loop rollout.
-    #[test]
-    fn a_cycle_is_spread_over_its_period() {
-        let robot = robot();
-        let reference = holding(&robot);
-        // No distance is large enough: candidates are tried as long as there is time.
-        let settings = PreviewSettings {
-            horizon: 2.0,
-            trigger: 2.0,
-            clearance: 9.0,
-            ..PreviewSettings::default()
-        };
-        let most = (settings.steps + 1) * robot.dof() * 2; // questions of a roll-out
-        // 66 roll-outs, two of them at once.
-        for (dt, steps, share) in [
-            (2.5e-4, 80, 2),
-            (1e-3, 20, 4),
-            (3e-3, 7, 10),
-            (0.015, 2, 50),
-            (0.02, 1, 66),
-            (0.05, 1, 66),
-        ] {
-            let mut world = Asked { world: closing(), times: Cell::new(0) };
-            let mut preview = preview(&robot, &settings);
-            preview.advance(&robot, &mut world, &|_| reference);
-            assert_eq!(preview.foreseen, Foreseen::Contact);
-            for step in 1..4 * steps {
-                let begins = step % steps == 0;
-                let before = if begins { 0 } else { preview.tried };
-                world.times.set(0);
-                preview.elapse(dt);
-                preview.advance(&robot, &mut world, &|_| reference);
-                assert_eq!(preview.elapsed == 0.0, begins, "{dt}: {step}");
-                assert_eq!(preview.is_active(), step >= steps, "{dt}: {step}");
-                if step < steps {
-                    continue;
-                }
-                let (tried, asked) = (preview.tried - before, world.times.get());
-                assert!(tried <= share && asked <= share * most, "{dt}: {tried}, {asked}");
-                if (step + 1) % steps == 0 {
-                    assert_eq!(preview.tried, settings.candidates, "{dt}");
-                }
-            }
-            // Where no time passes, there is nothing to do.
-            world.times.set(0);
-            preview.advance(&robot, &mut world, &|_| reference);
-            assert_eq!(world.times.get(), 0);
-        }
-    }
-
-    /// A closed-loop rollout takes two cycles, and no step does more than its share; a new one begins at once, as long
-    /// as a roll-out is hit.
-    #[test]
-    fn a_closed_loop_rollout_is_spread_over_two_cycles() {
-        let robot = robot();
-        let settings = PreviewSettings { horizon: 2.0, trigger: 2.0, ..PreviewSettings::default() };
-        let reference = holding(&robot);
-        for (dt, steps, share) in [(1e-3, 20, 5), (0.015, 2, 75), (0.05, 1, 200)] {
-            // A roll-out touches this disc, the law does not.
-            let mut world = World::new(vec![disc([1.4, 2.6], [0.0, -0.8])]);
-            let mut preview = preview(&robot, &settings);
-            preview.advance(&robot, &mut world, &|_| reference);
-            assert_eq!(preview.foreseen, Foreseen::Nothing);
-            assert!(!preview.closed_loop.is_running());
-            for step in 1..=6 * steps {
-                let before = preview.closed_loop.done();
-                preview.elapse(dt);
-                preview.advance(&robot, &mut world, &|_| reference);
-                let done = preview.closed_loop.done();
-                let done = if done < before { done } else { done - before };
-                assert!(done <= share, "{dt}: {done}");
-                if steps == 20 {
-                    let over = (step + 1) % (2 * steps) == steps;
-                    assert_eq!(preview.closed_loop.is_running(), step >= steps && !over, "{step}");
-                }
-            }
-            assert_eq!(preview.foreseen, Foreseen::Nothing);
-            assert!(preview.closed_loop.done() > 0);
-        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::candidate::{Candidate, Forecast};
 use super::prediction::{Near, Prediction};
+use crate::control::deadline::Budget;
 use crate::control::metric::TaskMetric;
 use crate::control::{PreviewSettings, Yielding};
 use crate::geometry::Body;
@@ -38,9 +39,12 @@ pub struct Rollout<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// Configuration and joint velocity at the beginning, and on the way.
     start: [Vec<f64>; 2],
     pub(super) q: Vec<f64>,
-    pub(super) v: Vec<f64>,
+    v: Vec<f64>,
+    /// How many instants have been looked at, and what they have come to.
+    done: usize,
+    so_far: Forecast,
     /// The joint velocity that is wanted, and J_cᵀn̂ of a pair.
-    pub(super) w: Vec<f64>,
+    w: Vec<f64>,
     row: Vec<f64>,
     /// The columns of the Jacobian of the task, where the end effector holds.
     columns: Vec<SVector<f64, M>>,
@@ -92,6 +96,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             start: [zeros(), zeros()],
             q: zeros(),
             v: zeros(),
+            done: 0,
+            so_far: Forecast::NOTHING,
             w: zeros(),
             row: zeros(),
             columns: vec![SVector::zeros(); n],
@@ -151,39 +157,55 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         self.reference.extend((0..=settings.steps).map(|k| reference(self.step * k as f64)));
     }
 
-    /// Leaves out obstacles that do not exist any longer. New ones are known to the next planning cycle only.
-    pub fn forget(&mut self, count: usize) {
+    /// Leaves out obstacles that do not exist any longer. New ones are known to the next planning cycle only. Whether there
+    /// were any: what is under way is to begin anew.
+    pub fn forget(&mut self, count: usize) -> bool {
+        let before = self.obstacles.len();
         self.obstacles.retain(|j| *j < count);
+        self.obstacles.len() < before
+    }
+
+    /// Begins to find out what a candidate leads to.
+    pub fn begin(&mut self) {
+        self.q.copy_from_slice(&self.start[0]);
+        self.v.copy_from_slice(&self.start[1]);
+        self.apart.clear();
+        self.apart.resize(self.bodies.len() * self.obstacles.len(), Apart::default());
+        (self.done, self.so_far) = (0, Forecast::NOTHING);
     }
 
     /// What a candidate leads to that began `ago` \[s\] before the present: up to the horizon, or until
-    /// `enough(forecast, s)` holds after s seconds.
+    /// `enough(forecast, s)` holds after s seconds. None where the time of this control cycle is over before that: then it is
+    /// to go on in the next.
     #[expect(clippy::cast_precision_loss, reason = "few steps")]
-    pub fn forecast(
+    pub fn go_on(
         &mut self,
         candidate: &Candidate,
         surroundings: &dyn Prediction<D>,
         ago: f64,
         enough: &dyn Fn(Forecast, f64) -> bool,
-    ) -> Forecast {
-        self.q.copy_from_slice(&self.start[0]);
-        self.v.copy_from_slice(&self.start[1]);
-        self.apart.clear();
-        self.apart.resize(self.bodies.len() * self.obstacles.len(), Apart::default());
-        let mut forecast = Forecast { distance: f64::INFINITY, error: 0.0, worst: 0.0 };
-        for k in 0..self.reference.len() {
+        budget: &Budget,
+    ) -> Option<Forecast> {
+        while self.done < self.reference.len() {
+            if !budget.is_left() {
+                return None;
+            }
+            let k = self.done;
             let s = self.step * k as f64;
             interrupt::spend(8 * self.apart.len());
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = self.scout.pose().error(&sample.x);
             let error = self.metric.norm(&e);
+            let distance = self.measure(surroundings, s - ago);
+            let forecast = &mut self.so_far;
             forecast.error += error / self.reference.len() as f64;
             if k > 0 {
                 forecast.worst = forecast.worst.max(error);
             }
-            forecast.distance = forecast.distance.min(self.measure(surroundings, s - ago));
-            if enough(forecast, s) {
+            forecast.distance = forecast.distance.min(distance);
+            self.done += 1;
+            if enough(self.so_far, s) {
                 break;
             }
             let wanted = candidate.holds.then(|| {
@@ -193,7 +215,21 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             self.want(candidate.at(s), wanted);
             self.advance();
         }
-        forecast
+        Some(self.so_far)
+    }
+
+    /// All of it at once.
+    #[cfg(test)]
+    pub fn forecast(
+        &mut self,
+        candidate: &Candidate,
+        surroundings: &dyn Prediction<D>,
+        ago: f64,
+        enough: &dyn Fn(Forecast, f64) -> bool,
+    ) -> Forecast {
+        self.begin();
+        let unlimited = Budget::of_simulation(None);
+        self.go_on(candidate, surroundings, ago, enough, &unlimited).expect("unlimited")
     }
 
     /// The smallest distance to the obstacles predicted for `after` \[s\] from now, as far as it is within reach;

@@ -2,7 +2,7 @@
 
 use super::super::followed::Followed;
 use super::Standalone;
-use crate::control::{Controller, Gains, Output, Settings};
+use crate::control::{Budget, Controller, Gains, LeftOut, Output, Settings};
 use crate::planning::motion::Jointed;
 use crate::planning::replanning::Replanner;
 use crate::robot::{Model, Robot};
@@ -32,9 +32,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             warnings: vec![],
             reach: arm.reach(),
             last: None,
+            period: None,
+            left_out: LeftOut::default(),
             spoilt: false,
             settings,
         };
+        this.keep_time();
         this.reserve();
         this
     }
@@ -70,6 +73,28 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
             followed.watch(Box::new(replanner));
         }
         Ok(this)
+    }
+
+    /// Makes it as new, among the same obstacles.
+    pub(super) fn reset(&mut self) {
+        let (robot, gains) = (self.controller.robot().clone(), self.controller.gains().clone());
+        self.controller = Controller::new(robot, gains);
+        self.keep_time();
+        self.end_fading();
+        self.reserve();
+        (self.last, self.spoilt) = (None, false);
+    }
+
+    /// Lets the cycles of the law end in time.
+    pub(super) fn keep_time(&mut self) {
+        self.controller.keep_to(Budget::of_loop(self.settings.deadline, self.period));
+    }
+
+    /// No law is being left any more.
+    pub(super) fn end_fading(&mut self) {
+        if let Some(fading) = &mut self.fading {
+            fading.end();
+        }
     }
 
     pub(super) fn set_obstacles(

@@ -249,7 +249,7 @@ impl Cloud {
         radius: f64,
         state: &MotionState<3>,
         reach: f64,
-        ahead: &Ahead<3>,
+        ahead: &Ahead<'_, 3>,
         mut visit: impl FnMut(&Contact<3>),
     ) {
         if self.points.len() <= MAX_NEEDED {
