@@ -7,6 +7,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 use vff_core::control::avoidance::{barrier, priority};
+use vff_core::control::force::ForceSettings;
 use vff_core::control::observer::{ObserverSettings, Touch};
 use vff_core::control::tank::TankSettings;
 use vff_core::control::{CommandSettings, PreviewSettings, Settings, TaskMetric, Yielding};
@@ -132,6 +133,7 @@ fn tables_are_those_of_the_settings() {
     put::<Settings>(&mut text, "controller");
     put::<ObserverSettings>(&mut text, "controller.observer");
     put::<Touch>(&mut text, "controller.touch");
+    put::<ForceSettings>(&mut text, "controller.touch.force");
     put::<Yielding>(&mut text, "controller.yielding");
     put::<PreviewSettings>(&mut text, "controller.yielding.preview");
     put::<GovernorSettings>(&mut text, "controller.governor");

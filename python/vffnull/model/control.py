@@ -169,7 +169,9 @@ class ControlSettings:
         below the threshold is taken for friction and not answered. With ``"source": "measured"`` it is what
         the robot measures, see `Controller.sense`.
     touch : dict, optional
-        What is done about that: ``{"task": "comply" | "reject", "null_space": "comply" | "reject"}``.
+        What is done about that: ``{"task": "comply" | "reject", "null_space": "comply" | "reject"}``; with
+        ``"force": {"direction": [x, y, z], "target": N}`` the tip presses in that direction with that force
+        and moves along the surface, see ``vffnull schema``.
     tank : dict, optional
         An energy tank that bounds what avoidance injects: ``{"capacity": J, "initial": J, "floor": share}``.
     formulation : {"recursive", "extended_jacobian"}, optional

@@ -158,6 +158,8 @@ def _untouched(facts: Mapping[str, Number]) -> str:
     """What was kept apart, of what was measured."""
     obstacles, links = (facts.get(f"min_{name}") is not None for name in ("clearance", "self_clearance"))
     what = {(True, True): "", (True, False): " with an obstacle", (False, True): " of its own links"}
+    if (facts.get("min_clearance") or 0.0) < 0.0:  # and no collision
+        return " without contact but for what the tip presses on"
     return f" without contact{what[obstacles, links]}" if obstacles or links else ""
 
 

@@ -3,7 +3,8 @@
 //! [`ReactiveController`] strings the parts together: [`operational_space`] (Λ and the null projector),
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
-//! where that is not enough); [`observer`] estimates what its model does not know. [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
+//! where that is not enough); [`observer`] estimates what its model does not know,
+//! and [`force`] presses on it. [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
 //! [`output`] is what stands between its torque and a robot.
 
 pub mod avoidance;
@@ -12,6 +13,7 @@ pub mod deadline;
 pub mod distance;
 pub mod energy;
 pub mod extended_jacobian;
+pub mod force;
 mod gains;
 pub mod law;
 pub mod limits;

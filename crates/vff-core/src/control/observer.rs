@@ -9,6 +9,7 @@
 //! measured, no matrix inverted. As Ṁ = C + Cᵀ, τ_ext is all that is left of ṗ.
 
 use super::OperationalSpace;
+use super::force::ForceSettings;
 use crate::math::ScalarOrVec;
 use crate::robot::Robot;
 use crate::settings::settings;
@@ -53,13 +54,14 @@ pub enum Answer {
 
 settings! {
     /// `[controller.touch]`: the answer of the end effector and of the null space.
-    #[derive(Copy)]
     pub struct Touch {
         /// `comply`: the end effector gives in as `stiffness` and `damping` have it; `reject`: the opposite is exerted, a load does
         /// not move it.
         task: Answer = Answer::Comply, "";
         /// The same for what moves links without the end effector.
         null_space: Answer = Answer::Comply, "";
+        /// A force along one direction of the task, which the rest of this leaves alone.
+        force: Option<ForceSettings> = None;
     }
 }
 
@@ -189,12 +191,14 @@ impl MomentumObserver {
     }
 
     /// Writes the wrench that the estimate is, and the torque that the law adds: the opposite of what it is to reject of the
-    /// estimate, as far as that is beyond what friction may be \[N·m, N\], (n).
+    /// estimate, as far as that is beyond what friction may be \[N·m, N\], (n). What it is along `pressed`, a unit vector of the
+    /// task, is not rejected of the task.
     pub fn reject<R: Robot<D>, const D: usize, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
-        touch: Touch,
+        touch: &Touch,
+        pressed: Option<&SVector<f64, M>>,
     ) {
         let Self { estimate, threshold, answer, wrench, scratch: [beyond, ..], .. } = self;
         wrench.as_mut_slice()[..M].copy_from_slice(space.pinv_tr_mul(estimate).as_slice());
@@ -204,9 +208,13 @@ impl MomentumObserver {
         let sign = |answer| if answer == Answer::Reject { -1.0 } else { 0.0 };
         let (task, null) = (sign(touch.task), sign(touch.null_space));
         answer.iter_mut().zip(&*beyond).for_each(|(answer, r)| *answer = null * r);
-        if touch.task != touch.null_space {
+        if touch.task != touch.null_space || pressed.is_some() {
             // Jᵀ J#ᵀ r is the part that moves the end effector (T142).
-            let force = space.pinv_tr_mul(beyond) * (task - null);
+            let moving = space.pinv_tr_mul(beyond);
+            let mut force = moving * (task - null);
+            if let Some(u) = pressed {
+                force -= u * (task * u.dot(&moving));
+            }
             for (i, answer) in answer.iter_mut().enumerate() {
                 *answer += robot.jacobian_column::<M>(i).dot(&force);
             }
@@ -284,7 +292,8 @@ mod tests {
             let mut observer = MomentumObserver::new(&ObserverSettings::default(), n);
             observer.estimate.copy_from_slice(&c.u);
             let mut part = |task, null_space| {
-                observer.reject(&robot, &space, Touch { task, null_space });
+                let touch = Touch { task, null_space, force: None };
+                observer.reject(&robot, &space, &touch, None);
                 observer.rejection().to_vec()
             };
             use Answer::{Comply, Reject};
@@ -312,8 +321,9 @@ mod tests {
         space.update(&mut robot, &[0.3, 0.4, 0.5], &[0.0; 3]);
         let mut observer = MomentumObserver::new(&with(20.0, 0.5), 3);
         observer.estimate.copy_from_slice(&[0.4, -2.0, 0.5]);
-        let touch = Touch { task: Answer::Reject, null_space: Answer::Reject };
-        observer.reject(&robot, &space, touch);
+        let reject = Answer::Reject;
+        let touch = Touch { task: reject, null_space: reject, force: None };
+        observer.reject(&robot, &space, &touch, None);
         assert_eq!(observer.rejection(), [0.0, 1.5, 0.0]);
         assert_eq!(observer.estimate(), [0.4, -2.0, 0.5]);
     }

@@ -1,6 +1,7 @@
 //! The push of the field: forces on the links, their torque, and the power they exchange.
 
 use super::distance::OwnPair;
+use super::force::is_pressed;
 use super::settings::SelfCollision;
 use super::{Gains, OperationalSpace};
 use crate::field::{Field, Response};
@@ -108,13 +109,15 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         self.nearest_pair
     }
 
-    /// Sums the field over all pairs (T26): nearest-only would jump when another pair becomes nearest.
+    /// Sums the field over all pairs (T26), but what the tip presses on in the direction `pressed`: nearest-only would jump when
+    /// another pair becomes nearest.
     pub fn refresh<R: Robot<D, Wrench = W>, const M: usize>(
         &mut self,
         robot: &R,
         space: &OperationalSpace<M>,
         gains: &Gains<M>,
         surroundings: &mut impl CollisionQuery<D>,
+        pressed: Option<&Vector<D>>,
     ) {
         let field = &gains.field;
         let before = std::mem::take(&mut self.pushed);
@@ -128,7 +131,9 @@ impl<W: Copy + Default, const D: usize> VirtualForces<W, D> {
         let mut clearance = std::mem::take(&mut self.clearance);
         let nearest = |link: usize, d: f64| keep_least(&mut clearance[link], d);
         surroundings.for_each_contact(bodies, influence, nearest, |contact| {
-            self.push(robot, space, field, contact);
+            if !is_pressed(robot, pressed, contact) {
+                self.push(robot, space, field, contact);
+            }
         });
         self.clearance = clearance;
         if gains.self_collision != SelfCollision::Ignore {
@@ -355,7 +360,7 @@ mod tests {
         };
         let mut forces = VirtualForces::new(4, 4);
         let settings = Settings { field, ..Settings::default() };
-        forces.refresh(&state, &space, &Gains::new(&settings), &mut Only(contact));
+        forces.refresh(&state, &space, &Gains::new(&settings), &mut Only(contact), None);
         assert!(forces.resultant()[0].norm() > field.at(0.3).force);
         assert!(forces.resultant()[0].norm().is_finite());
         assert_eq!(forces.torque(), [0.0; 4]);

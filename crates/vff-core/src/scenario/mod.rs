@@ -16,6 +16,7 @@ mod scene;
 pub mod space;
 mod stiffness;
 mod tables;
+mod touch;
 mod validate;
 mod warnings;
 
@@ -375,6 +376,7 @@ impl Scenario {
                 false => validate::posture(&self.controller),
             })
             .map_err(|error| error.inside("controller"))?;
+        touch::sampled(&self.controller, self.simulation.control_period())?;
         let Settings { tank, observer, governor, command, .. } = &self.controller;
         let rate = command.torque_rate.is_some();
         for (key, given, what) in [

@@ -4,11 +4,11 @@
 
 use super::error::{Problem, ScenarioError};
 use super::numbers::{length, number, table};
+use super::touch::touch;
 use crate::control::PreviewSettings;
 use crate::control::avoidance::barrier;
 use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
 use crate::control::distance::OwnPair;
-use crate::control::observer::Touch;
 use crate::control::tank::TankSettings;
 use crate::control::{
     Avoidance, Formulation, SelfCollision, Settings, TaskKind, Yielding, extended_jacobian,
@@ -29,7 +29,7 @@ use std::f64::consts::PI;
 use std::fmt::Debug;
 use toml::{Table, Value};
 
-type Validated = Result<(), ScenarioError>;
+pub(super) type Validated = Result<(), ScenarioError>;
 
 /// Every number of the document is finite.
 pub fn finite(document: &Table) -> Validated {
@@ -305,15 +305,7 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
     if let Some(tank) = &settings.tank {
         self::tank(tank).map_err(|error| error.inside("tank"))?;
     }
-    match &settings.observer {
-        Some(observer) => table(observer, |_| n).map_err(|error| error.inside("observer"))?,
-        None if settings.touch != Touch::default() => {
-            let problem =
-                "needs [controller.observer]: what acts is to be known before it is answered";
-            return Err(ScenarioError::new("touch", Problem::Other(problem.into())));
-        }
-        None => {}
-    }
+    touch(settings, arm)?;
     if let Some(governor) = &settings.governor {
         self::governor(governor).map_err(|error| error.inside("governor"))?;
     }

@@ -4,6 +4,7 @@ use super::barrier::{self, Barrier, Kept};
 use super::{Situation, Way};
 use crate::control::deadline::LeftOut;
 use crate::control::distance::OwnPair;
+use crate::control::force::is_pressed;
 use crate::control::settings::SelfCollision;
 use crate::control::{Gains, Torque};
 use crate::geometry::Body;
@@ -76,7 +77,12 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         self.barrier.reserve(pairs + self.most_own);
     }
 
-    fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
+    fn observe<R: Robot<D>>(
+        &mut self,
+        robot: &R,
+        surroundings: &mut impl CollisionQuery<D>,
+        pressed: Option<&Vector<D>>,
+    ) {
         let bodies = robot.bodies();
         let hulls = robot.bodies().filter(|body| body.hull.is_some()).count();
         let of_hulls = if hulls > 0 { hulls * surroundings.hull_barrier_count() } else { 0 };
@@ -88,7 +94,11 @@ impl<const D: usize, const M: usize> Way<D, M> for Cbf<D, M> {
         let velocity = |link: usize, point: &Vector<D>| robot.point_velocity(link, point);
         let coarsened = Cell::new(0);
         let outlook = barrier.outlook(&velocity, &coarsened);
-        surroundings.for_each_needed(bodies, *activation, &outlook, |pair| pairs.push(*pair));
+        surroundings.for_each_needed(bodies, *activation, &outlook, |pair| {
+            if !is_pressed(robot, pressed, pair) {
+                pairs.push(*pair);
+            }
+        });
         barrier.left_out.points += coarsened.get();
     }
 

@@ -45,8 +45,14 @@ trait Way<const D: usize, const M: usize> {
     /// Forgets the pairs and makes room for so many: all may come near later, and nothing must allocate then.
     fn reserve(&mut self, _pairs: usize) {}
 
-    /// Takes in the pairs near `robot`.
-    fn observe<R: Robot<D>>(&mut self, _robot: &R, _surroundings: &mut impl CollisionQuery<D>) {}
+    /// Takes in the pairs near `robot`, but not what its tip presses on in the direction `pressed`.
+    fn observe<R: Robot<D>>(
+        &mut self,
+        _robot: &R,
+        _surroundings: &mut impl CollisionQuery<D>,
+        _pressed: Option<&Vector<D>>,
+    ) {
+    }
 
     /// Keeps what the plan that is followed keeps where it is; None without one.
     fn keep(&mut self, _plan: Option<(&JointSpline, &Pace)>) {}
@@ -218,9 +224,14 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         self.make_room();
     }
 
-    /// Takes in the pairs near `robot`.
-    pub fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
-        each!(&mut self.way, way => Way::<D, M>::observe(way, robot, surroundings));
+    /// Takes in the pairs near `robot`, but not what its tip presses on in the direction `pressed`, a unit vector.
+    pub fn observe<R: Robot<D>>(
+        &mut self,
+        robot: &R,
+        surroundings: &mut impl CollisionQuery<D>,
+        pressed: Option<&Vector<D>>,
+    ) {
+        each!(&mut self.way, way => Way::<D, M>::observe(way, robot, surroundings, pressed));
         self.make_room();
     }
 

@@ -3,9 +3,10 @@
 use super::margins::Margins;
 use super::{Situation, Way};
 use crate::control::distance::DistanceRate;
+use crate::control::force::is_pressed;
 use crate::control::{Gains, Torque, Yielding};
 use crate::interrupt;
-use crate::math::{dot, smoothstep};
+use crate::math::{Vector, dot, smoothstep};
 use crate::robot::Robot;
 use crate::trajectory::{JointSpline, Pace};
 use crate::world::{CollisionQuery, Contact};
@@ -53,10 +54,19 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
         self.pairs.reserve(pairs);
     }
 
-    fn observe<R: Robot<D>>(&mut self, robot: &R, surroundings: &mut impl CollisionQuery<D>) {
+    fn observe<R: Robot<D>>(
+        &mut self,
+        robot: &R,
+        surroundings: &mut impl CollisionQuery<D>,
+        pressed: Option<&Vector<D>>,
+    ) {
         Way::<D, M>::reserve(self, robot.body_count() * surroundings.contact_count());
         let Self { settings, pairs, .. } = self;
-        let visit = |pair: &Contact<D>| pairs.push(*pair);
+        let visit = |pair: &Contact<D>| {
+            if !is_pressed(robot, pressed, pair) {
+                pairs.push(*pair);
+            }
+        };
         surroundings.for_each_contact(robot.bodies(), settings.outer, |_, _| {}, visit);
     }
 

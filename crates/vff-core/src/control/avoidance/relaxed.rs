@@ -10,17 +10,24 @@ use crate::robot::Robot;
 pub struct Relaxed<const M: usize> {
     settings: Yielding,
     metric: TaskMetric<M>,
+    /// Whether the last link is to touch something, and releases nothing by being near.
+    presses: bool,
 }
 
 impl<const M: usize> Relaxed<M> {
     /// As `gains` have it, in a space of dimension `D`.
     pub fn new<const D: usize>(gains: &Gains<M>) -> Self {
-        Self { settings: gains.yielding.clone(), metric: gains.metric::<D>() }
+        Self {
+            settings: gains.yielding.clone(),
+            metric: gains.metric::<D>(),
+            presses: gains.touch.force.is_some(),
+        }
     }
 
     /// λ: 1 while nothing is near, 0 where the nearest obstacle is within `inner` (T63).
     fn activation(&self, clearance: &[f64]) -> f64 {
-        let nearest = clearance.iter().copied().fold(f64::INFINITY, f64::min);
+        let links = clearance.len() - usize::from(self.presses);
+        let nearest = clearance[..links].iter().copied().fold(f64::INFINITY, f64::min);
         let Yielding { inner, outer, .. } = self.settings;
         smoothstep((nearest - inner) / (outer - inner))
     }

@@ -2,9 +2,10 @@
 
 use crate::control::avoidance::{Avoider, Situation};
 use crate::control::deadline::LeftOut;
+use crate::control::force::ForceControl;
 use crate::control::limits::{self, ObjectiveScale, Parts};
 use crate::control::moving_posture::MovingPosture;
-use crate::control::observer::{MomentumObserver, Touch};
+use crate::control::observer::{Answer, MomentumObserver};
 use crate::control::{
     Formulation, Gains, Law, OperationalSpace, Output, Tank, Torque, TorqueRange, VirtualForces,
     extended_jacobian, task,
@@ -37,6 +38,8 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     pub(super) objective_scale: ObjectiveScale,
     /// What knows of torques that the model does not know.
     observer: Option<Box<MomentumObserver>>,
+    /// What presses on a surface, if anything does.
+    force: Option<Box<ForceControl<D>>>,
     pub(super) tank: Option<Tank>,
     /// Share of the repulsion that the tank lets through.
     pub(super) share: f64,
@@ -73,6 +76,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 .observer
                 .as_ref()
                 .map(|given| Box::new(MomentumObserver::new(given, n))),
+            force: gains.touch.force.as_ref().map(|given| Box::new(ForceControl::new(given))),
             tank: gains.tank.map(Tank::new),
             share: 1.0,
             scaling: 0.0,
@@ -124,9 +128,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
         interrupt::spend(32 * D * D * q.len());
         self.space.update(&mut self.robot, q, dq);
-        self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings);
+        let pressed = self.force.as_ref().map(|force| force.direction(&self.robot));
+        let pressed = pressed.as_ref();
+        self.forces.refresh(&self.robot, &self.space, &self.gains, surroundings, pressed);
         if let Some(avoider) = &mut self.avoider {
-            avoider.observe(&self.robot, surroundings);
+            avoider.observe(&self.robot, surroundings, pressed);
         }
     }
 
@@ -219,10 +225,18 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Takes in the observed state, to which what has acted has led.
     fn update_observer(&mut self, elapsed: Option<f64>) {
-        let Self { robot, space, gains, observer, .. } = self;
+        if let Some(observer) = &mut self.observer {
+            observer.update(&self.robot, elapsed);
+            self.answer();
+        }
+    }
+
+    /// What is added because of what the observer knows.
+    fn answer(&mut self) {
+        let Self { robot, space, gains, observer, force, .. } = self;
         if let Some(observer) = observer {
-            observer.update(robot, elapsed);
-            observer.reject(robot, space, gains.touch);
+            let pressed = force.as_ref().map(|force| force.task_direction(robot));
+            observer.reject(robot, space, &gains.touch, pressed.as_ref());
         }
     }
 
@@ -230,7 +244,10 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     pub fn believe(&mut self, other: &Self) {
         if let (Some(observer), Some(other)) = (&mut self.observer, &other.observer) {
             observer.believe(other);
-            observer.reject(&self.robot, &self.space, self.gains.touch);
+            self.answer();
+        }
+        if let (Some(force), Some(other)) = (&mut self.force, &other.force) {
+            force.believe(other);
         }
     }
 
@@ -253,12 +270,19 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     }
 
     /// Writes what an arm that is being stopped holds beside its own weight \[N·m, N\], (n): the opposite of all of that torque, if
-    /// any of it is rejected. What may be friction is part of it: nothing else holds an arm at rest.
+    /// any of it is rejected. What may be friction is part of it: nothing else holds an arm at rest. What the tip presses on is
+    /// not: an arm that is stopped presses no more.
     pub fn write_held(&self, out: &mut [f64]) {
-        if let Some(observer) = &self.observer
-            && self.gains.touch != Touch::default()
-        {
-            out.iter_mut().zip(observer.estimate()).for_each(|(out, r)| *out = -r);
+        let Self { robot, gains, observer, force, .. } = self;
+        let rejects = [gains.touch.task, gains.touch.null_space].contains(&Answer::Reject);
+        let Some(observer) = observer.as_ref().filter(|_| rejects) else { return };
+        out.iter_mut().zip(observer.estimate()).for_each(|(out, r)| *out = -r);
+        if let Some(force) = force {
+            let u: Vector<M> = force.task_direction(robot);
+            let pressed = u.dot(&Vector::<M>::from_fn(|i, _| observer.wrench::<M>()[i]));
+            for (i, out) in out.iter_mut().enumerate() {
+                *out += robot.jacobian_column::<M>(i).dot(&u) * pressed;
+            }
         }
     }
 
@@ -274,7 +298,8 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.reference = *reference;
         self.error = self.robot.pose().error(&reference.x);
         self.objective_scale = limits::ALL;
-        let ddx_c = self.commanded_acceleration();
+        let motion = self.commanded_acceleration();
+        let ddx_c = self.press(motion);
         self.gather_secondary();
         match self.gains.formulation {
             Formulation::Recursive => {
@@ -354,6 +379,18 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 };
                 task::sendable_acceleration(gains, &ddx_r, error, de, &mut build_up)
             }
+        }
+    }
+
+    /// The same with a force in the place of what moves along one direction, if that is asked for (T158).
+    fn press(&mut self, motion: Vector<M>) -> Vector<M> {
+        let Self { robot, space, gains, error, observer, force, .. } = self;
+        match (force, observer) {
+            (Some(force), Some(observer)) => {
+                let wrench = observer.wrench::<M>();
+                force.select(robot, space, &gains.stiffness, error, wrench, &motion)
+            }
+            _ => motion,
         }
     }
 
@@ -443,6 +480,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         if let Some(avoider) = &mut self.avoider {
             avoider.forget();
         }
+        if let Some(force) = &mut self.force {
+            force.forget();
+        }
         self.tank = self.gains.tank.map(Tank::new);
     }
 
@@ -452,6 +492,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             && moving.elapse(dt)
         {
             self.gains.move_posture(&moving.state[0]);
+        }
+        if let Some(force) = &mut self.force {
+            force.elapse(dt);
         }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);

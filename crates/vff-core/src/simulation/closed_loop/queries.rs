@@ -114,6 +114,13 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         tau.iter_mut().zip(sent).for_each(|(tau, sent)| *tau += sent);
     }
 
+    /// The link whose tip is to press on something; none where no force is asked for.
+    pub fn pressing_link(&self) -> Option<usize> {
+        let controller = &self.stack.controller;
+        let presses = controller.gains().touch.force.is_some();
+        presses.then(|| controller.robot().dof() - 1)
+    }
+
     /// What the joints can do.
     pub fn limits(&self) -> &Limits {
         self.arm.limits()
