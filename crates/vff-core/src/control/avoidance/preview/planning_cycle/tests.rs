@@ -104,13 +104,12 @@ fn a_cycle_is_spread_over_its_period() {
     }
 }
 
+/// What is asked of each step.
+type Check<'a> = dyn FnMut(u32, &Preview<PlanarState, 2, 2>, &World, usize) + 'a;
+
 /// One control step after another of a look-ahead that has so long a cycle \[µs\] by its work: what `check` makes of each, with
 /// the work that was done in it, and the look-ahead after all of them.
-fn timed(
-    micros: Option<f64>,
-    steps: u32,
-    check: &mut dyn FnMut(u32, &Preview<PlanarState, 2, 2>, &World, usize),
-) -> Preview<PlanarState, 2, 2> {
+fn timed(micros: Option<f64>, steps: u32, check: &mut Check<'_>) -> Preview<PlanarState, 2, 2> {
     let robot = robot();
     let reference = holding(&robot);
     let settings = PreviewSettings {
