@@ -309,9 +309,11 @@ fn no_step_of_a_real_plant_allocates() {
 #[test]
 fn no_step_allocates_that_is_pushed() {
     let pressing = "task = \"reject\", force = { direction = [1, 0] }";
-    for (source, touch) in
-        [("momentum", "task = \"reject\""), ("measured", "task = \"reject\""), ("momentum", pressing)]
-    {
+    for (source, touch) in [
+        ("momentum", "task = \"reject\""),
+        ("measured", "task = \"reject\""),
+        ("momentum", pressing),
+    ] {
         let tables = r#"
             wrenches = [
                 { link = "tip", force = [3, 4], profile = { kind = "ramp", rise = 0.5 } },
@@ -321,9 +323,8 @@ fn no_step_allocates_that_is_pushed() {
             ]
             "#;
         let setpoint = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
-        let observed = format!(
-            "observer = {{ source = \"{source}\" }}\ntouch = {{ {touch} }}\nprojection ="
-        );
+        let observed =
+            format!("observer = {{ source = \"{source}\" }}\ntouch = {{ {touch} }}\nprojection =");
         let text = text("position", setpoint, r#"control = "hold""#, "dynamic")
             .replace("projection =", &observed);
         let scenario = Scenario::from_toml(&format!("{tables}\n{text}")).unwrap();
