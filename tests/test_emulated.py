@@ -426,7 +426,7 @@ def test_the_hand_does_not_turn_too_fast() -> None:
 
 
 def test_a_stop_holds_a_load() -> None:
-    """A kilogram that nobody knows of moves an arm that is to stand by millimetres; with an observer by less."""
+    """A kilogram that nobody knows of moves an arm that is to stand by millimetres; observed, by less."""
 
     def sunk(**more: object) -> float:
         there = franka.Robot(SCENE, Disturbances(load={"mass": 1.0}))

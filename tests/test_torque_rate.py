@@ -52,7 +52,7 @@ def test_no_limit_is_exceeded_in_bundled_scenes(name: str, way: str) -> None:
 
 @pytest.mark.parametrize("seed", [4, 16, 23])
 def test_a_task_that_pulls_takes_no_distance(seed: int) -> None:
-    """A rate makes what a distance asks for small, not cheap: with torque to spare it is kept as without (T161)."""
+    """A rate makes what a distance asks for small, not cheap: with torque to spare it is kept (T161)."""
     scene = scenes.in_space("links-swept", "ur5e", "pose", scenes.TRAINING.start + seed)
     result = behind_a_rate(scene, 1000.0, {"controller.avoidance": "cbf"})
     assert result.metrics["min_clearance"] > 0.01

@@ -298,8 +298,8 @@ class Drive:
     @property
     def state(self) -> DriveState:
         """What it did in its last period; does not wait for the loop."""
-        told = {"phase": self._loop.phase, "periods": self._loop.periods, "left_out": self._loop.left_out}
-        return DriveState(**self._loop.latest(), **told)
+        loop = self._loop
+        return DriveState(**loop.latest(), phase=loop.phase, periods=loop.periods, left_out=loop.left_out)
 
     @property
     def running(self) -> bool:
