@@ -75,7 +75,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         &self.stack.controller
     }
 
-    /// What was left out so far, in the order of [`LeftOut::named`]; None of what there is not.
+    /// What was left out so far, in the order of [`LeftOut::named`](crate::control::LeftOut::named); None of what there is not.
     pub fn left_out(&self) -> [Option<u64>; 5] {
         let controller = self.controller();
         let [is_limited, looks_ahead] = controller.is_limited();
