@@ -100,8 +100,7 @@ class DriveReport(Clock):
     Attributes
     ----------
     status : str
-        ``"completed"`` if its time was over, ``"stopped"`` if it was asked to end, ``"interrupted"`` by
-        Ctrl-C, or ``"fault"``.
+        ``"completed"``, ``"stopped"`` if it was asked to end, ``"interrupted"`` by Ctrl-C, or ``"fault"``.
     reason : str
         What went wrong, in a sentence; empty if nothing did.
     cause : BaseException or None
@@ -119,8 +118,7 @@ class DriveReport(Clock):
     step : Histogram
         How long reading, law and writing took; if the robot paces the loop, without waiting for its state.
     response : Histogram
-        From the instant at which a period was due, or from the state of a robot that paces, to the end of
-        its step.
+        From when a period was due, or the state of a robot that paces came, to the end of its step.
     jitter : Histogram
         Deviation of the interval between two starts from the period.
     lost : int
@@ -128,8 +126,7 @@ class DriveReport(Clock):
     replans : tuple of Replan
         Every search for another plan.
     left_out : dict
-        What was left out for lack of time before the ``deadline``, or because of a bound, as
-        `Controller.left_out` counts it.
+        What was left out for lack of time, or for a bound, as `Controller.left_out` counts it.
     notes : tuple of str
         What the system refused, and what else is to be known.
     """
@@ -199,8 +196,7 @@ class Drive:
 
         Until the next call it is carried on with its velocity and acceleration, for `patience` seconds; then
         it comes to rest on its path within as long again. A reference that jumps makes a torque that jumps,
-        as far as ``torque_rate`` and ``tip_speed`` of the controller's `command` allow: give those of a
-        motion that begins where the end effector is.
+        as far as the controller's `command` allows: give one that begins where the end effector is.
 
         Parameters
         ----------

@@ -27,7 +27,7 @@ const CLOSING: f64 = 1.0;
 /// How much faster the three poles of (T131) are than the two of (T67), which react as early.
 const THREE_POLES: f64 = 1.5;
 /// Share of the torque rate that braking before a speed limit takes up (T132).
-const BRAKING: f64 = 0.25;
+const BRAKING: f64 = 0.125;
 /// In parts of j/k³: a height that is farther below 0 asks for no more than this one.
 const DEEPEST: f64 = 0.3;
 /// The least share of (T161): a distance that joints hardly change is not worth everything else.

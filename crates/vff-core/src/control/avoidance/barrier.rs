@@ -84,8 +84,10 @@ impl Reserve {
     const WITH_A_LOAD: Self = Self { angle: 0.03, joint: 0.9, tip: 0.8 };
 
     fn of<const M: usize>(gains: &Gains<M>) -> Self {
+        let follows =
+            gains.command.gravity == Gravity::Robot || gains.command.torque_rate.is_some();
         match (gains.command.gravity, &gains.command.torque_rate) {
-            (Gravity::Robot, _) if gains.observer.is_some() => Self::WITH_A_LOAD,
+            _ if follows && gains.observer.is_some() => Self::WITH_A_LOAD,
             (Gravity::Robot, _) => Self::BEFORE_A_ROBOT,
             (_, Some(_)) => Self::BEHIND_A_RATE,
             (_, None) => Self::NONE,
@@ -322,15 +324,14 @@ impl Barrier {
         constraints.map(missing).fold(0.0, f64::max)
     }
 
-    /// How soft each constraint is: 1/ρ for a distance, or as much less as it asks for at a time, and a hundredth of the least of
-    /// these for joints and the tip (T161).
+    /// How soft each constraint is: 1/ρ for a distance and a hundredth of that for joints and the tip; less behind a limit of the
+    /// torque rate (T161).
     fn soften(&mut self, distances: usize) {
         let Self { softness, shares, bounds, slack_weight, .. } = self;
-        let of = |share: f64| share / *slack_weight;
         let least = shares.iter().fold(1.0, |least: f64, share| least.min(*share));
-        softness.extend(shares.iter().map(|share| of(*share)));
+        softness.extend(shares.iter().map(|share| share.sqrt() / *slack_weight));
         debug_assert_eq!(softness.len(), distances);
-        softness.resize(bounds.len(), of(least) / JOINTS);
+        softness.resize(bounds.len(), least / *slack_weight / JOINTS);
     }
 
     /// Every distance, with the exact d̈ (T60).
