@@ -13,7 +13,7 @@ from vffnull.evaluation import scenes
 pytestmark = pytest.mark.filterwarnings("ignore:the torque chatters")  # some are driven hard here
 IN_SPACE = [name for name in vff.scenarios() if "model" in vff.Scenario.load(name)["arm"]]
 WAYS = ("null_space", "relaxed", "priority", "cbf")
-RATES = (400.0, 1000.0)  # N·m/s; the second is a Franka's
+RATES = (300.0, 400.0, 1000.0)  # N·m/s; the last is a Franka's
 
 
 def behind_a_rate(scene: str | vff.Scenario, rate: float, changes: dict[str, Any]) -> vff.Result:
@@ -47,7 +47,7 @@ def test_no_limit_is_exceeded_in_bundled_scenes(name: str, way: str) -> None:
         least = result.clearance[:, :-1].min() if presses else result.metrics["min_clearance"]
         if way == "cbf":
             assert result.status == "completed"
-            assert least > 0.012
+            assert least > 0.008
         elif way != "relaxed" and free.metrics["min_clearance"] > 0.02:
             assert least > 0.0
 
