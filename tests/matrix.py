@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import vffnull as vff
 from vffnull.errors import ScenarioError
@@ -223,6 +224,12 @@ def combined(name: str, way: str, options: Sequence[str]) -> vff.Scenario | str 
 PINCHED = {("iiwa-crowd", "boxes on links")}
 
 
+def kept_apart(result: vff.Result) -> NDArray[np.float64]:
+    """The clearances of the links that are to touch nothing: a hand that presses is to touch."""
+    presses = result.scenario.to_dict()["controller"].get("touch", {}).get("force") is not None
+    return result.clearance[:, :-1] if presses else result.clearance
+
+
 def faults(result: vff.Result, options: Sequence[str], alone: vff.Result) -> Iterator[str]:
     """What does not hold in a run with some options; `alone` is the one without them."""
     document, arm, metrics = result.scenario.to_dict(), result.scenario.arm, result.metrics
@@ -253,8 +260,7 @@ def faults(result: vff.Result, options: Sequence[str], alone: vff.Result) -> Ite
         yield f"speed {speed.max():.4g} of its limit, told as {metrics['velocity_limit_ratio']:.4g}"
     if speed.max() > 1.01 and result.headline.severity == "good":
         yield "a limit of speed is exceeded, and the headline is good"
-    presses = document["controller"].get("touch", {}).get("force") is not None
-    clearance = result.clearance[:, :-1] if presses else result.clearance  # the last link is to touch
+    clearance = kept_apart(result)
     least = np.nanmin(clearance) if clearance.size else np.inf
     if (least < -1e-9) != (result.status == "collided") and abs(least) > 1e-9:
         yield f"{result.status} with a least clearance of {1e3 * least:.3g} mm"

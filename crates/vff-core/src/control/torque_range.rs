@@ -55,8 +55,11 @@ impl TorqueRange {
     /// The least ḧ after this period for a height h that is to stay positive, of which `now` is \[h, ḣ, ḧ\], where ḧ can
     /// be changed by `jerk` and ḣ is −`closing` at worst (T131); no earlier than (T67) reacts with `rate` \[1/s\].
     pub fn least_acceleration(&self, now: [f64; 3], jerk: f64, closing: f64, rate: f64) -> f64 {
-        let [h, dh, ddh] = now;
-        let k = self.pole(jerk, closing, rate);
+        self.least_behind(self.pole(jerk, closing, rate), now, jerk)
+    }
+
+    /// The same with the pole k.
+    fn least_behind(&self, k: f64, [h, dh, ddh]: [f64; 3], jerk: f64) -> f64 {
         let h = h.max(-DEEPEST * jerk / (k * k * k));
         ddh - self.period * k * (3.0 * ddh + k * (3.0 * dh + k * h))
     }
@@ -79,8 +82,9 @@ impl TorqueRange {
     ) -> [f64; 2] {
         robot.mass_solve(gradient, response);
         let jerk = self.jerk(gradient, response);
-        let share = self.period * self.pole(jerk, CLOSING, rate).powi(3) / (rate * rate);
-        [self.least_acceleration(now, jerk, CLOSING, rate), share.clamp(LEAST_SHARE, 1.0)]
+        let k = self.pole(jerk, CLOSING, rate);
+        let share = self.period * k.powi(3) / (rate * rate);
+        [self.least_behind(k, now, jerk), share.clamp(LEAST_SHARE, 1.0)]
     }
 
     /// The largest acceleration with `left` to go to the largest speed: in proportion near it, and farther away as much

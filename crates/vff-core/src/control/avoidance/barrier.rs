@@ -84,13 +84,11 @@ impl Reserve {
     const WITH_A_LOAD: Self = Self { angle: 0.03, joint: 0.9, tip: 0.8 };
 
     fn of<const M: usize>(gains: &Gains<M>) -> Self {
-        let follows =
-            gains.command.gravity == Gravity::Robot || gains.command.torque_rate.is_some();
         match (gains.command.gravity, &gains.command.torque_rate) {
-            _ if follows && gains.observer.is_some() => Self::WITH_A_LOAD,
+            (Gravity::Controller, None) => Self::NONE,
+            _ if gains.observer.is_some() => Self::WITH_A_LOAD,
             (Gravity::Robot, _) => Self::BEFORE_A_ROBOT,
-            (_, Some(_)) => Self::BEHIND_A_RATE,
-            (_, None) => Self::NONE,
+            (Gravity::Controller, Some(_)) => Self::BEHIND_A_RATE,
         }
     }
 }
@@ -280,10 +278,9 @@ impl Barrier {
             robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
         }
         self.keep_distances(robot, kept);
-        let distances = self.bounds.len();
         self.keep_joints(robot, kept.range);
         self.keep_tip(robot, kept.range);
-        self.soften(distances);
+        self.soften();
         self.ends.clear();
         match kept.range {
             None => self.ends.extend(robot.limits().torque.iter().map(|limit| [-limit, *limit])),
@@ -326,11 +323,10 @@ impl Barrier {
 
     /// How soft each constraint is: 1/ρ for a distance and a hundredth of that for joints and the tip; less behind a limit of the
     /// torque rate (T161).
-    fn soften(&mut self, distances: usize) {
+    fn soften(&mut self) {
         let Self { softness, shares, bounds, slack_weight, .. } = self;
         let least = shares.iter().fold(1.0, |least: f64, share| least.min(*share));
         softness.extend(shares.iter().map(|share| share.sqrt() / *slack_weight));
-        debug_assert_eq!(softness.len(), distances);
         softness.resize(bounds.len(), least / *slack_weight / JOINTS);
     }
 
