@@ -19,6 +19,11 @@ fn unlimited() -> Budget {
     Budget::of_simulation(None)
 }
 
+/// No distance is large enough: candidates are tried as long as there is time.
+fn never_satisfied() -> PreviewSettings {
+    PreviewSettings { horizon: 2.0, trigger: 2.0, clearance: 9.0, ..PreviewSettings::default() }
+}
+
 /// Discs that close in on the second link trigger the search; one that passes does not, nor does one that the law
 /// avoids, though a roll-out touches it, nor an empty world. The chosen candidate is free of contact and keeps
 /// the speed limits.
@@ -59,13 +64,7 @@ fn only_contacts_ahead_trigger() {
 fn a_cycle_is_spread_over_its_period() {
     let robot = robot();
     let reference = holding(&robot);
-    // No distance is large enough: candidates are tried as long as there is time.
-    let settings = PreviewSettings {
-        horizon: 2.0,
-        trigger: 2.0,
-        clearance: 9.0,
-        ..PreviewSettings::default()
-    };
+    let settings = never_satisfied();
     let most = (settings.steps + 1) * robot.dof() * 2; // questions of a roll-out
     // 66 roll-outs, two of them at once.
     for (dt, steps, share) in [
@@ -112,12 +111,7 @@ type Check<'a> = dyn FnMut(u32, &Preview<PlanarState, 2, 2>, &World, usize) + 'a
 fn timed(micros: Option<f64>, steps: u32, check: &mut Check<'_>) -> Preview<PlanarState, 2, 2> {
     let robot = robot();
     let reference = holding(&robot);
-    let settings = PreviewSettings {
-        horizon: 2.0,
-        trigger: 2.0,
-        clearance: 9.0,
-        ..PreviewSettings::default()
-    };
+    let settings = never_satisfied();
     let mut world = closing();
     let mut preview = preview(&robot, &settings);
     let mut budget = Budget::new(Measure::Work, micros);
