@@ -29,6 +29,8 @@ DRAWN = """() => new Promise(done => {
         now - start < %d ? requestAnimationFrame(each) : done(1000 * count / (now - start)); };
     requestAnimationFrame(each);
 })"""
+SETTLED = 5.0
+"""After so long [s] a browser that has just been started works no more on its own."""
 WITHOUT_GPU = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
@@ -103,6 +105,7 @@ def main() -> None:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=[*WITHOUT_GPU])
         tab = browser.new_page()
         tab.goto("about:blank")
+        tab.wait_for_timeout(1000 * SETTLED)
         tab.close()
         print("| scenario | listens [s] | opens [s] | work [s] | loop [Hz] | missed [%] ", end="")
         print("| longest step [µs] | pictures/s | messages/s |")

@@ -64,6 +64,14 @@ def test_a_convex_mesh_is_its_own_hull(tmp_path: Path) -> None:
     np.testing.assert_allclose(one, box, atol=1e-7)
 
 
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "3mf", "glb", "dae"])
+def test_files_of_all_formats_hold_the_same_box(ending: str, tmp_path: Path) -> None:
+    """What reads them comes with `.[meshes]`."""
+    (corners,) = enclose(saved(trimesh.creation.box([0.1, 0.2, 0.3]), tmp_path, f"box.{ending}")).hulls
+    expected = [[x, y, z] for x in (-0.05, 0.05) for y in (-0.1, 0.1) for z in (-0.15, 0.15)]
+    np.testing.assert_allclose(sorted(np.round(corners, 6).tolist()), expected, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     "mesh",
     [

@@ -44,6 +44,14 @@ def result() -> vff.Result:
     return vff.simulate(BLOCKED)
 
 
+@pytest.mark.parametrize("every", [1e-6, 1e-300])
+def test_a_plan_is_looked_through_once_in_a_period_at_most(every: float) -> None:
+    """The work of a cycle is bounded, however soon all of it is to be looked through."""
+    found = [vff.simulate({**BLOCKED, "replan": {"latency": 0.25, "every": each}}) for each in (1e-3, every)]
+    np.testing.assert_array_equal(found[1].q, found[0].q)
+    assert found[1].replans == found[0].replans
+
+
 def test_a_result_tells_of_its_plans(result: vff.Result) -> None:
     """Why another plan was searched, what came of it and when; where the plans had the joints."""
     first = result.replans[0]

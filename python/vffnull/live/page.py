@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import vffnull._core as _core
 from vffnull._support.errors import VffNullError
-from vffnull.live.clock import Counts, Rate
+from vffnull.live.clock import Rate
 from vffnull.live.guard import guarding
 from vffnull.live.icons import archive_open
 from vffnull.live.memory import Memory
@@ -84,7 +84,6 @@ class LivePage:
         self._shadows = False
         self._seen = False
         self._held = False
-        self._counts = Counts()
         self._memory = Memory()
         self._folder = folder
         self._recording: Recording | None = None
@@ -143,7 +142,6 @@ class LivePage:
             self._view = next(iter(kind_of(scenario).views))
         self._draw_scene()
         self._settings = copy.deepcopy(scenario.to_dict().get("controller", {}))
-        self._counts = Counts()
         self._put.clear()
         self._haunt()
         self._panel.show(scenario)
@@ -543,7 +541,7 @@ class LivePage:
         while not self._over.is_set():
             due = max(due + FRAME, time.monotonic() - FRAME)
             with self._lock:
-                present = state = self._counts.told(self._live.snapshot())
+                present = state = self._live.snapshot()
                 other = self._ghost.snapshot() if self._ghost is not None else None
                 if state["status"] == "running":
                     self._memory.add(state, other)

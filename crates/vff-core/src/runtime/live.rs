@@ -24,6 +24,8 @@ const PERIOD: Duration = Duration::from_millis(1);
 /// How far the loop may be behind before it gives up catching up: after a night's sleep of the machine
 /// nobody wants to see the night simulated.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// How often a loop that stands still looks whether it is to go on.
+const LOOK: Duration = Duration::from_millis(10);
 /// Over which the rate is measured.
 const WINDOW: Duration = Duration::from_millis(500);
 /// Poles of what carries an obstacle and of what moves the target \[1/s\]. Browsers tell of a drag about
@@ -483,12 +485,18 @@ pub fn lock(live: &Mutex<Live>) -> MutexGuard<'_, Live> {
 
 /// Ticks at [`RATE`] until `stop` is set. Nothing allocates.
 ///
-/// The deadlines are absolute; what is late is caught up with, unless it is later than 0.1 s.
+/// The deadlines are absolute; what is late is caught up with, unless it is later than 0.1 s. A loop that
+/// stands still leaves the processor to others, and looks every 10 ms whether it is to go on.
 pub fn serve(live: &Mutex<Live>, stop: &AtomicBool) {
     let mut deadline = Instant::now() + PERIOD;
     while wait_until(deadline, stop).is_some() {
         let mut live = lock(live);
         let begin = Instant::now();
+        if live.state != State::Running {
+            live.window = (begin, live.stats.periods);
+            deadline = begin + LOOK;
+            continue;
+        }
         live.tick();
         let end = Instant::now();
         deadline += PERIOD;
