@@ -151,7 +151,7 @@ pub const HORIZON: f64 = 1e100;
 pub(super) const MARGIN: f64 = 1e-9;
 
 /// The box around an obstacle from `t0` to `t1` \[s\].
-fn box_of<S: Solid<D>, const D: usize>(
+pub(super) fn box_of<S: Solid<D>, const D: usize>(
     obstacle: &Placed<S, D>,
     [t0, t1]: [f64; 2],
 ) -> [Vector<D>; 2] {

@@ -23,6 +23,7 @@ mod shape_fault;
 mod solid;
 pub mod space;
 mod turning;
+mod within;
 
 pub use crate::math::Feature;
 pub use broad_phase::HORIZON;
@@ -33,6 +34,7 @@ pub use query::{CollisionQuery, Positions};
 pub use shape_fault::ShapeFault;
 pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
+pub use within::Boxes;
 
 use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};

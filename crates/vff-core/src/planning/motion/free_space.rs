@@ -10,7 +10,7 @@ use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
-use crate::world::{CollisionQuery, Solid, World, top_speed};
+use crate::world::{Boxes, Solid, World, top_speed};
 use std::collections::VecDeque;
 
 /// A part of a motion in which nothing goes farther than this is free for a link if its middle is: a share of its margin, from
@@ -40,8 +40,8 @@ fn finest(margin: f64) -> f64 {
 #[derive(Debug, Clone)]
 pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
     robot: R,
-    /// What stands still; then what moves, at the instants at which it is looked for.
-    worlds: Vec<World<S, D>>,
+    /// What stands still; then what moves, at the instants at which it is looked for; each with boxes around its obstacles.
+    worlds: Vec<(World<S, D>, Boxes<D>)>,
     /// The numbers of the obstacles that stand still, and of those that move, before they were parted.
     numbers: [Vec<usize>; 2],
     /// How far the latter go between two of these instants, at most half of it \[m\].
@@ -53,7 +53,9 @@ pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
     pub margins: Margins,
     /// What bodies of the arm keep from each other \[m\].
     pub apart: f64,
-    /// Signed distance of each link from what is nearest \[m\].
+    /// From where on it does not matter how far a link is \[m\].
+    limits: Vec<f64>,
+    /// Signed distance of each link from what is nearest \[m\], ∞ from its limit on.
     clearance: Vec<f64>,
     bodies: Vec<Body<'static, D>>,
     middle: Vec<f64>,
@@ -98,16 +100,21 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
                 worlds.push(there);
             }
         }
+        let with_boxes = |world: World<S, D>| {
+            let boxes = world.boxes();
+            (world, boxes)
+        };
         let n = robot.dof();
         Self {
             reach: Levers::new(&mut robot),
             robot,
-            worlds,
+            worlds: worlds.into_iter().map(with_boxes).collect(),
             numbers: [numbers.0, numbers.1],
             slack: 0.5 * stride * speed,
             keeps_apart,
             margins: Margins::constant(vec![margin; n]),
             apart: APART,
+            limits: vec![f64::INFINITY; n],
             clearance: vec![f64::INFINITY; n],
             bodies: vec![],
             middle: vec![0.0; n],
@@ -119,23 +126,19 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         &mut self.robot
     }
 
-    /// Measures links at `q`: those that `asked` says.
-    fn measure(&mut self, q: &[f64], asked: impl Fn(usize) -> bool) {
-        let Self { robot, worlds, clearance, slack, .. } = self;
+    /// Measures links at `q`, each where it is nearer than its limit; ∞ says that it is not.
+    fn measure(&mut self, q: &[f64]) {
+        let Self { robot, worlds, limits, clearance, slack, .. } = self;
         robot.update_positions(q);
         clearance.fill(f64::INFINITY);
-        for (k, world) in worlds.iter_mut().enumerate() {
-            if world.is_empty() {
-                continue;
-            }
+        for (k, (world, boxes)) in worlds.iter_mut().enumerate() {
             let slack = if k > 0 { *slack } else { 0.0 };
-            interrupt::spend(32 * robot.body_count());
-            let nearest = |link: usize, d: f64| {
-                let least = &mut clearance[link];
-                *least = least.min(d - slack);
-            };
-            let bodies = robot.bodies().filter(|body| asked(body.link));
-            world.for_each_contact(bodies, f64::NEG_INFINITY, nearest, |_| {});
+            interrupt::spend((32 + world.len()) * robot.body_count());
+            for body in robot.bodies().filter(|body| limits[body.link] > f64::NEG_INFINITY) {
+                let least = &mut clearance[body.link];
+                let limit = least.min(limits[body.link]) + slack;
+                *least = least.min(world.distance_within(boxes, &body, limit) - slack);
+            }
         }
     }
 
@@ -170,7 +173,8 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// How far each link of the arm at `q` is from everything outside \[m\].
     pub fn room(&mut self, q: &[f64]) -> &[f64] {
-        self.measure(q, |_| true);
+        self.limits.fill(f64::INFINITY);
+        self.measure(q);
         &self.clearance
     }
 
@@ -186,9 +190,10 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
 
     /// Whether the arm at `q` keeps the margin, and is apart from itself.
     pub fn is_free(&mut self, q: &[f64]) -> bool {
-        self.measure(q, |_| true);
+        (0..q.len()).for_each(|link| self.limits[link] = self.margin(q, link));
+        self.measure(q);
         // False where something is undefined.
-        (0..q.len()).all(|link| self.clearance[link] >= self.margin(q, link))
+        (0..q.len()).all(|link| self.clearance[link] >= self.limits[link])
             && self.least_apart(|_, _, _| 0.0) >= self.apart
     }
 
@@ -197,7 +202,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         let Self { robot, worlds, slack, numbers, .. } = self;
         robot.update_positions(q);
         let mut worst: Option<(f64, usize, usize, bool)> = None;
-        for (k, world) in worlds.iter_mut().enumerate() {
+        for (k, (world, _)) in worlds.iter_mut().enumerate() {
             let (passes, slack) = (k > 0, if k > 0 { *slack } else { 0.0 });
             world.for_each_pair(robot.bodies(), |contact| {
                 let distance = contact.distance - slack;
@@ -239,6 +244,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         let ways: Vec<f64> = (0..n).map(|link| self.way([a, b], link)).collect();
         let farthest = ways.iter().copied().fold(0.0, f64::max);
         let steepness = 1.0 + self.margins.slope();
+        let mut margins = vec![0.0; n];
         // Halves of halves, the large ones first: what is hit is hit soon. Each with the links that may be near to
         // something in it, and whether bodies of the arm may be near to each other.
         let mut parts = VecDeque::from([(0.5, 0.5, vec![true; n], self.keeps_apart)]);
@@ -247,19 +253,24 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
             for (m, (a, b)) in middle.iter_mut().zip(a.iter().zip(b)) {
                 *m = a + at * (b - a);
             }
-            self.measure(&middle, |link| open[link]);
+            for link in 0..n {
+                margins[link] = self.margin(&middle, link);
+                // What a link keeps changes, too, while it goes.
+                let enough = margins[link] + steepness * ways[link] * half;
+                self.limits[link] = if open[link] { enough } else { f64::NEG_INFINITY };
+            }
+            self.measure(&middle);
             for link in 0..n {
                 if !open[link] {
                     continue;
                 }
-                let margin = self.margin(&middle, link);
+                let margin = margins[link];
                 let room = self.clearance[link] - margin;
                 let is_clear = room >= 0.0; // false for NaN
                 if !is_clear {
                     self.middle = middle;
                     return false;
                 }
-                // What a link keeps changes, too, while it goes.
                 let change = steepness * ways[link] * half;
                 let is_coarse = steepness * farthest * half > finest(margin);
                 open[link] = room < change && is_coarse;

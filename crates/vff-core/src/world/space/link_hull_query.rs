@@ -119,6 +119,7 @@ mod tests {
     use super::*;
     use crate::geometry::Hull;
     use crate::math::{Feature, UnitQuaternion};
+    use crate::world::within::tests::is_what_asking_all_says;
     use crate::world::{CollisionQuery, Motion};
     use nalgebra::Matrix3;
     use proptest::prelude::*;
@@ -182,6 +183,13 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn hulls_are_measured_within_a_limit(
+            link in any_carried(), obstacles in prop::collection::vec(any_obstacle(), 0..6), limit in -0.5..2.0,
+        ) {
+            is_what_asking_all_says(&obstacles, &link.body(), limit);
+        }
+
         #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(2000) })]
 
         /// Apart, two points prove that the distance is no larger, and two planes that it is no smaller: what lies on the bodies

@@ -1,0 +1,98 @@
+//! How far bodies are from what is nearest, where it is nearer than a limit: boxes around obstacles tell that most are not.
+
+use super::broad_phase::{box_of, widened};
+use super::{Pair, Solid, World};
+use crate::geometry::Body;
+use crate::math::{Capsule, Vector};
+
+/// Boxes around the obstacles of a world, where they were when it was asked for them.
+#[derive(Debug, Clone)]
+pub struct Boxes<const D: usize>(Vec<[Vector<D>; 2]>);
+
+impl<S: Solid<D>, const D: usize> World<S, D> {
+    /// Boxes around all obstacles where the last [`update`](Self::update) put them. Allocates.
+    pub fn boxes(&self) -> Boxes<D> {
+        Boxes(self.obstacles.iter().map(|obstacle| box_of(obstacle, [self.time; 2])).collect())
+    }
+
+    /// The distance of `body` from what is nearest \[m\], if it is less than `limit`; otherwise ∞. NaN for a body that is nowhere.
+    ///
+    /// # Arguments
+    /// * `boxes`: those of this world since its last update.
+    pub fn distance_within(&mut self, boxes: &Boxes<D>, body: &Body<'_, D>, limit: f64) -> f64 {
+        let probe = S::probe(&body.shape);
+        let [low, high] = box_around(&body.shape);
+        let mut least = f64::INFINITY;
+        for (j, [rear, front]) in boxes.0.iter().enumerate() {
+            let bound = least.min(limit);
+            let gap = (rear - high).sup(&(low - front)).map(|gap| gap.max(0.0));
+            // False where it is undefined, and so below.
+            if bound <= 0.0 && gap.amax() > 0.0
+                || bound > 0.0 && gap.norm_squared() >= bound * bound
+            {
+                continue;
+            }
+            let obstacle = &mut self.obstacles[j];
+            obstacle.move_to(self.time);
+            let mut distance = obstacle.distance_below(&probe, bound);
+            if distance >= bound {
+                continue;
+            }
+            if let Some(hull) = &body.hull {
+                let pair = Pair { body: 0, link: body.link, obstacle: j };
+                let (state, turn) = (&obstacle.state, obstacle.turn());
+                distance = obstacle.hull_contact(pair, hull, &probe, state, turn).distance;
+                if distance >= bound {
+                    continue;
+                }
+            }
+            least = distance;
+            if least.is_nan() {
+                return least;
+            }
+        }
+        least
+    }
+}
+
+/// A box that holds a capsule, roundings included.
+fn box_around<const D: usize>(capsule: &Capsule<D>) -> [Vector<D>; 2] {
+    let (start, end) = (capsule.start, capsule.end());
+    let radius = Vector::repeat(capsule.radius);
+    let size = start.amax() + end.amax() + capsule.radius + 1.0;
+    widened([start.inf(&end) - radius, start.sup(&end) + radius], size)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::space::{Obstacle, World, oracle::any_obstacle};
+    use super::*;
+    use crate::geometry::cases::any_link;
+    use proptest::prelude::*;
+
+    /// Asking all of them says the same, to the last bit.
+    pub fn is_what_asking_all_says(obstacles: &[Obstacle], body: &Body<'_, 3>, limit: f64) {
+        let mut world = World::new(obstacles.to_vec());
+        let asked = (0..world.len()).map(|j| world.contact(0, body, j).distance);
+        let least = asked.fold(f64::INFINITY, f64::min);
+        let boxes = world.boxes();
+        let found = world.distance_within(&boxes, body, limit);
+        let expected = if least < limit { least } else { f64::INFINITY };
+        assert_eq!(
+            (found + 0.0).to_bits(),
+            (expected + 0.0).to_bits(),
+            "{found} is not {expected}"
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_far_is_not_measured_and_nothing_is_missed(
+            obstacles in prop::collection::vec(any_obstacle(), 0..8),
+            link in any_link(),
+            limit in prop_oneof![-0.5..2.0, Just(f64::INFINITY), Just(f64::NEG_INFINITY)],
+        ) {
+            is_what_asking_all_says(&obstacles, &Body::new(0, link), limit);
+        }
+    }
+}
