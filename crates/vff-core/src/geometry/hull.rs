@@ -132,6 +132,13 @@ impl Hull {
         self.find(axis).distance
     }
 
+    /// Whether one of its faces tells that an axis is no nearer than this \[m\].
+    #[inline]
+    pub(crate) fn is_farther(&self, axis: &Probe, limit: f64) -> bool {
+        let (a, b, least) = (axis.start, axis.end(), limit.max(0.0) + self.slack);
+        self.faces.iter().any(|face| face.height(&a).min(face.height(&b)) > least)
+    }
+
     /// Apart, the nearest points are an end of the axis above the inside of a face, or lie on an edge that meets a face
     /// which the axis is above (T107).
     #[inline(always)]

@@ -88,10 +88,11 @@ impl Solid<3> for Volume {
 
     #[inline(always)] // most links are too far from most obstacles for anything else
     fn distance_below(&self, link: &Probe, position: &Vector<3>, limit: f64) -> f64 {
+        let limit = limit + (self.radius + link.radius);
         let distance = dispatch!(
             &self.core,
-            shape => shape.distance(&seen_from(link, position)),
-            cloud => cloud.distance(link, position, limit + (self.radius + link.radius))
+            shape => shape.distance_below(&seen_from(link, position), limit),
+            cloud => cloud.distance(link, position, limit)
         );
         distance - self.radius - link.radius
     }

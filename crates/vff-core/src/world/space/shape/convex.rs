@@ -25,6 +25,12 @@ impl ConvexCore for Hull {
         Self::distance(self, axis)
     }
 
+    #[inline(always)]
+    fn distance_below(&self, axis: &Probe, limit: f64) -> f64 {
+        let is_far = limit < f64::INFINITY && self.is_farther(axis, limit);
+        if is_far { f64::INFINITY } else { self.distance(axis) }
+    }
+
     fn features(&self) -> Option<usize> {
         Some(self.corners.len() + self.edges.len())
     }

@@ -159,6 +159,13 @@ pub(super) trait ConvexCore: Convex {
     /// The distance of [`nearest`](Convex::nearest), bit for bit.
     fn distance(&self, axis: &Probe) -> f64;
 
+    /// The same where it is less than `limit` \[m\]; otherwise anything that is not.
+    #[inline(always)]
+    fn distance_below(&self, axis: &Probe, limit: f64) -> f64 {
+        let _ = limit;
+        self.distance(axis)
+    }
+
     /// How many corners and edges may be next to an axis when features change hands; none of a point, which has none.
     fn features(&self) -> Option<usize>;
 
