@@ -24,6 +24,22 @@ const QUANTUM: usize = 1 << 20;
 const EVERY: Duration = Duration::from_millis(20);
 
 /// The computation was ended from outside.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use std::sync::atomic::{AtomicBool, Ordering};
+/// use vff_core::interrupt::{self, Interrupted, Watch};
+///
+/// let stop = Arc::new(AtomicBool::new(false));
+/// stop.store(true, Ordering::Relaxed);
+/// let endless = || loop { interrupt::spend(1 << 20) };
+/// let ended: Result<(), _> = interrupt::watched(Watch::Flag(stop), endless);
+/// assert!(matches!(ended, Err(Interrupted)));
+/// ```
+///
+/// # See also
+/// [`Aside`] and [`Parts`], for what is left to another thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interrupted;
 
@@ -136,6 +152,15 @@ pub fn leave<T: Send + 'static>(value: T) {
 }
 
 /// A large value in the making, which is left to another thread where the work is ended.
+///
+/// # Example
+/// ```
+/// use vff_core::interrupt::Aside;
+///
+/// let mut large = Aside::new(Vec::with_capacity(1_000_000));
+/// large.as_mut().push(1.0);
+/// assert_eq!(large.done(), [1.0]);
+/// ```
 #[derive(Debug)]
 pub struct Aside<T: Default + Send + 'static>(T);
 

@@ -20,6 +20,19 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVector};
 pub const MATRICES: usize = 24;
 
 /// The extended Jacobian of a robot at one state, with n joints and r = n − M.
+///
+/// # Example
+/// ```
+/// use vff_core::control::extended_jacobian::ExtendedJacobian;
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{PlanarArm, dense, planar::Link};
+///
+/// let arm = PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros());
+/// let matrices = dense::planar::<2>(&arm, &[0.4, 0.5, -0.6], &[0.0; 3]);
+/// let extended = ExtendedJacobian::new(&matrices).unwrap(); // None where the arm is singular
+/// assert_eq!(extended.z.ncols(), 1); // one null dimension
+/// assert!((&matrices.jacobian * &extended.z).norm() < 1e-12);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtendedJacobian {
     /// Orthonormal basis of the null space of J, (n, r).

@@ -9,6 +9,22 @@ use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// The largest control period at which the null space is stable, and what sets it.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Controller, Gains, Settings, StablePeriod};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link};
+/// use vff_core::world::plane::World;
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros()));
+/// let mut controller = Controller::<_, 2, 2>::new(arm.state(), Gains::new(&Settings::default()));
+/// let mut world = World::new(vec![]);
+/// controller.observe(&[0.4, 0.5, -0.6], &[0.0; 3], &mut world);
+/// let StablePeriod { period, .. } = controller.stable_period(&mut world);
+/// assert!(period > 0.001);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StablePeriod {
     /// The period \[s\]; infinite without damping or stiffness to hold.

@@ -44,6 +44,23 @@ pub enum AnyArm {
 }
 
 /// Such an arm at one instant.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{AnyArm, AnyObstacles, AnyState, DistanceTable};
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// let (q, dq) = ([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0; 7]);
+/// let state: AnyState = arm.at(&q, &dq);
+/// assert_eq!(state.mass_matrix().nrows(), 7);
+/// let mut obstacles: AnyObstacles = arm.no_obstacles();
+/// obstacles.read(&toml::toml! { shape = { kind = "sphere", radius = 0.1 } position = [0.5, 0.5, 0.5] })?;
+/// let DistanceTable { pairs, distance, .. } = arm.distances(obstacles, &q, &dq, &[0.0]);
+/// assert_eq!(pairs.len(), distance.len());
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
 pub enum AnyState {
     /// In the plane.

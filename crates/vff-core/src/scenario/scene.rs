@@ -88,6 +88,24 @@ pub trait CheckReach<const D: usize, const M: usize>:
 }
 
 /// The tables of a scenario that have the dimension of its arm.
+///
+/// # Example
+/// Whatever the space:
+/// ```
+/// use vff_core::scenario::{CheckReach, FromDocument, ObstacleOf, Scene, ScenarioError};
+/// use vff_core::scenario::FeltObstacle;
+///
+/// fn dof<S: FromDocument<D>, const D: usize>(scene: &Scene<S, D>) -> Result<S::Arm, ScenarioError> {
+///     S::arm(&scene.arm)
+/// }
+///
+/// fn bodies<S: FromDocument<D>, const D: usize>(felt: Vec<FeltObstacle<S, D>>) -> Vec<ObstacleOf<S, D>> {
+///     felt.into_iter().map(|(obstacle, _)| obstacle).collect()
+/// }
+///
+/// fn has_task<S: CheckReach<D, M>, const D: usize, const M: usize>() {}
+/// has_task::<vff_core::simulation::Space, 3, 5>();
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene<S: FromDocument<D>, const D: usize> {
     /// The arm.

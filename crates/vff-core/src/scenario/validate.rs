@@ -7,7 +7,7 @@ use super::numbers::{length, number, table};
 use super::touch::touch;
 use crate::control::PreviewSettings;
 use crate::control::avoidance::barrier;
-use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
+use crate::control::avoidance::preview::fastest_rate;
 use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
 use crate::control::{

@@ -42,6 +42,40 @@ pub struct Reality<A, P, const D: usize> {
 }
 
 /// An arm under control among obstacles. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Gains, Settings};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{PlanarArm, planar::Link};
+/// use vff_core::simulation::{ClosedLoop, Options, Physics, Plane, Reality, Run, Status};
+/// use vff_core::trajectory::{Trajectory, plane::Reference};
+/// use vff_core::world::plane::World;
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros()));
+/// let gains = Gains::<2>::new(&Settings::default());
+/// let setpoint = Reference::Setpoint { point: vec![1.2, 0.5] };
+/// let trajectory = Trajectory::new(&setpoint, &Vector::<2>::zeros()).unwrap();
+/// let reality = Reality {
+///     plant: Physics::of(&arm),
+///     measurement: None,
+///     perception: None,
+///     actuator: None,
+///     wrenches: vec![],
+///     contacts: vec![],
+/// };
+/// let start = [vec![0.4, 0.5, -0.6], vec![0.0; 3]];
+/// let closed_loop = ClosedLoop::<Plane, 2, 2>::new(
+///     &arm, gains, World::new(vec![]), trajectory, Options::default(), reality, start,
+/// );
+/// let mut run = Run::new(closed_loop, &Options::default(), 0.1, true).unwrap();
+/// while run.step() {}
+/// assert_eq!(run.outcome().status, Status::Completed);
+/// ```
+///
+/// # See also
+/// [`Scenario::prepare`](crate::scenario::Scenario), which makes one of a document.
 #[derive(Debug, Clone)]
 pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     options: Options,

@@ -20,6 +20,22 @@ pub trait Setting<const D: usize>: Debug + Clone {
 }
 
 /// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.
+///
+/// # Example
+/// The types of a space ([`Setting`]) and of a task in it:
+/// ```
+/// use vff_core::simulation::{PlanarSystem, Plane, Setting, Space, System};
+/// use vff_core::math::{PlanarPose, SpatialPose};
+/// use vff_core::robot::SpatialArm;
+///
+/// fn pose_of<S: System<D, M, Pose = P>, P, const D: usize, const M: usize>() {}
+/// pose_of::<Plane, PlanarPose, 2, 3>();
+/// pose_of::<Space, SpatialPose, 3, 6>();
+/// fn arm_of<S: Setting<D, Arm = A>, A, const D: usize>() {}
+/// arm_of::<Space, SpatialArm, 3>();
+/// fn has_reach<S: PlanarSystem<M>, const M: usize>() {}
+/// has_reach::<Plane, 2>();
+/// ```
 pub trait System<const D: usize, const M: usize>:
     Setting<D, State: Manipulator<D, M, Pose = Self::Pose>>
 {

@@ -39,6 +39,16 @@ pub struct JointSpline {
 }
 
 /// The farthest that joints go on a motion, of each joint.
+///
+/// # Example
+/// ```
+/// use vff_core::trajectory::{JointSpline, Peaks};
+///
+/// let spline = JointSpline::new(&[0.0, 1.0], &[vec![0.0], vec![1.0]]).unwrap();
+/// let Peaks { positions, speeds, .. } = spline.peaks();
+/// assert_eq!(positions, [[0.0, 1.0]]);
+/// assert!(speeds[0] > 1.0); // from rest to rest
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Peaks {
     /// The least and the largest position \[rad or m\].

@@ -19,7 +19,6 @@ mod outlook;
 mod placed;
 pub mod plane;
 mod query;
-mod shape_fault;
 mod solid;
 pub mod space;
 mod turning;
@@ -30,7 +29,6 @@ pub use contact::{Contact, Pair};
 pub use motion::{Motion, MotionState};
 pub use outlook::{Ahead, Outlook};
 pub use query::{CollisionQuery, Positions};
-pub use shape_fault::ShapeFault;
 pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
 

@@ -13,6 +13,29 @@ const ROUNDING: f64 = 1e-9;
 
 /// What a controller asks of the world around the arm: the nearest points of every body of
 /// the robot to everything that it knows of.
+///
+/// # Example
+/// The smallest distance from a link to any obstacle:
+/// ```
+/// use vff_core::geometry::Body;
+/// use vff_core::math::{Capsule, Vector};
+/// use vff_core::world::plane::{Obstacle, Shape, World};
+/// use vff_core::world::{CollisionQuery, Motion};
+///
+/// let disc = |x: f64| Obstacle {
+///     shape: Shape::Circle { radius: 0.1 },
+///     position: [x, 0.5],
+///     angle: 0.0,
+///     angular_velocity: 0.0,
+///     motion: Motion::Static {},
+/// };
+/// let mut world = World::new(vec![disc(0.2), disc(3.0)]);
+/// assert_eq!(world.obstacle_count(), 2);
+/// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1);
+/// let mut least = f64::INFINITY;
+/// world.for_each_pair([Body::new(0, link)], |contact| least = least.min(contact.distance));
+/// assert!((least - 0.3).abs() < 1e-15);
+/// ```
 pub trait CollisionQuery<const D: usize> {
     /// How many obstacles there are.
     fn obstacle_count(&self) -> usize;

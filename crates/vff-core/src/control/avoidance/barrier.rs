@@ -100,7 +100,7 @@ pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
 
 /// ρ in a space of dimension `D`.
 pub fn slack_weight<const D: usize>(settings: &Yielding) -> f64 {
-    settings.slack_price.unwrap_or(usual::<D>().slack_weight)
+    settings.slack_weight.unwrap_or(usual::<D>().slack_weight)
 }
 
 /// W_x = `task_weight` S², what is kept `KEPT` times that (T69).
@@ -122,7 +122,7 @@ const MAX_VIOLATED: usize = 48;
 /// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a constraint is violated at y = 0 only if its bound is
 /// positive, and most instants need no QP at all.
 #[derive(Debug, Clone)]
-pub struct Barrier {
+pub(crate) struct Barrier {
     program: QuadraticProgram,
     nominal: Vec<f64>,
     /// q̈ at present, behind a limit of the torque rate.
@@ -158,7 +158,7 @@ pub struct Barrier {
 
 /// What is to be kept.
 #[derive(Debug, Clone, Copy)]
-pub struct Kept<'a, const D: usize> {
+pub(crate) struct Kept<'a, const D: usize> {
     /// The distances from obstacles.
     pub pairs: &'a [Contact<D>],
     /// The distances of the bodies from each other.

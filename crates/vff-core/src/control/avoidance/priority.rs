@@ -16,7 +16,7 @@ pub const RATE: f64 = 20.0;
 
 /// The pairs near the arm, and a workspace.
 #[derive(Debug, Clone)]
-pub struct Priority<const D: usize> {
+pub(crate) struct Priority<const D: usize> {
     settings: Yielding,
     margins: Margins,
     pairs: Vec<Contact<D>>,

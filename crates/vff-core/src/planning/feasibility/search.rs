@@ -144,9 +144,9 @@ impl<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> Search<C, S, D
                     chain.move_to(&q);
                     let room = Self::room(&mut ahead, &chain)?;
                     let speed: f64 = dq.iter().map(|dq| dq * dq).sum();
-                    let astray =
+                    let deviation =
                         if hold { 0.0 } else { Self::off(&chain, &target).size(self.length) };
-                    let score = 0.9 * node.score + room - 0.02 * speed - 0.2 * astray;
+                    let score = 0.9 * node.score + room - 0.02 * speed - 0.2 * deviation;
                     Some(Node { q, dq, score, parent })
                 })
                 .collect();

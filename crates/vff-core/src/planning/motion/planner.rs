@@ -297,7 +297,7 @@ where
             return (why, self.space.clearance(q));
         }
         match self.space.obstruction(q) {
-            Some(found) => (found.told(place, self.settings.horizon), found.distance()),
+            Some(found) => (found.sentence(place, self.settings.horizon), found.distance()),
             None => (format!("a distance is undefined at the {place}"), f64::NAN),
         }
     }
@@ -326,7 +326,7 @@ where
             Ok(law) => law,
             Err(Stop::Heavy(heavy)) => {
                 let (robot, joint) = (self.space.robot(), heavy.joint);
-                let why = heavy.told(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+                let why = heavy.sentence(&robot.joint_name(joint), robot.slides(joint), TORQUE);
                 return Ok(Err((PlanStatus::TooHeavy, why)));
             }
             Err(Stop::Winding) => return Ok(Err(too_tight())),

@@ -354,7 +354,7 @@ mod tests {
     use super::super::fixtures::{Asked, START, closing, disc, holding, robot};
     use super::*;
     use crate::math::Noise;
-    use crate::robot::description::Shape as Form;
+    use crate::robot::description::PlacedShape;
     use crate::robot::{Manipulator, PlanarState, Robot, SpatialState, models};
     use crate::world::plane::World;
     use crate::world::{Motion, space};
@@ -456,8 +456,8 @@ mod tests {
     #[test]
     fn what_is_left_out_of_boxes_does_not_matter() {
         let mut description = models::named("panda").unwrap();
-        let center = [0.0, 0.0, -0.05];
-        let cube = Form::Box { center, size: [0.25, 0.03, 0.2], orientation: [1.0, 0.0, 0.0, 0.0] };
+        let cube = space::Shape::Box { size: [0.25, 0.03, 0.2] };
+        let cube = PlacedShape { center: Some([0.0, 0.0, -0.05]), ..cube.into() };
         for part in &mut description.collision {
             part.shape = cube.clone();
         }

@@ -13,12 +13,9 @@ use crate::math::{UnitQuaternion, Vector};
 use crate::world::space::contact::{axis_of, contact_of};
 use crate::world::space::needed_points::{MAX_NEEDED, NeededPoints};
 use crate::world::space::point_bvh::{PointBvh, Sight, around};
-use crate::world::{Ahead, Contact, Feature, MotionState, Pair, ShapeFault};
+use crate::world::{Ahead, Contact, Feature, MotionState, Pair};
 use std::fmt;
 use std::ops::Range;
-
-/// The most points of a cloud.
-pub const MAX_POINTS: usize = 50_000;
 
 /// Points that are found at once.
 const ROOM: usize = 256;
@@ -35,17 +32,6 @@ pub(in super::super) struct Cloud {
     extent: [Vector<3>; 2],
     /// How far the farthest is from the position \[m\].
     reach: f64,
-}
-
-/// Whether they are few enough.
-pub(super) fn check(points: &[[f64; 3]]) -> Result<(), ShapeFault> {
-    match points.len() <= MAX_POINTS {
-        true => Ok(()),
-        false => {
-            let told = format!("at most {MAX_POINTS} of them, got {}", points.len());
-            Err(ShapeFault::told("points", told))
-        }
-    }
 }
 
 impl fmt::Debug for Cloud {
