@@ -146,7 +146,7 @@ impl<const M: usize> Solver<M> {
             if Residual::of::<D, M>(&error).within(PRECISION) || stalled == STALLED {
                 break;
             }
-            interrupt::spend(n * (64 + M * M));
+            interrupt::checkpoint(n * (64 + M * M));
             for i in 0..n {
                 self.columns[i] = self.scaled::<D>(&robot.jacobian_column(i));
             }

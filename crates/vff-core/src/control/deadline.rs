@@ -307,18 +307,18 @@ mod tests {
         let mut budget = Budget::new(Measure::Work, Some(10.0));
         for (kept, late) in [(0, 0), (3000, 1), (3000, 1)] {
             budget.begin();
-            interrupt::spend(2000);
+            interrupt::checkpoint(2000);
             budget.suspend();
-            interrupt::spend(50_000);
+            interrupt::checkpoint(50_000);
             budget.go_on();
             assert!(budget.is_left());
-            interrupt::spend(7999 - kept);
+            interrupt::checkpoint(7999 - kept);
             assert!(budget.is_left());
-            interrupt::spend(1);
+            interrupt::checkpoint(1);
             assert!(!budget.is_left());
             budget.suspend();
             budget.reserve();
-            interrupt::spend(3000);
+            interrupt::checkpoint(3000);
             assert_eq!(budget.late(), late);
             budget.end();
             assert_eq!(budget.kept, 3000);

@@ -358,7 +358,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             });
             self.next = Some(ahead + STEP);
             left -= STEP;
-            interrupt::spend(64 * moment.q.len());
+            interrupt::checkpoint(64 * moment.q.len());
             let mut state = std::mem::take(&mut self.q);
             let then = moment.path_time + ahead;
             moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));

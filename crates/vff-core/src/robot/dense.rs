@@ -71,7 +71,7 @@ pub fn planar<const M: usize>(arm: &PlanarArm, q: &[f64], dq: &[f64]) -> Matrice
         let column = |k: usize| perp(centres[i] - joints[k]);
         let column_dot = |k: usize| perp(centre_rates[i] - rates[k]);
         for k in 0..=i {
-            interrupt::spend(8 * i);
+            interrupt::checkpoint(8 * i);
             for j in 0..=i {
                 mass[(k, j)] += link.mass * column(k).dot(&column(j)) + link.inertia;
                 coriolis[(k, j)] += link.mass * column(k).dot(&column_dot(j));

@@ -537,7 +537,7 @@ impl DistanceTable {
             state.update(q, dq);
             world.update(t[b % t.len()]);
             let visit = |contact: &Contact<D>| {
-                interrupt::spend(64 + n);
+                interrupt::checkpoint(64 + n);
                 let motion = DistanceRate::new(&state, contact);
                 distance.push(contact.distance);
                 rate.push(motion.rate);

@@ -132,7 +132,7 @@ impl Episodes {
         let task = Arc::new(task);
         let seeds = (0..count as u64).map(|i| seed.wrapping_add(i));
         let new = |seed| {
-            interrupt::spend(4096);
+            interrupt::checkpoint(4096);
             Slot::new(&task, seed)
         };
         let slots = seeds.map(new).collect::<Result<_, _>>()?;

@@ -87,7 +87,7 @@ fn along<S: FromDocument<D>, const D: usize>(
     let mut wrenches = scene.wrenches_on(&*arm)?;
     let (mut state, half) = (arm.state(), 0.5 * scenario.simulation.dt);
     let at = |(t, q): (&f64, &[f64])| {
-        interrupt::spend(64 * (q.len() + scene.wrenches.len()));
+        interrupt::checkpoint(64 * (q.len() + scene.wrenches.len()));
         state.update_positions(q);
         wrenches.go_to(t + half);
         wrenches.acting(&state).map(ActingWrench::from).collect()

@@ -2,7 +2,9 @@
 
 use super::ScenarioError;
 use super::validate::no_such_link;
-use crate::simulation::{Options, PerceptionSettings, Physics, Setting, System, Wrench, Wrenches};
+use crate::simulation::{
+    Options, PerceptionSettings, Physics, SpaceTypes, System, Wrench, Wrenches,
+};
 use crate::trajectory::{Guided, Trajectory};
 use crate::world::Solid;
 use serde::de::DeserializeOwned;
@@ -10,11 +12,11 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 /// What obstacles are described by.
-pub type ObstacleOf<S, const D: usize> = <<S as Setting<D>>::Solid as Solid<D>>::Obstacle;
+pub type ObstacleOf<S, const D: usize> = <<S as SpaceTypes<D>>::Solid as Solid<D>>::Obstacle;
 
 /// How people describe what meets in `D` dimensions: the tables of a scenario that depend on it, and what is made of them.
 pub trait FromDocument<const D: usize>:
-    Setting<D, Solid: Solid<D, Obstacle: DeserializeOwned + PartialEq>> + PartialEq
+    SpaceTypes<D, Solid: Solid<D, Obstacle: DeserializeOwned + PartialEq>> + PartialEq
 {
     /// `[arm]`.
     type ArmTable: DeserializeOwned + Clone + Debug + PartialEq;

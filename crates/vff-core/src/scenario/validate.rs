@@ -49,7 +49,7 @@ fn finite_value(value: &Value) -> Validated {
             Err(ScenarioError::out_of_range("", "at most 1e100", x))
         }
         Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
-            interrupt::spend(64);
+            interrupt::checkpoint(64);
             finite_value(value).map_err(|error| error.inside(&format!("[{i}]")))
         }),
         Value::Table(table) => finite(table),

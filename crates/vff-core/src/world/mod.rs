@@ -126,7 +126,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// them mean nothing.
     pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
         let place = |obstacle| {
-            interrupt::spend(256);
+            interrupt::checkpoint(256);
             Placed::new(obstacle)
         };
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(place).collect();

@@ -213,7 +213,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 }
             }
         };
-        interrupt::spend(32 * self.obstacles.len());
+        interrupt::checkpoint(32 * self.obstacles.len());
         self.obstacles.iter().filter_map(hit).reduce(f64::min)
     }
 
@@ -279,7 +279,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         // What was nearest before is worth a second look where one obstacle alone has many points to search.
         let searched = *contacts > obstacles.len();
         for (body, Body { link, shape, hull }) in bodies {
-            interrupt::spend(256);
+            interrupt::checkpoint(256);
             let probe = S::probe(&shape);
             if let Some(hull) = &hull {
                 let pair = Pair { body, link, obstacle: 0 };
@@ -300,7 +300,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             };
             // Where no distance is asked for, a search for the nearest point does not pay: they are searched for all in reach.
             if searched && limit <= reach && limit.is_finite() {
-                interrupt::spend(64 * near.len());
+                interrupt::checkpoint(64 * near.len());
                 for &j in near {
                     let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
                     meet(pair, &probe, None, obstacle, obstacle.turn());
@@ -324,7 +324,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             }
             distance(link, least);
             if least < reach {
-                interrupt::spend(64 * near.len());
+                interrupt::checkpoint(64 * near.len());
                 for &j in near {
                     let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
                     meet(pair, &probe, None, obstacle, obstacle.turn());

@@ -97,7 +97,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
             robot.accelerate(&range.present, bias, scratch, present);
         }
         for pair in &*pairs {
-            interrupt::spend(64 + 16 * gradient.len());
+            interrupt::checkpoint(64 + 16 * gradient.len());
             let share =
                 smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);

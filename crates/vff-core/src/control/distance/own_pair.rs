@@ -78,7 +78,7 @@ impl<const D: usize> OwnPair<D> {
         let link = |i: usize| bodies.get(i).map(|body| body.link);
         let middle = |shape: &Capsule<D>| shape.start + shape.direction * (0.5 * shape.length);
         for pair in robot.body_pairs() {
-            interrupt::spend(8);
+            interrupt::checkpoint(8);
             let [a, b] = pair.map(shape);
             let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
             // False where something is undefined.
@@ -99,7 +99,7 @@ impl<const D: usize> OwnPair<D> {
     #[inline(never)]
     fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {
         robot.for_each_encounter(pair, None, &mut |Encounter { shapes, nearest }| {
-            interrupt::spend(1024);
+            interrupt::checkpoint(1024);
             *self =
                 Self { shapes: *shapes, nearest: *nearest, hulls: Some(pair), links: self.links };
         });
@@ -224,7 +224,7 @@ impl<const D: usize> OwnPair<D> {
         mut visit: impl FnMut(&Self),
     ) {
         if let Some(pair) = self.hulls {
-            interrupt::spend(1024);
+            interrupt::checkpoint(1024);
             let visit = &mut |Encounter { shapes, nearest }: &Encounter<D>| {
                 visit(&Self { shapes: *shapes, nearest: *nearest, ..*self });
             };

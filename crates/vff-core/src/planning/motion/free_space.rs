@@ -129,7 +129,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
                 continue;
             }
             let slack = if k > 0 { *slack } else { 0.0 };
-            interrupt::spend(32 * robot.body_count());
+            interrupt::checkpoint(32 * robot.body_count());
             let nearest = |link: usize, d: f64| {
                 let least = &mut clearance[link];
                 *least = least.min(d - slack);
@@ -272,7 +272,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
                 }
                 pairs = apart < self.apart && farthest * half > finest(self.apart);
             }
-            interrupt::spend(16 * n);
+            interrupt::checkpoint(16 * n);
             if pairs || open.contains(&true) {
                 if half < SHORTEST {
                     return false;

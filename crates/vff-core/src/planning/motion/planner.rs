@@ -396,7 +396,7 @@ where
         let mut most = speeds.chain(pulls).fold(0.0, f64::max);
         let checks = if bounds.torque.is_empty() { 0 } else { CHECKS * knots };
         for k in 0..checks {
-            interrupt::spend(64 * n);
+            interrupt::checkpoint(64 * n);
             let [_, end] = spline.span();
             let t = end * f64::from(k) / f64::from(checks);
             spline.at(t, state.each_mut().map(Vec::as_mut_slice));

@@ -200,7 +200,7 @@ impl CollisionQuery<3> for SpatialPerception {
         for (index, body) in bodies.into_iter().enumerate() {
             let mut least = f64::INFINITY;
             near.clear();
-            interrupt::spend(16 * scans.met().len());
+            interrupt::checkpoint(16 * scans.met().len());
             for point in scans.met() {
                 let gap = distance_of_point(&body, point);
                 least = least.min(gap);

@@ -50,7 +50,7 @@ impl Volume {
         asked: Asked,
         visit: &mut dyn FnMut(&Contact<3>),
     ) {
-        interrupt::spend(16 * hull.hull.edge_count());
+        interrupt::checkpoint(16 * hull.hull.edge_count());
         let seen = Carried { position: hull.position - state.position, ..*hull };
         let place = |meeting: &Meeting| placed(pair, meeting, self.radius, state);
         let cloud = dispatch!(

@@ -66,7 +66,7 @@ impl Cloud {
     /// Of these points, turned. Undefined numbers do not panic.
     #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
     pub(in super::super) fn new(points: &[[f64; 3]], turn: &UnitQuaternion) -> Self {
-        interrupt::spend(64 * points.len());
+        interrupt::checkpoint(64 * points.len());
         let turned: Vec<Vector<3>> =
             points.iter().map(|point| turn.rotate(&Vector::from(*point))).collect();
         let extent @ [low, high] = around(&turned);
@@ -214,7 +214,7 @@ impl Cloud {
         // The first few at a time, since nothing may be allocated here.
         loop {
             let found = self.within(&query, radius, reach, first, &mut room);
-            interrupt::spend(64 * found.len());
+            interrupt::checkpoint(64 * found.len());
             for (_, place) in found {
                 visit(&self.touch(*place as usize, pair, link, radius, state));
             }
@@ -245,7 +245,7 @@ impl Cloud {
         let mut needed = NeededPoints::new(ahead, radius + link.radius, reach);
         let limit = needed.limit();
         self.approach(&query, limit, |places| {
-            interrupt::spend(16 * places.len());
+            interrupt::checkpoint(16 * places.len());
             for place in places {
                 let axis = seen_from(link, &(state.position + self.points[place]));
                 needed.add(&axis, self.numbers[place], place as u32);
