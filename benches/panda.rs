@@ -4,9 +4,9 @@ use crate::scene::{EULER, STEPS, looking};
 use nalgebra::Matrix3;
 use std::fmt::Write as _;
 use vff_core::control::{Avoidance, SelfCollision};
-use vff_core::geometry::perpendicular;
+use vff_core::geometry::{Shape, perpendicular};
 use vff_core::math::{Capsule, UnitQuaternion};
-use vff_core::robot::description::Shape;
+use vff_core::robot::description::PlacedShape;
 use vff_core::robot::models;
 use vff_core::scenario::{AnyScene, Scenario};
 use vff_core::world::Motion;
@@ -64,16 +64,16 @@ pub fn of_boxes(mut scenario: Scenario) -> Scenario {
     let AnyScene::Space(scene) = &mut scenario.scene else { unreachable!("an arm in space") };
     let mut parts = models::named("panda").expect("it is bundled").collision;
     for part in &mut parts {
-        if let Shape::Capsule { a, b, radius } = part.shape {
+        if let Shape::Capsule { a, b, radius } = part.shape.shape {
             let axis = Capsule::<3>::new(a.into(), b.into(), radius);
             let z = axis.direction;
             let x = perpendicular(&z);
             let turn = Matrix3::from_columns(&[x, z.cross(&x), z]);
             let width = 1.4 * radius;
-            part.shape = Shape::Box {
-                center: (axis.start + z * (0.5 * axis.length)).into(),
-                size: [width, width, axis.length + width],
-                orientation: UnitQuaternion::from_matrix(&turn).to_array(),
+            part.shape = PlacedShape {
+                shape: Shape::Box { size: [width, width, axis.length + width] },
+                center: Some((axis.start + z * (0.5 * axis.length)).into()),
+                orientation: Some(UnitQuaternion::from_matrix(&turn).to_array()),
             };
         }
     }

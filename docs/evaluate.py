@@ -343,7 +343,7 @@ VARIANTS = {
     "task_weight = 100": {"yielding.task_weight": 100.0},
     "activation = 0.6": {"yielding.activation": 0.6},
     "speed = 4": {"yielding.speed": 4.0},
-    "slack_price = 1e4": {"yielding.slack_price": 1e4},
+    "slack_weight = 1e4": {"yielding.slack_weight": 1e4},
     "field.gain = 1": {"field.gain": 1.0},
 }
 

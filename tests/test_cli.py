@@ -83,7 +83,7 @@ def test_schema_names_every_key() -> None:
         "saturation",
         "activation",
         "task_weight",
-        "slack_price",
+        "slack_weight",
         "preview",
         "horizon",
         "trigger",

@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 
 import vffnull as vff
 from browsing import WEBGL, chromium, visit
-from vffnull.draw import geometry
 from vffnull.errors import InputError, ScenarioError
 from vffnull.evaluation.geometry.arm import rotation
 from vffnull.live.plots import turned_off
@@ -23,6 +22,7 @@ from vffnull.live.scene import meshes
 from vffnull.live.scene.cup import SPILLS, Liquid
 from vffnull.live.scene.space import VIEWS, carries, stays_level
 from vffnull.live.tasks import TASKS, with_task
+from vffnull.model.shape import core_in_space
 from waiting import HANG, frames, obey, wait_for
 
 
@@ -85,7 +85,7 @@ def test_bodies_are_closed_surfaces_of_the_right_size() -> None:
     shape = {"kind": "box", "size": [0.4, 0.6, 0.2]}
     rng = np.random.default_rng(5)
     for turn in (None, [0.5, 0.5, 0.5, 0.5], [0.9, 0.1, -0.3, 0.3]):
-        box = meshes.solid(*geometry.core_in_space(shape, turn))
+        box = meshes.solid(*core_in_space(shape, turn))
         assert closed(box) and volume(box) == pytest.approx(0.048, rel=1e-9)
     for _ in range(10):
         corners = rng.normal(size=(12, 3))

@@ -159,7 +159,7 @@ def test_more_than_fits_into_memory_is_refused_before(
         enclose(large)
     with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("part.stl", bytes(3 << 20))
-    monkeypatch.setattr(_meshes, "MOST_BYTES", 2 << 20)
+    monkeypatch.setattr(_meshes, "MAX_BYTES", 2 << 20)
     with pytest.raises(InputError, match=r"bomb\.zip has 3 MB; at most 2 MB are read"):
         enclose(tmp_path / "bomb.zip")
     (tmp_path / "part.obj.gz").write_bytes(b"")

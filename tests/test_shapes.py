@@ -22,6 +22,7 @@ from vffnull.draw.scene import Scene
 from vffnull.engines.export import to_mjcf
 from vffnull.errors import InputError, ScenarioError
 from vffnull.evaluation.geometry.arm import rotation
+from vffnull.model.shape import core_in_space
 
 Array = NDArray[np.float64]
 
@@ -283,10 +284,10 @@ def test_a_hull_looks_like_its_box() -> None:
 
 
 def test_a_tetrahedron_is_no_surface() -> None:
-    corners, radius = geometry.core_in_space({"kind": "convex", "vertices": TETRAHEDRON})
+    corners, radius = core_in_space({"kind": "convex", "vertices": TETRAHEDRON})
     assert len(corners) == 4 and radius == 0.0
     assert not geometry.is_surface(corners) and not geometry.is_block(corners)
-    floor, _ = geometry.core_in_space({"kind": "half_space", "normal": [0.0, 0.0, 1.0]})
+    floor, _ = core_in_space({"kind": "half_space", "normal": [0.0, 0.0, 1.0]})
     assert geometry.is_surface(floor)
 
 

@@ -173,7 +173,7 @@ def test_metrics_that_do_not_apply_are_none() -> None:
         ("margin", 0.0, "greater than 0"),
         ("outer", 0.05, "greater than inner"),
         ("inner", -0.1, "0 or more"),
-        ("slack_price", -1.0, "greater than 0"),
+        ("slack_weight", -1.0, "greater than 0"),
         ("speeed", 1.0, "speed"),
     ],
 )

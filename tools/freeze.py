@@ -1,6 +1,7 @@
-"""Hold what planar scenarios compute to what another commit computes, bit for bit.
+"""Hold what scenarios compute to what another commit computes, bit for bit.
 
     python tools/freeze.py REVISION              builds both, runs every bundled scenario in both, compares
+    python tools/freeze.py REVISION --short      a few scenarios, one change at a time: what CI does
 
 Both are built on the same machine, because the last bits of a sine depend on the processor. Compared is every
 array of the record, every metric and the status, of every bundled scenario under every `avoidance`,
@@ -29,6 +30,7 @@ VARIANTS = {
     "simulation.control": ("continuous", "hold", "predictor"),
     "simulation.integrator": ("rk4", "semi_implicit_euler"),
 }
+SHORT = ("sweep-through", "crowd", "panda-sweep", "ur5e-crossed", "iiwa-crowd")
 # What no bundled scenario has: a pose, every shape, every motion, limits, sensors, another plant.
 EXTRA: dict[str, dict[str, Any]] = {
     "pose": {
@@ -85,6 +87,19 @@ EXTRA: dict[str, dict[str, Any]] = {
 RENAMED = {"granted": "objective_scale"}  # what other commits call what is recorded
 
 
+def choices(short: bool) -> list[tuple[str, ...]]:
+    """Every combination of the settings; or the first of each, and one other at a time."""
+    if not short:
+        return list(itertools.product(*VARIANTS.values()))
+    first = tuple(values[0] for values in VARIANTS.values())
+    others = [
+        (*first[:i], value, *first[i + 1 :])
+        for i, values in enumerate(VARIANTS.values())
+        for value in values[1:]
+    ]
+    return [first, *others]
+
+
 def build(tree: Path) -> None:
     """Put the compiled module beside the Python package of this tree."""
     subprocess.run(["cargo", "build", "--release", "--locked", "-p", "vff-python"], cwd=tree, check=True)
@@ -92,17 +107,18 @@ def build(tree: Path) -> None:
     shutil.copy(target / "release" / "lib_core.so", tree / "python" / "vffnull" / "_core.abi3.so")
 
 
-def digests() -> dict[str, dict[str, str]]:
+def digests(short: bool) -> dict[str, dict[str, str]]:
     """Hashes of all that the package on the path computes, by case."""
     import numpy as np
 
     import vffnull as vff
 
     found = {}
-    scenes = {name: vff.Scenario.load(name).to_dict() for name in vff.scenarios()}
+    names = SHORT if short else vff.scenarios()
+    scenes = {name: vff.Scenario.load(name).to_dict() for name in names}
     for name, base in (scenes | EXTRA).items():
         shorter = {"duration": min(base["duration"], SECONDS)}
-        for choice in itertools.product(*VARIANTS.values()):
+        for choice in choices(short):
             overrides: dict[str, Any] = dict(zip(VARIANTS, choice, strict=True)) | shorter
             if choice[0] == "preview":
                 overrides |= {"controller.avoidance": "cbf", "controller.yielding.preview": {}}
@@ -122,10 +138,10 @@ def digests() -> dict[str, dict[str, str]]:
     return found
 
 
-def run(tree: Path) -> dict[str, dict[str, str]]:
+def run(tree: Path, short: bool) -> dict[str, dict[str, str]]:
     """The digests of the package in this tree."""
     environment = os.environ | {"PYTHONPATH": str(tree / "python")}
-    command = [sys.executable, str(Path(__file__).resolve()), "--digests"]
+    command = [sys.executable, str(Path(__file__).resolve()), "--digests", *["--short"] * short]
     done = subprocess.run(command, env=environment, cwd=tree, check=True, stdout=subprocess.PIPE)
     return json.loads(done.stdout)
 
@@ -147,15 +163,16 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("revision", nargs="?", help="the commit to be compared with")
+    parser.add_argument("--short", action="store_true", help="a few scenarios, one change at a time")
     parser.add_argument("--digests", action="store_true", help="print what the package on the path computes")
     parser.add_argument("--before", type=Path, help="a tree that is built already, instead of a revision")
     arguments = parser.parse_args()
     if arguments.digests:
-        json.dump(digests(), sys.stdout)
+        json.dump(digests(arguments.short), sys.stdout)
         return
     build(ROOT)
     if arguments.before:
-        before = run(arguments.before.resolve())
+        before = run(arguments.before.resolve(), arguments.short)
     else:
         if not arguments.revision:
             parser.error("name the revision to be compared with")
@@ -164,10 +181,10 @@ def main() -> None:
             subprocess.run(["git", "worktree", "add", "-q", tree, arguments.revision], cwd=ROOT, check=True)
             try:
                 build(tree)
-                before = run(tree)
+                before = run(tree, arguments.short)
             finally:
                 subprocess.run(["git", "worktree", "remove", "--force", tree], cwd=ROOT, check=True)
-    lines = differences(before, run(ROOT))
+    lines = differences(before, run(ROOT, arguments.short))
     print("\n".join(lines))
     print(
         f"{len(before)} cases of {len({case.split()[0] for case in before})} scenarios, {len(lines)} differ"

@@ -1,7 +1,7 @@
 //! Clouds of points from another thread.
 
-use crate::border::{border, free, object, place};
 use crate::controller::{Controller, with};
+use crate::ffi_guard::{free, guarded, object, place};
 use crate::mailbox::Mailbox;
 use crate::status::{Fault, Status};
 use std::slice;
@@ -58,7 +58,7 @@ pub unsafe extern "C" fn vff_cloud_update(
     count: usize,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let Cloud { mailbox, orientation, most } = object("cloud", cloud)?;
         if mailbox.is_closed() {
             return Err(Fault::Gone);

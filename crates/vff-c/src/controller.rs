@@ -1,6 +1,6 @@
 //! The torque law.
 
-use crate::border::{any_numbers, border, free, numbers, object, place, room, text};
+use crate::ffi_guard::{any_numbers, free, guarded, numbers, object, place, room, text};
 use crate::mailbox::Mailbox;
 use crate::robot::{Robot, file, hand_out, no_urdf, part};
 use crate::status::{Fault, Status};
@@ -170,7 +170,7 @@ pub(crate) unsafe fn with(
     controller: *const Controller,
     work: impl FnOnce(&mut Inner) -> Result<(), Fault>,
 ) -> Status {
-    border(|| {
+    guarded(|| {
         // SAFETY: as the caller promises.
         let controller = unsafe { object("controller", controller) }?;
         if controller.busy.compare_exchange(false, true, Acquire, Relaxed).is_err() {
@@ -211,7 +211,7 @@ pub unsafe extern "C" fn vff_controller_new(
     controller: *mut *mut Controller,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let (robot, to) = (object("robot", robot)?, place("controller", controller)?);
         let settings = match settings.is_null() {
             true => Table::new(),
@@ -231,7 +231,7 @@ pub unsafe extern "C" fn vff_controller_from_scenario(
     controller: *mut *mut Controller,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         hand_out(of_scenario(text("toml", toml)?), place("controller", controller)?)
     })
 }
@@ -243,7 +243,7 @@ pub unsafe extern "C" fn vff_controller_from_scenario_file(
     controller: *mut *mut Controller,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let to = place("controller", controller)?;
         hand_out(of_scenario(&file(text("path", path)?)?), to)
     })

@@ -1,7 +1,7 @@
 //! A loop that is watched over: what is to be sent, cycle by cycle.
 
-use crate::border::{any_numbers, place, room};
 use crate::controller::{Controller, Inner, given, with};
+use crate::ffi_guard::{any_numbers, place, room};
 use crate::status::{Fault, Status};
 use vff_core::control::{self, output::Phase};
 use vff_core::runtime::{Reading, VirtualArm};

@@ -1,6 +1,6 @@
 //! Where the tip of a robot is and how it gets somewhere, and what it carries.
 
-use crate::border::{border, numbers, object, place, room};
+use crate::ffi_guard::{guarded, numbers, object, place, room};
 use crate::robot::{Robot, hand_out};
 use crate::status::{Fault, Status};
 use toml::Table;
@@ -16,7 +16,7 @@ pub unsafe extern "C" fn vff_robot_jacobian(
     length: usize,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let arm = &object("robot", robot)?.arm;
         let q = numbers("q", q, joints, arm.dof())?;
         let rows = if arm.dimension() == 3 { 6 } else { 2 };
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn vff_robot_inverse_kinematics(
     gap: *mut f64,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let arm = &object("robot", robot)?.arm;
         let sizes = if arm.dimension() == 3 { [3, 7] } else { [2, 3] };
         let expected = if length == sizes[0] { sizes[0] } else { sizes[1] };
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn vff_robot_with_load(
     loaded: *mut *mut Robot,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let (arm, to) = (&object("robot", robot)?.arm, place("loaded", loaded)?);
         numbers("mass", &raw const mass, 1, 1)?;
         let (mut centre, mut moments) = ([0.0; 3], [0.0; 6]);

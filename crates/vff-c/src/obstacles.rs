@@ -1,7 +1,7 @@
 //! What is around the robot.
 
-use crate::border::{numbers, place, text};
 use crate::controller::{Controller, with};
+use crate::ffi_guard::{numbers, place, text};
 use crate::status::{Fault, Status};
 use std::ffi::c_char;
 use vff_core::scenario::parse_toml;

@@ -1,6 +1,6 @@
 //! Robots: what a controller is made for, and what can be compared with the arm that stands there.
 
-use crate::border::{border, free, numbers, object, place, room, text};
+use crate::ffi_guard::{free, guarded, numbers, object, place, room, text};
 use crate::status::{Fault, Status};
 use std::ffi::c_char;
 use std::fs;
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn vff_robot_from_text(
     robot: *mut *mut Robot,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe { hand_out(read(text("toml", toml)?), place("robot", robot)?) })
+    guarded(|| unsafe { hand_out(read(text("toml", toml)?), place("robot", robot)?) })
 }
 
 /// The same from a file.
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn vff_robot_from_file(
     robot: *mut *mut Robot,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let robot = place("robot", robot)?;
         hand_out(read(&file(text("path", path)?)?), robot)
     })
@@ -86,7 +86,7 @@ pub unsafe extern "C" fn vff_robot_from_file(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_robot_named(name: *const c_char, robot: *mut *mut Robot) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let (name, robot) = (text("name", name)?, place("robot", robot)?);
         let table = Table::from_iter([("model".to_owned(), Value::String(name.into()))]);
         hand_out(AnyArm::read(&table).map(|arm| Robot { arm }).map_err(Fault::from), robot)
@@ -125,7 +125,7 @@ pub unsafe extern "C" fn vff_robot_pose(
     length: usize,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let arm = &object("robot", robot)?.arm;
         let q = numbers("q", q, joints, arm.dof())?;
         let out = room("pose", pose, length, if arm.dimension() == 3 { 7 } else { 3 })?;
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn vff_robot_gravity_torque(
     length: usize,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let arm = &object("robot", robot)?.arm;
         let q = numbers("q", q, joints, arm.dof())?;
         let out = room("tau", tau, length, arm.dof())?;
@@ -164,7 +164,7 @@ pub unsafe extern "C" fn vff_robot_mass_matrix(
     length: usize,
 ) -> Status {
     // SAFETY: pointers as C has them.
-    border(|| unsafe {
+    guarded(|| unsafe {
         let arm = &object("robot", robot)?.arm;
         let q = numbers("q", q, joints, arm.dof())?;
         let out = room("mass", mass, length, arm.dof() * arm.dof())?;

@@ -1,7 +1,7 @@
 //! Set points of the law, for robots that take positions or velocities.
 
-use crate::border::{any_numbers, numbers, object, place, room};
 use crate::controller::{Controller, Inner, given, with};
+use crate::ffi_guard::{any_numbers, numbers, object, place, room};
 use crate::status::{Fault, Status};
 use vff_core::math::ScalarOrVec;
 use vff_core::runtime::{Course, SetPointLimits, VirtualArm};

@@ -1,7 +1,7 @@
 //! Other gains, another posture, load or tool in a loop that runs; the plan that is followed; how long a torque may be held.
 
-use crate::border::{numbers, object, place, room, text};
 use crate::controller::{Controller, make, with};
+use crate::ffi_guard::{numbers, object, place, room, text};
 use crate::robot::{Robot, hand_out, part};
 use crate::status::{Fault, Status};
 use std::ffi::c_char;

@@ -1,7 +1,7 @@
 //! What a torque consists of, and the null space that it acts in.
 
-use crate::border::{place, room};
 use crate::controller::{Controller, with};
+use crate::ffi_guard::{place, room};
 use crate::status::{Fault, Status};
 
 /// The parts of the last torque. Arrays have n numbers and are valid until the next call with the controller but

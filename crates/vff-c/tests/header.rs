@@ -11,7 +11,7 @@ fn the_header_is_that_of_the_sources() {
     for name in [
         "version",
         "status",
-        "border",
+        "ffi_guard",
         "robot",
         "kinematics",
         "controller",

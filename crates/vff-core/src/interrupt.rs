@@ -24,6 +24,22 @@ const QUANTUM: usize = 1 << 20;
 const EVERY: Duration = Duration::from_millis(20);
 
 /// The computation was ended from outside.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use std::sync::atomic::{AtomicBool, Ordering};
+/// use vff_core::interrupt::{self, Interrupted, Watch};
+///
+/// let stop = Arc::new(AtomicBool::new(false));
+/// stop.store(true, Ordering::Relaxed);
+/// let endless = || loop { interrupt::checkpoint(1 << 20) };
+/// let ended: Result<(), _> = interrupt::watched(Watch::Flag(stop), endless);
+/// assert!(matches!(ended, Err(Interrupted)));
+/// ```
+///
+/// # See also
+/// [`Aside`] and [`Parts`], for what is left to another thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Interrupted;
 
@@ -57,7 +73,7 @@ thread_local! {
 
 /// Reports work, in multiplications or so. Unwinds to [`watched`] if the result is not wanted any more.
 #[inline]
-pub fn spend(work: usize) {
+pub fn checkpoint(work: usize) {
     LEFT.with(|left| match left.get().checked_sub(work) {
         Some(rest) => left.set(rest),
         None => look(work),
@@ -136,6 +152,15 @@ pub fn leave<T: Send + 'static>(value: T) {
 }
 
 /// A large value in the making, which is left to another thread where the work is ended.
+///
+/// # Example
+/// ```
+/// use vff_core::interrupt::Aside;
+///
+/// let mut large = Aside::new(Vec::with_capacity(1_000_000));
+/// large.as_mut().push(1.0);
+/// assert_eq!(large.done(), [1.0]);
+/// ```
 #[derive(Debug)]
 pub struct Aside<T: Default + Send + 'static>(T);
 
@@ -219,7 +244,7 @@ mod tests {
         let mut sum = 0_u64;
         loop {
             sum = sum.wrapping_mul(3).wrapping_add(1);
-            spend(1);
+            checkpoint(1);
             if sum == 7 {
                 return sum;
             }
@@ -274,7 +299,7 @@ mod tests {
     #[test]
     fn what_is_wanted_is_done() {
         fn work() -> u64 {
-            (0..10_000_000).for_each(|_| spend(1));
+            (0..10_000_000).for_each(|_| checkpoint(1));
             5
         }
         assert_eq!(work(), 5);
@@ -297,7 +322,7 @@ mod tests {
             work();
             spent().wrapping_sub(before)
         }
-        let some = || (0..700).for_each(|k| spend(k * 13));
+        let some = || (0..700).for_each(|k| checkpoint(k * 13));
         let most = 13 * 700 * 699 / 2;
         assert!(most > 3 * QUANTUM);
         assert_eq!(counted(some), most);

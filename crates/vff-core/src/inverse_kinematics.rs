@@ -71,6 +71,27 @@ pub struct Unreachable {
 }
 
 /// A search with its workspace, for robots of `n` joints.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::inverse_kinematics::{Residual, Solver, Unreachable};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link};
+/// use vff_core::trajectory::{Trajectory, plane::Reference};
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros()));
+/// let mut solver = Solver::<2>::new(3, 1.0);
+/// let mut q = [0.4, 0.3, 0.2];
+/// let found: Residual = solver.solve(&mut arm.state(), &mut q, &Vector::<2>::new(0.8, 0.6));
+/// assert!(found.is_reached());
+/// // A line to where the arm does not reach: up to when it can follow.
+/// let line = Reference::Line { start: None, end: vec![3.0, 0.0], duration: 1.0 };
+/// let trajectory = Trajectory::new(&line, &Vector::<2>::new(0.8, 0.6)).unwrap();
+/// let Unreachable { time, .. } =
+///     solver.follow(&mut arm.state(), &trajectory, &q, 1.0, 100).unwrap_err();
+/// assert!(0.0 < time && time < 1.0);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Solver<const M: usize> {
     /// What an angle of 1 rad counts for \[m\].
@@ -125,7 +146,7 @@ impl<const M: usize> Solver<M> {
             if Residual::of::<D, M>(&error).within(PRECISION) || stalled == STALLED {
                 break;
             }
-            interrupt::spend(n * (64 + M * M));
+            interrupt::checkpoint(n * (64 + M * M));
             for i in 0..n {
                 self.columns[i] = self.scaled::<D>(&robot.jacobian_column(i));
             }

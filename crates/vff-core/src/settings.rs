@@ -6,6 +6,15 @@
 use crate::math::ScalarOrVec;
 
 /// A range that numbers have to be in.
+///
+/// # Example
+/// ```
+/// use vff_core::settings::{Numbers, POSITIVE, Ranged, Requirement};
+///
+/// let Requirement { words, holds, .. } = &POSITIVE;
+/// assert!(holds(0.1) && !holds(0.0) && *words == "greater than 0");
+/// assert!(matches!(2.5.numbers(), Numbers::One(x) if x == 2.5));
+/// ```
 #[derive(Debug)]
 pub struct Requirement {
     /// In symbols, as `schema.md` has it.
@@ -45,6 +54,15 @@ pub const PART: Requirement =
     Requirement { symbols: "in [0, 1)", words: "in [0, 1)", holds: |x| (0.0..1.0).contains(&x) };
 
 /// A key of a table.
+///
+/// # Example
+/// ```
+/// use vff_core::settings::{Key, Table};
+///
+/// let named = |name| vff_core::control::Settings::KEYS.iter().find(|key| key.name == name);
+/// let Key { each, requirement, .. } = named("stiffness").unwrap();
+/// assert!(*each && requirement.is_some());
+/// ```
 #[derive(Debug)]
 pub struct Key {
     /// Its name.

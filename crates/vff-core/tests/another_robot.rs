@@ -16,7 +16,7 @@ use vff_core::math::{Capsule, Vector};
 use vff_core::robot::{Limits, Manipulator, Matrices, Model, Robot, pace};
 use vff_core::simulation::{
     ClosedLoop, Control, Options, Outcome, Perceive, Perception, PerceptionKind,
-    PerceptionSettings, Physics, Reality, Run, Setting, Status, System, Value,
+    PerceptionSettings, Physics, Reality, Run, SpaceTypes, Status, System, Value,
 };
 use vff_core::trajectory::{Reference, Sample, Trajectory};
 use vff_core::world::plane::{Obstacle, Outline, Shape, World};
@@ -527,7 +527,7 @@ impl Robot<2> for ChainState {
 #[derive(Debug, Clone, Copy)]
 struct Sliding;
 
-impl Setting<2> for Sliding {
+impl SpaceTypes<2> for Sliding {
     type State = ChainState;
     type Arm = Chain;
     type Solid = Outline;

@@ -710,7 +710,7 @@ proptest! {
 const CONTROLLERS: &[&str] = &[
     "avoidance = 'cbf'\nyielding = { preview = {} }",
     "avoidance = 'cbf'\nyielding = { rate = 40.0, margin = 0.02, activation = 1.2, task_weight = 20.0, \
-     slack_price = 4e4, speed = 6.0, preview = { period = 0.02, horizon = 1.2, trigger = 1.2, steps = 16, \
+     slack_weight = 4e4, speed = 6.0, preview = { period = 0.02, horizon = 1.2, trigger = 1.2, steps = 16, \
      candidates = 64, clearance = 0.1, speed = 1.0 } }\ndamping = 8.0\nnull_damping = 2.0",
     "avoidance = 'cbf'\nself_collision = 'avoid'",
     "avoidance = 'priority'\nyielding = { rate = 20.0, margin = 0.02, inner = 0.05, outer = 0.3 }",

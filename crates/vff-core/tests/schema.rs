@@ -170,7 +170,7 @@ fn defaults_that_depend_are_those_in_force() {
     let space = barrier::weight::<3, 3>(&settings, &TaskMetric::new::<3>(1.0));
     says("task_weight", plane[(0, 0)], space[(0, 0)]);
     says(
-        "slack_price",
+        "slack_weight",
         barrier::slack_weight::<2>(&settings),
         barrier::slack_weight::<3>(&settings),
     );

@@ -4,9 +4,9 @@ use crate::arm::Arm;
 use crate::call::{Reference, finite_time, read_obstacles, sequence};
 use crate::convert::{any_vector, array1, document, new_points, number, vector, wrong_type};
 use crate::errors::{self, InputError};
+use crate::exclusive::Exclusive;
 use crate::loading::load_numpy;
 use crate::terms::Terms;
-use crate::turns::Turns;
 use crate::watch::{attended, interruptible};
 use numpy::PyArray1;
 use pyo3::prelude::*;
@@ -60,7 +60,7 @@ pub struct Controller {
     nothing: AnyObstacles,
     summary: String,
     strict: bool,
-    inner: Turns<Inner>,
+    inner: Exclusive<Inner>,
 }
 
 struct Inner {
@@ -198,7 +198,7 @@ impl Controller {
             nothing: arm.arm.no_obstacles(),
             summary: controller.summary(),
             strict,
-            inner: Turns::new("controller", Inner { controller, obstacles: vec![] }),
+            inner: Exclusive::new("controller", Inner { controller, obstacles: vec![] }),
         })
     }
 

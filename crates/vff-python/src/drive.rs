@@ -7,9 +7,9 @@ use crate::convert::{
 };
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
-use crate::privileges::{core_id, take_privileges};
 use crate::real_time::put_times;
 use crate::run::{prepared, replans};
+use crate::scheduling::{core_id, request_scheduling};
 use crate::simulated_robot::{Simulated, SimulatedRobot, lock, rate_of};
 use crate::virtual_arm::each;
 use crate::watch::SIGNALS;
@@ -298,7 +298,7 @@ impl DriveLoop {
                 (drive.run(), refused)
             })
         }
-        let take = move || take_privileges(priority, core);
+        let take = move || request_scheduling(priority, core);
         let (start, exchange) = match robot.cast::<SimulatedRobot>() {
             Ok(robot) => {
                 let robot = robot.get();

@@ -2,9 +2,9 @@
 
 use crate::convert::{self, array1, array2, copy_vector, number};
 use crate::errors::InputError;
+use crate::exclusive::{Access, Exclusive};
 use crate::run::{prepared, to_dict};
 use crate::simulation::State;
-use crate::turns::{Turn, Turns};
 use crate::watch::{attended, stepwise};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
@@ -40,7 +40,7 @@ use vff_core::simulation::Control;
 /// >>> run.outcome()["status"]  # doctest: +SKIP
 #[pyclass(frozen, module = "vffnull")]
 pub struct ExternalRun {
-    inner: Turns<Inner>,
+    inner: Exclusive<Inner>,
     joints: usize,
     continuous: bool,
 }
@@ -90,7 +90,7 @@ impl ExternalRun {
         Ok(state)
     }
 
-    fn take(&self, py: Python<'_>) -> PyResult<Turn<'_, Inner>> {
+    fn take(&self, py: Python<'_>) -> PyResult<Access<'_, Inner>> {
         self.inner.take(py)
     }
 }
@@ -106,7 +106,7 @@ impl ExternalRun {
         let joints = run.snapshot().q.len();
         let begun = Instant::now();
         let inner = Inner { run: Some(run), warnings, begun, driven: None, broken: false };
-        Ok(Self { inner: Turns::new("run", inner), joints, continuous })
+        Ok(Self { inner: Exclusive::new("run", inner), joints, continuous })
     }
 
     /// The present instant.

@@ -4,7 +4,7 @@
 use crate::convert::document;
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
-use crate::privileges::{core_id, take_privileges};
+use crate::scheduling::{core_id, request_scheduling};
 use crate::watch::{SIGNALS, Watch, interruptible};
 use numpy::PyArray1;
 use pyo3::exceptions::PyKeyboardInterrupt;
@@ -72,7 +72,7 @@ pub fn real_time<'py>(
         let (stop, done) = (&stop, &done);
         thread::scope(|scope| {
             let worker = scope.spawn(move || {
-                let refused = take_privileges(priority, core);
+                let refused = request_scheduling(priority, core);
                 let flag = interrupt::Watch::Flag(Arc::clone(stop));
                 let report = interrupt::watched(flag, || ready.run(count, stop, done));
                 drop(over);

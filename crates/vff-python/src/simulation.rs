@@ -2,8 +2,8 @@
 
 use crate::convert::{self, array1, array2, vector};
 use crate::errors::{self, InputError};
+use crate::exclusive::Exclusive;
 use crate::run::prepared;
-use crate::turns::Turns;
 use crate::watch::{interruptible, is_heard, stepwise};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -34,7 +34,7 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 /// ...     state = simulation.step(my_controller(simulation.state))
 #[pyclass(frozen, module = "vffnull")]
 pub struct Simulation {
-    inner: Turns<Inner>,
+    inner: Exclusive<Inner>,
 }
 
 struct Inner {
@@ -107,7 +107,7 @@ impl Simulation {
     #[new]
     fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
         let inner = prepared(scenario.py(), &convert::scenario(scenario)?, Inner::new)?;
-        Ok(Self { inner: Turns::new("simulation", inner) })
+        Ok(Self { inner: Exclusive::new("simulation", inner) })
     }
 
     /// Advance by one control period.

@@ -2,8 +2,8 @@
 
 use crate::convert::{self, array2, cut, document, read_matrix};
 use crate::errors::{self, InputError};
+use crate::exclusive::Exclusive;
 use crate::run::prepared;
-use crate::turns::Turns;
 use crate::watch::interruptible;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -36,7 +36,7 @@ type Steps<'py> =
 ///     When an episode that has ended begins anew.
 #[pyclass(frozen, module = "vffnull")]
 pub struct Episodes {
-    inner: Turns<Inner>,
+    inner: Exclusive<Inner>,
     autoreset: Autoreset,
 }
 
@@ -115,7 +115,7 @@ impl Episodes {
             vector::Episodes::new(task, count, threads, seed)
         })?;
         let inner = Inner { episodes, broken: false };
-        Ok(Self { inner: Turns::new("episodes", inner), autoreset })
+        Ok(Self { inner: Exclusive::new("episodes", inner), autoreset })
     }
 
     /// Begin those in the mask anew, each with its seed if there is one.

@@ -4,7 +4,7 @@ use crate::call::{Reference, finite_time};
 use crate::controller::Controller;
 use crate::convert::{any_vector, array1, number, vector, wrong_type};
 use crate::errors::InputError;
-use crate::turns::Turns;
+use crate::exclusive::Exclusive;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use vff_core::math::ScalarOrVec;
@@ -54,7 +54,7 @@ type Array1<'py> = Bound<'py, PyArray1<f64>>;
 pub struct VirtualArm {
     controller: Py<Controller>,
     n: usize,
-    inner: Turns<runtime::VirtualArm>,
+    inner: Exclusive<runtime::VirtualArm>,
 }
 
 /// One number for all joints, or one each.
@@ -100,7 +100,7 @@ impl VirtualArm {
         let (period, q) = (number("period", period)?, vector("q", q, n)?);
         let made =
             law.with(py, |controller| runtime::VirtualArm::new(controller, &limits, period, &q))?;
-        let inner = Turns::new("virtual arm", made.map_err(|error| refused(&error))?);
+        let inner = Exclusive::new("virtual arm", made.map_err(|error| refused(&error))?);
         Ok(Self { controller: bound.clone().unbind(), n, inner })
     }
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MOST_THREADS", "array", "documented", "number", "positive", "suggesting", "whole", "within"]
+__all__ = ["MAX_THREADS", "array", "documented", "number", "positive", "suggesting", "whole", "within"]
 
-MOST_THREADS = 1024
+MAX_THREADS = 1024
 
 _Class = TypeVar("_Class", bound=type)
 

@@ -7,7 +7,6 @@ import re
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 import vffnull._core as _core
 from vffnull._support.errors import InputError, ScenarioError, ScenarioWarning
 from vffnull.arms._frames import roll_pitch_yaw
+from vffnull.model.shape import core_in_space
 from vffnull.model.world import Obstacle, checked
 
 __all__ = ["text_of", "to_mjcf", "to_urdf"]
@@ -22,7 +22,7 @@ __all__ = ["text_of", "to_mjcf", "to_urdf"]
 _IDENTITY = {"position": [0.0, 0.0, 0.0], "orientation": [1.0, 0.0, 0.0, 0.0]}
 _NO_TEXT = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _FAR = 1e9  # rad or m; where a joint ends that has an end on its other side alone
-_MOST_POINTS = 1000
+_MAX_POINTS = 1000
 _TOUCH = 1e-6  # m; what a body without thickness has for contacts, since MuJoCo wants some
 
 # Links touch obstacles, without friction, and nothing else.
@@ -271,26 +271,23 @@ def _mjcf_obstacle(world: ET.Element, asset: ET.Element, name: str, obstacle: Ma
             ball = _mjcf_form({"kind": "sphere", "center": point, "radius": shape["radius"]})
             ET.SubElement(body, "geom", {"name": name if i == 1 else f"{name}_{i}", **ball, **_TOUCHED})
         return
-    if shape["kind"] == "box":  # MuJoCo's own box lets the axis of a thin capsule through
-        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * shape["size"]
+    if shape["kind"] in ("sphere", "capsule", "half_space"):
+        form = _mjcf_form(shape)
+    else:  # boxes, too: MuJoCo's own lets the axis of a thin capsule through
+        corners, _ = core_in_space(shape)
         ET.SubElement(asset, "mesh", name=name, vertex=_text(corners.ravel()))
         form = {"type": "mesh", "mesh": name}
-    elif shape["kind"] == "convex":
-        ET.SubElement(asset, "mesh", name=name, vertex=_text(np.ravel(shape["vertices"])))
-        form = {"type": "mesh", "mesh": name}
-    else:
-        form = _mjcf_form(shape)
     ET.SubElement(body, "geom", {"name": name, **form, **_TOUCHED})
 
 
 def _check_clouds(obstacles: Iterable[Mapping[str, Any]]) -> None:
     for i, obstacle in enumerate(obstacles):
         count = len(obstacle["shape"].get("points", ()))
-        if count > _MOST_POINTS:
+        if count > _MAX_POINTS:
             path = f"obstacles[{i}].shape.points"
             raise ScenarioError(
                 f"{path}: {count} points are too many for MuJoCo, which takes each for a geom; leave all but"
-                f" {_MOST_POINTS} out",
+                f" {_MAX_POINTS} out",
                 path,
             )
 

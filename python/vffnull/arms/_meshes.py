@@ -21,10 +21,10 @@ Array = NDArray[Any]
 
 Packages = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
-MOST_BYTES = 128 << 20
+MAX_BYTES = 128 << 20
 """Of a file of a mesh, unpacked: what trimesh makes of it takes twenty times as much."""
 
-MOST_TRIANGLES = 1_000_000
+MAX_TRIANGLES = 1_000_000
 """Of a mesh: its hulls take kilobytes for each."""
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -126,7 +126,7 @@ def read(path: Path, name: str, scale: Sequence[float]) -> Solid:
     points, triangles, unit = _binary_stl(path) or _by_trimesh(path)
     if len(triangles) == 0:
         raise InputError(f"mesh {path} holds no triangles")
-    if len(triangles) > MOST_TRIANGLES:
+    if len(triangles) > MAX_TRIANGLES:
         raise _too_many(path, len(triangles))
     if triangles.min() < 0 or triangles.max() >= len(points):
         wrong = triangles.max() if triangles.min() >= 0 else triangles.min()
@@ -178,17 +178,17 @@ def _check_size(path: Path) -> None:
     if path.suffix.lower() == ".stl":
         with path.open("rb") as file:
             triangles = int.from_bytes(file.read(84)[80:], "little")
-        if size == 84 + 50 * triangles and triangles > MOST_TRIANGLES:
+        if size == 84 + 50 * triangles and triangles > MAX_TRIANGLES:
             raise _too_many(path, triangles)
-    if size > MOST_BYTES:
+    if size > MAX_BYTES:
         raise InputError(
-            f"mesh {path} has {size / 2**20:.0f} MB; at most {MOST_BYTES >> 20} MB are read: "
+            f"mesh {path} has {size / 2**20:.0f} MB; at most {MAX_BYTES >> 20} MB are read: "
             "simplify it, in Blender or MeshLab for instance"
         )
 
 
 def _too_many(path: Path, triangles: int) -> InputError:
     return InputError(
-        f"mesh {path} has {triangles} triangles; at most {MOST_TRIANGLES} are read: simplify it, "
+        f"mesh {path} has {triangles} triangles; at most {MAX_TRIANGLES} are read: simplify it, "
         "in Blender or MeshLab for instance"
     )

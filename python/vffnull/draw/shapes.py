@@ -12,6 +12,7 @@ import vffnull._core as _core
 from vffnull.draw import geometry
 from vffnull.draw.primitives import Array, Rows
 from vffnull.model.arm import frame
+from vffnull.model.shape import core_in_space
 
 if TYPE_CHECKING:
     from vffnull._core import Arm
@@ -43,7 +44,7 @@ def cores_of(document: Mapping[str, Any], base: Array, reach: float) -> tuple[tu
     if len(base) == 2:
         return tuple(geometry.core(each["shape"], each.get("angle", 0.0)) for each in obstacles)
     return tuple(
-        geometry.core_in_space(
+        core_in_space(
             each["shape"],
             each.get("orientation"),
             base - np.asarray(each.get("position", base)),
@@ -120,16 +121,8 @@ def solids_of(arm: Arm, q: Array, joints: Array) -> tuple[Part, ...]:
 
 def corners_of(shape: Mapping[str, Any]) -> Array:
     """Corners (·, 3) of the core of a link's shape, in the link's frame."""
-    match shape["kind"]:
-        case "sphere":
-            return np.array([shape["center"]], dtype=float)
-        case "capsule":
-            return np.array([shape["a"], shape["b"]], dtype=float)
-        case "box":
-            corners, _ = geometry.core_in_space(shape, shape.get("orientation"))
-            return np.asarray(corners + np.asarray(shape["center"], dtype=float))
-        case _:
-            return np.asarray(shape["vertices"], dtype=float)
+    corners, _ = core_in_space(shape, shape.get("orientation"))
+    return np.asarray(corners + np.asarray(shape.get("center", (0.0, 0.0, 0.0)), dtype=float))
 
 
 def thickest(solids: tuple[Part, ...], n: int) -> Array:

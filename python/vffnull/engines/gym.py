@@ -43,7 +43,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 import vffnull._core as _core
-from vffnull._support.arguments import MOST_THREADS, whole
+from vffnull._support.arguments import MAX_THREADS, whole
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull.model.scenario import prepare
 
@@ -72,7 +72,7 @@ _MODES = {
 }
 _FLAGS = ("diverged",)
 _POSTURES, _ACCELERATION = 64, 4.0
-_MOST_ENVIRONMENTS = 65_536
+_MAX_ENVIRONMENTS = 65_536
 _LARGEST_SEED = 2**63 - 1
 
 
@@ -271,8 +271,8 @@ class ReachVectorEnv(VectorEnv["Array", "Array", "NDArray[Any]"]):
         threads: int | None = None,
         **settings: Any,
     ) -> None:
-        num_envs = whole("num_envs", num_envs, 1, _MOST_ENVIRONMENTS)
-        count = os.cpu_count() or 1 if threads is None else whole("threads", threads, 1, MOST_THREADS)
+        num_envs = whole("num_envs", num_envs, 1, _MAX_ENVIRONMENTS)
+        count = os.cpu_count() or 1 if threads is None else whole("threads", threads, 1, MAX_THREADS)
         self._episodes = _Episodes(scenario, overrides, settings, num_envs, count, autoreset_mode)
         self.num_envs = num_envs
         self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode(autoreset_mode)}

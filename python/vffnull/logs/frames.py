@@ -22,6 +22,7 @@ from vffnull.draw.primitives import COLOURS, Role
 from vffnull.draw.scene import drawable
 from vffnull.draw.shapes import corners_of, mount_of
 from vffnull.model.arm import frame
+from vffnull.model.shape import core_in_space
 
 if TYPE_CHECKING:
     from vffnull._core import Arm
@@ -233,7 +234,7 @@ def _of_obstacle(obstacle: Mapping[str, Any], base: Array, reach: float) -> tupl
         radius = max(shape["radius"], _DOT * reach)
         return tuple(Capsule(point, point, radius) for point in points)
     first = matrices(obstacle.get("orientation", (1.0, 0.0, 0.0, 0.0)))
-    return (solid(*geometry.core_in_space(shape, None, first.T @ base, reach)),)
+    return (solid(*core_in_space(shape, None, first.T @ base, reach)),)
 
 
 def solid(corners: Array, radius: float) -> Solid:

@@ -21,7 +21,7 @@ __all__ = ["Goal", "plan"]
 Goal = ArrayLike | Mapping[str, ArrayLike] | tuple[ArrayLike, ArrayLike]
 """A configuration, a position, or a position with an orientation."""
 
-_MOST_SAMPLES = 10_000_000
+_MAX_SAMPLES = 10_000_000
 
 
 def plan(
@@ -110,7 +110,7 @@ def plan(
         margin=_finite("margin", margin),
         horizon=None if horizon is None else _finite("horizon", horizon),
         speed=_finite("speed", speed),
-        samples=whole("samples", samples, 0, _MOST_SAMPLES),
+        samples=whole("samples", samples, 0, _MAX_SAMPLES),
         seed=whole("seed", seed, 0, 2**64 - 1),
     )
     return _finished(ready, found, clock.perf_counter() - begun)

@@ -14,7 +14,7 @@ import numpy as np
 
 import vffnull._core as _core
 from vffnull._support import progress as _progress
-from vffnull._support.arguments import MOST_THREADS, whole
+from vffnull._support.arguments import MAX_THREADS, whole
 from vffnull._support.errors import InputError
 from vffnull._support.extras import extra
 from vffnull._support.figures import ending
@@ -189,7 +189,7 @@ def evaluate(
     count = whole("count", count, 1, len(scenes.EVALUATION))
     seed = whole("seed", seed, 0, scenes.EVALUATION.stop - count)
     if threads is not None:
-        threads = whole("threads", threads, 1, MOST_THREADS)
+        threads = whole("threads", threads, 1, MAX_THREADS)
     if space:
         wanted = _in_space(category, _listed(arm), _listed(task))
     else:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import vffnull._core as _core
 from vffnull._support import progress as _progress
-from vffnull._support.arguments import MOST_THREADS, whole
+from vffnull._support.arguments import MAX_THREADS, whole
 from vffnull._support.errors import InputError, InputTypeError, ScenarioError, ScenarioWarning
 from vffnull._support.progress import Counter, counted
 from vffnull.model.arm_files import explicit
@@ -90,7 +90,7 @@ def simulate_many(
     if not isinstance(record, bool):
         raise InputTypeError(f"record: expected True or False, not a {type(record).__name__}")
     if threads is not None:
-        threads = whole("threads", threads, 1, MOST_THREADS)
+        threads = whole("threads", threads, 1, MAX_THREADS)
     name, documents = _documents(scenarios, overrides)
     with counted(progress, len(documents)) as report:
         outcomes = _core.run_many(documents, name, threads, record, report)

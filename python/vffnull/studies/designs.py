@@ -28,8 +28,8 @@ DESIGNS = ("grid", "latin-hypercube", "sobol", "saltelli", "random", "table")
 """All combinations, space-filling, quasi-random, for Sobol indices, random, and given rows."""
 
 MOST = 2**40
-_MOST_AT_ONCE = 20_000_000  # numbers that a Latin hypercube holds in memory
-_MOST_SOBOL = 2**30  # points that SciPy's sequence has
+_MAX_AT_ONCE = 20_000_000  # numbers that a Latin hypercube holds in memory
+_MAX_SOBOL = 2**30  # points that SciPy's sequence has
 _STRETCH = 1024  # points of a random design with one stream of random numbers
 _STREAM = 0  # of the seeds that belong to designs; those of runs are elsewhere
 
@@ -245,15 +245,15 @@ def read_design(table: Keyed, factors: Sequence[Factor], seed: int) -> Design:
         return _Random(factors, count, seed)
     extra("scipy", "study")
     if kind == "latin-hypercube":
-        if count * len(factors) > _MOST_AT_ONCE:
+        if count * len(factors) > _MAX_AT_ONCE:
             raise InputError(
-                f"{table.at('count')}: a Latin hypercube is made at once, of {_MOST_AT_ONCE} numbers, "
-                f"here {_MOST_AT_ONCE // len(factors)} points; 'sobol' and 'random' have no such bound"
+                f"{table.at('count')}: a Latin hypercube is made at once, of {_MAX_AT_ONCE} numbers, "
+                f"here {_MAX_AT_ONCE // len(factors)} points; 'sobol' and 'random' have no such bound"
             )
         return _LatinHypercube(factors, count, seed)
-    if count > _MOST_SOBOL:
+    if count > _MAX_SOBOL:
         raise InputError(
-            f"{table.at('count')}: a Sobol sequence has {_MOST_SOBOL} points at most, got {count}"
+            f"{table.at('count')}: a Sobol sequence has {_MAX_SOBOL} points at most, got {count}"
         )
     return _Sobol(factors, count, seed) if kind == "sobol" else Saltelli(factors, count, seed)
 

@@ -43,7 +43,7 @@ _KEYS = (
 )
 
 
-_MOST_SEED = 2**63 - 1
+_MAX_SEED = 2**63 - 1
 _SPREAD = 16  # points that are tried before the first run
 
 AGGREGATES = ("mean", "median", "min", "max", "q05", "q95")
@@ -71,7 +71,7 @@ def read_plan(content: object, folder: Path = Path(), check: bool = True) -> Pla
     if not isinstance(content, Mapping):
         raise InputTypeError(f"study: expected a table, got a {type(content).__name__}")
     table = Keyed(content, "", _KEYS)
-    seed = table.whole("seed", 0, 0, _MOST_SEED)
+    seed = table.whole("seed", 0, 0, _MAX_SEED)
     base = read_base(table, folder)
     overrides = _overrides(table)
     factors, design = _factors_and_design(table, seed, folder)

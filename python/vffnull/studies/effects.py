@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Whole = NDArray[np.intp]
 
 _RESAMPLED = 200
-_MOST_LEVELS = 12  # of a factor that are shown one by one; more are put into bins
+_MAX_LEVELS = 12  # of a factor that are shown one by one; more are put into bins
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Indices:
     total: Array
 
 
-def bins_of(values: Array, most: int = _MOST_LEVELS) -> Whole:
+def bins_of(values: Array, most: int = _MAX_LEVELS) -> Whole:
     """The bin of every value (n,), from 0: one for each level, or equally full ones if there are many."""
     levels, at = np.unique(values, return_inverse=True)
     if len(levels) <= most:

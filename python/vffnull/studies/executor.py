@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from vffnull._support.arguments import MOST_THREADS, whole
+from vffnull._support.arguments import MAX_THREADS, whole
 from vffnull._support.errors import InputError, InputTypeError
 from vffnull._support.extras import extra
 from vffnull.studies.executors import ClusterExecutor, Executor, LocalExecutor
@@ -26,9 +26,9 @@ def check_executor(threads: int | None, workers: int | None, scheduler: Any) -> 
         Without what they need.
     """
     if threads is not None:
-        whole("threads", threads, 1, MOST_THREADS)
+        whole("threads", threads, 1, MAX_THREADS)
     if workers is not None:
-        whole("workers", workers, 1, MOST_THREADS)
+        whole("workers", workers, 1, MAX_THREADS)
     given = [
         name
         for name, value in (("threads", threads), ("workers", workers), ("scheduler", scheduler))

@@ -18,7 +18,7 @@ from vffnull.studies._keyed import Keyed, finite, kind
 __all__ = ["Factor", "read_factor"]
 
 _KEYS = ("key", "keys", "name", "unit", "range", "scale", "whole", "levels", "values", "choices")
-_MOST_LEVELS = 1_000_000
+_MAX_LEVELS = 1_000_000
 
 Kind = Literal["float", "int", "bool", "text", "json"]
 
@@ -192,7 +192,7 @@ def read_factor(content: object, path: str) -> Factor:
             raise InputError(f"{table.at('values')}: a value is there twice")
         return Factor(name, keys, unit, 0.0, len(values) - 1.0, values=values)
     low, high, log, integral = _range(table)
-    levels = table.whole("levels", None, 1, _MOST_LEVELS) if "levels" in table else None
+    levels = table.whole("levels", None, 1, _MAX_LEVELS) if "levels" in table else None
     return Factor(name, keys, unit, low, high, log, integral, levels)
 
 

@@ -20,13 +20,13 @@ from vffnull.studies.tuning import trials_of
 __all__ = ["render"]
 
 _HERE = Path(__file__).parent
-_MOST_METRICS = 6
+_MAX_METRICS = 6
 
 
 def render(dataset: Runs, metrics: Iterable[str] | None) -> str:
     """The whole page."""
     found = findings(dataset, metrics)
-    shown = chosen(dataset, metrics, _MOST_METRICS)
+    shown = chosen(dataset, metrics, _MAX_METRICS)
     names = list(
         dict.fromkeys(
             [*shown, *(n for n in ("min_clearance", "max_error_transient") if n in dataset.metrics)]

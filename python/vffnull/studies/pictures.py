@@ -23,8 +23,8 @@ __all__ = ["failure_map", "main_effects", "pairs", "pareto"]
 
 Columns = dict[str, NDArray[Any]]
 
-_MOST_POINTS = 2000
-_MOST_PAIRS = 5  # factors
+_MAX_POINTS = 2000
+_MAX_PAIRS = 5  # factors
 _BLUE = "#0072B2"
 _CELLS = 8
 
@@ -69,7 +69,7 @@ def main_effects(dataset: Runs, columns: Columns, metrics: list[str]) -> list[An
 
 def pairs(dataset: Runs, columns: Columns, metric: str) -> list[Any]:
     """Every factor against every other, coloured by a metric."""
-    factors = dataset.plan.factors[:_MOST_PAIRS]
+    factors = dataset.plan.factors[:_MAX_PAIRS]
     if len(factors) < 2:
         return []
     chosen = _some(len(columns["run"]))
@@ -197,9 +197,9 @@ def _cells(axis: NDArray[np.float64], factor: Factor) -> tuple[Any, Any, Any]:
 
 def _some(count: int) -> NDArray[np.intp]:
     """Some places out of many, the same ones every time."""
-    if count <= _MOST_POINTS:
+    if count <= _MAX_POINTS:
         return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, _MOST_POINTS, replace=False))
+    return np.sort(np.random.default_rng(0).choice(count, _MAX_POINTS, replace=False))
 
 
 def _source(dataset: Runs, columns: Columns, rows: NDArray[np.intp], metrics: list[str]) -> ColumnDataSource:

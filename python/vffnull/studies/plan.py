@@ -41,8 +41,8 @@ FIXED = {
 _RUNS = 1  # of the seeds that belong to runs; the streams of designs are elsewhere
 _NOMINAL = 3e-7  # s for a step and a joint; decides how many runs a block has, so it never changes
 _BLOCK_TIME = 2.0  # s of such work in a block
-_MOST_IN_BLOCK = 4096
-_MOST_BLOCKS = 200_000  # beyond, they grow: a scheduler has to look after each
+_MAX_IN_BLOCK = 4096
+_MAX_BLOCKS = 200_000  # beyond, they grow: a scheduler has to look after each
 _FEWEST_BLOCKS = 32  # so that a short study keeps a few workers busy, too
 _BLOCK_BYTES = 64e6  # of records in a block
 
@@ -182,8 +182,8 @@ class Plan:
         base = self.base.document(0, self.overrides)
         steps = float(base["duration"]) / float(setting(base, "simulation.dt"))
         joints = len(base["q0"])
-        most = max(_BLOCK_TIME / (steps * joints * _NOMINAL), together / _MOST_BLOCKS)
-        most = min(most, _MOST_IN_BLOCK)
+        most = max(_BLOCK_TIME / (steps * joints * _NOMINAL), together / _MAX_BLOCKS)
+        most = min(most, _MAX_IN_BLOCK)
         if self.records is not None:
             width = 8 * (4 + joints) * len(self.records.quantities)
             most = min(most, _BLOCK_BYTES / (width * (1 + steps / self.records.every)))

@@ -160,7 +160,8 @@ impl LeftOut {
 /// The time of one control cycle after the other.
 ///
 /// ```
-/// use vff_core::control::deadline::{Budget, Deadline};
+/// use std::time::Duration;
+/// use vff_core::control::deadline::{Budget, Deadline, LeftOut, Measure};
 ///
 /// // In a loop of 1 kHz, where nothing is said.
 /// let mut budget = Budget::of_loop(None, Some(1e-3));
@@ -168,6 +169,12 @@ impl LeftOut {
 /// assert!(budget.is_left());
 /// budget.end();
 /// assert!(!Budget::of_loop(Some(Deadline::Unlimited), Some(1e-3)).is_limited());
+/// // 100 µs by a clock that stands still.
+/// let mut budget = Budget::new(Measure::Clock(|| Duration::ZERO), Some(100.0));
+/// budget.begin();
+/// assert!(budget.is_left());
+/// let left_out = LeftOut { late: budget.late(), ..LeftOut::default() };
+/// assert_eq!(left_out.named()[0], ("late", 0));
 /// ```
 #[derive(Debug, Clone)]
 pub struct Budget {
@@ -300,18 +307,18 @@ mod tests {
         let mut budget = Budget::new(Measure::Work, Some(10.0));
         for (kept, late) in [(0, 0), (3000, 1), (3000, 1)] {
             budget.begin();
-            interrupt::spend(2000);
+            interrupt::checkpoint(2000);
             budget.suspend();
-            interrupt::spend(50_000);
+            interrupt::checkpoint(50_000);
             budget.go_on();
             assert!(budget.is_left());
-            interrupt::spend(7999 - kept);
+            interrupt::checkpoint(7999 - kept);
             assert!(budget.is_left());
-            interrupt::spend(1);
+            interrupt::checkpoint(1);
             assert!(!budget.is_left());
             budget.suspend();
             budget.reserve();
-            interrupt::spend(3000);
+            interrupt::checkpoint(3000);
             assert_eq!(budget.late(), late);
             budget.end();
             assert_eq!(budget.kept, 3000);

@@ -26,6 +26,15 @@ impl Energy {
 }
 
 /// Powers through the ports \[W\].
+///
+/// # Example
+/// ```
+/// use vff_core::control::{Energy, Power};
+///
+/// let power = Power { actuators: 2.0, damping: -0.5, ..Power::default() };
+/// assert_eq!(power.values()[0], 2.0);
+/// assert_eq!(Energy { kinetic: 1.5, ..Energy::default() }.values()[0], 1.5);
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Power {
     /// q̇ᵀτ of the motors.

@@ -20,6 +20,19 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SVector};
 pub const MATRICES: usize = 24;
 
 /// The extended Jacobian of a robot at one state, with n joints and r = n − M.
+///
+/// # Example
+/// ```
+/// use vff_core::control::extended_jacobian::ExtendedJacobian;
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{PlanarArm, dense, planar::Link};
+///
+/// let arm = PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros());
+/// let matrices = dense::planar::<2>(&arm, &[0.4, 0.5, -0.6], &[0.0; 3]);
+/// let extended = ExtendedJacobian::new(&matrices).unwrap(); // None where the arm is singular
+/// assert_eq!(extended.z.ncols(), 1); // one null dimension
+/// assert!((&matrices.jacobian * &extended.z).norm() < 1e-12);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExtendedJacobian {
     /// Orthonormal basis of the null space of J, (n, r).
@@ -129,7 +142,7 @@ fn mul(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     let mut out = DMatrix::zeros(a.nrows(), b.ncols());
     for start in (0..b.ncols()).step_by(width) {
         let width = width.min(b.ncols() - start);
-        interrupt::spend(a.len() * width);
+        interrupt::checkpoint(a.len() * width);
         a.mul_to(&b.columns(start, width), &mut out.columns_mut(start, width));
     }
     out
@@ -143,7 +156,7 @@ fn factor(matrix: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
     }
     let mut l = matrix.clone();
     for k in 0..n {
-        interrupt::spend((n - k) * k + n);
+        interrupt::checkpoint((n - k) * k + n);
         let (done, mut rest) = l.columns_range_pair_mut(0..k, k..n);
         let mut column = rest.rows_mut(k, n - k);
         let mut column = column.column_mut(0);
@@ -164,7 +177,7 @@ fn solve(factor: &Cholesky<f64, Dyn>, mut b: DMatrix<f64>) -> DMatrix<f64> {
     let width = columns(n);
     for start in (0..count).step_by(width) {
         let width = width.min(count - start);
-        interrupt::spend(n * n * width);
+        interrupt::checkpoint(n * n * width);
         factor.solve_mut(&mut b.columns_mut(start, width));
     }
     b

@@ -69,6 +69,17 @@ impl ForceSettings {
 }
 
 /// The controller of the force with its memory. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use vff_core::control::force::{ForceControl, ForceFrame, ForceSettings};
+///
+/// let settings = ForceSettings { frame: ForceFrame::Tool, ..ForceSettings::default() };
+/// assert!(settings.largest_gain(50.0) > 0.0); // for an estimate of 50 1/s
+/// let mut control = ForceControl::<3>::new(&settings);
+/// control.elapse(0.001);
+/// control.forget();
+/// ```
 #[derive(Debug, Clone)]
 pub struct ForceControl<const D: usize> {
     settings: ForceSettings,

@@ -59,7 +59,7 @@ impl NullDamping {
 /// depends on the arm. Everything else is that of the settings themselves.
 ///
 /// ```
-/// use vff_core::control::{Gains, Settings};
+/// use vff_core::control::{Gains, NullDamping, Settings};
 /// use vff_core::math::ScalarOrVec;
 ///
 /// let settings = Settings { stiffness: ScalarOrVec::Each(vec![100.0, 25.0]), ..Settings::default() };
@@ -67,6 +67,7 @@ impl NullDamping {
 /// assert_eq!(gains.stiffness.y, 25.0);
 /// assert_eq!(gains.damping.y, 8.0); // one number for all
 /// assert!(gains.enforce_limits); // as the settings have it
+/// assert!(matches!(gains.null_damping, NullDamping::Uniform(_)));
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains<const M: usize> {

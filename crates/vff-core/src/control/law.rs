@@ -68,6 +68,28 @@ impl Torque {
 }
 
 /// The law with its workspace.
+///
+/// # Example
+/// [`Controller`](super::Controller) strings it together with what it needs; alone:
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Gains, Law, OperationalSpace, Settings, Torque};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link};
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::new(0.0, -9.81)));
+/// let (mut robot, settings) = (arm.state(), Settings::default());
+/// let gains = Gains::<2>::new(&settings).of_arm(&settings, &*arm);
+/// let mut space = OperationalSpace::new(3, 1e-3, gains.metric::<2>());
+/// space.update(&mut robot, &[0.4, 0.5, -0.6], &[0.0; 3]);
+/// let mut law = Law::new(3);
+/// let wanted = Vector::<2>::new(0.5, 0.0); // acceleration of the end effector
+/// law.evaluate(&robot, &space, &gains, &wanted, &[1.0, 0.0, 0.0]);
+/// let Torque { total, task, null } = &law.torque;
+/// assert!(total.iter().zip(task).zip(null).all(|((t, x), n)| (t - x - n).abs() < 1e-12));
+/// // The null-space torque does not accelerate the end effector.
+/// assert!(space.response(null).norm() < 1e-12);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Law {
     /// The result of the last evaluation.

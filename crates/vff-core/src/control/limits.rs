@@ -24,6 +24,18 @@ pub const ALL: ObjectiveScale = [1.0; OBJECTIVES.len()];
 pub const SPEED: usize = 5;
 
 /// The torque of each objective but the last, compensation, which is the rest.
+///
+/// # Example
+/// ```
+/// use vff_core::control::limits::{Parts, within};
+/// use vff_core::control::{ObjectiveScale, Torque};
+///
+/// let mut parts = Parts::new(1);
+/// (parts.task[0], parts.avoidance[0]) = (1.0, 10.0);
+/// let mut torque = Torque::zeros(1);
+/// let scale: ObjectiveScale = parts.fit(&[5.0], &mut torque);
+/// assert!(within(&torque.total, &[5.0]) && scale.iter().all(|share| (0.0..=1.0).contains(share)));
+/// ```
 #[derive(Debug, Clone)]
 pub struct Parts {
     /// Nᵀ K_v(q_d − q).

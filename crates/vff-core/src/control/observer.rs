@@ -66,6 +66,25 @@ settings! {
 }
 
 /// The observer with its memory. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::observer::{Answer, MomentumObserver, ObserverSettings, Source, Touch};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, Robot, planar::Link};
+///
+/// let settings = ObserverSettings { source: Source::Momentum, ..ObserverSettings::default() };
+/// let mut observer = MomentumObserver::new(&settings, 2);
+/// let mut arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros())).state();
+/// for _ in 0..10 {
+///     arm.update(&[0.3, 0.4], &[0.0; 2]);
+///     observer.update(&arm, Some(0.001));
+/// }
+/// assert_eq!(observer.estimate(), [0.0; 2]); // nobody touches it
+/// assert_ne!(Answer::Comply, Answer::Reject);
+/// assert!(Touch::default() == Touch::default());
+/// ```
 #[derive(Debug, Clone)]
 pub struct MomentumObserver {
     bandwidth: f64,

@@ -179,7 +179,7 @@ impl QuadraticProgram {
             let mut multiplier = 0.0;
             loop {
                 self.iterations += 1;
-                interrupt::spend(3 * self.size * self.size);
+                interrupt::checkpoint(3 * self.size * self.size);
                 if self.iterations > limit {
                     return Outcome::Unfinished;
                 }
@@ -224,7 +224,7 @@ impl QuadraticProgram {
         // L row by row in R, which is empty as yet.
         let l = &mut self.r;
         for i in 0..n {
-            interrupt::spend(i * i / 2);
+            interrupt::checkpoint(i * i / 2);
             for k in 0..=i {
                 let (done, rest) = l.split_at_mut(i * stride);
                 let row_k = if k < i { &done[k * stride..k * stride + k] } else { &[] };
@@ -244,7 +244,7 @@ impl QuadraticProgram {
         }
         // Column k of L⁻ᵀ is row k of L⁻¹: forward substitution, one row after the other.
         for k in 0..n {
-            interrupt::spend(k * n);
+            interrupt::checkpoint(k * n);
             let (done, rest) = self.j.split_at_mut(k * stride);
             let row = &mut rest[..n];
             row.fill(0.0);
@@ -285,7 +285,7 @@ impl QuadraticProgram {
 
     /// The constraint that lies farthest away from x on its wrong side.
     fn most_violated(&self, problem: &Problem<'_>) -> Option<usize> {
-        interrupt::spend(self.n * problem.bounds.len());
+        interrupt::checkpoint(self.n * problem.bounds.len());
         let x = &self.x[..self.n];
         let size = dot(x, x).sqrt();
         let (mut worst, mut found) = (0.0, None);

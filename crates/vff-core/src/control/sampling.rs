@@ -9,6 +9,22 @@ use crate::world::CollisionQuery;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 /// The largest control period at which the null space is stable, and what sets it.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Controller, Gains, Settings, StablePeriod};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link};
+/// use vff_core::world::plane::World;
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros()));
+/// let mut controller = Controller::<_, 2, 2>::new(arm.state(), Gains::new(&Settings::default()));
+/// let mut world = World::new(vec![]);
+/// controller.observe(&[0.4, 0.5, -0.6], &[0.0; 3], &mut world);
+/// let StablePeriod { period, .. } = controller.stable_period(&mut world);
+/// assert!(period > 0.001);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StablePeriod {
     /// The period \[s\]; infinite without damping or stiffness to hold.
@@ -33,7 +49,7 @@ pub fn stable_period<R: Robot<D>, const D: usize, const M: usize>(
     let mut alone = [0.0, 0.0, f64::INFINITY];
     let mut add = |column: Vec<f64>, stiffness: f64, clearance: f64| {
         if stiffness > 0.0 {
-            interrupt::spend(64 * n);
+            interrupt::checkpoint(64 * n);
             let compliance = null_compliance(robot, space, &column);
             let mode = stiffness * dot(&column, &compliance);
             if springs.len() * n >= MAX_NUMBERS {
@@ -108,7 +124,7 @@ fn stiffest_mode_in_joints(springs: &[Spring], n: usize) -> (f64, usize) {
     let mut stiffness = DMatrix::<f64>::zeros(n, n);
     let mut yielding = DMatrix::<f64>::zeros(n, n); // P AᵀA
     for Spring { column, compliance, stiffness: k, .. } in springs {
-        interrupt::spend(2 * n * n);
+        interrupt::checkpoint(2 * n * n);
         let column = DVector::from_column_slice(column);
         stiffness.ger(*k, &column, &column, 1.0);
         yielding.ger(*k, &DVector::from_column_slice(compliance), &column, 1.0);
@@ -146,7 +162,7 @@ pub fn stable_period_against<R: Robot<D>, const D: usize, const M: usize>(
 ) -> StablePeriod {
     let n = robot.dof();
     let at_body = |body: Body<'_, D>| {
-        interrupt::spend(128 * n);
+        interrupt::checkpoint(128 * n);
         let end = body.shape.end();
         let columns: Vec<Vec<f64>> = (0..D)
             .map(|k| {

@@ -13,6 +13,34 @@ use crate::world::{CollisionQuery, Contact};
 use std::ops::Range;
 
 /// What the virtual force field does to every link at one instant.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Controller, Gains, Settings, VirtualForces};
+/// use vff_core::field::{Field, FieldKind};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link, planar::PlanarWrench};
+/// use vff_core::world::Motion;
+/// use vff_core::world::plane::{Obstacle, Shape, World};
+///
+/// let field = Field { kind: FieldKind::Bounded, gain: 10.0, influence: 0.5, ..Field::OFF };
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros()));
+/// let gains = Gains::new(&Settings { field, ..Settings::default() });
+/// let mut controller = Controller::<_, 2, 2>::new(arm.state(), gains);
+/// let disc = Obstacle {
+///     shape: Shape::Circle { radius: 0.1 },
+///     position: [0.75, 0.3],
+///     angle: 0.0,
+///     angular_velocity: 0.0,
+///     motion: Motion::Static {},
+/// };
+/// controller.observe(&[0.0; 3], &[0.0; 3], &mut World::new(vec![disc]));
+/// let forces: &VirtualForces<PlanarWrench, 2> = controller.forces();
+/// assert!((forces.clearance()[1] - 0.2).abs() < 1e-12);
+/// assert!((forces.magnitude()[1] - 10.0 * 0.36).abs() < 1e-12);
+/// assert!(forces.resultant()[1].y < 0.0); // away from the disc
+/// ```
 #[derive(Debug, Clone)]
 pub struct VirtualForces<W, const D: usize> {
     clearance: Vec<f64>,

@@ -11,6 +11,17 @@ use serde::{Deserialize, Serialize};
 const HEAD_ON: f64 = 0.1;
 
 /// The shape of a field (T27). η is the gain, d_s the influence distance.
+///
+/// # Example
+/// ```
+/// use vff_core::field::{Field, FieldKind, Response};
+///
+/// let at_rim = |kind| Field { kind, gain: 1.0, influence: 0.5, ..Field::OFF }.at(0.5);
+/// for kind in [FieldKind::Khatib, FieldKind::Cubic, FieldKind::Bounded] {
+///     let Response { potential, force, .. } = at_rim(kind);
+///     assert_eq!((potential, force), (0.0, 0.0));
+/// }
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FieldKind {

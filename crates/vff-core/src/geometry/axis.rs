@@ -3,6 +3,15 @@
 use crate::math::{Capsule, Feature, TOUCHING, Vector};
 
 /// A link, made ready for the questions of many obstacles: itself. Its axis is a segment, or a point of length 0.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::{Probe, perpendicular};
+/// use vff_core::math::Vector;
+///
+/// let axis = Probe::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 1.0), 0.05);
+/// assert_eq!(perpendicular(&axis.direction).dot(&axis.direction), 0.0);
+/// ```
 pub type Probe = Capsule<3>;
 
 /// The nearest points of an axis and a core. The one on the core is

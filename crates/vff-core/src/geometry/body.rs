@@ -5,6 +5,22 @@ use crate::math::{Capsule, Vector};
 use nalgebra::SMatrix;
 
 /// One of them: a capsule or a hull in the world that a link carries. A link may carry any number.
+///
+/// # Example
+/// ```
+/// use nalgebra::Matrix3;
+/// use vff_core::geometry::{Body, Carried, Hull};
+/// use vff_core::math::Vector;
+///
+/// let hull = Hull::new(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
+/// let rotation = Matrix3::identity();
+/// let carried = Carried { hull: &hull, rotation: &rotation, position: Vector::<3>::zeros() };
+/// let body = Body { hull: Some(carried), ..Body::new(2, hull.enclosing()) };
+/// assert_eq!(body.reach_from(&Vector::<3>::zeros()), 1.0);
+/// ```
+///
+/// # See also
+/// [`StillBody`], which the base carries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body<'a, const D: usize> {
     /// Index of the link that carries it, from 0 at the base.
@@ -41,6 +57,15 @@ impl<const D: usize> Body<'_, D> {
 }
 
 /// A body of the base, which does not move.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::StillBody;
+/// use vff_core::math::{Capsule, Vector};
+///
+/// let pedestal = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.3), 0.1);
+/// assert!(StillBody { shape: pedestal, hull: None }.carried().is_none());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillBody<const D: usize> {
     /// As of a [`Body`], in the world.

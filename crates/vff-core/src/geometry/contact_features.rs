@@ -4,6 +4,23 @@ use super::{Carried, Convex, KSmallest, MAX_FEATURES, Meeting, Probe};
 use crate::math::{Capsule, Feature, Nearest, TOUCHING, Vector};
 
 /// The parts of two bodies that come nearest: an edge of a hull counts as a capsule without a radius.
+///
+/// # Example
+/// ```
+/// use nalgebra::Matrix3;
+/// use vff_core::geometry::{Carried, Encounter, Hull, encounter};
+/// use vff_core::math::{Capsule, Vector};
+///
+/// let hull = Hull::new(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]).unwrap();
+/// let rotation = Matrix3::identity();
+/// let carried = Carried { hull: &hull, rotation: &rotation, position: Vector::<3>::zeros() };
+/// let [a, b] = [0.2, 0.4].map(|x| Vector::<3>::new(x, 0.1, 0.5));
+/// let above = (Capsule::new(a, b, 0.1), None);
+/// let mut distances = vec![];
+/// let mut visit = |found: &Encounter<3>| distances.push(found.nearest.distance);
+/// encounter([&(hull.enclosing(), Some(carried)), &above], None, &mut visit);
+/// assert!((distances[0] - 0.4).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Encounter<const D: usize> {
     /// These parts; of a corner or a face only its place.

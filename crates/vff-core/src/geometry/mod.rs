@@ -1,6 +1,7 @@
-//! The shapes that links carry, and where they come nearest to axes and to each other.
+//! The shapes of bodies, and where they come nearest to axes and to each other.
 //!
-//! What is here knows neither robots nor obstacles, and does not move: both sides use it. A file per pair: an `axis`, which is what
+//! What is here knows neither robots nor obstacles, and does not move: both sides use it. `shape` has the one list of shapes in space,
+//! and `shape_fault` what can be wrong with one. A file per pair: an `axis`, which is what
 //! remains of a capsule without its radius, and a `point`, a `segment` or a `hull`; a hull and anything
 //! convex, `convex_hull_query`; two bodies of an arm, their `contact_features`.
 
@@ -14,6 +15,8 @@ mod hull;
 mod k_smallest;
 pub(crate) mod point;
 pub(crate) mod segment;
+mod shape;
+mod shape_fault;
 
 pub use axis::{Probe, perpendicular};
 pub use body::{Body, Carried, StillBody};
@@ -21,3 +24,6 @@ pub use contact_features::{Encounter, encounter};
 pub(crate) use convex_hull_query::{Convex, MAX_FEATURES, Meeting, Onward, averted};
 pub use hull::{Hull, HullError, MAX_CORNERS, check_hull, faces_of_hull};
 pub(crate) use k_smallest::KSmallest;
+pub(crate) use shape::WithKind;
+pub use shape::{MAX_POINTS, Shape};
+pub use shape_fault::ShapeFault;

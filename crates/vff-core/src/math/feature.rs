@@ -4,6 +4,27 @@ use super::Vector;
 
 /// The features of the link's axis (of a hull one of its edges) and of the obstacle that are nearest. The obstacle counts without
 /// its radius: a circle or a sphere as its centre, a capsule as a segment.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{Capsule, Feature, Vector};
+/// use vff_core::world::{CollisionQuery, Motion, Pair};
+/// use vff_core::geometry::Body;
+/// use vff_core::world::plane::{Obstacle, Shape, World};
+///
+/// let disc = Obstacle {
+///     shape: Shape::Circle { radius: 0.1 },
+///     position: [0.5, 0.4],
+///     angle: 0.0,
+///     angular_velocity: 0.0,
+///     motion: Motion::Static {},
+/// };
+/// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.05);
+/// let contact = World::new(vec![disc]).contact(0, &Body::new(0, link), 0);
+/// assert_eq!(contact.pair(), Pair { body: 0, link: 0, obstacle: 0 });
+/// assert!((contact.distance - 0.25).abs() < 1e-15);
+/// assert!(matches!(contact.feature, Feature::Side { .. })); // beside the link, before neither of its ends
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Feature<const D: usize> {
     /// The inside of the axis and a point of the obstacle (a centre or a corner): the normal turns

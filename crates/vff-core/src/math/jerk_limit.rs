@@ -30,6 +30,19 @@ pub struct JointMotion {
 struct Stop([(f64, f64); 3]);
 
 /// A joint that goes from sample to sample, and can always stop within its bounds. It is made at rest.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{JointBounds, JointMotion, LimitedJoint};
+///
+/// let bounds = JointBounds { position: [-1.0, 1.0], speed: 0.5, acceleration: 2.0, jerk: 20.0 };
+/// let mut joint = LimitedJoint::new(bounds, 0.0);
+/// for _ in 0..1000 {
+///     joint.advance(9.0, 1e-3);
+/// }
+/// let JointMotion { q, dq, .. } = joint.motion();
+/// assert!(q < 1.0 && dq <= 0.5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitedJoint {
     bounds: JointBounds,

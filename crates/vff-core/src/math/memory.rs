@@ -7,6 +7,15 @@
 pub const MAX_BYTES: usize = 8_000_000_000;
 
 /// More than that was asked for.
+///
+/// # Example
+/// ```
+/// use vff_core::math::memory::{TooLarge, fits};
+///
+/// assert_eq!(fits(1000), Ok(()));
+/// let TooLarge { bytes } = fits(usize::MAX / 16).unwrap_err();
+/// assert!(bytes > 1e18);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("{:.1} GB, more than the {:.0} GB allowed", 1e-9 * .bytes, 1e-9 * MAX_BYTES as f64)]
 pub struct TooLarge {

@@ -68,9 +68,27 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// A point, displacement, velocity or force in the `D`-dimensional space of the robot.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{Vector, cross, perp};
+///
+/// let v = Vector::<2>::new(3.0, 4.0);
+/// assert_eq!(v.norm(), 5.0);
+/// assert_eq!(cross(v, perp(v)), 25.0);
+/// ```
 pub type Vector<const D: usize> = SVector<f64, D>;
 
 /// A line segment swept by a disc (or ball): the shape of one link.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{Capsule, Vector};
+///
+/// let link = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.4), 0.05);
+/// assert_eq!(link.length, 0.4);
+/// assert_eq!(link.clamp(&Vector::<3>::new(1.0, 0.0, 0.1)), Vector::<3>::new(0.0, 0.0, 0.1));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Capsule<const D: usize> {
     /// First end of the axis \[m\].

@@ -5,6 +5,17 @@ use super::{Capsule, Vector};
 /// Where two capsules come nearest.
 ///
 /// Moving the first by a small δ changes `distance` by `normal · δ`, outside and inside alike.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{Capsule, Nearest, Vector, nearest};
+///
+/// let along = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(1.0, 0.0, 0.0), 0.1);
+/// let across = Capsule::new(Vector::<3>::new(0.5, -1.0, 0.7), Vector::<3>::new(0.5, 1.0, 0.7), 0.1);
+/// let Nearest { points, distance, .. } = nearest(&along, &across);
+/// assert!((distance - 0.5).abs() < 1e-15);
+/// assert_eq!(points[0].x, 0.5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Nearest<const D: usize> {
     /// The point on the axis of each \[m\].

@@ -5,6 +5,15 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
 /// The random numbers of one use: every use has a stream of its own, so that none depends on another.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Noise;
+///
+/// assert_eq!(Noise::new(7, 0).draw(), Noise::new(7, 0).draw());
+/// assert_ne!(Noise::new(7, 0).draw(), Noise::new(7, 1).draw());
+/// assert!((0.0..1.0).contains(&Noise::new(7, 0).share()));
+/// ```
 #[derive(Debug, Clone)]
 pub struct Noise(ChaCha8Rng);
 

@@ -5,6 +5,15 @@ use std::fmt;
 
 /// Coordinates that are read from a list of exactly `D` numbers. serde reads `[f64; 2]`, but not
 /// `[f64; D]`.
+///
+/// # Example
+/// ```
+/// use serde::{Deserialize, de::value::{Error, SeqDeserializer}};
+/// use vff_core::math::Point;
+///
+/// let Point(coordinates) = Point::<2>::deserialize(SeqDeserializer::<_, Error>::new([1.0, 2.0].into_iter())).unwrap();
+/// assert_eq!(coordinates, [1.0, 2.0]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point<const D: usize>(pub [f64; D]);
 

@@ -6,6 +6,19 @@ use std::fmt::Debug;
 
 /// Where an end effector is, as far as a task of dimension `M` cares. Differences and displacements are
 /// vectors of the task; the pose itself need not be one.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{PlanarPose, Pose, Vector};
+///
+/// let there = PlanarPose(Vector::<3>::new(1.0, 0.5, 0.2));
+/// let here = there.moved(&Vector::<3>::new(0.1, 0.0, 0.0));
+/// assert!((here.error(&there) - Vector::<3>::new(0.1, 0.0, 0.0)).norm() < 1e-15);
+/// assert_eq!(there.as_slice(), [1.0, 0.5, 0.2]);
+/// ```
+///
+/// # See also
+/// [`SpatialPose`](super::SpatialPose), [`Pointing`](super::Pointing); a position is a [`Vector`].
 pub trait Pose<const M: usize>: Copy + Debug + PartialEq + Send + 'static {
     /// How many numbers a pose takes when it is written.
     const WIDTH: usize;

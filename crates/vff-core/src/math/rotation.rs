@@ -30,6 +30,14 @@ pub struct UnitQuaternion {
 }
 
 /// Four numbers that are not a rotation: their norm is not 1, or not a number.
+///
+/// # Example
+/// ```
+/// use vff_core::math::UnitQuaternion;
+/// use vff_core::math::rotation::NotARotation;
+///
+/// assert_eq!(UnitQuaternion::new([2.0, 0.0, 0.0, 0.0]), Err(NotARotation { norm: 2.0 }));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "a quaternion [w, x, y, z] of norm {norm} is no rotation: its norm must be 1 within {UNIT_TOLERANCE}"
@@ -197,6 +205,17 @@ impl Mul for UnitQuaternion {
 }
 
 /// Which measure of a rotation is an error of orientation.
+///
+/// # Example
+/// ```
+/// use vff_core::math::rotation::OrientationError;
+/// use vff_core::math::{UnitQuaternion, Vector};
+///
+/// let turned = UnitQuaternion::exp(&Vector::<3>::new(0.0, 0.0, 0.2));
+/// let error = |form| turned.error(&UnitQuaternion::IDENTITY, form).z;
+/// assert!((error(OrientationError::Logarithm) - 0.2).abs() < 1e-15);
+/// assert!((error(OrientationError::Quaternion) - 2.0 * 0.1_f64.sin()).abs() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum OrientationError {
     /// 2 sgn(η) ε of the quaternion (η, ε): 2 sin ½θ along the axis. Smooth and without a division.

@@ -5,6 +5,14 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// A setting per axis, joint or link that may be given once for all of them.
+///
+/// # Example
+/// ```
+/// use vff_core::math::ScalarOrVec;
+///
+/// assert_eq!(ScalarOrVec::Uniform(2.0).get(5), 2.0);
+/// assert_eq!(ScalarOrVec::Each(vec![1.0, 3.0]).get(1), 3.0);
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum ScalarOrVec {

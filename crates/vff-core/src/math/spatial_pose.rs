@@ -5,6 +5,18 @@ use super::{Pose, Vector};
 
 /// A position \[m\] and an orientation, as the seven numbers that are written: x, y, z, then the quaternion w, x, y, z
 /// with w ≥ 0.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{Pointing, Pose, SpatialPose, UnitQuaternion, Vector};
+///
+/// let turn = UnitQuaternion::exp(&Vector::<3>::new(0.0, 0.0, 0.3));
+/// let reference = SpatialPose::new(Vector::<3>::new(0.4, 0.0, 0.5), UnitQuaternion::IDENTITY);
+/// let tool = SpatialPose::new(reference.position(), turn);
+/// assert!((tool.error(&reference).norm() - 0.3).abs() < 1e-2);
+/// // About the axis that points a turn is free.
+/// assert!(Pointing(tool).error(&Pointing(reference)).norm() < 1e-15);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialPose {
     orientation: UnitQuaternion,

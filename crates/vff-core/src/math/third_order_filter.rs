@@ -6,6 +6,17 @@ use super::Vector;
 /// acceleration are known exactly at every instant, and none of them jumps when the goal does.
 ///
 /// From rest it goes straight to the goal and never beyond.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{ThirdOrderFilter, Vector};
+///
+/// let goal = Vector::<2>::new(1.0, 0.0);
+/// let filter = ThirdOrderFilter::new(0.0, [Vector::<2>::zeros(); 3], goal, 4.0);
+/// let [x, dx, _] = filter.at(5.0);
+/// assert!((x - goal).norm() < 1e-5 && dx.norm() < 1e-4);
+/// assert_eq!(filter.goal(), goal);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ThirdOrderFilter<const D: usize> {
     /// The instant at which the goal was set \[s\].

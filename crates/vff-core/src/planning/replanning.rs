@@ -30,6 +30,19 @@ const PROGRESS: f64 = 0.01;
 const PAUSES: [f64; 2] = [0.1, 3.2];
 
 /// Watches over the plan that an arm follows.
+///
+/// # Example
+/// A closed loop asks for it; a document has `[replan]`:
+/// ```
+/// use vff_core::planning::replanning::Replanner;
+/// use vff_core::simulation::{Moment, Replan, Space};
+///
+/// fn asks<R: Replan<Space, 3, 6>>(replanner: &mut R, moment: &Moment<'_, Space, 3, 6>) -> bool {
+///     replanner.look(moment).is_some()
+/// }
+///
+/// let ask: fn(&mut Replanner<Space, 3, 6>, &Moment<'_, Space, 3, 6>) -> bool = asks;
+/// ```
 #[derive(Debug)]
 pub struct Replanner<S: System<D, M>, const D: usize, const M: usize> {
     settings: ReplanSettings,
@@ -345,7 +358,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
             });
             self.next = Some(ahead + STEP);
             left -= STEP;
-            interrupt::spend(64 * moment.q.len());
+            interrupt::checkpoint(64 * moment.q.len());
             let mut state = std::mem::take(&mut self.q);
             let then = moment.path_time + ahead;
             moment.joints.at(then, state.each_mut().map(Vec::as_mut_slice));

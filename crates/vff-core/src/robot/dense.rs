@@ -13,6 +13,19 @@ use nalgebra::{DMatrix, DVector, Dyn, OMatrix};
 pub type TaskMatrix<const M: usize> = OMatrix<f64, nalgebra::Const<M>, Dyn>;
 
 /// The matrices of a robot at one state (q, q̇), task dimension `M`.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::robot::dense::{TaskMatrix, planar};
+/// use vff_core::robot::{Matrices, PlanarArm, planar::Link};
+///
+/// let arm = PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::new(0.0, -9.81));
+/// let Matrices { mass, jacobian, .. } = planar::<2>(&arm, &[0.3, -0.5], &[0.0; 2]);
+/// let jacobian: TaskMatrix<2> = jacobian;
+/// assert_eq!((mass.nrows(), jacobian.ncols()), (2, 2));
+/// assert_eq!(mass, mass.transpose());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Matrices<const M: usize> {
     /// Mass matrix M, (n, n).
@@ -58,7 +71,7 @@ pub fn planar<const M: usize>(arm: &PlanarArm, q: &[f64], dq: &[f64]) -> Matrice
         let column = |k: usize| perp(centres[i] - joints[k]);
         let column_dot = |k: usize| perp(centre_rates[i] - rates[k]);
         for k in 0..=i {
-            interrupt::spend(8 * i);
+            interrupt::checkpoint(8 * i);
             for j in 0..=i {
                 mass[(k, j)] += link.mass * column(k).dot(&column(j)) + link.inertia;
                 coriolis[(k, j)] += link.mass * column(k).dot(&column_dot(j));

@@ -4,17 +4,56 @@
 //! the base to the tip; link `i` is the body that joint `i` moves, and its frame is the frame of that
 //! joint. Units are SI, angles radians, quaternions `[w, x, y, z]`.
 
+use super::description_error::{Checked, fault, finite, require, unit};
+use super::frame::identity;
 use super::inertia::{self, tensor};
-use super::names;
 use super::spatial::SpatialArm;
-use crate::geometry::{Hull, HullError};
-use crate::math::{Capsule, Vector};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+pub use super::description_error::{DescriptionError, DescriptionProblem};
+pub use super::frame::Frame;
+pub use super::link_shape::{LinkShape, PlacedShape};
 pub use crate::math::rotation::UNIT_TOLERANCE;
 
 /// A serial arm in space, in full.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::Shape;
+/// use vff_core::robot::description::{ArmDescription, DescriptionProblem, Frame, Joint, JointKind, LinkShape};
+///
+/// let pendulum = Joint {
+///     name: "shoulder".into(),
+///     link: "upper".into(),
+///     kind: JointKind::Revolute,
+///     position: [0.0; 3],
+///     orientation: [1.0, 0.0, 0.0, 0.0],
+///     axis: [0.0, 1.0, 0.0],
+///     mass: 2.0,
+///     com: [0.0, 0.0, 0.2],
+///     inertia: [0.02, 0.02, 0.001, 0.0, 0.0, 0.0],
+///     armature: 0.0,
+///     damping: 0.0,
+///     friction: 0.0,
+/// };
+/// let rod = Shape::Capsule { a: [0.0; 3], b: [0.0, 0.0, 0.4], radius: 0.04 };
+/// let description = ArmDescription {
+///     joints: vec![pendulum],
+///     tool: Frame { position: [0.0, 0.0, 0.4], ..Frame::default() },
+///     collision: vec![LinkShape { link: "upper".into(), shape: rod.into() }],
+///     ..ArmDescription::default()
+/// };
+/// let mut heavy = description.clone();
+/// heavy.joints[0].mass = -1.0;
+/// let error = heavy.build().unwrap_err();
+/// assert_eq!(error.path, "joints[0].mass");
+/// assert!(matches!(error.problem, DescriptionProblem::OutOfRange { .. }));
+/// assert_eq!(description.build().unwrap().dof(), 1);
+/// ```
+///
+/// # See also
+/// [`models::named`](super::models::named) has arms that people have, [`urdf::read`](super::urdf::read) reads others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmDescription {
@@ -73,28 +112,6 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Position \[m\] and orientation of one frame in another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Frame {
-    /// Of the origin \[m\].
-    #[serde(default)]
-    pub position: [f64; 3],
-    /// A unit quaternion `[w, x, y, z]`.
-    #[serde(default = "identity")]
-    pub orientation: [f64; 4],
-}
-
-fn identity() -> [f64; 4] {
-    [1.0, 0.0, 0.0, 0.0]
-}
-
-impl Default for Frame {
-    fn default() -> Self {
-        Self { position: [0.0; 3], orientation: identity() }
-    }
-}
-
 /// No joint yet, at the origin of the world.
 impl Default for ArmDescription {
     fn default() -> Self {
@@ -114,28 +131,6 @@ impl Default for ArmDescription {
             joints: vec![],
             collision: vec![],
         }
-    }
-}
-
-impl From<Isometry3<f64>> for Frame {
-    fn from(pose: Isometry3<f64>) -> Self {
-        let [x, y, z, w]: [f64; 4] = pose.rotation.coords.into();
-        // Of q and −q, the same rotation, the one with w ≥ 0. + 0.0 turns −0 into 0.
-        let sign = if w < 0.0 { -1.0 } else { 1.0 };
-        Self {
-            position: pose.translation.vector.map(|x| x + 0.0).into(),
-            orientation: [w, x, y, z].map(|x| sign * x + 0.0),
-        }
-    }
-}
-
-impl From<Frame> for Isometry3<f64> {
-    fn from(frame: Frame) -> Self {
-        let [w, x, y, z] = frame.orientation;
-        Self::from_parts(
-            Translation3::from(Vector3::from(frame.position)),
-            UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)),
-        )
     }
 }
 
@@ -191,240 +186,6 @@ pub struct Joint {
 
 fn z() -> [f64; 3] {
     [0.0, 0.0, 1.0]
-}
-
-/// A shape on a link; points are in the frame of the named link.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LinkShape {
-    /// Name of the link, or of the base.
-    pub link: String,
-    /// What is there.
-    pub shape: Shape,
-}
-
-/// What a link looks like to obstacles.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
-pub enum Shape {
-    /// A ball.
-    Sphere {
-        /// \[m\].
-        center: [f64; 3],
-        /// \[m\], > 0.
-        radius: f64,
-    },
-    /// A ball swept along a segment.
-    Capsule {
-        /// One end of the segment \[m\].
-        a: [f64; 3],
-        /// The other end \[m\].
-        b: [f64; 3],
-        /// \[m\], > 0.
-        radius: f64,
-    },
-    /// A box.
-    Box {
-        /// \[m\].
-        center: [f64; 3],
-        /// Along the three edges \[m\], > 0.
-        size: [f64; 3],
-        /// Of the edges.
-        #[serde(default = "identity")]
-        orientation: [f64; 4],
-    },
-    /// The convex hull of points.
-    Convex {
-        /// At least 4 \[m\].
-        vertices: Vec<[f64; 3]>,
-    },
-}
-
-/// One fault of a description: where, and what.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{path}: {problem}")]
-pub struct DescriptionError {
-    /// Dotted path of the value, e.g. `joints[2].axis`.
-    pub path: String,
-    /// What is wrong there.
-    pub problem: DescriptionProblem,
-}
-
-/// What is wrong with a value of a description.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum DescriptionProblem {
-    /// An axis or quaternion of another length than 1.
-    #[error("must have length 1 (within {UNIT_TOLERANCE}), has {0}")]
-    NotUnit(f64),
-    /// Infinite or not a number.
-    #[error("must be finite, got {0}")]
-    NotFinite(f64),
-    /// A number out of its range.
-    #[error("must be {requirement}, got {given}")]
-    OutOfRange {
-        /// What would be right.
-        requirement: &'static str,
-        /// What was given.
-        given: String,
-    },
-    /// A list of another length.
-    #[error("expected {expected} values, one per joint, got {given}")]
-    WrongLength {
-        /// How many there should be.
-        expected: usize,
-        /// How many there are.
-        given: usize,
-    },
-    /// Two joints or links of the same name.
-    #[error("`{0}` is there twice")]
-    Twice(String),
-    /// A link that does not exist.
-    #[error("there is no link `{given}`{}", names::hint(given, known))]
-    UnknownLink {
-        /// The name.
-        given: String,
-        /// The names that exist.
-        known: Vec<String>,
-    },
-    /// A continuous joint with an end.
-    #[error("`{0}` is continuous and has no limits: a joint with limits is revolute")]
-    ContinuousLimit(String),
-    /// Points without a hull that links can carry.
-    #[error("must be {0}")]
-    Hull(HullError),
-    /// An inertia tensor that no mass distribution has.
-    #[error("{0}")]
-    Inertia(inertia::Impossible),
-    /// The last link cannot be accelerated by its joint alone.
-    #[error(
-        "`{0}`, the last link, has no inertia about its joint: give it a moment of inertia, an \
-         armature, or a centre of mass off the axis"
-    )]
-    NoInertia(String),
-}
-
-type Checked = Result<(), DescriptionError>;
-
-fn fault(path: impl Into<String>, problem: DescriptionProblem) -> DescriptionError {
-    DescriptionError { path: path.into(), problem }
-}
-
-fn finite(path: &str, values: &[f64]) -> Checked {
-    match values.iter().find(|x| !x.is_finite()) {
-        Some(&x) => Err(fault(path, DescriptionProblem::NotFinite(x))),
-        None => Ok(()),
-    }
-}
-
-fn require(path: &str, value: f64, requirement: &'static str, holds: bool) -> Checked {
-    if holds {
-        return Ok(());
-    }
-    let given = format!("{value:?}").replace("NaN", "nan");
-    Err(fault(path, DescriptionProblem::OutOfRange { requirement, given }))
-}
-
-/// Normalises what is nearly of length 1.
-pub(super) fn unit<const N: usize>(values: &mut [f64; N]) -> Result<(), DescriptionProblem> {
-    if let Some(&x) = values.iter().find(|x| !x.is_finite()) {
-        return Err(DescriptionProblem::NotFinite(x));
-    }
-    let norm = values.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if (norm - 1.0).abs() > UNIT_TOLERANCE {
-        return Err(DescriptionProblem::NotUnit(norm));
-    }
-    if (norm - 1.0).abs() > 4.0 * f64::EPSILON {
-        values.iter_mut().for_each(|x| *x /= norm);
-    }
-    Ok(())
-}
-
-impl Frame {
-    fn check(&mut self, path: &str) -> Checked {
-        finite(&format!("{path}.position"), &self.position)?;
-        let orientation = format!("{path}.orientation");
-        unit(&mut self.orientation).map_err(|problem| fault(orientation, problem))
-    }
-}
-
-impl Shape {
-    /// The capsule that it is, or the hull and a capsule that holds it, in a frame in which its points are `placed`.
-    ///
-    /// # Errors
-    /// If its points have no hull, with `path`.
-    pub(super) fn solid(
-        &self,
-        path: &str,
-        placed: impl Fn(Vector<3>) -> Vector<3>,
-    ) -> Result<(Capsule<3>, Option<Hull>), DescriptionError> {
-        let round = |a: &[f64; 3], b: &[f64; 3], radius: f64| {
-            (swept(placed((*a).into()), placed((*b).into()), radius), None)
-        };
-        let hull = |key: &str, points: &[[f64; 3]]| {
-            let points: Vec<[f64; 3]> =
-                points.iter().map(|point| placed((*point).into()).into()).collect();
-            let hull = Hull::new(&points)
-                .map_err(|error| fault(format!("{path}.{key}"), DescriptionProblem::Hull(error)))?;
-            Ok((hull.enclosing(), Some(hull)))
-        };
-        match self {
-            Self::Sphere { center, radius } => Ok(round(center, center, *radius)),
-            Self::Capsule { a, b, radius } => Ok(round(a, b, *radius)),
-            Self::Box { center, size, orientation } => {
-                let frame = Isometry3::from(Frame { position: *center, orientation: *orientation });
-                let corner = |bits: u8| {
-                    let sign = |k: u8| if bits >> k & 1 == 0 { -0.5 } else { 0.5 };
-                    let [x, y, z] = *size;
-                    let corner = nalgebra::Point3::new(sign(0) * x, sign(1) * y, sign(2) * z);
-                    frame.transform_point(&corner).coords.into()
-                };
-                hull("size", &(0..8u8).map(corner).collect::<Vec<_>>())
-            }
-            Self::Convex { vertices } => hull("vertices", vertices),
-        }
-    }
-
-    fn check(&mut self, path: &str) -> Checked {
-        let at = |key: &str| format!("{path}.{key}");
-        let round = |radius: f64| {
-            require(&at("radius"), radius, "finite and > 0", radius > 0.0 && radius.is_finite())
-        };
-        match self {
-            Self::Sphere { center, radius } => {
-                finite(&at("center"), center)?;
-                round(*radius)
-            }
-            Self::Capsule { a, b, radius } => {
-                finite(&at("a"), a)?;
-                finite(&at("b"), b)?;
-                round(*radius)
-            }
-            Self::Box { center, size, orientation } => {
-                finite(&at("center"), center)?;
-                for &mut x in size {
-                    require(&at("size"), x, "finite and > 0", x > 0.0 && x.is_finite())?;
-                }
-                unit(orientation).map_err(|problem| fault(at("orientation"), problem))
-            }
-            Self::Convex { vertices } => {
-                if vertices.len() < 4 {
-                    let given = format!("{}", vertices.len());
-                    let requirement = "at least 4 points";
-                    let problem = DescriptionProblem::OutOfRange { requirement, given };
-                    return Err(fault(at("vertices"), problem));
-                }
-                finite(&at("vertices"), vertices.as_flattened())
-            }
-        }
-    }
-}
-
-/// The capsule between two points, which may be the same: a sphere has no direction, any will do.
-fn swept(start: Vector<3>, end: Vector<3>, radius: f64) -> Capsule<3> {
-    let along = end - start;
-    let length = along.norm();
-    let direction = if length > 0.0 { along / length } else { Vector::<3>::z() };
-    Capsule { start, direction, length, radius }
 }
 
 impl Joint {

@@ -58,6 +58,19 @@ pub fn repair(inertia: &[f64; 6]) -> [f64; 6] {
 }
 
 /// Mass, centre of mass and inertia about it of bodies that move as one.
+///
+/// # Example
+/// ```
+/// use nalgebra::{Isometry3, Matrix3, Vector3};
+/// use vff_core::robot::inertia::{Body, Impossible, check};
+///
+/// let ball = Body { mass: 1.0, com: Vector3::zeros(), inertia: Matrix3::identity() * 0.01 };
+/// let pair = ball.joined(&ball.moved(&Isometry3::translation(0.2, 0.0, 0.0)));
+/// assert_eq!(pair.mass, 2.0);
+/// assert!((pair.com.x - 0.1).abs() < 1e-15);
+/// let Impossible { excess, .. } = check(&[1.0, 1.0, 3.0, 0.0, 0.0, 0.0], 1.0).unwrap_err();
+/// assert!((excess - 1.0).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
     /// \[kg\].

@@ -1,6 +1,14 @@
 //! What a robot's joints can do.
 
 /// Limits of the joints, each empty where there is none.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::Limits;
+///
+/// let limits = Limits { joint: vec![[-1.0, 1.0]], velocity: vec![2.0], torque: vec![] };
+/// assert_eq!(limits.kept_angles(0, 0.01), Some([-0.99, 0.99]));
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Limits {
     /// (lower, upper) per joint \[rad, m of one that slides\].

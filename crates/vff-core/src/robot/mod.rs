@@ -8,8 +8,11 @@
 
 pub mod dense;
 pub mod description;
+mod description_error;
+mod frame;
 pub mod inertia;
 mod limits;
+mod link_shape;
 #[cfg(feature = "models")]
 pub mod models;
 mod names;

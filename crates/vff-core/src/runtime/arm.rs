@@ -44,6 +44,23 @@ pub enum AnyArm {
 }
 
 /// Such an arm at one instant.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{AnyArm, AnyObstacles, AnyState, DistanceTable};
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// let (q, dq) = ([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0; 7]);
+/// let state: AnyState = arm.at(&q, &dq);
+/// assert_eq!(state.mass_matrix().nrows(), 7);
+/// let mut obstacles: AnyObstacles = arm.no_obstacles();
+/// obstacles.read(&toml::toml! { shape = { kind = "sphere", radius = 0.1 } position = [0.5, 0.5, 0.5] })?;
+/// let DistanceTable { pairs, distance, .. } = arm.distances(obstacles, &q, &dq, &[0.0]);
+/// assert_eq!(pairs.len(), distance.len());
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
 pub enum AnyState {
     /// In the plane.
@@ -520,7 +537,7 @@ impl DistanceTable {
             state.update(q, dq);
             world.update(t[b % t.len()]);
             let visit = |contact: &Contact<D>| {
-                interrupt::spend(64 + n);
+                interrupt::checkpoint(64 + n);
                 let motion = DistanceRate::new(&state, contact);
                 distance.push(contact.distance);
                 rate.push(motion.rate);

@@ -19,6 +19,25 @@ use toml::Table;
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Rollouts that are ready to start, and the threads that will do it.
+///
+/// # Example
+/// ```
+/// use std::time::Duration;
+/// use vff_core::runtime::batch::{Batch, BatchError, Rollout};
+/// use vff_core::simulation::Status;
+///
+/// let document = toml::toml! {
+///     duration = 0.05
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+/// };
+/// let batch = Batch::new(&[document.clone(), document], false, 2).unwrap();
+/// let rollouts: Vec<Rollout> = batch.run(Duration::from_millis(20), |_| true);
+/// assert!(rollouts.iter().all(|rollout| rollout.outcome.status == Status::Completed));
+/// let refused = Batch::new(&[toml::toml! { duration = 1.0 }], false, 1);
+/// assert!(matches!(refused, Err(BatchError::Scenario { index: 0, .. })));
+/// ```
 #[derive(Debug)]
 pub struct Batch {
     pool: ThreadPool,

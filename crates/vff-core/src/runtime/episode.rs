@@ -27,6 +27,15 @@ pub enum Action {
 }
 
 /// How a scenario becomes an episode.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::episode::{Action, EpisodeSettings, Weights};
+///
+/// let settings: EpisodeSettings = toml::from_str("action = \"torque\"\nweights = { effort = 0.0 }").unwrap();
+/// assert_eq!(settings.action, Action::Torque);
+/// assert_eq!(settings.weights, Weights { effort: 0.0, ..Weights::default() });
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EpisodeSettings {
@@ -301,6 +310,38 @@ fn uniform(random: &mut ChaCha8Rng) -> f64 {
 }
 
 /// One episode after the other.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::runtime::episode::{Episode, Part, Step, Task};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 0.05
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let task = Arc::new(Task::new(scenario, &toml::toml! { action = "torque" })?);
+/// let layout: &[Part] = task.layout();
+/// assert!(!layout.is_empty() && task.torque().len() == 3);
+/// let mut episode = Episode::new(&task, 1)?;
+/// episode.reset(None)?;
+/// let Step { reward, terminated, .. } = episode.step(&[0.0; 3]);
+/// assert!(reward.is_finite() && !terminated);
+/// let mut observation = vec![];
+/// episode.observe(&mut observation);
+/// assert_eq!(observation.len(), task.width());
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # See also
+/// [`EpisodeSettings`] and its [`Weights`]; [`Episodes`](super::vector::Episodes) steps many at once.
 #[derive(Debug)]
 pub struct Episode {
     task: Arc<Task>,

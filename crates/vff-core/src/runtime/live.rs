@@ -70,6 +70,30 @@ pub struct LoopStats {
 
 /// A closed loop that people interact with. One [`tick`](Self::tick) is one control period; it does not
 /// allocate. Everything else may.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::live::{Live, LoopStats, State};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let mut live = Live::new(&Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?)?;
+/// live.aim(&[1.1, 0.6]); // where the target is dragged
+/// live.tick();
+/// assert_eq!(live.state(), &State::Running);
+/// live.configure_as(&toml::toml! { stiffness = 100.0 damping = 20.0 })?;
+/// let LoopStats { rate, .. } = live.stats();
+/// assert!(rate >= 0.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct Live {
     scenario: Scenario,

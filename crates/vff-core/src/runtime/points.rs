@@ -7,6 +7,16 @@ use crate::world::CollisionQuery;
 use crate::world::space::{MAX_POINTS, Points, Shape, World};
 
 /// Why there are no points to be replaced.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{PointsError, points};
+///
+/// let upright = [1.0, 0.0, 0.0, 0.0];
+/// assert_eq!(points::make(vec![[0.0; 3]; 5], upright).unwrap().len(), 5);
+/// let refused = points::make(vec![[0.0; 3]; 50_001], upright).unwrap_err();
+/// assert!(matches!(refused, PointsError::TooMany(50_001)));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PointsError {
     /// There are none in the plane.

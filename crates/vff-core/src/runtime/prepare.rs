@@ -10,6 +10,28 @@ use crate::simulation::Run;
 use toml::Table;
 
 /// A scenario ready to run, and what is odd about it.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{AnyRun, ErasedRun, Ready};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 0.2
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let Ready { run, warnings } = scenario.prepare()?;
+/// let run: AnyRun = run;
+/// let every: &dyn ErasedRun = &*run; // what a run of any arm can do
+/// assert!(!every.is_over() && warnings.is_empty());
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
 pub struct Ready {
     /// The run at t = 0.

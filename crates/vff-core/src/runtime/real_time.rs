@@ -13,6 +13,31 @@ const RATES: std::ops::RangeInclusive<f64> = 0.1..=1e6;
 const MAX_PERIODS: f64 = 1e12;
 
 /// A closed loop that takes one control period per period of the clock.
+///
+/// # Example
+/// ```
+/// use std::sync::atomic::{AtomicBool, AtomicU64};
+/// use vff_core::runtime::real_time::{RealTime, Report};
+/// use vff_core::scenario::Scenario;
+/// use vff_core::simulation::Status;
+/// use vff_core::simulation::pace::Timing;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let loop_ = RealTime::new(&scenario, 1000.0)?;
+/// let Report { status, timing, .. } = loop_.run(20, &AtomicBool::new(false), &AtomicU64::new(0));
+/// let timing: Timing = timing;
+/// assert_eq!((status, timing.work.len() > 0), (Status::Completed, true));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone)]
 pub struct RealTime {
     run: AnyRun,

@@ -84,6 +84,31 @@ impl Slot {
 }
 
 /// Episodes side by side.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::episode::Task;
+/// use vff_core::runtime::vector::{Autoreset, Episodes, Slot};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 0.05
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let task = Task::new(scenario, &toml::toml! { action = "null_space" })?;
+/// let mut episodes = Episodes::new(task, 2, 1, 7)?;
+/// episodes.reset(&[Some(None), Some(None)])?;
+/// episodes.step(&[0.0; 6], Autoreset::NextStep)?;
+/// let slots: &[Slot] = episodes.slots();
+/// assert!(slots.iter().all(|slot| !slot.ended));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 pub struct Episodes {
     task: Arc<Task>,
@@ -107,7 +132,7 @@ impl Episodes {
         let task = Arc::new(task);
         let seeds = (0..count as u64).map(|i| seed.wrapping_add(i));
         let new = |seed| {
-            interrupt::spend(4096);
+            interrupt::checkpoint(4096);
             Slot::new(&task, seed)
         };
         let slots = seeds.map(new).collect::<Result<_, _>>()?;

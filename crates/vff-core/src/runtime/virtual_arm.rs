@@ -87,7 +87,9 @@ pub enum VirtualArmError {
 /// # Example
 /// ```
 /// use vff_core::math::ScalarOrVec;
-/// use vff_core::runtime::{AnyArm, AnyController, SetPointLimits, Target, VirtualArm};
+/// use vff_core::runtime::{
+///     AnyArm, AnyController, Course, SetPointLimits, Target, VirtualArm, VirtualArmError,
+/// };
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
@@ -106,6 +108,9 @@ pub enum VirtualArmError {
 /// }
 /// let [_, _, ddq] = model.set_point();
 /// assert!(ddq.iter().all(|ddq| ddq.abs() <= 5.0));
+/// assert_eq!(model.course(), Course::Following);
+/// let refused = VirtualArm::new(&controller, &limits, -1.0, &q).unwrap_err();
+/// assert!(matches!(refused, VirtualArmError::NotPositive { .. }));
 /// # Ok(())
 /// # }
 /// ```

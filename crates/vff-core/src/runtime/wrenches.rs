@@ -7,6 +7,31 @@ use crate::simulation::Acting;
 use std::sync::Arc;
 
 /// A wrench at one instant, in world axes, one coordinate after the other.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{ActingPull, ActingWrench, wrenches_along};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     wrenches = [{ link = "tip", force = [0.0, -5.0], start = 0.5 }]
+///     "#,
+/// )?;
+/// let q = [0.4, 0.5, -0.6, 0.4, 0.5, -0.6];
+/// let acting: Vec<Vec<ActingWrench>> = wrenches_along(&scenario, &[0.0, 1.0], &q)?;
+/// assert_eq!(acting[1][0].force, [0.0, -5.0]);
+/// // Nobody pulls in a document: that is for live runs.
+/// let pulled: Option<ActingPull> = scenario.prepare()?.run.pulled();
+/// assert!(pulled.is_none());
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActingWrench {
     /// The index of the link that it acts on.
@@ -62,7 +87,7 @@ fn along<S: FromDocument<D>, const D: usize>(
     let mut wrenches = scene.wrenches_on(&*arm)?;
     let (mut state, half) = (arm.state(), 0.5 * scenario.simulation.dt);
     let at = |(t, q): (&f64, &[f64])| {
-        interrupt::spend(64 * (q.len() + scene.wrenches.len()));
+        interrupt::checkpoint(64 * (q.len() + scene.wrenches.len()));
         state.update_positions(q);
         wrenches.go_to(t + half);
         wrenches.acting(&state).map(ActingWrench::from).collect()

@@ -242,7 +242,7 @@ impl<'de> de::SeqAccess<'de> for &mut Items<'de> {
         seed: T,
     ) -> Result<Option<T::Value>, ScenarioError> {
         let Some((index, value)) = self.values.next() else { return Ok(None) };
-        interrupt::spend(512);
+        interrupt::checkpoint(512);
         seed.deserialize(Node::from(value))
             .map(Some)
             .map_err(|error| error.inside(&format!("[{index}]")))

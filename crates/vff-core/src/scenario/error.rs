@@ -1,7 +1,8 @@
 //! What can be wrong with a scenario, and how it is said.
 
+use crate::geometry::ShapeFault;
 use crate::robot::description::DescriptionError;
-use crate::world::{ShapeFault, plane, space};
+use crate::world::{plane, space};
 use serde::Deserialize;
 use serde::de::IntoDeserializer;
 use serde::de::value::StrDeserializer;
@@ -9,6 +10,16 @@ use std::borrow::Cow;
 use std::fmt;
 
 /// One fault of a scenario: where, and what.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::{Problem, Scenario};
+///
+/// let error = Scenario::from_toml("duration = 1.0\nq0 = [0.4]\narm = { lengths = [-1.0], masses = 1.0 }\nreference = { kind = \"setpoint\", point = [0.5, 0.0] }")
+///     .unwrap_err();
+/// assert_eq!(error.path, "arm.lengths[0]");
+/// assert!(matches!(error.problem, Problem::OutOfRange { .. }));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{}{problem}", prefix(&cut(.path)))]
 pub struct ScenarioError {

@@ -59,6 +59,31 @@ pub const SCHEMA: &str = include_str!("schema.md");
 const MAX_STEPS: f64 = 1e12;
 
 /// A whole scenario.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::{AnyScene, Part, Scenario, SpatialScene, WhereUnreachable, check};
+///
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8]
+///     arm = { model = "panda" }
+///     reference = { kind = "setpoint" }
+///     obstacles = [{ shape = { kind = "sphere", radius = 0.1 }, position = [0.5, 0.5, 0.5] }]
+///     "#,
+/// )
+/// .unwrap();
+/// assert_eq!(scenario.unreachable, WhereUnreachable::Refuse);
+/// let AnyScene::Space(scene) = &scenario.scene else { panic!("an arm in space") };
+/// let scene: &SpatialScene = scene;
+/// assert_eq!((scene.obstacles.len(), scene.arm.model.as_deref()), (1, Some("panda")));
+/// // A part alone.
+/// assert!(check(Part::Field, &toml::toml! { kind = "khatib" gain = 0.1 influence = -1.0 }, None).is_err());
+/// ```
+///
+/// # See also
+/// [`prepare`](Self::prepare) makes a run of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
     /// A name for people.

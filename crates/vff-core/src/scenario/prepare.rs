@@ -7,8 +7,8 @@ use crate::planned_reference::follow_plan;
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::settings::NOT_NEGATIVE;
 use crate::simulation::{
-    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Setting, Sizes,
-    System, orientation_width,
+    Actuator, ClosedLoop, Control, Measurement, PerceptionKind, Physics, Reality, Sizes,
+    SpaceTypes, System, orientation_width,
 };
 use crate::trajectory::{Guided, JointSpline, Knots, Trajectory, TrajectoryError};
 use crate::world::World;
@@ -50,7 +50,7 @@ fn joints(
 
 /// Which arm, where its end effector has to be, and what is odd about that.
 type ArmAndReference<S, const D: usize, const M: usize> =
-    (Arc<<S as Setting<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>, Option<String>);
+    (Arc<<S as SpaceTypes<D>>::Arm>, Trajectory<<S as System<D, M>>::Pose, M>, Option<String>);
 
 impl Scenario {
     /// The physical arm, the sensors and the drives.

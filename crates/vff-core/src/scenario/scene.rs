@@ -2,7 +2,9 @@
 
 use super::ScenarioError;
 use super::validate::no_such_link;
-use crate::simulation::{Options, PerceptionSettings, Physics, Setting, System, Wrench, Wrenches};
+use crate::simulation::{
+    Options, PerceptionSettings, Physics, SpaceTypes, System, Wrench, Wrenches,
+};
 use crate::trajectory::{Guided, Trajectory};
 use crate::world::Solid;
 use serde::de::DeserializeOwned;
@@ -10,11 +12,11 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 /// What obstacles are described by.
-pub type ObstacleOf<S, const D: usize> = <<S as Setting<D>>::Solid as Solid<D>>::Obstacle;
+pub type ObstacleOf<S, const D: usize> = <<S as SpaceTypes<D>>::Solid as Solid<D>>::Obstacle;
 
 /// How people describe what meets in `D` dimensions: the tables of a scenario that depend on it, and what is made of them.
 pub trait FromDocument<const D: usize>:
-    Setting<D, Solid: Solid<D, Obstacle: DeserializeOwned + PartialEq>> + PartialEq
+    SpaceTypes<D, Solid: Solid<D, Obstacle: DeserializeOwned + PartialEq>> + PartialEq
 {
     /// `[arm]`.
     type ArmTable: DeserializeOwned + Clone + Debug + PartialEq;
@@ -88,6 +90,24 @@ pub trait CheckReach<const D: usize, const M: usize>:
 }
 
 /// The tables of a scenario that have the dimension of its arm.
+///
+/// # Example
+/// Whatever the space:
+/// ```
+/// use vff_core::scenario::{CheckReach, FromDocument, ObstacleOf, Scene, ScenarioError};
+/// use vff_core::scenario::FeltObstacle;
+///
+/// fn dof<S: FromDocument<D>, const D: usize>(scene: &Scene<S, D>) -> Result<S::Arm, ScenarioError> {
+///     S::arm(&scene.arm)
+/// }
+///
+/// fn bodies<S: FromDocument<D>, const D: usize>(felt: Vec<FeltObstacle<S, D>>) -> Vec<ObstacleOf<S, D>> {
+///     felt.into_iter().map(|(obstacle, _)| obstacle).collect()
+/// }
+///
+/// fn has_task<S: CheckReach<D, M>, const D: usize, const M: usize>() {}
+/// has_task::<vff_core::simulation::Space, 3, 5>();
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene<S: FromDocument<D>, const D: usize> {
     /// The arm.

@@ -88,7 +88,7 @@ impl Scenario {
 /// M(q), (n, n).
 fn mass_matrix<A: Model<D>, const D: usize>(arm: &Arc<A>, q: &[f64]) -> DMatrix<f64> {
     let n = arm.dof();
-    interrupt::spend(n * n * n);
+    interrupt::checkpoint(n * n * n);
     let mut state = arm.state();
     state.update(q, &vec![0.0; n]);
     let mut mass = DMatrix::zeros(n, n);

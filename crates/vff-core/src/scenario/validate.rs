@@ -7,7 +7,7 @@ use super::numbers::{length, number, table};
 use super::touch::touch;
 use crate::control::PreviewSettings;
 use crate::control::avoidance::barrier;
-use crate::control::avoidance::preview::closed_loop_rollout::fastest_rate;
+use crate::control::avoidance::preview::fastest_rate;
 use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
 use crate::control::{
@@ -49,7 +49,7 @@ fn finite_value(value: &Value) -> Validated {
             Err(ScenarioError::out_of_range("", "at most 1e100", x))
         }
         Value::Array(values) => values.iter().enumerate().try_for_each(|(i, value)| {
-            interrupt::spend(64);
+            interrupt::checkpoint(64);
             finite_value(value).map_err(|error| error.inside(&format!("[{i}]")))
         }),
         Value::Table(table) => finite(table),

@@ -12,6 +12,17 @@ settings! {
 }
 
 /// Drives with a first-order lag each, T τ̇ + τ = τ_commanded (T48), at zero torque in the beginning.
+///
+/// # Example
+/// ```
+/// use vff_core::simulation::{Actuator, ActuatorSettings};
+///
+/// let settings = ActuatorSettings { time_constant: vff_core::math::ScalarOrVec::Uniform(0.005), ..ActuatorSettings::default() };
+/// let mut drive = Actuator::new(&settings, 1, 0.001);
+/// drive.start();
+/// let first = drive.advance(&[10.0])[0];
+/// assert!(0.0 < first && first < 10.0 && drive.advance(&[10.0])[0] > first);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Actuator {
     /// e^(−Δt/T): what is left of the difference to the command after a step.

@@ -58,7 +58,7 @@ impl Chatter {
     }
 
     /// A sentence, where it does.
-    pub fn told(&self) -> Option<String> {
+    pub fn sentence(&self) -> Option<String> {
         let joints = self.joints.iter().map(|joint| joint.most).enumerate();
         let (joint, most) = joints.max_by(|a, b| a.1.total_cmp(&b.1))?;
         let share = most / self.peak;
@@ -76,10 +76,10 @@ impl Chatter {
 mod tests {
     use super::*;
 
-    fn told(torque: impl Fn(u32) -> f64) -> Option<String> {
+    fn sentence(torque: impl Fn(u32) -> f64) -> Option<String> {
         let mut chatter = Chatter::new(&[torque(0), 0.0]);
         (1..2000).for_each(|k| chatter.take_in(&[torque(k), 0.0]));
-        chatter.told()
+        chatter.sentence()
     }
 
     /// Sines, jumps and torques that are held are quiet; what goes to and fro from one command to the next is told of, also where
@@ -87,15 +87,15 @@ mod tests {
     #[test]
     fn what_goes_to_and_fro_is_told() {
         let sine = |k: u32| 20.0 * (0.05 * f64::from(k)).sin();
-        assert_eq!(told(sine), None);
-        assert_eq!(told(|k| sine(k / 7)), None);
-        assert_eq!(told(|k| sine(k) + if k / 300 % 2 == 0 { 20.0 } else { -20.0 }), None);
-        assert_eq!(told(|_| 3.0), None);
+        assert_eq!(sentence(sine), None);
+        assert_eq!(sentence(|k| sine(k / 7)), None);
+        assert_eq!(sentence(|k| sine(k) + if k / 300 % 2 == 0 { 20.0 } else { -20.0 }), None);
+        assert_eq!(sentence(|_| 3.0), None);
         let rough = |k: u32| sine(k) + if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         for torque in [&rough as &dyn Fn(u32) -> f64, &|k| rough(k / 3)] {
-            let sentence = told(torque).unwrap();
+            let sentence = sentence(torque).unwrap();
             assert!(sentence.contains("joint 0"), "{sentence}");
         }
-        assert_eq!(told(|k| sine(k) + if k % 2 == 0 { 0.05 } else { -0.05 }), None);
+        assert_eq!(sentence(|k| sine(k) + if k % 2 == 0 { 0.05 } else { -0.05 }), None);
     }
 }

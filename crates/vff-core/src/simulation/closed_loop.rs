@@ -7,10 +7,10 @@ use super::actuator::Actuator;
 use super::contact::ContactSettings;
 use super::integrator::Stepper;
 use super::measurement::Measurement;
+use super::output_stage::OutputStage;
 use super::perception::Perceive;
 use super::plant::{Physics, Plant};
 use super::pull::Pull;
-use super::sending::Sending;
 use super::wrench::{Acting, MAX_WRENCHES, Wrench};
 use super::{Control, Integrator, Moment, Options, Replan, Replanned, Snapshot, System};
 use crate::control::{
@@ -42,6 +42,40 @@ pub struct Reality<A, P, const D: usize> {
 }
 
 /// An arm under control among obstacles. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Gains, Settings};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{PlanarArm, planar::Link};
+/// use vff_core::simulation::{ClosedLoop, Options, Physics, Plane, Reality, Run, Status};
+/// use vff_core::trajectory::{Trajectory, plane::Reference};
+/// use vff_core::world::plane::World;
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros()));
+/// let gains = Gains::<2>::new(&Settings::default());
+/// let setpoint = Reference::Setpoint { point: vec![1.2, 0.5] };
+/// let trajectory = Trajectory::new(&setpoint, &Vector::<2>::zeros()).unwrap();
+/// let reality = Reality {
+///     plant: Physics::of(&arm),
+///     measurement: None,
+///     perception: None,
+///     actuator: None,
+///     wrenches: vec![],
+///     contacts: vec![],
+/// };
+/// let start = [vec![0.4, 0.5, -0.6], vec![0.0; 3]];
+/// let closed_loop = ClosedLoop::<Plane, 2, 2>::new(
+///     &arm, gains, World::new(vec![]), trajectory, Options::default(), reality, start,
+/// );
+/// let mut run = Run::new(closed_loop, &Options::default(), 0.1, true).unwrap();
+/// while run.step() {}
+/// assert_eq!(run.outcome().status, Status::Completed);
+/// ```
+///
+/// # See also
+/// [`Scenario::prepare`](crate::scenario::Scenario), which makes one of a document.
 #[derive(Debug, Clone)]
 pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     options: Options,
@@ -55,7 +89,7 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     perception: Option<S::Perception>,
     actuator: Option<Actuator>,
     /// What stands between the law and the robot, where that is not nothing.
-    output: Option<Box<Sending>>,
+    output: Option<Box<OutputStage>>,
     /// What makes the reference wait.
     governor: Option<Governor>,
     /// Who makes another plan where the reference is one that leads nowhere any more.
@@ -189,7 +223,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         });
         let imperfect = imperfect || perception.is_some();
         let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
-        let output = Sending::new(&gains, n);
+        let output = OutputStage::new(&gains, n);
         let stack =
             ControlStack { controller: Controller::new(arm.state(), gains), world, trajectory };
         let x = stack.controller.pose();
@@ -256,9 +290,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// The robot has held its arm still until now.
     fn start_output(&mut self) {
         let Self { output, plant, q, dq, .. } = self;
-        if let Some(sending) = output {
+        if let Some(output_stage) = output {
             plant.update(q, dq);
-            sending.start(plant);
+            output_stage.start(plant);
         }
     }
 
@@ -281,14 +315,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// finite and slower than [`MAX_SPEED`](Self::MAX_SPEED), or the law not
     /// [defined](Self::is_defined) there.
     pub fn advance(&mut self, external: Option<&[f64]>) -> bool {
-        interrupt::spend(256 * self.q.len());
+        interrupt::checkpoint(256 * self.q.len());
         let t = self.time();
         self.remember();
         let ideal = self.is_ideal();
         let Self { stack, plant, actuator, stepper, held, output, options, arm, q, dq, .. } = self;
         let continuous = options.control == Control::Continuous && external.is_none();
         let (held, mut output) = match output.as_deref_mut() {
-            Some(Sending { sent, output, .. }) => (&*sent, Some(output)),
+            Some(OutputStage { sent, output, .. }) => (&*sent, Some(output)),
             None => (&held.total, None),
         };
         let held = external.unwrap_or(held);
@@ -343,8 +377,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         match (actuator, output) {
             (None, None) => &held.total,
             (Some(actuator), None) => actuator.advance(&held.total),
-            (actuator, Some(sending)) => {
-                let Sending { sent, acting, .. } = &mut **sending;
+            (actuator, Some(output_stage)) => {
+                let OutputStage { sent, acting, .. } = &mut **output_stage;
                 let driven = actuator.as_mut().map_or(&sent[..], |actuator| actuator.advance(sent));
                 acting.copy_from_slice(driven);
                 plant.add_own_torque(q, dq, acting);
@@ -359,8 +393,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         stack.torque_at(t, [q, dq], None, None, |_| {});
         let controller = &stack.controller;
         let law = &controller.torque().total;
-        let Some(sending) = output else { return law };
-        let Sending { output, acting, .. } = &mut **sending;
+        let Some(output_stage) = output else { return law };
+        let OutputStage { output, acting, .. } = &mut **output_stage;
         acting.copy_from_slice(output.convert(controller.robot(), law));
         plant.add_own_torque(q, dq, acting);
         acting
@@ -403,8 +437,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
                 }
                 return true;
             }
-            if let Some(sending) = &mut self.output {
-                sending.undo(self.step);
+            if let Some(output_stage) = &mut self.output {
+                output_stage.undo(self.step);
             }
             self.step -= 1;
             let t = self.time();
@@ -439,7 +473,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     pub fn is_defined(&self) -> bool {
         let forces = self.stack.controller.forces();
         let total = self.stack.controller.torque().total.as_slice();
-        let sent = self.output.as_ref().is_none_or(|sending| is_finite(&sending.acting));
+        let sent = self.output.as_ref().is_none_or(|output_stage| is_finite(&output_stage.acting));
         is_finite(total) && is_finite(&self.held.total) && is_finite(forces.magnitude()) && sent
     }
 
@@ -461,11 +495,11 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
                 controller.sense(plant.external());
             }
             match output {
-                Some(sending) => {
+                Some(output_stage) => {
                     if is_new {
-                        sending.report(controller, elapsed);
+                        output_stage.report(controller, elapsed);
                     }
-                    sending.announce(controller, step, period);
+                    output_stage.announce(controller, step, period);
                 }
                 None if is_new => controller.hear(None, &held.total, elapsed),
                 None => {}
@@ -495,20 +529,20 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         if period_begins {
             self.null_acceleration = self.stack.controller.null_acceleration();
             self.predict(t);
-            if let Some(sending) = &mut self.output {
+            if let Some(output_stage) = &mut self.output {
                 let stack = self.foresight.as_ref().unwrap_or(&self.stack);
                 let period = self.options.control_period();
-                sending.send(&stack.controller, &self.held.total, self.step, period);
+                output_stage.send(&stack.controller, &self.held.total, self.step, period);
             }
             if let Some(actuator) = &mut self.actuator {
                 actuator.command(match &self.output {
-                    Some(sending) => &sending.sent,
+                    Some(output_stage) => &output_stage.sent,
                     None => &self.held.total,
                 });
             }
         }
-        if let Some(sending) = &mut self.output {
-            sending.look(self.actuator.as_ref(), &mut self.plant, [&self.q, &self.dq]);
+        if let Some(output_stage) = &mut self.output {
+            output_stage.look(self.actuator.as_ref(), &mut self.plant, [&self.q, &self.dq]);
         }
     }
 
@@ -532,8 +566,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let (step, period, output) = (self.step, 2.0 * half, &mut self.output);
         let announce = |foresight: &mut Controller<S::State, D, M>| {
             foresight.believe(controller);
-            if let Some(sending) = output {
-                sending.announce(foresight, step, period);
+            if let Some(output_stage) = output {
+                output_stage.announce(foresight, step, period);
             }
         };
         let state = [q.as_slice(), dq.as_slice()];

@@ -13,6 +13,14 @@ const NEAR: f64 = 0.05;
 
 settings! {
     /// `contact` of one of `[[obstacles]]`: how it resists.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::simulation::ContactSettings;
+    ///
+    /// let felt: ContactSettings = toml::from_str("stiffness = 5000").unwrap();
+    /// assert_eq!(felt, ContactSettings { stiffness: 5000.0, ..ContactSettings::default() });
+    /// ```
     #[derive(Copy)]
     pub struct ContactSettings {
         /// 10 N sink in by 0.1 mm.

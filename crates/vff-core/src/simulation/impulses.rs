@@ -128,7 +128,7 @@ impl Impulses {
         }
         // (M⁻¹)_SS p_S = −v_S
         for (column, &joint) in self.still.iter().enumerate() {
-            interrupt::spend(16 * self.unit.len() + column * column);
+            interrupt::checkpoint(16 * self.unit.len() + column * column);
             self.unit.fill(0.0);
             self.unit[joint] = 1.0;
             robot.mass_solve(&self.unit, &mut self.change);

@@ -82,6 +82,17 @@ pub(super) fn rounded(value: f64, step: f64) -> f64 {
 }
 
 /// Sensors of q and q̇: noise, then rounding, then delay (T47).
+///
+/// # Example
+/// ```
+/// use vff_core::simulation::{Measurement, MeasurementSettings};
+///
+/// let mut sensors = Measurement::new(&MeasurementSettings::default(), 7, 2, 0.001);
+/// assert!(sensors.is_perfect());
+/// sensors.start(&[0.1, 0.2], &[0.0; 2]);
+/// let [q, _] = sensors.seen();
+/// assert_eq!(q, [0.1, 0.2]);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Measurement {
     position: Sensors,

@@ -160,6 +160,17 @@ impl Ratio {
 }
 
 /// Running sums of a run.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::Limits;
+/// use vff_core::simulation::{METRICS, Metric, Metrics, Value};
+///
+/// let metrics = Metrics::new(3, 1.0, 0.001, Limits::default());
+/// assert_eq!(metrics.collision_time(), None);
+/// let named: Vec<(&Metric, Value)> = metrics.values([None; 5]);
+/// assert!(named.len() <= METRICS.len() && !named[0].0.meaning.is_empty());
+/// ```
 #[derive(Debug, Clone)]
 pub struct Metrics {
     dt: f64,

@@ -9,6 +9,7 @@ mod integrator;
 mod measurement;
 mod metrics;
 mod options;
+mod output_stage;
 #[cfg(feature = "realtime")]
 pub mod pace;
 mod perception;
@@ -18,7 +19,6 @@ mod pull;
 mod recorder;
 mod replanning;
 mod run;
-mod sending;
 mod snapshot;
 mod space;
 mod system;
@@ -43,6 +43,6 @@ pub use replanning::{Moment, Reason, Replan, ReplanCounts, ReplanSettings, Repla
 pub use run::{Outcome, Run, Status};
 pub use snapshot::Snapshot;
 pub use space::Space;
-pub use system::{Setting, System};
+pub use system::{SpaceTypes, System};
 pub use wrench::{Acting, Axes, MAX_WRENCHES, Profile, TIP, Torque, Wrench};
 pub use wrenches::Wrenches;

@@ -30,6 +30,14 @@ pub enum Control {
 
 settings! {
     /// Steps, integrator and sampling.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::simulation::{Control, Integrator, Options};
+    ///
+    /// let options = Options { control: Control::Hold, integrator: Integrator::Rk4, dt: 0.001, ..Options::default() };
+    /// assert_eq!(options.steps(2.0), 2000);
+    /// ```
     pub struct Options {
         /// Step of the plant.
         dt: f64 = 1e-3, "s", POSITIVE;

@@ -41,6 +41,22 @@ impl Default for Timing {
 }
 
 /// What becomes of periods that are over before they could begin.
+///
+/// # Example
+/// ```
+/// use std::sync::atomic::{AtomicBool, AtomicU64};
+/// use std::time::Duration;
+/// use vff_core::simulation::pace::{Late, Timing, keep};
+///
+/// let (mut timing, mut count) = (Timing::default(), 0);
+/// let work = || {
+///     count += 1;
+///     true
+/// };
+/// let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+/// keep(&mut timing, Duration::from_micros(100), Late::CatchUp, 5, &stop, &done, work);
+/// assert_eq!(count, 5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Late {
     /// They are done at once, until the clock is caught up with: nothing is left out of what is computed.

@@ -1,6 +1,6 @@
 //! The plane: which types fit together there.
 
-use super::{Perception, Setting, System};
+use super::{Perception, SpaceTypes, System};
 use crate::math::{PlanarPose, Vector};
 use crate::robot::planar::{Annulus, Reach};
 use crate::robot::{PlanarArm, PlanarState};
@@ -11,7 +11,7 @@ use crate::world::plane::Outline;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane;
 
-impl Setting<2> for Plane {
+impl SpaceTypes<2> for Plane {
     type State = PlanarState;
     type Arm = PlanarArm;
     type Solid = Outline;

@@ -10,6 +10,14 @@ use serde::Deserialize;
 const RATE: f64 = 10.0;
 
 /// How a point of a link is pulled.
+///
+/// # Example
+/// ```
+/// use vff_core::simulation::Pull;
+///
+/// let pull: Pull<3> = toml::from_str(r#"link = "panda_link4" anchor = [0.3, 0.0, 0.6]"#.replace(" anchor", "\nanchor").as_str()).unwrap();
+/// assert_eq!((pull.point, pull.stiffness), ([0.0; 3], None));
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pull<const D: usize> {

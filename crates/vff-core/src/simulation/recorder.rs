@@ -52,6 +52,32 @@ pub const fn orientation_width(dimension: usize, width: usize) -> usize {
 
 /// Every recorded quantity, one row per recorded instant (units as in [`Snapshot`]). One that the run
 /// does not have stays empty.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::Scenario;
+/// use vff_core::simulation::{Array, Outcome, Record, Sizes, Status};
+///
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 0.05
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )
+/// .unwrap();
+/// let mut run = scenario.prepare().unwrap().run;
+/// while run.step() {}
+/// let Outcome { status, record, .. } = run.outcome();
+/// assert_eq!(status, Status::Completed);
+/// let Sizes { joints, .. } = record.sizes;
+/// assert_eq!(record.q.len(), joints * record.rows);
+/// let rows = record.rows;
+/// let arrays = Record::into_arrays(record);
+/// let Array { shape, .. } = arrays.into_iter().find_map(|(name, array)| array.filter(|_| name == "q")).unwrap();
+/// assert_eq!(shape, [rows, 3]);
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Record {
     /// Number of rows T.
@@ -129,6 +155,14 @@ pub struct Record {
 pub use crate::math::memory::MAX_BYTES;
 
 /// The record of a run would be too large.
+///
+/// # Example
+/// ```
+/// use vff_core::simulation::RecordTooLarge;
+///
+/// let error = RecordTooLarge { rows: 1_000_000_000, gigabytes: 720.0 };
+/// assert!(error.to_string().contains("720"));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{rows} recorded rows take {gigabytes:.1} GB, more than there is or than the 8 GB allowed")]
 pub struct RecordTooLarge {

@@ -55,6 +55,16 @@ impl Reason {
 }
 
 /// A search for another plan.
+///
+/// # Example
+/// ```
+/// use vff_core::simulation::{Reason, ReplanCounts, ReplanSettings, Replanned};
+///
+/// let one = Replanned { asked: 1.5, reason: Reason::Stuck, status: Some("found"), taken: Some(1.7) };
+/// assert_eq!(one.reason.name(), "stuck");
+/// assert_eq!(ReplanCounts { taken: 1, stuck: 1 }.taken, 1);
+/// assert_eq!(ReplanSettings::default(), ReplanSettings::default());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Replanned {
     /// When it was asked for \[s\].

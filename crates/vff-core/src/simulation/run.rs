@@ -183,7 +183,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         let metrics = self.metrics.values(self.closed_loop.left_out());
         let replans = self.closed_loop.replans().to_vec();
         let chatter = self.chatter.filter(|_| !self.diverged);
-        let warnings = chatter.and_then(|chatter| chatter.told()).into_iter().collect();
+        let warnings = chatter.and_then(|chatter| chatter.sentence()).into_iter().collect();
         Outcome { status, message, end_time, metrics, record: self.record, replans, warnings }
     }
 }

@@ -5,6 +5,31 @@ use crate::control::{Energy, ObjectiveScale, Power, Torque};
 use crate::world::Positions;
 
 /// State, torques and what the field does, at one instant. n joints, task dimension m.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::Scenario;
+/// use vff_core::simulation::Snapshot;
+/// use vff_core::world::Positions;
+///
+/// # fn main() -> Result<(), vff_core::scenario::ScenarioError> {
+/// let run = Scenario::from_toml(
+///     r#"
+///     duration = 0.2
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     obstacles = [{ shape = { kind = "circle", radius = 0.1 }, position = [1.2, 1.2] }]
+///     "#,
+/// )?
+/// .prepare()?
+/// .run;
+/// let now: Snapshot<'_> = run.snapshot();
+/// let obstacles: &dyn Positions = now.obstacles;
+/// assert_eq!((now.t, now.q.len(), obstacles.count()), (0.0, 3, 1));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy)]
 pub struct Snapshot<'a> {
     /// Dimension of the space, 2 or 3: how many of the error's entries are of position.

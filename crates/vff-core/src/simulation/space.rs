@@ -1,6 +1,6 @@
 //! Space: which types fit together there.
 
-use super::{Setting, SpatialPerception, System};
+use super::{SpaceTypes, SpatialPerception, System};
 use crate::math::{Pointing, SpatialPose, Vector};
 use crate::robot::{Model, SpatialArm, SpatialState};
 use crate::world::space::Volume;
@@ -9,7 +9,7 @@ use crate::world::space::Volume;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Space;
 
-impl Setting<3> for Space {
+impl SpaceTypes<3> for Space {
     type State = SpatialState;
     type Arm = SpatialArm;
     type Solid = Volume;

@@ -12,6 +12,33 @@ pub const MAX_WRENCHES: usize = 1000;
 pub const TIP: &str = "tip";
 
 /// One of `[[wrenches]]`: a force and a torque on a link, at a point that the link carries.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
+/// use vff_core::simulation::{Acting, Axes, Profile, TIP, Torque, Wrench, Wrenches};
+///
+/// let push = Wrench {
+///     link: TIP.into(),
+///     point: [0.0; 2],
+///     force: [0.0, -10.0],
+///     torque: Torque::default(),
+///     frame: Axes::World,
+///     start: 0.5,
+///     duration: Some(1.0),
+///     profile: Profile::Constant {},
+/// };
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros()));
+/// let mut wrenches = Wrenches::<PlanarState, 2>::new(&[push], &*arm).unwrap();
+/// let mut robot = arm.state();
+/// robot.update(&[0.0; 2], &[0.0; 2]);
+/// wrenches.go_to(1.0);
+/// let Acting { link, force, .. } = wrenches.acting(&robot).next().unwrap();
+/// assert_eq!((link, force), (1, Vector::<2>::new(0.0, -10.0)));
+/// assert!((wrenches.torque(&robot)[0] + 20.0).abs() < 1e-12); // 2 m from the base
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wrench<const D: usize> {

@@ -7,6 +7,16 @@ use thiserror::Error;
 /// The message says what was expected and what was given. It does not name the field, so
 /// that a caller can put the whole dotted path, ending in [`TrajectoryError::field`], before
 /// it.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::trajectory::{Trajectory, TrajectoryError, plane::Reference};
+///
+/// let reference = Reference::Setpoint { point: vec![1.0, 2.0, 3.0] };
+/// let error = Trajectory::<Vector<2>, 2>::new(&reference, &Vector::<2>::zeros()).unwrap_err();
+/// assert!(matches!(error, TrajectoryError::Dimension { expected: 2, given: 3, .. }));
+/// ```
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum TrajectoryError {
     /// A list that needs one entry per task axis has another length.

@@ -34,6 +34,14 @@ struct Delay {
 }
 
 /// The clock of the reference at one instant.
+///
+/// # Example
+/// ```
+/// use vff_core::trajectory::Pace;
+///
+/// let Pace { time, speed, change } = Pace::of_time(2.0);
+/// assert_eq!((time, speed, change), (2.0, 1.0, 0.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pace {
     /// σ \[s\].

@@ -39,6 +39,16 @@ pub struct JointSpline {
 }
 
 /// The farthest that joints go on a motion, of each joint.
+///
+/// # Example
+/// ```
+/// use vff_core::trajectory::{JointSpline, Peaks};
+///
+/// let spline = JointSpline::new(&[0.0, 1.0], &[vec![0.0], vec![1.0]]).unwrap();
+/// let Peaks { positions, speeds, .. } = spline.peaks();
+/// assert_eq!(positions, [[0.0, 1.0]]);
+/// assert!(speeds[0] > 1.0); // from rest to rest
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Peaks {
     /// The least and the largest position \[rad or m\].
@@ -125,7 +135,7 @@ impl JointSpline {
         };
         for (i, pair) in self.times.windows(2).enumerate() {
             let h = pair[1] - pair[0];
-            interrupt::spend(32 * self.n);
+            interrupt::checkpoint(32 * self.n);
             for (joint, piece) in self.pieces[i * self.n..(i + 1) * self.n].iter().enumerate() {
                 let [b, c, d] = [piece[1].x, 2.0 * piece[2].x, 3.0 * piece[3].x];
                 // Where the velocity b + c t + d t² is zero, without a difference of what is nearly the same.

@@ -8,6 +8,16 @@ const REACH: usize = 2;
 
 /// What every link keeps from obstacles, over time: C² where the knots are evenly spaced, and between two of them at most the
 /// smaller of what was said there.
+///
+/// # Example
+/// ```
+/// use vff_core::trajectory::{KeptMargins, Pace};
+///
+/// let kept = KeptMargins::new(&[0.0, 1.0], &[vec![0.02], vec![0.05]], 1).unwrap();
+/// let mut margins = [[0.0; 3]];
+/// kept.at(&Pace::of_time(0.0), 0.1, &mut margins);
+/// assert!((margins[0][0] - 0.02).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct KeptMargins {
     times: Vec<f64>,

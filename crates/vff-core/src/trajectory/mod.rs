@@ -30,6 +30,15 @@ use crate::math::{Pose, Vector};
 use std::fmt::Debug;
 
 /// The reference at one instant.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::trajectory::Sample;
+///
+/// let sample = Sample { dx: Vector::<2>::new(1.0, 0.0), ..Sample::at_rest(Vector::<2>::zeros()) };
+/// assert_eq!(sample.carried_on(0.5).x, Vector::<2>::new(0.5, 0.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample<P, const M: usize> {
     /// Pose x_r.
@@ -110,6 +119,21 @@ pub struct Knots<'a> {
 }
 
 /// Something that is led by joints: an arm that follows a plan, wherever the real one is.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::math::Vector;
+/// use vff_core::planned_reference::follow_plan;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link};
+/// use vff_core::trajectory::{JointSpline, Trajectory};
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros()));
+/// let joints = JointSpline::new(&[0.0, 1.0], &[vec![0.0, 0.0], vec![0.5, 0.5]]).unwrap();
+/// let trajectory: Trajectory<Vector<2>, 2> = follow_plan(arm.state(), joints);
+/// assert_eq!(trajectory.at(0.0).x, Vector::<2>::new(2.0, 0.0)); // a `PlannedReference` within
+/// assert_eq!(trajectory.joints().unwrap().last(), [0.5, 0.5]);
+/// ```
 pub trait PlannedReference<P, const M: usize>: Debug + Send {
     /// Where its end effector is at time `t` \[s\]. Does not allocate.
     fn at(&self, t: f64) -> Sample<P, M>;
@@ -120,6 +144,22 @@ pub trait PlannedReference<P, const M: usize>: Debug + Send {
 }
 
 /// A reference for poses `P` of a task of dimension `M`, ready to be evaluated.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::trajectory::{Guided, Knots, Trajectory, plane::Reference};
+///
+/// let line = Reference::Line { start: None, end: vec![1.0, 0.0], duration: 2.0 };
+/// let trajectory = Trajectory::<Vector<2>, 2>::new(&line, &Vector::<2>::zeros()).unwrap();
+/// assert!((trajectory.at(1.0).x.x - 0.5).abs() < 1e-15);
+/// assert_eq!(trajectory.at(2.0).dx, Vector::<2>::zeros());
+/// let plan: Option<Knots<'_>> = <Vector<2> as Guided<2>>::plan(&line);
+/// assert!(plan.is_none());
+/// ```
+///
+/// # See also
+/// [`PlannedReference`], where joints follow a plan; [`follow_plan`](crate::planned_reference::follow_plan) makes one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory<P: Guided<M>, const M: usize> {
     path: Path<P, M>,

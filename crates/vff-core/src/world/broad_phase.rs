@@ -191,11 +191,11 @@ impl<H> Tree<H> {
     {
         let work = 256 * members.len();
         let boxes: Vec<_> = members.iter().map(|&j| box_of(&obstacles[j], time)).collect();
-        interrupt::spend(work);
+        interrupt::checkpoint(work);
         let mut tree = Self { members, hierarchy: H::new(&boxes) };
         // Twice, and the hierarchy has all the room that it will ever need.
         for _ in 0..2 {
-            interrupt::spend(work);
+            interrupt::checkpoint(work);
             tree.renew(obstacles, time, true);
         }
         tree

@@ -7,6 +7,27 @@ use crate::math::{Feature, Vector};
 ///
 /// Moving the link by a small δ changes `distance` by `normal · δ`, outside and inside the
 /// obstacle alike.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::{Body, Shape};
+/// use vff_core::math::{Capsule, Vector};
+/// use vff_core::world::space::{Obstacle, World};
+/// use vff_core::world::{Contact, Motion};
+///
+/// let ball = Obstacle {
+///     shape: Shape::Sphere { radius: 0.1 },
+///     position: [0.0, 0.5, 0.2],
+///     orientation: [1.0, 0.0, 0.0, 0.0],
+///     angular_velocity: [0.0; 3],
+///     motion: Motion::Linear { velocity: [0.0, -0.3, 0.0] },
+/// };
+/// let link = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.4), 0.05);
+/// let Contact { distance, normal, velocity, .. } = World::new(vec![ball]).contact(0, &Body::new(0, link), 0);
+/// assert!((distance - 0.35).abs() < 1e-15);
+/// assert_eq!(normal, Vector::<3>::new(0.0, -1.0, 0.0)); // from the obstacle to the link
+/// assert_eq!(velocity, Vector::<3>::new(0.0, -0.3, 0.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact<const D: usize> {
     /// Index of the body of the robot.

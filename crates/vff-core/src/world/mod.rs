@@ -19,7 +19,6 @@ mod outlook;
 mod placed;
 pub mod plane;
 mod query;
-mod shape_fault;
 mod solid;
 pub mod space;
 mod turning;
@@ -31,7 +30,6 @@ pub use contact::{Contact, Pair};
 pub use motion::{Motion, MotionState};
 pub use outlook::{Ahead, Outlook};
 pub use query::{CollisionQuery, Positions};
-pub use shape_fault::ShapeFault;
 pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
 pub use within::Boxes;
@@ -130,7 +128,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// them mean nothing.
     pub fn new(obstacles: Vec<S::Obstacle>) -> Self {
         let place = |obstacle| {
-            interrupt::spend(256);
+            interrupt::checkpoint(256);
             Placed::new(obstacle)
         };
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(place).collect();

@@ -8,6 +8,17 @@ use serde::Deserialize;
 ///
 /// The values are taken as they are; `scenario` validates them (finite, `times` strictly
 /// increasing and as many as `points`).
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::world::{Motion, MotionState};
+///
+/// let motion = Motion::waypoints(vec![0.0, 2.0], vec![[0.0, 0.0], [1.0, 0.0]]);
+/// let MotionState { position, .. } = motion.at(1.0, Vector::<2>::zeros());
+/// assert!((position.x - 0.5).abs() < 1e-15);
+/// assert!(!motion.is_static());
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Motion<const D: usize> {

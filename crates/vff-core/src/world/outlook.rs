@@ -11,6 +11,25 @@ const IMPLIED_UP_TO: f64 = 16.0;
 const UNHARMED_UP_TO: f64 = 160.0;
 
 /// Of barriers of the rate k: d + 2ḋ/k + d̈/k² is not to be less than what is kept.
+///
+/// # Example
+/// ```
+/// use std::cell::Cell;
+/// use vff_core::math::Vector;
+/// use vff_core::world::{Ahead, Outlook};
+///
+/// let coarsened = Cell::new(0);
+/// let still = |_: usize, _: &Vector<3>| Vector::<3>::zeros();
+/// let outlook = Outlook { rate: 10.0, kept: 0.02, velocity: &still, coarsened: &coarsened };
+/// let ahead = Ahead::<3> {
+///     kept: outlook.kept,
+///     shift: [Vector::<3>::zeros(); 2],
+///     implied: 0.3,
+///     unharmed: 3.0,
+///     coarsened: outlook.coarsened,
+/// };
+/// assert_eq!(ahead.kept, 0.02);
+/// ```
 #[derive(Clone, Copy)]
 pub struct Outlook<'a, const D: usize> {
     /// k \[1/s\].

@@ -13,6 +13,29 @@ const ROUNDING: f64 = 1e-9;
 
 /// What a controller asks of the world around the arm: the nearest points of every body of
 /// the robot to everything that it knows of.
+///
+/// # Example
+/// The smallest distance from a link to any obstacle:
+/// ```
+/// use vff_core::geometry::Body;
+/// use vff_core::math::{Capsule, Vector};
+/// use vff_core::world::plane::{Obstacle, Shape, World};
+/// use vff_core::world::{CollisionQuery, Motion};
+///
+/// let disc = |x: f64| Obstacle {
+///     shape: Shape::Circle { radius: 0.1 },
+///     position: [x, 0.5],
+///     angle: 0.0,
+///     angular_velocity: 0.0,
+///     motion: Motion::Static {},
+/// };
+/// let mut world = World::new(vec![disc(0.2), disc(3.0)]);
+/// assert_eq!(world.obstacle_count(), 2);
+/// let link = Capsule::new(Vector::<2>::zeros(), Vector::<2>::new(1.0, 0.0), 0.1);
+/// let mut least = f64::INFINITY;
+/// world.for_each_pair([Body::new(0, link)], |contact| least = least.min(contact.distance));
+/// assert!((least - 0.3).abs() < 1e-15);
+/// ```
 pub trait CollisionQuery<const D: usize> {
     /// How many obstacles there are.
     fn obstacle_count(&self) -> usize;
@@ -190,7 +213,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                 }
             }
         };
-        interrupt::spend(32 * self.obstacles.len());
+        interrupt::checkpoint(32 * self.obstacles.len());
         self.obstacles.iter().filter_map(hit).reduce(f64::min)
     }
 
@@ -256,7 +279,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         // What was nearest before is worth a second look where one obstacle alone has many points to search.
         let searched = *contacts > obstacles.len();
         for (body, Body { link, shape, hull }) in bodies {
-            interrupt::spend(256);
+            interrupt::checkpoint(256);
             let probe = S::probe(&shape);
             if let Some(hull) = &hull {
                 let pair = Pair { body, link, obstacle: 0 };
@@ -277,7 +300,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             };
             // Where no distance is asked for, a search for the nearest point does not pay: they are searched for all in reach.
             if searched && limit <= reach && limit.is_finite() {
-                interrupt::spend(64 * near.len());
+                interrupt::checkpoint(64 * near.len());
                 for &j in near {
                     let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
                     meet(pair, &probe, None, obstacle, obstacle.turn());
@@ -301,7 +324,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             }
             distance(link, least);
             if least < reach {
-                interrupt::spend(64 * near.len());
+                interrupt::checkpoint(64 * near.len());
                 for &j in near {
                     let (pair, obstacle) = (Pair { body, link, obstacle: j }, &obstacles[j]);
                     meet(pair, &probe, None, obstacle, obstacle.turn());

@@ -35,6 +35,36 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
 
 /// The shape of an obstacle made ready for queries, relative to its position and in the orientation that is described. It
 /// never changes: where an obstacle turns, it is the body that is turned for the query ([`Turn`](super::Turn)).
+///
+/// # Example
+/// What is said of obstacles, and what is made of them to be asked, for any space:
+/// ```
+/// use vff_core::geometry::Body;
+/// use vff_core::math::Capsule;
+/// use vff_core::world::plane::Outline;
+/// use vff_core::world::space::Volume;
+/// use vff_core::world::{Asked, CollisionQuery, Description, Hierarchy, Solid, World};
+///
+/// fn clearance<S: Solid<D>, const D: usize>(obstacles: Vec<S::Obstacle>, link: Capsule<D>) -> f64 {
+///     let moving = obstacles.iter().any(|obstacle| !obstacle.motion().is_static());
+///     let mut world = World::<S, D>::new(obstacles);
+///     if moving {
+///         world.update(1.0);
+///     }
+///     let mut least = f64::INFINITY;
+///     world.for_each_pair([Body::new(0, link)], |contact| least = least.min(contact.distance));
+///     least
+/// }
+///
+/// let in_the_plane: fn(_, _) -> f64 = clearance::<Outline, 2>;
+/// let in_space: fn(_, _) -> f64 = clearance::<Volume, 3>;
+///
+/// // What finds those that are near among many, and what may be asked of each.
+/// fn boxes<S: Solid<D, Hierarchy = H>, H: Hierarchy<S::Probe, D>, const D: usize>() {}
+/// boxes::<Volume, vff_core::world::space::Boxes, 3>();
+/// boxes::<Outline, vff_core::world::plane::Boxes, 2>();
+/// assert!(matches!(Asked::Contacts(0.1), Asked::Contacts(reach) if reach == 0.1));
+/// ```
 pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
     /// What it is made of.
     type Obstacle: Description<D>;

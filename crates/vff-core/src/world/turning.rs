@@ -121,6 +121,20 @@ impl<const D: usize> Turn<D> {
 }
 
 /// How an obstacle turns. (Its motion says where it is.)
+///
+/// # Example
+/// ```
+/// use std::f64::consts::FRAC_PI_2;
+/// use vff_core::math::Vector;
+/// use vff_core::world::{Rotation, Spin, Turn, Turning};
+///
+/// let turning = Turning::steady(Spin::planar(FRAC_PI_2)).unwrap(); // a quarter turn a second
+/// let Turn { rotation, spin } = turning.at(1.0);
+/// let quarter = Rotation::<2>::new(0.0, -1.0, 1.0, 0.0);
+/// assert!((rotation - quarter).norm() < 1e-15);
+/// assert_eq!(spin.rate_of(&Vector::<2>::new(1.0, 0.0)), Vector::<2>::new(0.0, FRAC_PI_2));
+/// assert!(Turning::steady(Spin::planar(0.0)).is_none());
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turning<const D: usize> {
     /// One after the other in time; never empty.

@@ -48,7 +48,7 @@ impl Arm {
         let found = interruptible(py, || {
             let (mut state, mut found) = (self.arm.state(), Vec::new());
             for row in angles.chunks_exact(n) {
-                interrupt::spend(32 * n);
+                interrupt::checkpoint(32 * n);
                 state.update_positions(row);
                 append(&state, &mut found);
             }

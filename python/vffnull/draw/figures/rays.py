@@ -39,7 +39,7 @@ _SIDES = {
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """All points within `radius` of a core with `corners` as of `geometry.core_in_space` [m], in a colour."""
+    """All points within `radius` of a core with `corners` as of `core_in_space` [m], in a colour."""
 
     corners: Array
     radius: float

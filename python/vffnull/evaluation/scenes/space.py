@@ -231,16 +231,16 @@ def _following(
         if share < 1.0 or not arrived:
             for _ in range(2):
                 position, orientation = arm.pose(q)
-                astray = np.zeros(6)
-                astray[:3] = start + share * along - position
+                deviation = np.zeros(6)
+                deviation[:3] = start + share * along - position
                 now, due = rotation(orientation), product(rotation(_turned(share * turn)), begin)
-                astray[3:] = 0.5 * np.cross(now.T, due.T).sum(axis=0)
+                deviation[3:] = 0.5 * np.cross(now.T, due.T).sum(axis=0)
                 J = arm.jacobian(q)[rows]
-                pull = _solved(product(J, J.T), astray[rows, None])
+                pull = _solved(product(J, J.T), deviation[rows, None])
                 if pull is None:
                     return None
                 q = q + product(J.T, pull)[:, 0]
-            if np.abs(astray[rows]).max() > 1e-3 or not _usable(arm, bodies, rows, q):
+            if np.abs(deviation[rows]).max() > 1e-3 or not _usable(arm, bodies, rows, q):
                 return None
             arrived = share == 1.0
         found.append(q)

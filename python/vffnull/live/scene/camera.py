@@ -10,8 +10,8 @@ import viser
 from numpy.typing import NDArray
 
 import vffnull._core as _core
-from vffnull.draw import geometry
 from vffnull.model.scenario import Scenario
+from vffnull.model.shape import core_in_space
 
 Array = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def framing(low: Array, high: Array, towards: Sequence[float], aspect: float) ->
     right = np.cross([0.0, 0.0, 1.0], direction)
     right /= np.linalg.norm(right)
     above = np.cross(direction, right)
-    corners, _ = geometry.core_in_space({"kind": "box", "size": high - low})
+    corners, _ = core_in_space({"kind": "box", "size": high - low})
     tall = MARGIN * float(np.tan(FIELD_OF_VIEW / 2))
     wide, lower = max(aspect, 0.1) * tall, tall * seen_above(aspect)
     u, r, d = corners @ above, corners @ right, corners @ direction

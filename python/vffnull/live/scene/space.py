@@ -33,6 +33,7 @@ from vffnull.live.scene.shared import Scene
 from vffnull.model.arm import frame
 from vffnull.model.scenario import Scenario
 from vffnull.model.settings import setting
+from vffnull.model.shape import core_in_space
 
 VIEWS = {
     "Corner": (0.62, -0.68, 0.38),
@@ -379,9 +380,7 @@ class SpaceScene(Scene):
 
     def _core_of(self, obstacle: Mapping[str, Any]) -> Core:
         middle = self._still.joints[0, 0] - np.asarray(obstacle.get("position", np.zeros(3)), dtype=float)
-        return geometry.core_in_space(
-            obstacle["shape"], obstacle.get("orientation"), middle, 1.6 * self.reach
-        )
+        return core_in_space(obstacle["shape"], obstacle.get("orientation"), middle, 1.6 * self.reach)
 
     def _mesh_of(self, core: Core) -> Mesh:
         return solid(*core)

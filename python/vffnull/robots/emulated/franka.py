@@ -69,7 +69,7 @@ RATE = 1000.0
 _JOINTS = 7
 _AXES = ("x", "y", "z")
 _TORQUE_RATE = 1000.0  # N·m/s
-_MOST_LOST = 20  # packets in a row
+_MAX_LOST = 20  # packets in a row
 _SHARE = 1.0 - np.exp(-2.0 * np.pi * 30.0 / RATE)  # of what is new in the external torque; 30 Hz is ours
 _EVERY = 5  # cycles between two looks at the hand: ours
 _TINY: Any = 1e-9 * np.eye(6)  # where the arm is singular
@@ -331,7 +331,7 @@ class Robot:
         self._limits[_TORQUES], self._limits[_SPEEDS] = torques, speeds
         self._limits[_PLACES] = 0.5 * (ranges[:, 1] - ranges[:, 0])
         self._limits[_HANDS] = _HAND[self._name]
-        self._limits[_LOST] = _MOST_LOST - 0.5
+        self._limits[_LOST] = _MAX_LOST - 0.5
         self.set_collision_behavior(*_THRESHOLDS)
         self.load: tuple[float, Array, Array] = (0.0, np.zeros(3), np.zeros(9))
         self._monitor = Monitor(_rules(body.names))

@@ -100,7 +100,7 @@ pub fn activation<const D: usize>(settings: &Yielding) -> f64 {
 
 /// ρ in a space of dimension `D`.
 pub fn slack_weight<const D: usize>(settings: &Yielding) -> f64 {
-    settings.slack_price.unwrap_or(usual::<D>().slack_weight)
+    settings.slack_weight.unwrap_or(usual::<D>().slack_weight)
 }
 
 /// W_x = `task_weight` S², what is kept `KEPT` times that (T69).
@@ -122,7 +122,7 @@ const MAX_VIOLATED: usize = 48;
 /// Workspace of the law. The unknown is y = q̈ − q̈₀, so that a constraint is violated at y = 0 only if its bound is
 /// positive, and most instants need no QP at all.
 #[derive(Debug, Clone)]
-pub struct Barrier {
+pub(crate) struct Barrier {
     program: QuadraticProgram,
     nominal: Vec<f64>,
     /// q̈ at present, behind a limit of the torque rate.
@@ -158,7 +158,7 @@ pub struct Barrier {
 
 /// What is to be kept.
 #[derive(Debug, Clone, Copy)]
-pub struct Kept<'a, const D: usize> {
+pub(crate) struct Kept<'a, const D: usize> {
     /// The distances from obstacles.
     pub pairs: &'a [Contact<D>],
     /// The distances of the bodies from each other.
@@ -360,7 +360,7 @@ impl Barrier {
         gradient: impl FnOnce(&mut [f64], &mut [f64]),
     ) {
         let Self { rate: k, nominal, present, normals, bounds, shares, scratch, .. } = self;
-        interrupt::spend(64 + nominal.len());
+        interrupt::checkpoint(64 + nominal.len());
         let start = normals.len();
         normals.resize(start + nominal.len(), 0.0);
         let normal = &mut normals[start..];
@@ -369,7 +369,7 @@ impl Barrier {
         let [bound, share] = match range {
             None => [-(asked + 2.0 * *k * motion.rate + *k * *k * height), 1.0],
             Some(range) => {
-                interrupt::spend(7 * nominal.len());
+                interrupt::checkpoint(7 * nominal.len());
                 let now = [height, motion.rate, dot(normal, present) + motion.bias];
                 let [least, share] =
                     range.least_distance_acceleration(robot, now, normal, scratch, *k);
@@ -384,7 +384,7 @@ impl Barrier {
     fn keep_joints<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
         let n = self.nominal.len();
         for i in 0..n {
-            interrupt::spend(2 * n);
+            interrupt::checkpoint(2 * n);
             let [lower, upper] = self.joint_accelerations(robot, i, range);
             let Self { nominal, normals, bounds, .. } = self;
             for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
@@ -412,7 +412,7 @@ impl Barrier {
             return [-guarded_acceleration(k, most, -dq), guarded_acceleration(k, most, dq)];
         }
         let range = range.map(|range| {
-            interrupt::spend(8 * nominal.len());
+            interrupt::checkpoint(8 * nominal.len());
             let unit = &mut hessian[..nominal.len()];
             unit.fill(0.0);
             unit[i] = 1.0;
@@ -476,7 +476,7 @@ impl Barrier {
         let kept = self.reserve.tip * most;
         let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
         let n = nominal.len();
-        interrupt::spend(8 * n);
+        interrupt::checkpoint(8 * n);
         let start = normals.len();
         normals.resize(start + n, 0.0);
         let normal = &mut normals[start..];
@@ -504,7 +504,7 @@ impl Barrier {
         let n = self.nominal.len();
         self.scratch.fill(0.0);
         for i in 0..n {
-            interrupt::spend(16 * n);
+            interrupt::checkpoint(16 * n);
             let row = i * n..(i + 1) * n;
             self.scratch[i] = 1.0;
             robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);

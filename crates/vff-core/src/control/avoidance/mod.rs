@@ -6,12 +6,12 @@
 //! drives for all others.
 
 pub mod barrier;
-pub mod cbf;
+mod cbf;
 mod joint_bounds;
-pub mod margins;
+mod margins;
 pub mod preview;
 pub mod priority;
-pub mod relaxed;
+mod relaxed;
 
 use super::deadline::LeftOut;
 use super::{Avoidance, Gains, OperationalSpace, Torque, TorqueRange, VirtualForces, limits};
@@ -27,7 +27,7 @@ use relaxed::Relaxed;
 
 /// What a way of giving way acts on: the arm at the observed state, and what is known of it.
 #[derive(Debug)]
-pub struct Situation<'a, R: Robot<D>, const D: usize, const M: usize> {
+pub(crate) struct Situation<'a, R: Robot<D>, const D: usize, const M: usize> {
     /// The arm.
     pub robot: &'a R,
     /// Λ, J# and N.
@@ -155,7 +155,7 @@ macro_rules! each {
 /// What changes the torque of the null-space law: a way of giving way, and what can be sent. Nothing allocates after
 /// [`reserve`](Self::reserve).
 #[derive(Debug, Clone)]
-pub struct Avoider<const D: usize, const M: usize> {
+pub(crate) struct Avoider<const D: usize, const M: usize> {
     way: Ways<D, M>,
     /// Where the way does not know what the drives can do.
     limiter: Option<Limiter<M>>,

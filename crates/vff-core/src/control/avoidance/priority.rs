@@ -16,7 +16,7 @@ pub const RATE: f64 = 20.0;
 
 /// The pairs near the arm, and a workspace.
 #[derive(Debug, Clone)]
-pub struct Priority<const D: usize> {
+pub(crate) struct Priority<const D: usize> {
     settings: Yielding,
     margins: Margins,
     pairs: Vec<Contact<D>>,
@@ -97,7 +97,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
             robot.accelerate(&range.present, bias, scratch, present);
         }
         for pair in &*pairs {
-            interrupt::spend(64 + 16 * gradient.len());
+            interrupt::checkpoint(64 + 16 * gradient.len());
             let share =
                 smoothstep((settings.outer - pair.distance) / (settings.outer - settings.inner));
             let motion = DistanceRate::cautious(robot, pair);

@@ -24,6 +24,30 @@ use std::ops::Deref;
 /// settings ask for look-ahead, then [`command`](Self::command) with the reference. Nothing allocates after
 /// construction (`formulation = recursive`). Everything that can be read is that of the [`ReactiveController`]
 /// below.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::{Controller, Gains, ReactiveController, Settings};
+/// use vff_core::robot::{SpatialState, models};
+/// use vff_core::trajectory::Sample;
+/// use vff_core::world::space::World;
+///
+/// let arm = Arc::new(models::named("panda").unwrap().build().unwrap());
+/// let settings = Settings::default();
+/// let gains = Gains::new(&settings).of_arm(&settings, &*arm);
+/// let mut controller = Controller::<_, 3, 3>::new(arm.state(), gains); // a task of position
+/// let mut world = World::new(vec![]);
+/// controller.observe(&[0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], &[0.0; 7], &mut world);
+/// let hold = Sample::at_rest(controller.pose());
+/// assert_eq!(controller.command(&hold).total.len(), 7);
+/// // What sees the present alone is behind it.
+/// let present: &ReactiveController<SpatialState, 3, 3> = &controller;
+/// assert!(present.error().norm() < 1e-12);
+/// ```
+///
+/// # See also
+/// [`AnyController`](crate::runtime::AnyController), where a document says which arm and which task.
 #[derive(Debug, Clone)]
 pub struct Controller<R: Manipulator<D, M>, const D: usize, const M: usize> {
     reactive: ReactiveController<R, D, M>,

@@ -126,7 +126,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// Takes in the state (q, q̇) and what is around: clearances and forces.
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
-        interrupt::spend(32 * D * D * q.len());
+        interrupt::checkpoint(32 * D * D * q.len());
         self.space.update(&mut self.robot, q, dq);
         let pressed = self.force.as_ref().map(|force| force.direction(&self.robot));
         let pressed = pressed.as_ref();

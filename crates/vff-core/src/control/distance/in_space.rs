@@ -5,7 +5,7 @@ use super::{DistanceRate, FADE};
 use crate::geometry::Body;
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::Robot;
-use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
+use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
 use crate::robot::spatial::SpatialState;
 use crate::robot::spatial::cases::{Case, case, link};
 use crate::world::space::{Obstacle, Shape, World, check_hull};
@@ -23,19 +23,26 @@ fn three(range: f64) -> impl Strategy<Value = [f64; 3]> {
 }
 
 /// What a link carries: a capsule, a ball, a box or a hull.
-fn form() -> impl Strategy<Value = Form> {
+fn form() -> impl Strategy<Value = PlacedShape> {
     let size = [0.1..0.8, 0.1..0.8, 0.1..0.8];
     prop_oneof![
         5 => (three(0.3), three(1.0), 0.02..0.1)
-            .prop_map(|(a, b, radius)| Form::Capsule { a, b, radius }),
-        1 => (three(0.3), 0.02..0.1).prop_map(|(center, radius)| Form::Sphere { center, radius }),
+            .prop_map(|(a, b, radius)| Shape::Capsule { a, b, radius }.into()),
+        1 => (three(0.3), 0.02..0.1).prop_map(|(center, radius)| PlacedShape {
+            center: Some(center),
+            ..Shape::Sphere { radius }.into()
+        }),
         3 => (three(0.3), size, three(2.0)).prop_map(|(center, size, turn)| {
             let orientation = UnitQuaternion::exp(&turn.into()).to_array();
-            Form::Box { center, size, orientation }
+            PlacedShape {
+                shape: Shape::Box { size },
+                center: Some(center),
+                orientation: Some(orientation),
+            }
         }),
         3 => prop::collection::vec(three(0.6), 4..12)
             .prop_filter("flat", |vertices| check_hull(vertices).is_ok())
-            .prop_map(|vertices| Form::Convex { vertices }),
+            .prop_map(|vertices| Shape::Convex { vertices }.into()),
     ]
 }
 
@@ -291,7 +298,7 @@ fn barriers_have_no_peak_at_parallel_axes() {
     let [a, b] = [-0.5, 0.5].map(|x| [x, 0.0, 0.0]);
     let joints = vec![Joint { axis: [0.0, 1.0, 0.0], ..link("rod", 1.0) }];
     let bodies =
-        vec![LinkShape { link: "rod".into(), shape: Form::Capsule { a, b, radius: 0.05 } }];
+        vec![LinkShape { link: "rod".into(), shape: Shape::Capsule { a, b, radius: 0.05 }.into() }];
     let description = ArmDescription { joints, collision: bodies, ..ArmDescription::default() };
     let arm = Arc::new(description.build().unwrap());
     let bar = Shape::Capsule { a: [-1.0, -0.02, 0.3], b: [1.0, 0.02, 0.3], radius: 0.05 };

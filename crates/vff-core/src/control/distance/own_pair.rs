@@ -7,6 +7,24 @@ use crate::math::{Capsule, Nearest, RELIEF, Vector, nearest, nearest_of_lines, s
 use crate::robot::Robot;
 
 /// Two bodies of a robot, or parts of them, where they come nearest.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::distance::{DistanceRate, OwnPair};
+/// use vff_core::robot::{Robot, models};
+///
+/// let mut arm = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+/// arm.update(&[0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], &[0.1; 7]);
+/// let mut nearest: Option<OwnPair<3>> = None;
+/// OwnPair::for_each_within(&arm, &mut vec![], f64::INFINITY, |pair| {
+///     nearest = Some(pair.clone());
+///     pair.nearest.distance // only nearer ones from here on
+/// });
+/// let pair = nearest.unwrap();
+/// let DistanceRate { rate, .. } = pair.motion(&arm);
+/// assert!(pair.nearest.distance > 0.0 && (rate - pair.rate(&arm)).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct OwnPair<const D: usize> {
     /// The links that carry them; None is the base, which does not move.
@@ -60,7 +78,7 @@ impl<const D: usize> OwnPair<D> {
         let link = |i: usize| bodies.get(i).map(|body| body.link);
         let middle = |shape: &Capsule<D>| shape.start + shape.direction * (0.5 * shape.length);
         for pair in robot.body_pairs() {
-            interrupt::spend(8);
+            interrupt::checkpoint(8);
             let [a, b] = pair.map(shape);
             let size = 0.5 * (a.length + b.length) + a.radius + b.radius;
             // False where something is undefined.
@@ -81,7 +99,7 @@ impl<const D: usize> OwnPair<D> {
     #[inline(never)]
     fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {
         robot.for_each_encounter(pair, None, &mut |Encounter { shapes, nearest }| {
-            interrupt::spend(1024);
+            interrupt::checkpoint(1024);
             *self =
                 Self { shapes: *shapes, nearest: *nearest, hulls: Some(pair), links: self.links };
         });
@@ -206,7 +224,7 @@ impl<const D: usize> OwnPair<D> {
         mut visit: impl FnMut(&Self),
     ) {
         if let Some(pair) = self.hulls {
-            interrupt::spend(1024);
+            interrupt::checkpoint(1024);
             let visit = &mut |Encounter { shapes, nearest }: &Encounter<D>| {
                 visit(&Self { shapes: *shapes, nearest: *nearest, ..*self });
             };
@@ -251,8 +269,9 @@ impl<const D: usize> OwnPair<D> {
 mod tests {
     use super::super::tests::{Differences, differences};
     use super::*;
+    use crate::geometry::Shape;
     use crate::geometry::{Carried, perpendicular};
-    use crate::robot::description::{ArmDescription, Joint, LinkShape, Shape as Form};
+    use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
     use crate::robot::models;
     use crate::robot::spatial::cases::link;
     use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, planar::Link};
@@ -376,7 +395,7 @@ mod tests {
         let mut description = models::named("panda").unwrap();
         let mut turn = 0;
         for part in &mut description.collision {
-            let Form::Capsule { a, b, radius } = part.shape.clone() else { continue };
+            let Shape::Capsule { a, b, radius } = part.shape.shape else { continue };
             turn += 1;
             let [a, b] = [a, b].map(Vector::<3>::from);
             let (middle, along) = ((a + b) * 0.5, Capsule::new(a, b, radius).direction);
@@ -386,9 +405,9 @@ mod tests {
             let at = |x: f64, y: f64, z: f64| -> [f64; 3] {
                 (middle + side * (x * radius) + across * (y * radius) + along * (z * reach)).into()
             };
-            part.shape = match turn % 3 {
+            part.shape.shape = match turn % 3 {
                 0 => continue,
-                1 => Form::Convex {
+                1 => Shape::Convex {
                     vertices: [-1.0, 1.0]
                         .into_iter()
                         .flat_map(|z| {
@@ -397,7 +416,7 @@ mod tests {
                         .collect(),
                 },
                 // Pointed at one end, flat at the other.
-                _ => Form::Convex {
+                _ => Shape::Convex {
                     vertices: vec![
                         at(0.0, 0.1, 1.0),
                         at(1.0, 0.0, -0.9),
@@ -509,10 +528,10 @@ mod tests {
     fn nearly_parallel_edges_have_no_peak() {
         let carried = |name: &str, z: f64, askew: f64| LinkShape {
             link: name.into(),
-            shape: Form::Box {
-                center: [0.0, 0.0, z],
-                size: [1.0, 0.1, 0.1],
-                orientation: [(0.5 * askew).cos(), 0.0, 0.0, (0.5 * askew).sin()],
+            shape: PlacedShape {
+                shape: Shape::Box { size: [1.0, 0.1, 0.1] },
+                center: Some([0.0, 0.0, z]),
+                orientation: Some([(0.5 * askew).cos(), 0.0, 0.0, (0.5 * askew).sin()]),
             },
         };
         let rocks = Joint { axis: [0.0, 1.0, 0.0], ..link("upper", 1.0) };

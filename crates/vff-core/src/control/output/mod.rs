@@ -1,23 +1,42 @@
 //! What stands between the torque of the law and a robot, after the command and never inside the law.
 //!
 //! [`Output`] turns a torque of the law into what is sent: friction is
-//! compensated ([`friction`]), gravity is left out where the robot adds it, nothing is beyond a torque limit, and nothing changes
-//! faster than the drives allow. [`supervision`] decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
+//! compensated (`friction`), gravity is left out where the robot adds it, nothing is beyond a torque limit, and nothing changes
+//! faster than the drives allow. `supervision` decides cycle by cycle whether that torque is sent at all: safe start, safe end, watchdog.
 
-pub mod admission;
-pub mod clock;
-pub mod friction;
-pub mod hold;
-pub mod supervision;
+mod admission;
+mod clock;
+mod friction;
+mod hold;
+mod supervision;
 
 use super::{CommandSettings, Gravity, TorqueRange};
 use crate::robot::Robot;
-pub use clock::Clock;
+pub(crate) use clock::Clock;
 use friction::Friction;
 
 pub use supervision::{BeginError, Phase, Supervisor};
 
 /// From a torque of the law to what is sent to the robot. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::settings::{CommandSettings, Gravity};
+/// use vff_core::control::{Output, TorqueRange};
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, Robot, planar::Link};
+///
+/// let settings = CommandSettings { gravity: Gravity::Robot, ..CommandSettings::default() };
+/// let mut arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::new(0.0, -9.81))).state();
+/// arm.update(&[0.0; 2], &[0.0; 2]);
+/// let mut output = Output::new(&settings, 2);
+/// let mut carries = [0.0; 2];
+/// arm.gravity_torque(&mut carries);
+/// output.convert(&arm, &carries);
+/// assert!(output.wanted().iter().all(|tau| tau.abs() < 1e-12)); // the robot adds it
+/// assert_eq!(TorqueRange::new(vec![1000.0; 2]).lower.len(), 2); // [N·m/s]
+/// ```
 #[derive(Debug, Clone)]
 pub struct Output {
     gravity: Gravity,

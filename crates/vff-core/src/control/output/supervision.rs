@@ -1,9 +1,9 @@
 //! Cycle by cycle: whether the torque of the law is sent, blended in, or replaced by damping.
 //!
 //! What goes wrong in a loop is a value, a [`Phase`], never a panic. A state that does not come, comes again, is not finite or
-//! cannot be ([`Admission`]) counts as missing. Fewer than `patience` missing in a row: what was sent last is held. From there on the arm is
+//! cannot be (`Admission`) counts as missing. Fewer than `patience` missing in a row: what was sent last is held. From there on the arm is
 //! damped as if its velocity decayed from the last one known (T115), then nothing but gravity is sent, then it is lost. As long as there is
-//! a state, an arm that is too fast, or a law without a torque, is damped where it is, and held there once it is slow ([`Hold`]).
+//! a state, an arm that is too fast, or a law without a torque, is damped where it is, and held there once it is slow (`Hold`).
 //!
 //! The arm that is damped is at the last state of the loop, whatever else the law was asked.
 
@@ -79,6 +79,25 @@ pub enum BeginError {
 }
 
 /// The watch over one loop: safe start, safe end, watchdog. Nothing allocates after construction.
+///
+/// # Example
+/// [`AnyController`](crate::runtime::AnyController) has one; alone, where no state arrives:
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::control::output::{BeginError, Phase, Supervisor};
+/// use vff_core::control::settings::CommandSettings;
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Model, PlanarArm, planar::Link};
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros()));
+/// let settings = CommandSettings::default();
+/// let mut supervisor = Supervisor::new(&settings, arm.state(), 0.001, None).unwrap();
+/// assert_eq!(supervisor.phase(), Phase::Starting);
+/// supervisor.stop();
+/// assert!(!supervisor.phase().is_over());
+/// let refused = Supervisor::new(&settings, arm.state(), -1.0, None).unwrap_err();
+/// assert_eq!(refused, BeginError::Period(-1.0));
+/// ```
 #[derive(Debug, Clone)]
 pub struct Supervisor<R, const D: usize> {
     output: Output,

@@ -97,6 +97,34 @@ impl TaskKind {
 
 settings! {
     /// Everything that can be set on a controller: the `[controller]` table of a scenario.
+    ///
+    /// # Example
+    /// ```
+    /// use vff_core::control::settings::{
+    ///     Avoidance, CommandSettings, Formulation, Keep, PreviewSettings, Projection, SelfCollision, TaskKind, Yielding,
+    /// };
+    /// use vff_core::control::{Deadline, Settings};
+    ///
+    /// let settings: Settings = toml::from_str(
+    ///     r#"
+    ///     task = "pose"
+    ///     avoidance = "cbf"
+    ///     self_collision = "avoid"
+    ///     deadline = 300
+    ///     yielding = { margin = 0.03, preview = {} }
+    ///     "#,
+    /// )
+    /// .unwrap();
+    /// assert_eq!((settings.task, settings.avoidance), (TaskKind::Pose, Avoidance::Cbf));
+    /// assert_eq!(settings.self_collision, SelfCollision::Avoid);
+    /// assert_eq!(settings.deadline, Some(Deadline::Micros(300.0)));
+    /// assert_eq!(settings.yielding, Yielding { margin: 0.03, preview: Some(PreviewSettings::default()), ..Yielding::default() });
+    /// // What is not said is as by default.
+    /// let defaults = Settings::default();
+    /// assert_eq!((defaults.formulation, defaults.projection), (Formulation::Recursive, Projection::Dynamic));
+    /// assert_eq!(defaults.command, CommandSettings::default());
+    /// assert_ne!(Keep::Position, Keep::Orientation);
+    /// ```
     pub struct Settings {
         /// `position` (m = 2) or `pose` (m = 3, with the orientation); in space m = 3, 6, and `pointing` (m = 5: the turn about the
         /// tool's z axis is free).

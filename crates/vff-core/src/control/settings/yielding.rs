@@ -26,7 +26,7 @@ settings! {
         /// `position` or `orientation`: what of a pose gives way last; none: both alike.
         keep: Option<Keep> = None, "", "cbf";
         /// Cost of violating a barrier; none: 4e4 in the plane, 6e5 in space.
-        slack_price: Option<f64> = None, "", POSITIVE, "cbf";
+        slack_weight: Option<f64> = None, "", POSITIVE, "cbf";
         /// Joint speed to keep below where the arm has no `velocity_limits`.
         speed: f64 = 6.0, "rad/s", POSITIVE, "cbf";
         /// Look-ahead: a table, see \[controller.yielding.preview\].

@@ -28,6 +28,13 @@ const FLAT: f64 = 1e-12;
 const ATTEMPTS: u8 = 6;
 
 /// Why points have no hull that obstacles can be made of.
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::{HullError, check_hull};
+///
+/// assert_eq!(check_hull(&[[0.0; 3]]), Err(HullError::TooFew(1)));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum HullError {
     /// Points that coincide count once.

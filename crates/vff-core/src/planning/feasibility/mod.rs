@@ -51,6 +51,25 @@ pub const ANGLE: f64 = 5e-2;
 pub const WIDTHS: [usize; 2] = [64, 256];
 
 /// What the search has found.
+///
+/// # Example
+/// ```
+/// use vff_core::planning::feasibility::{Motion, Verdict, assess};
+/// use vff_core::scenario::Scenario;
+///
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 0.5
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "line", end = [1.2, 0.5], duration = 0.5 }
+///     "#,
+/// )
+/// .unwrap();
+/// let (verdict, motion): (Verdict, Option<Motion>) = assess(&scenario).unwrap();
+/// assert_eq!(verdict.name(), "with tip");
+/// assert!(motion.is_some());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// A clear motion that holds the tip.

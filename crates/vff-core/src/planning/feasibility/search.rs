@@ -119,7 +119,7 @@ impl<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> Search<C, S, D
                 let pushes = ahead.each_mut().map(|world| self.push(&chain, &node.q, world));
                 let target = self.trajectory.at(next).x;
                 for _ in 0..branches {
-                    interrupt::spend(64 * n);
+                    interrupt::checkpoint(64 * n);
                     let way = self.continuation(&mut random, node, &chain, &pushes, &target, hold);
                     wanted.push((parent, way));
                 }
@@ -129,7 +129,7 @@ impl<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> Search<C, S, D
                 .into_iter()
                 .filter_map(|(parent, way)| {
                     let node = &layer[parent];
-                    interrupt::spend(64 * n * (4 + self.world.len()));
+                    interrupt::checkpoint(64 * n * (4 + self.world.len()));
                     let target = self.trajectory.at(next).x;
                     let (q, dq) = self.advanced(&mut chain, node, way, &target, hold)?;
                     let middle: Vec<f64> = q
@@ -144,9 +144,9 @@ impl<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> Search<C, S, D
                     chain.move_to(&q);
                     let room = Self::room(&mut ahead, &chain)?;
                     let speed: f64 = dq.iter().map(|dq| dq * dq).sum();
-                    let astray =
+                    let deviation =
                         if hold { 0.0 } else { Self::off(&chain, &target).size(self.length) };
-                    let score = 0.9 * node.score + room - 0.02 * speed - 0.2 * astray;
+                    let score = 0.9 * node.score + room - 0.02 * speed - 0.2 * deviation;
                     Some(Node { q, dq, score, parent })
                 })
                 .collect();
@@ -261,7 +261,7 @@ impl<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> Search<C, S, D
     fn is_clear(&self, motion: &[Vec<f64>], hold: bool) -> bool {
         let (mut world, mut chain) = (self.world.clone(), self.chain.clone());
         (0..=CHECKS * self.pieces).all(|k| {
-            interrupt::spend(64 * self.start.len() * (1 + self.world.len()));
+            interrupt::checkpoint(64 * self.start.len() * (1 + self.world.len()));
             let (piece, part) = ((k / CHECKS).min(self.pieces - 1), k);
             #[expect(clippy::cast_precision_loss, reason = "a handful")]
             let share = (part - CHECKS * piece) as f64 / CHECKS as f64;

@@ -95,7 +95,7 @@ impl Curve {
         reason = "clamped to the spans"
     )]
     pub fn at(&self, u: f64, [q, first, second]: &mut [Vec<f64>; 3]) {
-        interrupt::spend(16 * q.len());
+        interrupt::checkpoint(16 * q.len());
         let spans = self.points.len() - 3;
         let i = (u.max(0.0) as usize).min(spans - 1);
         #[expect(clippy::cast_precision_loss, reason = "few spans")]

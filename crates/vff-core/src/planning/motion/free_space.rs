@@ -133,7 +133,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         clearance.fill(f64::INFINITY);
         for (k, (world, boxes)) in worlds.iter_mut().enumerate() {
             let slack = if k > 0 { *slack } else { 0.0 };
-            interrupt::spend((32 + world.len()) * robot.body_count());
+            interrupt::checkpoint((32 + world.len()) * robot.body_count());
             for body in robot.bodies().filter(|body| limits[body.link] > f64::NEG_INFINITY) {
                 let least = &mut clearance[body.link];
                 let limit = least.min(limits[body.link]) + slack;
@@ -283,7 +283,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
                 }
                 pairs = apart < self.apart && farthest * half > finest(self.apart);
             }
-            interrupt::spend(16 * n);
+            interrupt::checkpoint(16 * n);
             if pairs || open.contains(&true) {
                 if half < SHORTEST {
                     return false;

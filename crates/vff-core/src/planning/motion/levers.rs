@@ -4,6 +4,16 @@ use crate::math::Vector;
 use crate::robot::{PlanarState, Robot, SpatialState};
 
 /// What a planner asks of an arm beyond the operators of the law.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::planning::motion::Jointed;
+///
+/// fn base<R: Jointed<D>, const D: usize>(robot: &R) -> Vector<D> {
+///     robot.joint_position(0)
+/// }
+/// ```
 pub trait Jointed<const D: usize>: Robot<D> {
     /// The origin of joint `i` \[m\].
     fn joint_position(&self, i: usize) -> Vector<D>;

@@ -68,6 +68,18 @@ impl PlanStatus {
 }
 
 /// A motion to a goal; or how far the search came.
+///
+/// # Example
+/// See [`plan`](super::plan()), which finds one:
+/// ```
+/// use vff_core::planning::motion::{Plan, PlanStatus};
+/// use vff_core::trajectory::JointSpline;
+///
+/// fn followed(found: &Plan, n: usize) -> Option<JointSpline> {
+///     let points: Vec<_> = found.q.chunks(n).map(<[f64]>::to_vec).collect();
+///     (found.status == PlanStatus::Found).then(|| JointSpline::new(&found.times, &points).ok())?
+/// }
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Whether it leads to the goal, and if not, why.

@@ -297,7 +297,7 @@ where
             return (why, self.space.clearance(q));
         }
         match self.space.obstruction(q) {
-            Some(found) => (found.told(place, self.settings.horizon), found.distance()),
+            Some(found) => (found.sentence(place, self.settings.horizon), found.distance()),
             None => (format!("a distance is undefined at the {place}"), f64::NAN),
         }
     }
@@ -326,7 +326,7 @@ where
             Ok(law) => law,
             Err(Stop::Heavy(heavy)) => {
                 let (robot, joint) = (self.space.robot(), heavy.joint);
-                let why = heavy.told(&robot.joint_name(joint), robot.slides(joint), TORQUE);
+                let why = heavy.sentence(&robot.joint_name(joint), robot.slides(joint), TORQUE);
                 return Ok(Err((PlanStatus::TooHeavy, why)));
             }
             Err(Stop::Winding) => return Ok(Err(too_tight())),
@@ -396,7 +396,7 @@ where
         let mut most = speeds.chain(pulls).fold(0.0, f64::max);
         let checks = if bounds.torque.is_empty() { 0 } else { CHECKS * knots };
         for k in 0..checks {
-            interrupt::spend(64 * n);
+            interrupt::checkpoint(64 * n);
             let [_, end] = spline.span();
             let t = end * f64::from(k) / f64::from(checks);
             spline.at(t, state.each_mut().map(Vec::as_mut_slice));

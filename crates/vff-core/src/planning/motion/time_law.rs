@@ -77,7 +77,7 @@ fn rows<R: Robot<D>, const D: usize>(
     [q, first, second]: &[Vec<f64>; 3],
 ) -> (Vec<Row>, f64) {
     let n = q.len();
-    interrupt::spend(64 * n);
+    interrupt::checkpoint(64 * n);
     let mut rows = Vec::with_capacity(2 * n);
     let mut most = f64::INFINITY;
     for i in 0..n {

@@ -48,7 +48,7 @@ impl Tree {
 
     /// The node nearest to `q`.
     fn nearest(&self, q: &[f64]) -> usize {
-        interrupt::spend(2 * self.nodes.len() * q.len());
+        interrupt::checkpoint(2 * self.nodes.len() * q.len());
         let mut best = (0, f64::INFINITY);
         for (i, node) in self.nodes.iter().enumerate() {
             let square = node.iter().zip(q).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();

@@ -25,7 +25,7 @@ impl Obstruction {
     }
 
     /// The sentence; `place` is `start` or `goal`.
-    pub fn told(&self, place: &str, horizon: Option<f64>) -> String {
+    pub fn sentence(&self, place: &str, horizon: Option<f64>) -> String {
         match self {
             Self::Obstacle { link, obstacle, distance, passes: false } => format!(
                 "at the {place} {link} is {} inside obstacle {obstacle}; another {place} helps",
@@ -84,7 +84,7 @@ pub struct Heavy {
 
 impl Heavy {
     /// The sentence; of its limit the joint may use a `share`.
-    pub fn told(&self, name: &str, slides: bool, share: f64) -> String {
+    pub fn sentence(&self, name: &str, slides: bool, share: f64) -> String {
         let ([holds, most], unit) = (self.torque, if slides { "N" } else { "N·m" });
         format!(
             "on the way {name} would have to hold {holds:.3} {unit}, and may take {most:.3} {unit}, {:.0} % of its limit; \

@@ -7,6 +7,14 @@
 //! (xArm-CPLUS-SDK, issue 12). Of the others nothing was found that says who adds gravity.
 
 /// A robot that takes torques.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::models::{Interface, interface};
+///
+/// let Interface { adds_gravity, torque_rate, .. } = interface("panda").unwrap();
+/// assert!(adds_gravity && torque_rate.is_some());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Interface {
     /// Whether it adds the torque against gravity by itself.

@@ -31,6 +31,15 @@ pub const NAMES: [&str; TEXTS.len()] = {
 };
 
 /// Why there is no such arm.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::models::{ModelError, named};
+///
+/// let error = named("pander").unwrap_err();
+/// assert!(matches!(error, ModelError::Unknown { .. }));
+/// assert!(error.to_string().contains("panda"));
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ModelError {
     /// A name that no bundled arm has.

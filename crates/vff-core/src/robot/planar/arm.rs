@@ -44,6 +44,19 @@ impl Link {
 }
 
 /// The immutable parameters of a planar arm, shared by every state.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::robot::planar::{Annulus, Link};
+/// use vff_core::robot::{Limits, Model, PlanarArm};
+///
+/// let arm = PlanarArm::new(vec![Link::rod(0.5, 2.0); 3], Vector::<2>::new(0.0, -9.81));
+/// let Annulus { inner, outer } = arm.annulus(3);
+/// assert_eq!((inner, outer), (0.0, 1.5));
+/// let limits = Limits { torque: vec![40.0; 3], ..Limits::default() };
+/// assert_eq!(arm.with_limits(limits).limits().torque, [40.0; 3]);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanarArm {
     pub(super) links: Vec<Link>,

@@ -50,6 +50,24 @@ struct Joint {
 }
 
 /// A [`PlanarArm`] at (q, q̇). Allocated once, refreshed by [`Robot::update`].
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::math::Vector;
+/// use vff_core::robot::{Manipulator, Model, PlanarArm, Robot, planar::Link};
+///
+/// let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros()));
+/// let mut state = arm.state();
+/// state.update(&[0.0, 0.0], &[0.0, 1.0]);
+/// assert_eq!(state.joint_position(2), Vector::<2>::new(2.0, 0.0));
+/// let tip: Vector<2> = Manipulator::<2, 2>::pose(&state);
+/// assert_eq!(tip, Vector::<2>::new(2.0, 0.0));
+/// assert!((state.task_velocity::<2>() - Vector::<2>::new(0.0, 1.0)).norm() < 1e-15);
+/// let mut accelerated = [0.0; 2];
+/// state.mass_mul(&[1.0, 0.0], &mut accelerated); // M e₁ without M
+/// assert!(accelerated[0] > accelerated[1]);
+/// ```
 #[derive(Debug, Clone)]
 pub struct PlanarState {
     arm: Arc<PlanarArm>,

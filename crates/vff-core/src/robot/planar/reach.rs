@@ -14,6 +14,18 @@ pub struct Annulus {
 }
 
 /// What a planar arm can reach of poses `P`.
+///
+/// # Example
+/// ```
+/// use vff_core::math::{PlanarPose, Vector};
+/// use vff_core::robot::planar::{Link, Reach};
+/// use vff_core::robot::PlanarArm;
+///
+/// let arm = PlanarArm::new(vec![Link::rod(0.5, 1.0); 3], Vector::<2>::zeros());
+/// // The last link is turned as the pose says: its beginning is behind the end effector.
+/// let wrist = arm.wrist(&PlanarPose(Vector::<3>::new(1.0, 0.0, 0.0)));
+/// assert!((wrist - Vector::<2>::new(-0.5, 0.0)).norm() < 1e-15);
+/// ```
 pub trait Reach<P> {
     /// Where the far end of all links that are free to take any angle can be.
     fn wrist_annulus(&self) -> Annulus;

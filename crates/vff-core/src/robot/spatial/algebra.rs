@@ -9,6 +9,16 @@ use wide::f64x2;
 ///
 /// A twist is an angular velocity and the velocity of the body's point that is now at the origin; a
 /// wrench is a moment about the origin and a force. Accelerations and momenta likewise.
+///
+/// # Example
+/// ```
+/// use vff_core::math::Vector;
+/// use vff_core::robot::spatial::Spatial;
+///
+/// // A wrench: its moment and its force.
+/// let push = Spatial { angular: Vector::<3>::zeros(), linear: Vector::<3>::new(0.0, 0.0, -10.0) };
+/// assert_eq!(push.linear.norm(), 10.0);
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Spatial {
     /// Angular velocity \[rad/s\], or moment about the origin \[N·m\].

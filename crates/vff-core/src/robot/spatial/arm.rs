@@ -13,6 +13,23 @@ use nalgebra::Matrix3;
 use std::sync::Arc;
 
 /// The immutable parameters of a spatial arm, shared by every state.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::robot::spatial::Mobility;
+/// use vff_core::robot::{Robot, SpatialArm, SpatialState, models};
+///
+/// let arm = Arc::new(SpatialArm::new(models::named("panda").unwrap()).unwrap());
+/// let (position, _) = arm.pose(&[0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]);
+/// assert!(position.norm() < arm.reach_bound());
+/// let mut state: SpatialState = arm.state();
+/// state.update(&[0.0; 7], &[0.1; 7]);
+/// assert_eq!(state.jacobian().ncols(), 7);
+/// assert!(state.body_count() > 7);
+/// let mut mobilities = vec![Mobility::default(); 7];
+/// state.mobilities(&mut mobilities);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpatialArm {
     description: ArmDescription,
@@ -248,7 +265,7 @@ fn orientation(quaternion: [f64; 4]) -> Result<UnitQuaternion, DescriptionError>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::description::Shape;
+    use crate::geometry::Shape;
     use crate::robot::spatial::cases::link;
     use proptest::prelude::*;
 
@@ -264,11 +281,11 @@ mod tests {
     }
 
     fn carried(link: &str, shape: Shape) -> LinkShape {
-        LinkShape { link: link.into(), shape }
+        LinkShape { link: link.into(), shape: shape.into() }
     }
 
     fn sphere(link: &str, radius: f64) -> LinkShape {
-        carried(link, Shape::Sphere { center: [0.0; 3], radius })
+        carried(link, Shape::Sphere { radius })
     }
 
     /// Every refusal names what is wrong and by how much.
@@ -340,8 +357,7 @@ mod tests {
     /// Links and the base carry what is round, and hulls with a capsule around them; what has no hull is refused.
     #[test]
     fn links_carry_what_is_round_and_hulls() {
-        let cube =
-            Shape::Box { center: [0.0; 3], size: [0.1; 3], orientation: [1.0, 0.0, 0.0, 0.0] };
+        let cube = Shape::Box { size: [0.1; 3] };
         let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
         let fault = refused(|d| {
             d.collision = vec![

@@ -119,7 +119,8 @@ fn spread(k: usize, i: usize, n: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::description::{ArmDescription, Frame, JointKind, LinkShape, Shape};
+    use crate::geometry::Shape;
+    use crate::robot::description::{ArmDescription, Frame, JointKind, LinkShape, PlacedShape};
     use crate::robot::spatial::cases::{case, link};
     use crate::robot::spatial::dense;
     use crate::testing::assert_close;
@@ -187,9 +188,10 @@ mod tests {
         joints[1].axis = [1.0, 0.0, 0.0];
         let (a, b) = ([0.1, 0.0, 0.0], [0.1, 0.0, 0.5]);
         let carried = |link: &str, shape| LinkShape { link: link.into(), shape };
+        let ball = Shape::Sphere { radius: 0.1 };
         let collision = vec![
-            carried("fore", Shape::Capsule { a, b, radius: 0.05 }),
-            carried("upper", Shape::Sphere { center: a, radius: 0.1 }),
+            carried("fore", Shape::Capsule { a, b, radius: 0.05 }.into()),
+            carried("upper", PlacedShape { center: Some(a), ..ball.into() }),
         ];
         let mount = Frame { position: [0.0, 0.0, 2.0], ..Frame::default() };
         let description = ArmDescription { joints, mount, collision, ..ArmDescription::default() };

@@ -39,6 +39,29 @@ pub struct Options {
 }
 
 /// What was read.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::urdf::{self, Carried, Form, Options, UrdfError, Xml};
+///
+/// let text = r#"<robot name="pendulum">
+///     <link name="base"/>
+///     <link name="rod">
+///         <inertial><origin xyz="0 0 0.5"/><mass value="1"/>
+///             <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+///         <collision><geometry><sphere radius="0.1"/></geometry></collision>
+///     </link>
+///     <joint name="hinge" type="continuous">
+///         <parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+///     </joint>
+/// </robot>"#;
+/// let reading = urdf::read(text, &Options::default()).unwrap();
+/// assert_eq!(reading.arm.joints[0].name, "hinge");
+/// let Carried { on, geometry } = &reading.geometry[0];
+/// assert!(on == "rod" && matches!(geometry.form, Form::Sphere { .. }));
+/// let error = urdf::read("<robot", &Options::default()).unwrap_err();
+/// assert!(matches!(error, UrdfError::Malformed { format: Xml::Urdf, .. }));
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reading {
     /// The arm; its `collision` is empty, for that is made of `geometry`.

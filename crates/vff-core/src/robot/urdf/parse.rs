@@ -1,6 +1,7 @@
 //! URDF text to a [`Tree`].
 
-use super::super::description::{self, DescriptionProblem, Frame};
+use super::super::description::Frame;
+use super::super::description_error::{self, DescriptionProblem};
 use super::super::inertia::Body;
 use super::super::inertia::{self, tensor};
 use super::tree::{Form, Geometry, Kind, Link, Mimic, Tree, TreeJoint};
@@ -171,7 +172,7 @@ fn needed_number(
 }
 
 fn unit<const N: usize>(values: &mut [f64; N], place: String) -> Result<(), UrdfError> {
-    description::unit(values).map_err(|problem| match problem {
+    description_error::unit(values).map_err(|problem| match problem {
         DescriptionProblem::NotUnit(norm) => UrdfError::NotUnit { place, norm },
         _ => UrdfError::OutOfRange { place, requirement: "finite", given: f64::NAN },
     })

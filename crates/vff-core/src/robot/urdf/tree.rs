@@ -4,6 +4,27 @@ use super::super::description::{Frame, JointKind};
 use serde::{Deserialize, Serialize};
 
 /// All links and joints of a robot.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::urdf::{Geometry, Kind, Link, Mimic, Tree, TreeJoint, parse};
+///
+/// let Tree { links, joints, .. } = parse(
+///     r#"<robot name="gripper"><link name="palm"/><link name="finger"/>
+///         <joint name="grip" type="prismatic">
+///             <parent link="palm"/><child link="finger"/>
+///             <limit lower="0" upper="0.04" effort="10" velocity="0.1"/>
+///         </joint></robot>"#,
+/// )
+/// .unwrap();
+/// let TreeJoint { kind, mimic, .. } = &joints[0];
+/// assert_eq!(*kind, Kind::Prismatic);
+/// let mimic: &Option<Mimic> = mimic;
+/// let carried: &[Geometry] = &links[1].geometry;
+/// assert!(mimic.is_none() && carried.is_empty());
+/// let Link { name, .. } = &links[0];
+/// assert_eq!(name, "palm");
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tree {

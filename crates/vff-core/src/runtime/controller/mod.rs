@@ -11,7 +11,7 @@ use super::obstacles::AnyObstacles;
 use super::points::PointsError;
 use crate::control::observer::Source;
 use crate::control::output::{BeginError, Phase};
-use crate::control::{Avoidance, LeftOut, Settings, StablePeriod, TaskKind};
+use crate::control::{LeftOut, Settings, StablePeriod};
 use crate::math::rotation::NotARotation;
 use crate::planning::motion::Jointed;
 use crate::robot::Limits;
@@ -19,9 +19,10 @@ use crate::scenario::{self, AnyScene, CheckReach, Scenario, ScenarioError, Scene
 use crate::simulation::{Replanned, System};
 use crate::world::space::Points;
 use nalgebra::DMatrix;
+use serde::Serialize;
 use standalone::Standalone;
 use std::any::Any;
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use toml::Table;
@@ -41,6 +42,23 @@ pub struct Reading<'a> {
 }
 
 /// Why a cycle is none.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::controller::Surroundings;
+/// use vff_core::runtime::{AnyArm, AnyController, CycleError, Reading};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arm = AnyArm::read(&toml::toml! { lengths = [0.5, 0.5] masses = 2.0 })?;
+/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
+/// let state = Reading { t: 0.0, q: &[0.4, 0.5], dq: &[0.0; 2] };
+/// assert_eq!(controller.cycle(Some(state), None), Err(CycleError::NotBegun));
+/// // Obstacles that another thread has made ready take the place of those that are there.
+/// let mut around: Surroundings = controller.surroundings();
+/// controller.exchange(&mut around, 0.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum CycleError {
     /// See [`begin`](ErasedController::begin).
@@ -52,6 +70,21 @@ pub enum CycleError {
 }
 
 /// Why a law does not take the place of another one.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::{AnyArm, AnyController, ErasedController, SuccessionError};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arm = AnyArm::read(&toml::toml! { model = "panda" })?;
+/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
+/// controller.begin(0.001, None)?;
+/// let pose = AnyController::new(&arm, &toml::toml! { task = "pose" })?;
+/// let law: &dyn ErasedController = &*controller;
+/// assert!(matches!(law.successor(&pose), Err(SuccessionError::Another)));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SuccessionError {
     /// Its robot or task is another one.
@@ -170,19 +203,18 @@ impl AnyController {
     /// A few words on it.
     pub fn summary(&self) -> String {
         let (n, settings) = (self.dof(), self.settings());
-        let task = match settings.task {
-            TaskKind::Position => "position",
-            TaskKind::Pose => "pose",
-            TaskKind::Pointing => "pointing",
-        };
-        let avoidance = match settings.avoidance {
-            Avoidance::NullSpace => "null_space",
-            Avoidance::Relaxed => "relaxed",
-            Avoidance::Priority => "priority",
-            Avoidance::Cbf => "cbf",
-        };
+        let (task, avoidance) = (Written(settings.task), Written(settings.avoidance));
         let joints = if n == 1 { "joint" } else { "joints" };
         format!("{n} {joints}, {task} task, avoidance {avoidance}")
+    }
+}
+
+/// A name as documents have it.
+struct Written<T>(T);
+
+impl<T: Serialize> fmt::Display for Written<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.serialize(f)
     }
 }
 

@@ -17,6 +17,15 @@ pub struct Target<'a> {
 }
 
 /// A robot that is told in numbers where its end effector has to be.
+///
+/// # Example
+/// ```
+/// use vff_core::robot::{PlanarState, SpatialState};
+/// use vff_core::runtime::controller::FromNumbers;
+///
+/// assert_eq!(<PlanarState as FromNumbers<2, 3>>::WIDTHS, [3, 3, 3]);
+/// assert_eq!(<SpatialState as FromNumbers<3, 6>>::WIDTHS, [7, 6, 6]); // a pose has a quaternion
+/// ```
 pub trait FromNumbers<const D: usize, const M: usize>: Manipulator<D, M> {
     /// How many numbers a pose, a velocity and an acceleration have.
     const WIDTHS: [usize; 3];

@@ -47,6 +47,28 @@ pub struct Scalars {
 }
 
 /// The same to be kept, with the projector.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::controller::{Scalars, Terms, TermsView};
+/// use vff_core::runtime::{AnyArm, AnyController, Target};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let arm = AnyArm::read(&toml::toml! { lengths = [0.5, 0.5, 0.5] masses = 2.0 })?;
+/// let mut controller = AnyController::new(&arm, &toml::Table::new())?;
+/// let target = Target { x: &[1.2, 0.5], dx: &[0.0; 2], ddx: &[0.0; 2] };
+/// controller.torque(&[0.4, 0.5, -0.6], &[0.0; 3], &target, 0.0)?;
+/// let TermsView { tau, scalars, .. } = controller.terms_view(); // borrowed, for a loop
+/// let Scalars { singular, .. } = scalars;
+/// assert_eq!((tau.len(), singular), (3, false));
+/// let Terms { projector, .. } = controller.terms();
+/// assert_eq!(projector.nrows(), 3);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # See also
+/// [`TermsView`] and its [`Scalars`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Terms {
     /// As in [`TermsView`].

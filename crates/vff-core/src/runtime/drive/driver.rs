@@ -28,6 +28,29 @@ impl CommandKind {
 /// All methods are called from the thread of the loop. None may wait longer than a period, with one exception: a robot that
 /// [`paces`](Self::paces) the loop waits in [`read`](Self::read) for its next state. An error ends the drive; it is to say in a few words what
 /// went wrong. The errors are texts, because nothing is done about them but to tell people.
+///
+/// # Example
+/// A robot that stands still and takes any torque:
+/// ```
+/// use vff_core::runtime::drive::{CommandKind, Driver};
+///
+/// struct Still(f64);
+///
+/// impl Driver for Still {
+///     fn read(&mut self, q: &mut [f64], dq: &mut [f64]) -> Result<f64, String> {
+///         (q.fill(0.5), dq.fill(0.0));
+///         self.0 += 0.001;
+///         Ok(self.0) // the time of this state
+///     }
+///
+///     fn write(&mut self, command: &[f64]) -> Result<(), String> {
+///         command.iter().all(|tau| tau.is_finite()).then_some(()).ok_or("no torque".into())
+///     }
+/// }
+///
+/// assert_eq!(CommandKind::named("torque"), Some(CommandKind::Torque));
+/// assert_eq!(Still(0.0).read(&mut [0.0], &mut [0.0]), Ok(0.001));
+/// ```
 pub trait Driver {
     /// What it takes.
     fn kind(&self) -> CommandKind {

@@ -92,6 +92,36 @@ pub struct Rows {
 }
 
 /// What crosses between the loop and other threads.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::drive::{Exchange, Fault, Layout, Loop, Options, Rows, SimulatedRobot};
+/// use vff_core::runtime::{AnyController, Target};
+/// use vff_core::scenario::Scenario;
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5, -0.6]
+///     arm = { lengths = [0.5, 0.5, 0.5], masses = 2.0 }
+///     reference = { kind = "setpoint", point = [1.2, 0.5] }
+///     "#,
+/// )?;
+/// let robot = SimulatedRobot::new(&scenario, 1000.0, None)?;
+/// let controller = AnyController::from_scenario(&scenario)?;
+/// let options = Options { seconds: Some(0.02), record_every: 1, ..Options::default() };
+/// let (drive, exchange) = Loop::new(robot, controller, options)?;
+/// let loop_ = std::thread::spawn(move || drive.run());
+/// exchange.set_target(&Target { x: &[1.1, 0.5], dx: &[0.0; 2], ddx: &[0.0; 2] })?;
+/// loop_.join().unwrap();
+/// let layout: &Layout = exchange.layout();
+/// let Rows { values, lost } = exchange.take_rows();
+/// assert_eq!((values.len() % layout.width(), lost), (0, 0));
+/// assert!(Fault::Torque.to_string().len() > 0);
+/// # Ok(())
+/// # }
+/// ```
 pub struct Exchange {
     pub(super) layout: Layout,
     /// The same controller as the loop's, to try on what is sent to that.

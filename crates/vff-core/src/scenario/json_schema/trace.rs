@@ -212,9 +212,9 @@ impl<'de> Deserializer<'de> for Tracer<'_> {
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Fault> {
         let expected = (&visitor as &dyn Expected).to_string();
-        if expected == "internally tagged enum Shape" {
+        if expected == "struct PlacedShape" {
             *self.kind = Kind::AnyTable;
-            let sphere = serde_json::json!({ "kind": "sphere", "center": [0, 0, 0], "radius": 1 });
+            let sphere = serde_json::json!({ "kind": "sphere", "radius": 1 });
             return sphere.deserialize_any(visitor).map_err(de::Error::custom);
         }
         if expected == format!("a number or \"{UNLIMITED}\"") {

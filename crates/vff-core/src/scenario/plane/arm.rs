@@ -11,6 +11,26 @@ use serde::de::{Deserializer, Error, SeqAccess, Visitor};
 use std::fmt;
 
 /// An arm as the user describes it; scalars hold for every link.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::{ArmSpec, PlanarScene, PlantSpec, Scenario};
+///
+/// let scenario = Scenario::from_toml(
+///     r#"
+///     duration = 1.0
+///     q0 = [0.4, 0.5]
+///     arm = { lengths = [0.5, 0.4], masses = 2.0, gravity = 9.81 }
+///     plant = { payload = 0.5 }
+///     reference = { kind = "setpoint", point = [0.7, 0.3] }
+///     "#,
+/// )
+/// .unwrap();
+/// let scene: &PlanarScene = scenario.scene.plane().unwrap();
+/// let arm: &ArmSpec = &scene.arm;
+/// assert_eq!((arm.dof(), arm.build().unwrap().links()[1].length), (2, 0.4));
+/// assert_eq!(scene.plant, PlantSpec { payload: 0.5, ..PlantSpec::default() });
+/// ```
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArmSpec {
@@ -47,6 +67,14 @@ fn zero() -> ScalarOrVec {
 }
 
 /// A number or a list of such, to any depth.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::plane::Nested;
+///
+/// let com: Nested = toml::Value::from(vec![0.2, 0.3]).try_into().unwrap();
+/// assert!(matches!(com, Nested::List(values) if values.len() == 2));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Nested {
     /// A number.

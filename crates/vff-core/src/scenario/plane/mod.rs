@@ -78,7 +78,7 @@ where
         let Annulus { inner, outer } = Self::annulus(arm);
         let slack = 1e-9 * outer.max(arm.links()[arm.dof() - 1].length);
         let point = |t: f64| {
-            interrupt::spend(64);
+            interrupt::checkpoint(64);
             Self::wrist(arm, &trajectory.at(t).x)
         };
         let inside = |t: f64| {

@@ -10,6 +10,18 @@ use crate::settings::NOT_NEGATIVE;
 use serde::Deserialize;
 
 /// An arm in space as the user describes it.
+///
+/// # Example
+/// ```
+/// use vff_core::scenario::{PayloadSpec, SpatialArmSpec, SpatialPlantSpec};
+///
+/// let spec = SpatialArmSpec { model: Some("ur5e".into()), ..SpatialArmSpec::default() };
+/// let arm = std::sync::Arc::new(spec.build().unwrap());
+/// assert_eq!(arm.dof(), 6);
+/// let payload = PayloadSpec { mass: 2.0, ..PayloadSpec::default() };
+/// let plant = SpatialPlantSpec { payload, ..SpatialPlantSpec::default() };
+/// assert!(plant.build(&arm).unwrap().arm.total_mass() > arm.total_mass() + 1.9);
+/// ```
 #[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SpatialArmSpec {

@@ -60,7 +60,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             stack.controller = Controller::new(self.arm.state(), gains.clone());
         }
         if another_output {
-            self.output = Sending::new(gains, self.q.len());
+            self.output = OutputStage::new(gains, self.q.len());
             self.plant.compensate_gravity(gains.command.gravity == Gravity::Robot);
             self.start_output();
         }

@@ -110,7 +110,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// (T4) on top \[N·m\].
     pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
         self.stack.controller.project(tau);
-        let sent = self.output.as_ref().map_or(&self.held.total, |sending| &sending.sent);
+        let sent = self.output.as_ref().map_or(&self.held.total, |output_stage| &output_stage.sent);
         tau.iter_mut().zip(sent).for_each(|(tau, sent)| *tau += sent);
     }
 
@@ -166,7 +166,8 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             None => (&space.dx, controller.error(), forces.clearance()),
         };
         let driven = || self.actuator.as_ref().map_or(&[][..], Actuator::torque);
-        let tau_applied = self.output.as_ref().map_or_else(driven, |sending| &sending.acting);
+        let tau_applied =
+            self.output.as_ref().map_or_else(driven, |output_stage| &output_stage.acting);
         let acting = if tau_applied.is_empty() { &self.held.total } else { tau_applied };
         Snapshot {
             dimension: D,

@@ -103,7 +103,7 @@ impl<const D: usize> Scans<D> {
         let Self { scans, noise, losses, .. } = self;
         let count = self.seen.len();
         for (k, point) in scans[row * count..][..count].iter_mut().enumerate() {
-            interrupt::spend(64);
+            interrupt::checkpoint(64);
             // Drawn for every ray, so that no reading depends on what the others have met.
             let (error, lost) = (self.deviation * noise.draw(), losses.share() < self.drop_outs);
             let ([origin, direction], met) = cast(k, self.range);

@@ -3,6 +3,19 @@
 use serde::{Deserialize, Serialize};
 
 /// The `[perception]` table of a scenario.
+///
+/// # Example
+/// ```
+/// use vff_core::simulation::{Camera, PerceptionKind, PerceptionSettings};
+///
+/// let seen: PerceptionSettings = toml::from_str(r#"kind = "range""#).unwrap();
+/// assert_eq!(seen, PerceptionSettings { kind: PerceptionKind::Range, ..PerceptionSettings::default() });
+/// let cameras: &[Camera] = &seen.cameras;
+/// assert!(cameras.is_empty());
+/// ```
+///
+/// # See also
+/// [`Perception`](super::super::Perception) in the plane, [`SpatialPerception`](super::super::SpatialPerception) in space.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PerceptionSettings {

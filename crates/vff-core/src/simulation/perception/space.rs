@@ -200,7 +200,7 @@ impl CollisionQuery<3> for SpatialPerception {
         for (index, body) in bodies.into_iter().enumerate() {
             let mut least = f64::INFINITY;
             near.clear();
-            interrupt::spend(16 * scans.met().len());
+            interrupt::checkpoint(16 * scans.met().len());
             for point in scans.met() {
                 let gap = distance_of_point(&body, point);
                 least = least.min(gap);
@@ -246,7 +246,7 @@ fn touch(index: usize, body: &Body<'_, 3>, obstacle: usize, point: &Vector<3>) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::description::{LinkShape, Shape as Form};
+    use crate::robot::description::{LinkShape, PlacedShape};
     use crate::robot::models;
     use crate::simulation::Camera;
     use crate::world::Motion;
@@ -391,7 +391,8 @@ mod tests {
     fn with_a_board() -> SpatialState {
         let mut description = models::named("panda").unwrap();
         let orientation = [1.0, 0.0, 0.0, 0.0];
-        let shape = Form::Box { center: [0.0; 3], size: [0.4, 0.02, 0.4], orientation };
+        let plate = Shape::Box { size: [0.4, 0.02, 0.4] };
+        let shape = PlacedShape { orientation: Some(orientation), ..plate.into() };
         description.collision = vec![LinkShape { link: "panda_link3".into(), shape }];
         let mut state = Arc::new(description.build().unwrap()).state();
         state.update(&Q, &[0.0; 7]);

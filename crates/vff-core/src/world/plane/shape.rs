@@ -1,7 +1,7 @@
 //! What an obstacle looks like, in its own frame.
 
+use crate::geometry::ShapeFault;
 use crate::settings::{NOT_NEGATIVE, POSITIVE};
-use crate::world::ShapeFault;
 use serde::Deserialize;
 
 /// The outline of an obstacle in the frame of the obstacle: the origin is the obstacle's
@@ -53,9 +53,9 @@ impl Shape {
     /// With the key of the first value that is wrong.
     pub fn check(&self) -> Result<(), ShapeFault> {
         match self {
-            Self::Circle { radius } => ShapeFault::unless("radius", *radius, &POSITIVE),
+            Self::Circle { radius } => ShapeFault::of_radius(*radius, &POSITIVE),
             Self::Capsule { a, b, radius } => {
-                ShapeFault::unless("radius", *radius, &NOT_NEGATIVE)?;
+                ShapeFault::of_radius(*radius, &NOT_NEGATIVE)?;
                 ShapeFault::of_ends(a, b)
             }
             Self::Box { size } => ShapeFault::of_size(size),

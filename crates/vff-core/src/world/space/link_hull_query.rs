@@ -50,7 +50,7 @@ impl Volume {
         asked: Asked,
         visit: &mut dyn FnMut(&Contact<3>),
     ) {
-        interrupt::spend(16 * hull.hull.edge_count());
+        interrupt::checkpoint(16 * hull.hull.edge_count());
         let seen = Carried { position: hull.position - state.position, ..*hull };
         let place = |meeting: &Meeting| placed(pair, meeting, self.radius, state);
         let cloud = dispatch!(
@@ -183,14 +183,14 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(2000) })]
+
         #[test]
         fn hulls_are_measured_within_a_limit(
             link in any_carried(), obstacles in prop::collection::vec(any_obstacle(), 0..6), limit in -0.5..2.0,
         ) {
             is_what_asking_all_says(&obstacles, &link.body(), limit);
         }
-
-        #![proptest_config(ProptestConfig { max_global_rejects: 20_000, ..ProptestConfig::with_cases(2000) })]
 
         /// Apart, two points prove that the distance is no larger, and two planes that it is no smaller: what lies on the bodies
         /// and how far they reach along the normal is known from the points that they are made of alone.

@@ -8,7 +8,7 @@
 //! Distances are exact to rounding, all in closed form (T92–T95, T107, T122). parry's general routines are not used, for the
 //! reasons given there; its hierarchy of boxes ([`Boxes`]) finds what is near among many.
 //!
-//! `shape` has the list of shapes, its one dispatch, and a file for each with all its answers. A file per question that is
+//! `shape` has what becomes of the list of shapes, its one dispatch, and a file for each with all its answers. A file per question that is
 //! put to any of them: `barriers`, `link_hull_query` (a hull that a link carries), `hierarchy` of boxes around obstacles;
 //! `point_bvh` is around points, of which `needed_points` says which ones a program needs.
 
@@ -29,15 +29,13 @@ mod tests;
 mod volume;
 
 pub use crate::geometry::{
-    HullError, MAX_CORNERS, Probe, check_hull, faces_of_hull, perpendicular,
+    HullError, MAX_CORNERS, MAX_POINTS, Probe, Shape, check_hull, faces_of_hull, perpendicular,
 };
 pub use hierarchy::Boxes;
 pub use link_hull_query::{contact_with_point, distance_of_point};
 pub use obstacle::Obstacle;
 pub use points::Points;
 pub use rays::{cast_at_body, cast_at_hull};
-pub use shape::Shape;
-pub use shape::cloud::MAX_POINTS;
 pub use volume::Volume;
 
 /// The obstacles of a space.

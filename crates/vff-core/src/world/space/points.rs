@@ -9,6 +9,27 @@ use std::sync::Arc;
 
 /// Points that are ready to take the place of those of a cloud. They are made beside the world that they are for, which
 /// takes them in at once: [`World::swap_points`].
+///
+/// # Example
+/// ```
+/// use vff_core::geometry::Shape;
+/// use vff_core::world::Motion;
+/// use vff_core::world::space::{Obstacle, Points, World};
+///
+/// let upright = [1.0, 0.0, 0.0, 0.0];
+/// let cloud = Obstacle {
+///     shape: Shape::Points { points: vec![[0.0; 3]], radius: 0.02 },
+///     position: [0.5, 0.0, 0.0],
+///     orientation: upright,
+///     angular_velocity: [0.0; 3],
+///     motion: Motion::Static {},
+/// };
+/// let mut world = World::new(vec![cloud]);
+/// // Made beside the loop, swapped in within it.
+/// let mut seen = Points::new(vec![[0.0; 3], [0.0, 0.1, 0.0]], upright);
+/// assert!(world.swap_points(0, &mut seen));
+/// assert_eq!(seen.len(), 1); // the old ones
+/// ```
 #[derive(Debug, Clone)]
 pub struct Points {
     pub(super) given: Vec<[f64; 3]>,

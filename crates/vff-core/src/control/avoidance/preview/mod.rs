@@ -2,20 +2,21 @@
 //! soon, and if so, which motion of the next seconds avoids it. That motion becomes the nominal one of the QP, which
 //! still guards every distance and limit.
 //!
-//! - [`candidate`]: a motion that is tried, and what it costs.
-//! - [`rollout`]: what a candidate leads to, for the arm as a chain without mass.
-//! - [`closed_loop_rollout`]: what the law itself leads to, with all dynamics.
-//! - [`prediction`]: the obstacles at later instants.
-//! - [`planning_cycle`]: when which of these is computed, and what becomes of the result.
+//! - `candidate`: a motion that is tried, and what it costs.
+//! - `rollout`: what a candidate leads to, for the arm as a chain without mass.
+//! - `closed_loop_rollout`: what the law itself leads to, with all dynamics.
+//! - `prediction`: the obstacles at later instants.
+//! - `planning_cycle`: when which of these is computed, and what becomes of the result.
 
-pub mod candidate;
-pub mod closed_loop_rollout;
+mod candidate;
+mod closed_loop_rollout;
 #[cfg(test)]
 mod fixtures;
-pub mod planning_cycle;
-pub mod prediction;
-pub mod rollout;
+mod planning_cycle;
+mod prediction;
+mod rollout;
 
+pub(crate) use closed_loop_rollout::fastest_rate;
 pub use planning_cycle::Preview;
 
 /// How many of `count` equal parts of a piece of work must be done after this share of its time: all of them if the

@@ -112,7 +112,7 @@ impl<S: CollisionQuery<D>, const D: usize> Prediction<D> for S {
 
     fn obstacles_near(&mut self, bodies: &[Body<'_, D>], reach: f64, found: &mut Vec<usize>) {
         self.for_each_obstacle_near(bodies.iter().copied(), reach, |obstacle| {
-            interrupt::spend(64 + found.len());
+            interrupt::checkpoint(64 + found.len());
             if !found.contains(&obstacle) {
                 found.push(obstacle);
             }
@@ -181,7 +181,7 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
         mut visit: impl FnMut(&Contact<D>),
     ) {
         for (i, body) in bodies.into_iter().enumerate() {
-            interrupt::spend(64 * self.obstacles.len());
+            interrupt::checkpoint(64 * self.obstacles.len());
             let mut least = f64::INFINITY;
             for &j in self.obstacles {
                 let nearest = self.surroundings.predict(i, &body, j, self.after, reach, &mut visit);
@@ -200,7 +200,7 @@ impl<const D: usize> CollisionQuery<D> for Later<'_, D> {
     ) {
         let Self { surroundings, obstacles, after } = *self;
         for (i, body) in bodies.into_iter().enumerate() {
-            interrupt::spend(64 * obstacles.len());
+            interrupt::checkpoint(64 * obstacles.len());
             for &j in obstacles {
                 surroundings.predict_needed(i, &body, j, after, reach, outlook, &mut visit);
             }

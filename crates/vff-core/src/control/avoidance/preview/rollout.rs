@@ -145,7 +145,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         surroundings.obstacles_near(bodies, REACH, obstacles);
         w.fill(0.0);
         for i in 0..robot.dof() {
-            interrupt::spend(16 * robot.dof());
+            interrupt::checkpoint(16 * robot.dof());
             w[i] = 1.0;
             robot.mass_mul(w, v);
             w[i] = 0.0;
@@ -192,7 +192,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
             }
             let k = self.done;
             let s = self.step * k as f64;
-            interrupt::spend(8 * self.apart.len());
+            interrupt::checkpoint(8 * self.apart.len());
             self.scout.update_positions(&self.q);
             let sample = self.reference[k];
             let e = self.scout.pose().error(&sample.x);
@@ -297,7 +297,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Rollout<R, D,
         });
         scout.update_velocities(w);
         for Near { link, point, normal, distance, comes } in pairs.iter() {
-            interrupt::spend(8 * row.len());
+            interrupt::checkpoint(8 * row.len());
             let least = -0.5 / *step * (distance - *margin);
             // Most pairs keep apart by far, which takes no row of the Jacobian to see.
             if normal.dot(&scout.point_velocity(*link, point)) - comes > least + SURELY {
@@ -354,7 +354,7 @@ mod tests {
     use super::super::fixtures::{Asked, START, closing, disc, holding, robot};
     use super::*;
     use crate::math::Noise;
-    use crate::robot::description::Shape as Form;
+    use crate::robot::description::PlacedShape;
     use crate::robot::{Manipulator, PlanarState, Robot, SpatialState, models};
     use crate::world::plane::World;
     use crate::world::{Motion, space};
@@ -456,8 +456,8 @@ mod tests {
     #[test]
     fn what_is_left_out_of_boxes_does_not_matter() {
         let mut description = models::named("panda").unwrap();
-        let center = [0.0, 0.0, -0.05];
-        let cube = Form::Box { center, size: [0.25, 0.03, 0.2], orientation: [1.0, 0.0, 0.0, 0.0] };
+        let cube = space::Shape::Box { size: [0.25, 0.03, 0.2] };
+        let cube = PlacedShape { center: Some([0.0, 0.0, -0.05]), ..cube.into() };
         for part in &mut description.collision {
             part.shape = cube.clone();
         }

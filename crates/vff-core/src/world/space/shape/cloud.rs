@@ -13,12 +13,9 @@ use crate::math::{UnitQuaternion, Vector};
 use crate::world::space::contact::{axis_of, contact_of};
 use crate::world::space::needed_points::{MAX_NEEDED, NeededPoints};
 use crate::world::space::point_bvh::{PointBvh, Sight, around};
-use crate::world::{Ahead, Contact, Feature, MotionState, Pair, ShapeFault};
+use crate::world::{Ahead, Contact, Feature, MotionState, Pair};
 use std::fmt;
 use std::ops::Range;
-
-/// The most points of a cloud.
-pub const MAX_POINTS: usize = 50_000;
 
 /// Points that are found at once.
 const ROOM: usize = 256;
@@ -35,17 +32,6 @@ pub(in super::super) struct Cloud {
     extent: [Vector<3>; 2],
     /// How far the farthest is from the position \[m\].
     reach: f64,
-}
-
-/// Whether they are few enough.
-pub(super) fn check(points: &[[f64; 3]]) -> Result<(), ShapeFault> {
-    match points.len() <= MAX_POINTS {
-        true => Ok(()),
-        false => {
-            let told = format!("at most {MAX_POINTS} of them, got {}", points.len());
-            Err(ShapeFault::told("points", told))
-        }
-    }
 }
 
 impl fmt::Debug for Cloud {
@@ -80,7 +66,7 @@ impl Cloud {
     /// Of these points, turned. Undefined numbers do not panic.
     #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
     pub(in super::super) fn new(points: &[[f64; 3]], turn: &UnitQuaternion) -> Self {
-        interrupt::spend(64 * points.len());
+        interrupt::checkpoint(64 * points.len());
         let turned: Vec<Vector<3>> =
             points.iter().map(|point| turn.rotate(&Vector::from(*point))).collect();
         let extent @ [low, high] = around(&turned);
@@ -228,7 +214,7 @@ impl Cloud {
         // The first few at a time, since nothing may be allocated here.
         loop {
             let found = self.within(&query, radius, reach, first, &mut room);
-            interrupt::spend(64 * found.len());
+            interrupt::checkpoint(64 * found.len());
             for (_, place) in found {
                 visit(&self.touch(*place as usize, pair, link, radius, state));
             }
@@ -259,7 +245,7 @@ impl Cloud {
         let mut needed = NeededPoints::new(ahead, radius + link.radius, reach);
         let limit = needed.limit();
         self.approach(&query, limit, |places| {
-            interrupt::spend(16 * places.len());
+            interrupt::checkpoint(16 * places.len());
             for place in places {
                 let axis = seen_from(link, &(state.position + self.points[place]));
                 needed.add(&axis, self.numbers[place], place as u32);

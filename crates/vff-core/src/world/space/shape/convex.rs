@@ -1,15 +1,9 @@
 //! The convex hull of points.
 
 use super::{ConvexCore, Core, Point};
+use crate::geometry::Hull;
 use crate::geometry::axis::Probe;
-use crate::geometry::{Hull, check_hull};
 use crate::math::{UnitQuaternion, Vector};
-use crate::world::ShapeFault;
-
-/// Whether a hull can be made of the points.
-pub(super) fn check(vertices: &[[f64; 3]]) -> Result<(), ShapeFault> {
-    check_hull(vertices).map_err(|error| ShapeFault::told("vertices", error.to_string()))
-}
 
 /// The hull of the points, turned; of unusable ones a point.
 pub(super) fn around(vertices: &[[f64; 3]], turn: &UnitQuaternion) -> Core {

@@ -3,18 +3,8 @@
 use super::ConvexCore;
 use crate::geometry::axis::{Nearest, Probe};
 use crate::geometry::{Carried, Convex, Meeting, Onward};
-use crate::math::rotation::UNIT_TOLERANCE;
 use crate::math::{UnitQuaternion, Vector};
-use crate::world::{Asked, Feature, ShapeFault};
-
-/// Whether it is a unit vector.
-pub(super) fn check(normal: &[f64; 3]) -> Result<(), ShapeFault> {
-    let norm = Vector::from(*normal).norm();
-    if (norm - 1.0).abs() <= UNIT_TOLERANCE {
-        return Ok(());
-    }
-    Err(ShapeFault::new("normal", format!("a vector of norm 1, not {norm}"), normal))
-}
+use crate::world::{Asked, Feature};
 
 /// With the outward unit normal.
 #[derive(Debug, Clone)]

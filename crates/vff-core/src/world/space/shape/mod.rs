@@ -1,7 +1,6 @@
-//! What an obstacle in space looks like, in its own frame, and what is asked of it.
+//! What is asked of an obstacle in space.
 //!
-//! Here are the only lists of shapes: the [`Shape`] that people describe, what becomes of it, and the [`Core`] that is asked.
-//! A file per shape has its answers.
+//! Here is what becomes of a [`Shape`], which people describe: the [`Core`] that is asked. A file per shape has its answers.
 
 mod capsule;
 pub(super) mod cloud;
@@ -14,93 +13,15 @@ pub(super) use capsule::cast_at_capsule;
 pub(super) use sphere::Point;
 
 use crate::geometry::axis::{Nearest, Probe};
-use crate::geometry::{Carried, Convex, Hull, Meeting};
+use crate::geometry::{Carried, Convex, Hull, Meeting, Shape};
 use crate::math::{Feature, UnitQuaternion, Vector};
-use crate::settings::{NOT_NEGATIVE, POSITIVE};
-use crate::world::{Asked, ShapeFault};
+use crate::world::Asked;
 use cloud::Cloud;
 use cuboid::Cuboid;
 use half_space::HalfSpace;
-use serde::Deserialize;
 use std::sync::Arc;
 
-/// The surface of an obstacle in the frame of the obstacle: the origin is the obstacle's position, the axes are turned by
-/// its orientation. Lengths in metres.
-///
-/// The values are taken as they are; `scenario` validates them. What each variant expects is
-/// said beside it.
-///
-/// # Example
-/// ```
-/// use vff_core::world::space::Shape;
-///
-/// assert!(Shape::Box { size: [0.4, 0.4, 0.1] }.check().is_ok());
-/// assert!(Shape::Sphere { radius: -0.1 }.check().is_err());
-/// ```
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Shape {
-    /// A ball around the origin.
-    Sphere {
-        /// Radius \[m\], positive.
-        radius: f64,
-    },
-    /// A segment swept by a ball.
-    Capsule {
-        /// First end of the segment \[m\].
-        a: [f64; 3],
-        /// Second end of the segment \[m\].
-        b: [f64; 3],
-        /// Radius of the ball \[m\], not negative.
-        radius: f64,
-    },
-    /// A cuboid centred on the origin, its edges along the axes.
-    Box {
-        /// Full lengths of the edges \[m\], all positive.
-        size: [f64; 3],
-    },
-    /// The convex hull of points.
-    Convex {
-        /// Four or more points that do not lie in one plane \[m\], not all of which need be corners.
-        vertices: Vec<[f64; 3]>,
-    },
-    /// Everything on one side of a plane through the origin: a floor, a wall.
-    HalfSpace {
-        /// Unit vector out of the solid, of norm 1 within 10⁻⁶.
-        normal: [f64; 3],
-    },
-    /// A cloud of points, each swept by a ball: what a depth camera sees. Not convex: a link has a contact with every ball
-    /// that is near.
-    Points {
-        /// The points \[m\], at most [`MAX_POINTS`](super::MAX_POINTS), maybe none.
-        points: Vec<[f64; 3]>,
-        /// Radius of the balls \[m\], not negative.
-        radius: f64,
-    },
-}
-
 impl Shape {
-    /// Whether queries can be made of it.
-    ///
-    /// # Errors
-    /// With the key of the first value that is wrong.
-    pub fn check(&self) -> Result<(), ShapeFault> {
-        match self {
-            Self::Sphere { radius } => ShapeFault::unless("radius", *radius, &POSITIVE),
-            Self::Capsule { a, b, radius } => {
-                ShapeFault::unless("radius", *radius, &NOT_NEGATIVE)?;
-                ShapeFault::of_ends(a, b)
-            }
-            Self::Box { size } => ShapeFault::of_size(size),
-            Self::Convex { vertices } => convex::check(vertices),
-            Self::HalfSpace { normal } => half_space::check(normal),
-            Self::Points { points, radius } => {
-                ShapeFault::unless("radius", *radius, &NOT_NEGATIVE)?;
-                cloud::check(points)
-            }
-        }
-    }
-
     /// What remains when the radius is taken away, turned, and that radius \[m\].
     pub(super) fn core(&self, turn: &UnitQuaternion) -> (Core, f64) {
         match self {

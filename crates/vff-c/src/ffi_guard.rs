@@ -56,7 +56,7 @@ fn said(payload: &(dyn Any + Send)) -> String {
 }
 
 /// Does the work of one call.
-pub(crate) fn border(work: impl FnOnce() -> Result<(), Fault>) -> Status {
+pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Fault>) -> Status {
     // What a panic leaves behind is not used again: see `Controller::with`. Other objects do not change.
     let done = panic::catch_unwind(AssertUnwindSafe(work));
     match done.unwrap_or_else(|payload| Err(Fault::Panic(said(&*payload)))) {
@@ -94,7 +94,7 @@ pub(crate) unsafe fn place<'a, T>(
 /// # Safety
 /// It is NULL or was handed out so, and is not used again.
 pub(crate) unsafe fn free<T>(object: *mut T) {
-    border(|| {
+    guarded(|| {
         if !object.is_null() {
             // SAFETY: as the caller promises.
             drop(unsafe { Box::from_raw(object) });

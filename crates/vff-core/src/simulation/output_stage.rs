@@ -8,7 +8,7 @@ use crate::world::Solid;
 
 /// What stands between the law and the simulated robot. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub(super) struct Sending {
+pub(super) struct OutputStage {
     pub(super) output: Output,
     /// What is held over the control period \[N·m\].
     pub(super) sent: Vec<f64>,
@@ -20,7 +20,7 @@ pub(super) struct Sending {
     sent_at: Option<usize>,
 }
 
-impl Sending {
+impl OutputStage {
     /// What the settings ask for; None if the robot takes the torque of the law as it is.
     pub(super) fn new<const M: usize>(gains: &Gains<M>, n: usize) -> Option<Box<Self>> {
         let zeros = || vec![0.0; n];

@@ -14,7 +14,10 @@ pub fn core_id(number: usize) -> PyResult<core_affinity::CoreId> {
 }
 
 /// Pins the calling thread and raises its priority; says what the system refused.
-pub fn take_privileges(priority: Option<u8>, core: Option<core_affinity::CoreId>) -> Vec<String> {
+pub fn request_scheduling(
+    priority: Option<u8>,
+    core: Option<core_affinity::CoreId>,
+) -> Vec<String> {
     let mut refused = vec![];
     if let Some(core) = core
         && !core_affinity::set_for_current(core)
