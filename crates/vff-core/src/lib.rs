@@ -31,6 +31,8 @@
 //! assert!(torque.len() == 4 && torque.iter().all(|tau| tau.is_finite()));
 //! ```
 //!
+//! The same with an arm in space is the example of [`control::Controller`].
+//!
 //! The closed loop of such a controller and a simulated plant is [`simulation::ClosedLoop`]. A scenario describes one
 //! as text:
 //!

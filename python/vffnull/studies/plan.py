@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import pickle
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -244,10 +243,6 @@ class Plan:
 
     # ------------------------------------------------------------------ blocks
 
-    def all_blocks(self) -> Iterator[int]:
-        """The numbers of all blocks, in order."""
-        return iter(range(self.blocks))
-
     def block(self, number: int) -> Block:
         """A block of a design."""
         size = self.size
@@ -349,10 +344,6 @@ class Plan:
                 "batch": tuning.batch,
             }
         return plain(found)  # type: ignore[no-any-return]
-
-    def to_json(self) -> str:
-        """The document as text that is the same for the same study."""
-        return json.dumps(self.to_dict(), sort_keys=True, ensure_ascii=False, separators=(",", ":"))
 
     @cached_property
     def digest(self) -> str:

@@ -278,8 +278,8 @@ pub(super) mod tests {
                 assert_eq!(text(&crowded), text(&plain));
             }
         }
-        let Named::BroadPhase(crowd) = crowded.named else { panic!("no crowd") };
-        crowd.renewals
+        let Named::BroadPhase(broad_phase) = crowded.named else { panic!("no crowd") };
+        broad_phase.renewals
     }
 
     /// Small steps and great leaps, there and back.

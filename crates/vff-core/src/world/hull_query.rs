@@ -23,13 +23,15 @@ pub(super) fn near_hull<S: Solid<D>, const D: usize>(
     [reach, limit]: [f64; 2],
     mut meet: impl FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
 ) -> f64 {
-    let is_crowd = matches!(named, Named::BroadPhase(_));
+    let has_broad_phase = matches!(named, Named::BroadPhase(_));
     let mut within = reach;
     loop {
         let near = match named {
             Named::All => None,
             Named::Each(all) => Some(&all[..]),
-            Named::BroadPhase(crowd) => Some(crowd.near(obstacles, time, around, within)),
+            Named::BroadPhase(broad_phase) => {
+                Some(broad_phase.near(obstacles, time, around, within))
+            }
         };
         let count = near.map_or(obstacles.len(), <[usize]>::len);
         let asked = || (0..count).map(|k| near.map_or(k, |near| near[k]));
@@ -45,7 +47,7 @@ pub(super) fn near_hull<S: Solid<D>, const D: usize>(
             }
         }
         // Of a crowd those nearer to the capsule than `within`, or the nearest one: that of the hull is no farther than this.
-        if is_crowd && least > within && within < limit {
+        if has_broad_phase && least > within && within < limit {
             within = least.min(limit);
             continue;
         }

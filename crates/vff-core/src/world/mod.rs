@@ -5,7 +5,7 @@
 //! [`World::new`]. Among many obstacles the cost of both grows with what is near, not with what
 //! exists; the results do not depend on it.
 //!
-//! Motion, the queries and the crowd are the same in every space. What is not is a [`Solid`]: those of
+//! Motion, the queries and the broad phase are the same in every space. What is not is a [`Solid`]: those of
 //! the [`plane`] and of [`space`] live in directories of their own.
 
 mod broad_phase;
@@ -132,16 +132,16 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             Placed::new(obstacle)
         };
         let obstacles: Vec<Placed<S, D>> = obstacles.into_iter().map(place).collect();
-        let is_crowd = obstacles.len() >= broad_phase::LEAST;
-        Self::of(obstacles, is_crowd)
+        let has_broad_phase = obstacles.len() >= broad_phase::LEAST;
+        Self::of(obstacles, has_broad_phase)
     }
 
     /// Of obstacles at t = 0.
-    fn of(obstacles: Vec<Placed<S, D>>, is_crowd: bool) -> Self {
+    fn of(obstacles: Vec<Placed<S, D>>, has_broad_phase: bool) -> Self {
         // Room for all, as any may be placed elsewhere later.
         let mut moving = Vec::with_capacity(obstacles.len());
         moving.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_static));
-        let named = if is_crowd {
+        let named = if has_broad_phase {
             Named::BroadPhase(Box::new(BroadPhase::new(&obstacles)))
         } else {
             Named::each(&obstacles, vec![])
@@ -159,9 +159,9 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let mut obstacles: Vec<Placed<S, D>> = wanted.cloned().collect();
             obstacles.iter_mut().for_each(|obstacle| obstacle.move_to(0.0));
             // Where every one is asked, one may move as no hierarchy is made for.
-            let is_crowd =
+            let has_broad_phase =
                 matches!(self.named, Named::BroadPhase(_)) && obstacles.len() >= broad_phase::LEAST;
-            Self::of(obstacles, is_crowd)
+            Self::of(obstacles, has_broad_phase)
         })
     }
 
@@ -184,7 +184,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             return;
         }
         match &mut self.named {
-            Named::BroadPhase(crowd) => crowd.update(&self.obstacles, self.time, t),
+            Named::BroadPhase(broad_phase) => broad_phase.update(&self.obstacles, self.time, t),
             _ => self.moving.iter().for_each(|&j| self.obstacles[j].move_to(t)),
         }
         self.time = t;
@@ -272,7 +272,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
 
     /// From now on, obstacle `j` is at `position` \[m\] at time `t` \[s\] and goes on at `velocity` \[m/s\]. It turns as
     /// before. In a crowd every obstacle is asked from then on, as after [`carry`](Self::carry). Does not allocate;
-    /// the first time, what the motion and the crowd took is freed.
+    /// the first time, what the motion and the broad phase took is freed.
     pub fn place(&mut self, j: usize, t: f64, position: Vector<D>, velocity: Vector<D>) {
         let obstacle = &mut self.obstacles[j];
         obstacle.description.set_position(position - velocity * t);
@@ -316,8 +316,8 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// Does what has to be done when a solid is not what it was.
     fn reshaped(&mut self) {
         [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
-        if let Named::BroadPhase(crowd) = &mut self.named {
-            crowd.renew(&self.obstacles);
+        if let Named::BroadPhase(broad_phase) = &mut self.named {
+            broad_phase.renew(&self.obstacles);
         }
     }
 

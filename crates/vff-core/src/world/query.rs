@@ -296,7 +296,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let near = match named {
                 Named::All => &[],
                 Named::Each(all) => &all[..],
-                Named::BroadPhase(crowd) => crowd.near(obstacles, *time, &probe, reach),
+                Named::BroadPhase(broad_phase) => broad_phase.near(obstacles, *time, &probe, reach),
             };
             // Where no distance is asked for, a search for the nearest point does not pay: they are searched for all in reach.
             if searched && limit <= reach && limit.is_finite() {

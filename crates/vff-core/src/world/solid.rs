@@ -2,7 +2,7 @@
 //!
 //! The loop over bodies and obstacles ([`World`](super::World)) is one for all spaces. It knows nothing
 //! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
-//! [`Hierarchy`] of boxes for crowds.
+//! [`Hierarchy`] of boxes for the broad phase.
 
 use super::{Ahead, Contact, Motion, MotionState, Pair, Turn, Turning};
 use crate::geometry::Carried;

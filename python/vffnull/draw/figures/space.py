@@ -47,7 +47,6 @@ _SHARP = 1.0  # dots of a drawn body per dot of the figure, for prints
 TABLE = np.array([222, 214, 202]) / 255.0
 """The same of planes."""
 _FAR = 1.5  # of the arm's reach, beyond the arm's own box
-_DASHES = (0, (2, 2))
 _ROD = 0.005  # of the arm's reach, the radius of lines
 _SPECK = 0.002  # of the picture's box, the radius of a point
 _GHOST = 0.45  # opacity of the arm where the plan has it

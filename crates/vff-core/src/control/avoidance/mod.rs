@@ -1,7 +1,7 @@
 //! What to do where the null space is not enough: a way each in a file, for the end effector to give way.
 //!
-//! [`relaxed`] releases the task while an obstacle is near, [`priority`] overrules it along the shortest way out,
-//! [`cbf`] finds the nearest acceleration that keeps every distance, and [`preview`] looks ahead on top of that.
+//! `relaxed` releases the task while an obstacle is near, [`priority`] overrules it along the shortest way out,
+//! `cbf` finds the nearest acceleration that keeps every distance, and [`preview`] looks ahead on top of that.
 //! All start from the torque of the null-space law. [`barrier`] is the program of `cbf`, which keeps the limits of the
 //! drives for all others.
 

@@ -119,11 +119,6 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         &self.law.torque
     }
 
-    /// The secondary torque τ_sec = repulsion + posture spring, before projection \[N·m\].
-    pub fn secondary_torque(&self) -> &[f64] {
-        &self.tau_sec
-    }
-
     /// Takes in the state (q, q̇) and what is around: clearances and forces.
     pub fn observe(&mut self, q: &[f64], dq: &[f64], surroundings: &mut impl CollisionQuery<D>) {
         interrupt::checkpoint(32 * D * D * q.len());

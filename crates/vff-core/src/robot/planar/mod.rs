@@ -96,11 +96,6 @@ impl PlanarState {
         capsule(&self.joints[i], &self.arm.links[i])
     }
 
-    /// The absolute angle of link `i` \[rad\].
-    pub fn link_angle(&self, i: usize) -> f64 {
-        self.joints[i].angle
-    }
-
     /// The joints and two joint vectors, all of one length: spares the loops their bounds checks.
     #[inline(always)]
     fn with<'a>(
