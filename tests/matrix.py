@@ -220,7 +220,7 @@ def combined(name: str, way: str, options: Sequence[str]) -> vff.Scenario | str 
 
 
 OTHER_DRAWS = range(1, 6)
-"""Seeds for a look-ahead that has found no way out: it draws candidates, and a draw may miss what others find."""
+"""Seeds for a look-ahead that has found no way out: it draws candidates, and another draw may find one."""
 
 
 def gets_out(scene: vff.Scenario) -> bool:
