@@ -36,9 +36,9 @@ and torque are the largest of any joint in any of the scenes, in parts of the ma
 {rows}
 
 Every controller keeps the speeds of joints, which weigh more than distances: without a rate only where one
-would be too fast (T153), behind a rate always. What is left above 1 are joints at their torque limits or
-thrown by a joint that meets its stop, and behind the rate joints that brake at the same time and want more
-of it than there is.
+would be too fast (T153) or come to its stop (T162), behind a rate always. What is left above 1 are joints
+at their torque limits, and behind the rate joints that brake at the same time and want more of it than there
+is.
 
 `priority` loses most behind a rate: it adds what one distance after the other is short of, and what the
 drives cannot follow of the sum is missing. `cbf` weighs all of it at once, and is what to use there. Its

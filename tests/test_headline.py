@@ -63,7 +63,8 @@ def test_what_is_not_measured_is_not_claimed() -> None:
 
 def test_limits_and_stops_are_told() -> None:
     """Torque, speed and stops by joint, and no word of what held."""
-    stopped = vff.simulate("planner-bench-reach-3")
+    ignored = {"controller.enforce_limits": False}
+    stopped = vff.simulate("planner-bench-reach-3", ignored)
     assert stopped.headline.verdict == "at a stop" and stopped.headline.severity == "odd"
     limits = stopped.scenario.arm.joint_limits
     reached = (stopped.q <= limits[:, 0]) | (stopped.q >= limits[:, 1])
@@ -72,7 +73,7 @@ def test_limits_and_stops_are_told() -> None:
         stopped.t[reached.any(axis=1).argmax()], abs=0.01
     )
 
-    passed = vff.simulate("planner-bench-reach-3", {"plant.joint_stops": False})
+    passed = vff.simulate("planner-bench-reach-3", ignored | {"plant.joint_stops": False})
     assert "beyond its limits" in passed.headline.lines[0]
 
     weak = {"arm.torque_limits": 5.0, "arm.velocity_limits": 0.3, "controller.enforce_limits": False}

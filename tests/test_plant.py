@@ -310,7 +310,11 @@ def test_a_start_beyond_a_stop_is_warned_of() -> None:
 def test_stops_end_what_a_controller_wants() -> None:
     """The tip cannot come where a stop forbids it, and the metric says that no limit is exceeded."""
     scenario = vff.Scenario.load("sweep-through").replace(
-        **{"arm.joint_limits": [[1.1, 1.3], *[[-1.0, 1.0]] * 5], "reference.point": [1.0, 3.0]}
+        **{
+            "arm.joint_limits": [[1.1, 1.3], *[[-1.0, 1.0]] * 5],
+            "reference.point": [1.0, 3.0],
+            "controller.enforce_limits": False,
+        }
     )
     result = vff.simulate(scenario)
     assert result.metrics.joint_limit_violation == 0.0
@@ -536,6 +540,7 @@ def test_mujoco_s_stops_and_dry_friction_are_softer() -> None:
         "reference.point": [2.0, 3.0],
         "plant.coulomb_friction": 0.2,
         "controller.field.gain": 0.0,
+        "controller.enforce_limits": False,
     }
     ours, theirs = (vff.simulate("sweep-through", changes, plant=name) for name in ("core", "mujoco"))
     assert ours.metrics.joint_limit_violation == 0.0

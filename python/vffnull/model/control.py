@@ -162,8 +162,8 @@ class ControlSettings:
     joint_limit_field : Field or dict, optional
         Repulsion from the arm's joint limits: a field over the angle that is left, in rad and N·m.
     enforce_limits : bool, optional
-        Whether the arm's torque and velocity limits hold for the controller; they do by default. See
-        ``vffnull schema`` for what is given up first.
+        Whether the arm's limits of torque, speed and angle hold for the controller; they do by default.
+        See ``vffnull schema`` for what is given up first.
     observer : dict, optional
         Estimates the torque that the model does not know: ``{"bandwidth": 1/s, "threshold": N·m}``; what is
         below the threshold is taken for friction and not answered. With ``"source": "measured"`` it is what

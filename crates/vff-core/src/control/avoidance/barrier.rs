@@ -11,7 +11,7 @@
 //! (T130–T132). Without pairs, the same keeps the limits of the other ways of giving way. How fast the tip moves and turns is
 //! kept like the speed of a joint (T114).
 
-use super::joint_bounds::{Braking, Joints, guarded_acceleration};
+use super::joint_bounds::{Acting, JointBounds};
 use super::margins::Margins;
 use crate::control::deadline::LeftOut;
 use crate::control::distance::{DistanceRate, OwnPair};
@@ -22,7 +22,7 @@ use crate::control::{
 };
 use crate::interrupt;
 use crate::math::{Vector, dot};
-use crate::robot::{Limits, Robot, pace};
+use crate::robot::{Robot, pace};
 use crate::world::{Contact, Outlook};
 use nalgebra::SMatrix;
 use std::cell::Cell;
@@ -75,7 +75,8 @@ struct Reserve {
 }
 
 impl Reserve {
-    const NONE: Self = Self { angle: 0.0, joint: 1.0, tip: 1.0 };
+    /// A joint that meets its stop throws all others.
+    const USUAL: Self = Self { angle: 0.002, joint: 1.0, tip: 1.0 };
     /// The torque rate couples the braking of a joint to that of others.
     const BEHIND_A_RATE: Self = Self { angle: 0.01, joint: 0.98, tip: 0.98 };
     /// A robot ends a motion that comes to a limit: what it measures is noisy.
@@ -85,7 +86,7 @@ impl Reserve {
 
     fn of<const M: usize>(gains: &Gains<M>) -> Self {
         match (gains.command.gravity, &gains.command.torque_rate) {
-            (Gravity::Controller, None) => Self::NONE,
+            (Gravity::Controller, None) => Self::USUAL,
             _ if gains.observer.is_some() => Self::WITH_A_LOAD,
             (Gravity::Robot, _) => Self::BEFORE_A_ROBOT,
             (Gravity::Controller, Some(_)) => Self::BEHIND_A_RATE,
@@ -139,14 +140,11 @@ pub(crate) struct Barrier {
     softness: Vec<f64>,
     /// What every joint can be sent \[N·m, N\]; empty if anything.
     ends: Vec<[f64; 2]>,
-    /// Largest speed of every joint \[rad/s\].
-    speed: Vec<f64>,
-    joints: Joints,
+    joints: JointBounds,
     /// Largest speed of the tip \[m/s\], and how fast it may turn \[rad/s\]; infinite where nothing is said.
     tip: [f64; 2],
-    reserve: Reserve,
-    /// How every joint comes to its stops; empty if `rate` alone says it.
-    braking: Vec<Braking>,
+    /// The share of that which is kept.
+    tip_share: f64,
     /// See [`Yielding`].
     rate: f64,
     slack_weight: f64,
@@ -173,6 +171,7 @@ impl Barrier {
         let settings = &gains.yielding;
         let CommandSettings { tip_speed, tip_angular_speed, .. } = gains.command;
         let n = robot.dof();
+        let reserve = Reserve::of(gains);
         let zeros = |count: usize| vec![0.0; count];
         let mut this = Self {
             program: QuadraticProgram::new(n, 0, MAX_VIOLATED),
@@ -187,11 +186,9 @@ impl Barrier {
             shares: vec![],
             softness: vec![],
             ends: Vec::with_capacity(n),
-            speed: settings.joint_speeds(robot),
-            joints: Joints::All,
+            joints: JointBounds::new(robot, gains, [reserve.angle, reserve.joint]),
             tip: [tip_speed, tip_angular_speed].map(|most| most.unwrap_or(f64::INFINITY)),
-            reserve: Reserve::of(gains),
-            braking: Braking::of(&gains.command, n),
+            tip_share: reserve.tip,
             rate: rate(settings),
             margins: Margins::new(n, settings),
             slack_weight: slack_weight::<D>(settings),
@@ -202,14 +199,15 @@ impl Barrier {
     }
 
     /// Leaves the speeds of an arm without velocity limits alone.
-    pub fn without_speeds<R: Robot<D>, const D: usize>(self, robot: &R) -> Self {
-        let joints = if robot.limits().velocity.is_empty() { Joints::Angles } else { Joints::All };
-        Self { joints, ..self }
+    pub fn without_speeds<R: Robot<D>, const D: usize>(mut self, robot: &R) -> Self {
+        self.joints.leave_speeds(robot);
+        self
     }
 
-    /// Of the joints keeps their speeds alone, where they would be too fast.
-    pub fn guarding_speeds(self) -> Self {
-        Self { joints: Joints::Speeds, ..self }
+    /// Of the joints keeps what would be too fast or come to a stop.
+    pub fn guarding<R: Robot<D>, const D: usize>(mut self, robot: &R) -> Self {
+        self.joints.guard(robot);
+        self
     }
 
     /// Whether no joint is guarded at this torque \[N·m, N\].
@@ -219,18 +217,9 @@ impl Barrier {
         torque: &[f64],
         bias: &[f64],
     ) -> bool {
-        let Self { nominal, scratch, rate, .. } = self;
-        let Limits { velocity, .. } = robot.limits();
-        if velocity.is_empty() {
-            return true;
-        }
+        let Self { joints, nominal, scratch, hessian, .. } = self;
         robot.accelerate(torque, bias, scratch, nominal);
-        let joints = nominal.iter().zip(robot.velocity()).zip(velocity);
-        joints.into_iter().all(|((ddq, dq), most)| {
-            let bound = |dq| guarded_acceleration(*rate, *most, dq);
-            // The first is never more than either bound, and nearly always enough.
-            ddq.abs() <= *rate * (*most - dq.abs()) || (-bound(-dq) <= *ddq && *ddq <= bound(*dq))
-        })
+        joints.is_calm(robot, nominal, bias, [&mut hessian[..nominal.len()], scratch])
     }
 
     /// Room for this many pairs.
@@ -278,7 +267,7 @@ impl Barrier {
             robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
         }
         self.keep_distances(robot, kept);
-        self.keep_joints(robot, kept.range);
+        self.keep_joints(robot, bias, kept.range);
         self.keep_tip(robot, kept.range);
         self.soften();
         self.ends.clear();
@@ -381,12 +370,19 @@ impl Barrier {
     }
 
     /// The angles and the speeds of all joints: a constraint for each side of each.
-    fn keep_joints<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
-        let n = self.nominal.len();
+    fn keep_joints<R: Robot<D>, const D: usize>(
+        &mut self,
+        robot: &R,
+        bias: &[f64],
+        range: Option<&TorqueRange>,
+    ) {
+        let Self { joints, nominal, present, normals, bounds, scratch, hessian, .. } = self;
+        let n = nominal.len();
+        let acting = Acting { bias, range: range.map(|range| (range, present.as_slice())) };
         for i in 0..n {
             interrupt::checkpoint(2 * n);
-            let [lower, upper] = self.joint_accelerations(robot, i, range);
-            let Self { nominal, normals, bounds, .. } = self;
+            let work = [&mut hessian[..n], &mut scratch[..]];
+            let [lower, upper] = joints.accelerations(robot, i, &acting, work);
             for (sign, bound) in [(1.0, lower - nominal[i]), (-1.0, nominal[i] - upper)] {
                 let start = normals.len();
                 normals.resize(start + n, 0.0);
@@ -396,6 +392,7 @@ impl Barrier {
         }
     }
 
+<<<<<<< HEAD
     /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68); behind a
     /// limit of the torque rate (T131) and (T132).
     fn joint_accelerations<R: Robot<D>, const D: usize>(
@@ -454,6 +451,8 @@ impl Barrier {
         [lower, upper]
     }
 
+=======
+>>>>>>> stops
     /// How fast the tip moves and turns (T114): a constraint for each.
     fn keep_tip<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
         let [speed, turning] = self.tip;
@@ -473,7 +472,7 @@ impl Barrier {
         range: Option<&TorqueRange>,
         measure: impl FnOnce(&mut [f64]) -> [f64; 2],
     ) {
-        let kept = self.reserve.tip * most;
+        let kept = self.tip_share * most;
         let Self { rate, nominal, present, normals, bounds, scratch, .. } = self;
         let n = nominal.len();
         interrupt::checkpoint(8 * n);

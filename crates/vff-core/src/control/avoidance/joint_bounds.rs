@@ -1,13 +1,24 @@
 //! How fast a joint may be, and become: near its largest speed, and towards its stops.
 
-use crate::control::CommandSettings;
+use crate::control::{CommandSettings, Gains, TorqueRange};
+use crate::interrupt;
 use crate::math::ScalarOrVec;
+use crate::robot::Robot;
 
 /// From which share of its largest speed on a joint is braked gently by ways that are no program.
 const GUARDED: f64 = 0.5;
 
 /// Slower than that, a joint does not come to its largest speed within 1/this \[1/s\]: a few periods of a loop.
 const AT_ONCE: f64 = 250.0;
+
+/// In parts of a joint's largest speed: what a torque that is held for a period may miss it by.
+const TOLERATED: f64 = 1.001;
+
+/// c in (T163): a joint that comes to a stop brakes with 0.29 c of what its torque can do, and at last with 0.39 c.
+const BRAKING: f64 = 2.0;
+
+/// The slowest pole of (T162) \[1/s\]: a joint whose torque hardly carries it is not braked half a turn before its stop.
+const SLOWEST: f64 = 4.0;
 
 /// How a joint comes to its stops where a robot wants it slower the nearer it is.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +31,7 @@ pub struct Braking {
 
 impl Braking {
     /// Of `n` joints, if anything is said of it.
-    pub fn of(command: &CommandSettings, n: usize) -> Vec<Self> {
+    fn of(command: &CommandSettings, n: usize) -> Vec<Self> {
         let of = |given: &ScalarOrVec, i| Self {
             deceleration: given.get(i),
             offset: command.stop_offset.get(i),
@@ -32,7 +43,7 @@ impl Braking {
     }
 
     /// √(o² + 2 b h) − o, the largest speed towards a stop that is h away, and how fast it changes at the speed `dq` (T152).
-    pub fn towards(self, height: f64, dq: f64) -> [f64; 2] {
+    fn towards(self, height: f64, dq: f64) -> [f64; 2] {
         let Self { deceleration: b, offset: o } = self;
         let root = (o * o + 2.0 * b * height.max(0.0)).sqrt();
         let most = root - o;
@@ -42,17 +53,237 @@ impl Braking {
 
 /// What of the joints is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Joints {
+enum Joints {
     /// Angles and speeds.
     All,
     /// Of an arm without velocity limits.
     Angles,
-    /// Speeds alone, where a joint would be too fast (T153).
-    Speeds,
+    /// Angles and speeds, where a joint would come to a stop or be too fast (T153, T162).
+    Guarded,
+}
+
+/// What torques act: now, and what the drives accept next.
+#[derive(Debug, Clone, Copy)]
+pub struct Acting<'a> {
+    /// C q̇ + g, less the external torque that is known \[N·m, N\].
+    pub bias: &'a [f64],
+    /// Behind a limit of the torque rate what can be sent next, and q̈ under what was sent last.
+    pub range: Option<(&'a TorqueRange, &'a [f64])>,
+}
+
+/// The bounds of the accelerations of all joints.
+#[derive(Debug, Clone)]
+pub struct JointBounds {
+    /// k, see [`Yielding`](crate::control::Yielding).
+    rate: f64,
+    /// Largest speed of every joint \[rad/s\].
+    speed: Vec<f64>,
+    joints: Joints,
+    /// How far a joint keeps from its stops \[rad, m\], and the share of its largest speed that it keeps.
+    angle: f64,
+    share: f64,
+    /// How every joint comes to its stops; empty if `rate` alone says it.
+    braking: Vec<Braking>,
+}
+
+impl JointBounds {
+    /// For the joints of `robot`, which keep `angle` \[rad, m\] from their stops and a `share` of their speeds.
+    pub fn new<R: Robot<D>, const D: usize, const M: usize>(
+        robot: &R,
+        gains: &Gains<M>,
+        [angle, share]: [f64; 2],
+    ) -> Self {
+        Self {
+            rate: super::barrier::rate(&gains.yielding),
+            speed: gains.yielding.joint_speeds(robot),
+            joints: Joints::All,
+            angle,
+            share,
+            braking: Braking::of(&gains.command, robot.dof()),
+        }
+    }
+
+    /// Leaves the speeds of an arm without velocity limits alone.
+    pub fn leave_speeds<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        if robot.limits().velocity.is_empty() {
+            self.joints = Joints::Angles;
+        }
+    }
+
+    /// Leaves alone what is neither too fast nor about to come to a stop.
+    pub fn guard<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        self.joints = Joints::Guarded;
+        if robot.limits().velocity.is_empty() {
+            self.speed.fill(f64::INFINITY);
+        }
+    }
+
+    /// Whether every joint may have the acceleration `ddq`; `work` has twice as many numbers as there are joints.
+    pub fn is_calm<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        ddq: &[f64],
+        bias: &[f64],
+        work: [&mut [f64]; 2],
+    ) -> bool {
+        let Self { rate, speed, angle, .. } = self;
+        let [column, unit] = work;
+        let k = rate.min(SLOWEST);
+        (0..ddq.len()).all(|i| {
+            let (q, dq, ddq, most) =
+                (robot.configuration()[i], robot.velocity()[i], ddq[i], speed[i]);
+            let bound = |dq| guarded_acceleration(*rate, most, dq);
+            // The first is never more than either bound, and nearly always enough.
+            let is_slow =
+                ddq.abs() <= rate * (most - dq.abs()) || (-bound(-dq) <= ddq && ddq <= bound(dq));
+            is_slow
+                && robot.limits().kept_angles(i, *angle).is_none_or(|[low, high]| {
+                    // With the slowest pole, which is the most cautious one as long as k h is more than the speed.
+                    let height = (q - low).min(high - q);
+                    let is_far = height > 0.0
+                        && dq.abs() <= k * height
+                        && ddq.abs() + 2.0 * k * dq.abs() <= k * k * height;
+                    is_far || {
+                        let [lower, upper] =
+                            self.stopping(robot, i, [low, high], bias, [&mut *column, &mut *unit]);
+                        lower <= ddq && ddq <= upper
+                    }
+                })
+        })
+    }
+
+    /// The least and the largest q̈ of joint `i`; `work` has twice as many numbers as there are joints.
+    pub fn accelerations<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        i: usize,
+        acting: &Acting<'_>,
+        work: [&mut [f64]; 2],
+    ) -> [f64; 2] {
+        match acting.range {
+            None => self.at_once(robot, i, acting.bias, work),
+            Some((range, present)) => self.behind_a_rate(robot, i, range, present, work),
+        }
+    }
+
+    /// Where the torque can change at once: |q̈| ≤ k(q̇_max − |q̇|) for the speed (T68), or (T153) where it is guarded, and (T162)
+    /// for the angle.
+    fn at_once<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        i: usize,
+        bias: &[f64],
+        work: [&mut [f64]; 2],
+    ) -> [f64; 2] {
+        let Self { rate: k, speed, joints, angle, share, braking } = self;
+        let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
+        let [mut lower, mut upper] = match joints {
+            Joints::All => [-k * (share * most + dq), k * (share * most - dq)],
+            Joints::Angles => [f64::NEG_INFINITY, f64::INFINITY],
+            Joints::Guarded => {
+                [-guarded_acceleration(*k, most, -dq), guarded_acceleration(*k, most, dq)]
+            }
+        };
+        if *joints != Joints::Angles {
+            (lower, upper) =
+                (lower + brake_beyond(*k, most, -dq), upper - brake_beyond(*k, most, dq));
+        }
+        if let Some([low, high]) = robot.limits().kept_angles(i, *angle) {
+            if let Some(braking) = braking.get(i) {
+                let towards = |height: f64, dq: f64| {
+                    let [speed, change] = braking.towards(height, dq);
+                    share * change + k * (share * speed - dq)
+                };
+                lower = lower.max(-towards(q - low, -dq));
+                upper = upper.min(towards(high - q, dq));
+            }
+            let [least, most] = self.stopping(robot, i, [low, high], bias, work);
+            (lower, upper) = (lower.max(least), upper.min(most));
+        }
+        [lower, upper]
+    }
+
+    /// The least and the largest q̈ with which joint `i` stays between these angles (T162).
+    fn stopping<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        i: usize,
+        [low, high]: [f64; 2],
+        bias: &[f64],
+        [column, unit]: [&mut [f64]; 2],
+    ) -> [f64; 2] {
+        let (q, dq) = (robot.configuration()[i], robot.velocity()[i]);
+        let deceleration = robot.limits().torque.get(i).map_or(f64::INFINITY, |most| {
+            interrupt::spend(16 * unit.len());
+            unit.fill(0.0);
+            unit[i] = 1.0;
+            robot.mass_mul(unit, column);
+            (most - bias[i].abs()).max(0.0) / column[i]
+        });
+        let k = stopping_pole(self.rate, deceleration, dq);
+        let change = 2.0 * k * dq;
+        [-change - k * k * (q - low), -change + k * k * (high - q)]
+    }
+
+    /// Behind a limit of the torque rate: (T131) for the angle and (T132) for the speed.
+    fn behind_a_rate<R: Robot<D>, const D: usize>(
+        &self,
+        robot: &R,
+        i: usize,
+        range: &TorqueRange,
+        present: &[f64],
+        [unit, response]: [&mut [f64]; 2],
+    ) -> [f64; 2] {
+        let Self { rate: k, speed, joints, angle, share, braking } = self;
+        let (q, dq, ddq, most) =
+            (robot.configuration()[i], robot.velocity()[i], present[i], speed[i]);
+        interrupt::spend(8 * unit.len());
+        unit.fill(0.0);
+        unit[i] = 1.0;
+        robot.mass_solve(unit, response);
+        let jerk = range.jerk(unit, response);
+        // For how long, and how, the joint goes on before anything can be changed.
+        let period = range.period;
+        let next = dq + period * ddq;
+        let faster = |left| TorqueRange::most_acceleration(left, jerk, *k);
+        let [mut lower, mut upper] = [f64::NEG_INFINITY, f64::INFINITY];
+        if *joints == Joints::All {
+            let kept = share * most;
+            [lower, upper] = [-faster(kept + next), faster(kept - next)];
+        }
+        if let Some([low, high]) = robot.limits().kept_angles(i, *angle) {
+            if let Some(braking) = braking.get(i) {
+                let towards = |height: f64, sign: f64| {
+                    let next = sign * next;
+                    let [speed, change] = braking.towards(height - sign * period * dq, next);
+                    share * change + faster(share * speed - next)
+                };
+                lower = lower.max(-towards(q - low, -1.0));
+                upper = upper.min(towards(high - q, 1.0));
+            }
+            let away = |height: f64, sign: f64| {
+                let now = [height, sign * dq, sign * ddq];
+                range.least_acceleration(now, jerk, most, *k)
+            };
+            lower = lower.max(away(q - low, 1.0));
+            upper = upper.min(-away(high - q, -1.0));
+        }
+        [lower, upper]
+    }
+}
+
+/// k_i of (T162) \[1/s\]: `rate`, or less where a joint at the speed `dq` would have to brake faster than its `deceleration` (T163).
+fn stopping_pole(rate: f64, deceleration: f64, dq: f64) -> f64 {
+    rate.min(BRAKING * deceleration / dq.abs()).max(rate.min(SLOWEST))
+}
+
+/// What is added to the braking of a joint beyond its largest speed `most` at the speed `dq`, which has that sign (T164).
+fn brake_beyond(k: f64, most: f64, dq: f64) -> f64 {
+    (AT_ONCE - k).max(0.0) * (dq - TOLERATED * most).max(0.0)
 }
 
 /// The largest acceleration of a joint towards its largest speed `most` at the speed `dq`, which has that sign (T153).
-pub fn guarded_acceleration(k: f64, most: f64, dq: f64) -> f64 {
+fn guarded_acceleration(k: f64, most: f64, dq: f64) -> f64 {
     let left = most - dq;
     let beyond = dq - GUARDED * most;
     if left <= 0.0 {
@@ -61,5 +292,62 @@ pub fn guarded_acceleration(k: f64, most: f64, dq: f64) -> f64 {
         AT_ONCE * left
     } else {
         left * AT_ONCE.min(k * (1.0 - GUARDED) * most / beyond)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// A joint that is asked for whatever its torque can do comes to rest before its stop, from wherever it could still
+        /// be stopped with half of that torque, and does not stay away from it: (T162) asks for no more than there is.
+        #[test]
+        fn a_joint_comes_to_rest_before_its_stop(
+            deceleration in 1.0..300.0, speed in 0.0..6.0, extra in 0.0..1.0, asked in 0.1..1.0,
+        ) {
+            const PERIOD: f64 = 1e-3;
+            let (mut height, mut dq) = (speed * speed / deceleration + 0.02 + extra, speed);
+            let mut least = f64::INFINITY;
+            for _ in 0..20_000 {
+                let k = stopping_pole(40.0, deceleration, dq);
+                let most = k * k * height - 2.0 * k * dq;
+                let ddq = (asked * deceleration).min(most).max(-deceleration);
+                dq += PERIOD * ddq;
+                height -= PERIOD * dq;
+                least = least.min(height);
+            }
+            prop_assert!(least > -1e-4, "{least}");
+            prop_assert!(height < 1e-3 && dq.abs() < 1e-3, "{height} {dq}");
+        }
+
+        /// From a uniform approach on, no more than 0.8 of its torque brakes it (T163).
+        #[test]
+        fn braking_leaves_torque(deceleration in 5.0..300.0, speed in 0.1..6.0) {
+            const PERIOD: f64 = 1e-4;
+            let (mut height, mut dq) = (speed * speed / deceleration + 2.0, speed);
+            let mut hardest: f64 = 0.0;
+            while dq > 1e-3 {
+                let k = stopping_pole(40.0, deceleration, dq);
+                let ddq = (k * k * height - 2.0 * k * dq).min(0.0);
+                hardest = hardest.max(-ddq);
+                dq += PERIOD * ddq;
+                height -= PERIOD * dq;
+            }
+            // One that is slow comes to the pole of all others before it brakes that hard.
+            if 40.0 * speed > 4.0 * deceleration {
+                prop_assert!(hardest > 0.5 * deceleration, "{hardest}");
+            }
+        }
+    }
+
+    /// (T164) leaves a joint alone that is within a thousandth of its limit, and is continuous there.
+    #[test]
+    fn what_is_tolerated_is_not_braked_harder() {
+        assert!(brake_beyond(40.0, 2.0, 2.0019).abs() < 1e-15);
+        assert!(brake_beyond(40.0, 2.0, 2.0021) < 0.03);
+        assert!(brake_beyond(40.0, f64::INFINITY, 10.0) == 0.0);
+        assert!(brake_beyond(300.0, 2.0, 3.0) == 0.0);
     }
 }

@@ -93,7 +93,8 @@ struct Limiter<const M: usize> {
     /// W_x (T69).
     weight: SMatrix<f64, M, M>,
     barrier: Barrier,
-    /// Whether it acts at all times; otherwise where a torque is beyond its limit, or a joint would be too fast.
+    /// Whether it acts at all times; otherwise where a torque is beyond its limit, or a joint would be too fast or come to a
+    /// stop.
     is_judged: bool,
     /// Whether the torque is within its limits before.
     is_fitted: bool,
@@ -105,10 +106,10 @@ impl<const M: usize> Limiter<M> {
         let barrier = Barrier::new(robot, gains);
         Self {
             weight: barrier::weight::<D, M>(&gains.yielding, &gains.metric::<D>()),
-            barrier: if is_judged || robot.limits().velocity.is_empty() {
+            barrier: if is_judged {
                 barrier.without_speeds(robot)
             } else {
-                barrier.guarding_speeds()
+                barrier.guarding(robot)
             },
             is_judged,
             is_fitted,
@@ -162,14 +163,14 @@ pub(crate) struct Avoider<const D: usize, const M: usize> {
 }
 
 impl<const D: usize, const M: usize> Avoider<D, M> {
-    /// What `gains` ask for on `robot`; nothing if the task always wins and no speed is limited.
+    /// What `gains` ask for on `robot`; nothing if the task always wins, and no joint has a stop or a largest speed.
     pub fn new<R: Robot<D>>(gains: &Gains<M>, robot: &R) -> Option<Box<Self>> {
         let is_judged = gains.command.is_judged();
-        let Limits { torque, velocity, .. } = robot.limits();
-        let is_limited = gains.enforce_limits && !(torque.is_empty() && velocity.is_empty());
-        let is_paced = gains.enforce_limits && !velocity.is_empty();
+        let Limits { joint, torque, velocity } = robot.limits();
+        let is_guarded = gains.enforce_limits && !(joint.is_empty() && velocity.is_empty());
+        let is_limited = is_guarded || gains.enforce_limits && !torque.is_empty();
         let way = match gains.avoidance {
-            Avoidance::NullSpace if !(is_paced || is_judged) => return None,
+            Avoidance::NullSpace if !(is_guarded || is_judged) => return None,
             Avoidance::NullSpace => Ways::TaskWins(TaskWins),
             Avoidance::Relaxed => Ways::Relaxed(Relaxed::new::<D>(gains)),
             Avoidance::Priority => Ways::Priority(Priority::new(gains, robot)),

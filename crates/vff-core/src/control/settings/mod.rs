@@ -147,7 +147,7 @@ settings! {
         /// A field over the angle that is left to the joint limits. Its lengths are angles \[rad\], its forces torques
         /// \[N·m\].
         joint_limit_field: Option<Field> = None;
-        /// Whether the arm's torque and velocity limits hold for the controller: see below.
+        /// Whether the arm's limits of torque, speed and angle hold for the controller: see below.
         enforce_limits: bool = true, "";
         /// The energy that avoidance may inject; unlimited by default.
         tank: Option<TankSettings> = None;
