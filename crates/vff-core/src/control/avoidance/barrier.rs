@@ -392,67 +392,6 @@ impl Barrier {
         }
     }
 
-<<<<<<< HEAD
-    /// The least and the largest q̈ of joint `i`: (T67) for its angle, and |q̈| ≤ k(q̇_max − |q̇|) for its speed (T68); behind a
-    /// limit of the torque rate (T131) and (T132).
-    fn joint_accelerations<R: Robot<D>, const D: usize>(
-        &mut self,
-        robot: &R,
-        i: usize,
-        range: Option<&TorqueRange>,
-    ) -> [f64; 2] {
-        let Self {
-            rate, nominal, present, scratch, hessian, speed, reserve, braking, joints, ..
-        } = self;
-        let (k, q, dq, most) = (*rate, robot.configuration()[i], robot.velocity()[i], speed[i]);
-        if *joints == Joints::Speeds && range.is_none() {
-            return [-guarded_acceleration(k, most, -dq), guarded_acceleration(k, most, dq)];
-        }
-        let range = range.map(|range| {
-            interrupt::checkpoint(8 * nominal.len());
-            let unit = &mut hessian[..nominal.len()];
-            unit.fill(0.0);
-            unit[i] = 1.0;
-            robot.mass_solve(unit, scratch);
-            (range, range.jerk(unit, scratch))
-        });
-        // For how long, and how, the joint goes on before anything can be changed.
-        let [period, ddq] = range.map_or([0.0; 2], |(range, _)| [range.period, present[i]]);
-        let next = dq + period * ddq;
-        let faster = |left| match range {
-            None => k * left,
-            Some((_, jerk)) => TorqueRange::most_acceleration(left, jerk, k),
-        };
-        let [mut lower, mut upper] = [f64::NEG_INFINITY, f64::INFINITY];
-        if *joints == Joints::All {
-            let kept = reserve.joint * most;
-            [lower, upper] = [-faster(kept + next), faster(kept - next)];
-        }
-        if let Some([low, high]) = robot.limits().kept_angles(i, reserve.angle) {
-            if let Some(braking) = braking.get(i) {
-                let towards = |height: f64, sign: f64| {
-                    let next = sign * next;
-                    let [speed, change] = braking.towards(height - sign * period * dq, next);
-                    reserve.joint * change + faster(reserve.joint * speed - next)
-                };
-                lower = lower.max(-towards(q - low, -1.0));
-                upper = upper.min(towards(high - q, 1.0));
-            }
-            let away = |height: f64, sign: f64| match range {
-                None => -2.0 * k * (sign * dq) - k * k * height,
-                Some((range, jerk)) => {
-                    let now = [height, sign * dq, sign * ddq];
-                    range.least_acceleration(now, jerk, most, k)
-                }
-            };
-            lower = lower.max(away(q - low, 1.0));
-            upper = upper.min(-away(high - q, -1.0));
-        }
-        [lower, upper]
-    }
-
-=======
->>>>>>> stops
     /// How fast the tip moves and turns (T114): a constraint for each.
     fn keep_tip<R: Robot<D>, const D: usize>(&mut self, robot: &R, range: Option<&TorqueRange>) {
         let [speed, turning] = self.tip;

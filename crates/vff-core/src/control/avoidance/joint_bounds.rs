@@ -214,7 +214,7 @@ impl JointBounds {
     ) -> [f64; 2] {
         let (q, dq) = (robot.configuration()[i], robot.velocity()[i]);
         let deceleration = robot.limits().torque.get(i).map_or(f64::INFINITY, |most| {
-            interrupt::spend(16 * unit.len());
+            interrupt::checkpoint(16 * unit.len());
             unit.fill(0.0);
             unit[i] = 1.0;
             robot.mass_mul(unit, column);
@@ -237,7 +237,7 @@ impl JointBounds {
         let Self { rate: k, speed, joints, angle, share, braking } = self;
         let (q, dq, ddq, most) =
             (robot.configuration()[i], robot.velocity()[i], present[i], speed[i]);
-        interrupt::spend(8 * unit.len());
+        interrupt::checkpoint(8 * unit.len());
         unit.fill(0.0);
         unit[i] = 1.0;
         robot.mass_solve(unit, response);
@@ -313,7 +313,7 @@ mod tests {
             for _ in 0..20_000 {
                 let k = stopping_pole(40.0, deceleration, dq);
                 let most = k * k * height - 2.0 * k * dq;
-                let ddq = (asked * deceleration).min(most).max(-deceleration);
+                let ddq = f64::min(asked * deceleration, most).max(-deceleration);
                 dq += PERIOD * ddq;
                 height -= PERIOD * dq;
                 least = least.min(height);
