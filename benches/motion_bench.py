@@ -165,6 +165,7 @@ def solve(arm: vff.Arm, problem: Problem, judge: Judge, seed: int) -> Row:
         q0=problem.start,
         duration=1.0,
         reference={"kind": "setpoint"},
+        controller={"self_collision": "avoid"},
         obstacles=[obstacle(body) for body in problem.bodies],
     )
     before = time.process_time()
