@@ -44,6 +44,8 @@ where
     let settings = Settings {
         posture: Some(vec![-0.5, 0.4, -0.7, -1.4, -0.8, 1.2, -1.0]),
         posture_stiffness: ScalarOrVec::Uniform(20.0),
+        // It pulls light wrists harder than a joint may be accelerated towards a stop two radians away (T162).
+        enforce_limits: false,
         ..Settings::default()
     };
     let mut controller = Controller::<_, 3, M>::new(arm.state(), Gains::new(&settings));
