@@ -39,17 +39,11 @@ pub fn sampled(settings: &Settings, period: f64) -> Validated {
     else {
         return Ok(());
     };
-    for (key, rate) in [
-        ("controller.touch.force.damping", force.damping),
-        ("controller.observer.bandwidth", observer.bandwidth),
-    ] {
-        if rate * period > 0.5 {
-            let most = 0.5 / period;
-            let requirement = format!(
-                "at most half per control period, {most} 1/s, with [controller.touch.force]"
-            );
-            return Err(ScenarioError::out_of_range(key, &requirement, rate));
-        }
+    if let Some((key, rate)) = force.too_fast(observer.bandwidth, period) {
+        let most = 0.5 / period;
+        let requirement =
+            format!("at most half per control period, {most} 1/s, with [controller.touch.force]");
+        return Err(ScenarioError::out_of_range(&format!("controller.{key}"), &requirement, rate));
     }
     Ok(())
 }

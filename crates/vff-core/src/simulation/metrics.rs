@@ -165,8 +165,6 @@ pub struct Metrics {
     dt: f64,
     tail_start: f64,
     limits: Limits,
-    /// The link whose tip is to touch something, if there is one.
-    pressing: Option<usize>,
     samples: usize,
     tail_samples: usize,
     min_clearance: f64,
@@ -220,7 +218,6 @@ impl Metrics {
             dt,
             tail_start: 0.8 * duration,
             limits,
-            pressing: None,
             samples: 0,
             tail_samples: 0,
             min_clearance: f64::INFINITY,
@@ -267,12 +264,6 @@ impl Metrics {
         }
     }
 
-    /// The same where `link`, if any, carries a tip that is to touch something: that is no collision.
-    #[must_use]
-    pub fn with_pressing(self, link: Option<usize>) -> Self {
-        Self { pressing: link, ..self }
-    }
-
     /// Whether a link has touched an obstacle so far.
     pub fn collision_time(&self) -> Option<f64> {
         self.collision_time
@@ -294,18 +285,14 @@ impl Metrics {
     }
 
     fn clearance(&mut self, s: &Snapshot<'_>) {
-        let mut nearest = f64::INFINITY;
         for (link, &distance) in s.clearance.iter().enumerate() {
-            if self.pressing != Some(link) {
-                nearest = if distance < nearest { distance } else { nearest };
-            }
             if distance < self.min_clearance {
                 self.min_clearance = distance;
                 self.min_clearance_time = s.t;
                 self.min_clearance_link = link;
             }
         }
-        if nearest < 0.0 {
+        if s.collides() {
             self.collision_time.get_or_insert(s.t);
             self.intrusion_samples += 1;
         }

@@ -47,6 +47,8 @@ pub struct Snapshot<'a> {
     pub force: &'a [f64],
     /// Signed surface distance from each link to the nearest obstacle \[m\], (n).
     pub clearance: &'a [f64],
+    /// The link whose tip is to press on something, if there is one.
+    pub pressing_link: Option<usize>,
     /// The obstacles.
     pub obstacles: &'a dyn Positions,
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
@@ -80,4 +82,12 @@ pub struct Snapshot<'a> {
     pub yields: bool,
     /// Whether the task force was damped because of a singularity.
     pub singular: bool,
+}
+
+impl Snapshot<'_> {
+    /// Whether a link is inside an obstacle, but for one whose tip is to press on something.
+    pub fn collides(&self) -> bool {
+        let links = self.clearance.iter().enumerate();
+        links.fold(false, |any, (link, d)| any | (*d < 0.0 && self.pressing_link != Some(link)))
+    }
 }

@@ -63,6 +63,9 @@ pub enum SuccessionError {
     /// The last succession is under way.
     #[error("the law before is still being left")]
     Succeeding,
+    /// It is not for the period of the loop.
+    #[error(transparent)]
+    Period(#[from] BeginError),
     /// It has no room for the obstacles.
     #[error(transparent)]
     Room(#[from] ScenarioError),

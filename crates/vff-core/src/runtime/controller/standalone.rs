@@ -301,7 +301,7 @@ where
 
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
         let robot = self.controller.robot().clone();
-        let supervisor = Supervisor::new(&self.settings.command, robot, period, measured)?;
+        let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
         self.supervisor = Some(Box::new(supervisor));
         self.period = Some(period);
         self.keep_time();
@@ -520,6 +520,7 @@ where
         if like.settings.command != self.settings.command {
             return Err(SuccessionError::Command);
         }
+        self.period.map_or(Ok(()), |period| BeginError::check(&like.settings, period))?;
         let mut next = like.clone();
         next.fits(self.world.barrier_count())?;
         next.world = self.world.clone();
@@ -544,6 +545,7 @@ where
         if self.is_succeeding() {
             return Err(SuccessionError::Succeeding);
         }
+        self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
         let Some(mut fading) = next.fading.take().filter(|_| next.dof() == self.dof()) else {
             return Err(SuccessionError::Another);
         };

@@ -115,7 +115,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// The link whose tip is to press on something; none where no force is asked for.
-    pub fn pressing_link(&self) -> Option<usize> {
+    fn pressing_link(&self) -> Option<usize> {
         let controller = &self.stack.controller;
         let presses = controller.gains().touch.force.is_some();
         presses.then(|| controller.robot().dof() - 1)
@@ -188,6 +188,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
+            pressing_link: self.pressing_link(),
             obstacles: &self.stack.world,
             null_acceleration: self.null_acceleration,
             energy: controller.energy(),
