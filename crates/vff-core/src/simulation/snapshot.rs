@@ -70,6 +70,12 @@ pub struct Snapshot<'a> {
     pub tau_ext_estimate: Option<&'a [f64]>,
     /// The wrench at the end effector that this is \[N, N·m\], (m), in the rows of J; `None` without an observer.
     pub wrench_estimate: Option<&'a [f64]>,
+    /// The link on which a contact is felt, counted from 0, or n where none is; `None` without detection.
+    pub touched_link: Option<usize>,
+    /// What the estimate has to change by to be felt \[N·m, N\], (n), infinite at first; `None` without detection.
+    pub contact_threshold: Option<&'a [f64]>,
+    /// By how much the end effector gives way to a push \[m\]; `None` without a reaction.
+    pub yielded: Option<f64>,
     /// Smallest surface distance of two links that share no joint \[m\]; `None` where not measured.
     pub self_clearance: Option<f64>,
     /// Which links these are; none for the base.

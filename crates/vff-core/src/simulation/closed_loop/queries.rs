@@ -92,7 +92,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
 
     /// Whether the controller knows all obstacles.
     pub fn knows_obstacles(&self) -> bool {
-        self.perception.is_none()
+        self.perception.is_none() && !self.stack.world.hides_any()
     }
 
     /// The true joint velocity \[rad/s\].
@@ -199,6 +199,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             contact_force: self.plant.contact_forces(),
             tau_ext_estimate: controller.external_torque(),
             wrench_estimate: controller.external_wrench(),
+            touched_link: controller.touched_link(),
+            contact_threshold: controller.contact_threshold(),
+            yielded: controller.yielded(),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
             nearest_pair: forces.nearest_pair(),
