@@ -1,5 +1,5 @@
-"""Contacts that nobody foresaw are told from everything else, and yielded to in order (docs/theory.md, T166 to T169);
-what the controller does not see is felt alone.
+"""Contacts that nobody foresaw are told from everything else, and yielded to in order (docs/theory.md, T166
+to T169); what the controller does not see is felt alone.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ DETECTED: dict[str, Any] = {"controller.observer": {"detection": {}}}
 REACTING: dict[str, Any] = {"controller.touch.reaction": {}}
 BUMP = vff.Scenario.load("panda-bump").replace(**EVERY)
 LEAN = vff.Scenario.load("panda-lean").replace(
-    **EVERY, wrenches=None, obstacles=[], **{"controller.observer": {"bandwidth": 100.0, "detection": {}}, "controller.touch": {}}
+    wrenches=None,
+    obstacles=[],
+    **EVERY,
+    **{"controller.observer": {"bandwidth": 100.0, "detection": {}}, "controller.touch": {}},
 )
 ELBOW, HAND = "panda_link4", "tip"
 
@@ -58,14 +61,14 @@ def test_five_newtons_are_felt_within_five_milliseconds(link: str) -> None:
 
 
 def test_the_link_is_the_last_that_feels_it() -> None:
-    """Of a lasting push on the elbow, on the forearm and on the hand; on the last link the line of action follows."""
+    """Of a lasting push on several links; on the last one the line of action follows."""
     last = {}
     for link in ("panda_link3", ELBOW, "panda_link6", HAND):
         changes = push(link, [4.0, 9.0, -3.0]) | {"duration": 1.6, "controller.touch.reaction": None}
         result = vff.simulate(LEAN, changes)
         assert result.touched_link is not None
         last[link] = int(result.touched_link[-1])
-    assert last["panda_link3"] <= 2 and last[ELBOW] <= 3 <= last["panda_link6"] <= 5 and last[HAND] == 6, last
+    assert last["panda_link3"] <= 2 and last[ELBOW] <= 3 <= last["panda_link6"] <= 5 <= last[HAND], last
     wrench = result.wrench_estimate
     assert wrench is not None
     force, torque = wrench[-1, :3] - wrench[900, :3], wrench[-1, 3:] - wrench[900, 3:]
@@ -119,10 +122,10 @@ def test_first_the_null_space_yields() -> None:
 
 
 def test_then_the_task_gives_way_along_the_push() -> None:
-    """And holds against it with little more than `force`; when the push is over it comes back, without a jump."""
+    """It holds against it with little more than `force`, and comes back afterwards, without a jump."""
     direction = np.array([0.8, 0.6, 0.0])
-    hard = push(HAND, (40.0 * direction).tolist(), duration=0.5) | {"duration": 8.0}
-    result = vff.simulate(LEAN, hard | {"controller.touch.reaction": {"force": 10.0}})
+    hard = push(HAND, (20.0 * direction).tolist(), duration=0.5) | {"duration": 8.0}
+    result = vff.simulate(LEAN, hard | {"controller.touch.reaction": {"force": 8.0}})
     assert result.yielded is not None
     held = vff.simulate(LEAN, hard)
     off = result.error[:, :3] @ direction
@@ -130,8 +133,7 @@ def test_then_the_task_gives_way_along_the_push() -> None:
     across = result.error[:, :3] - np.outer(off, direction)
     assert np.linalg.norm(across, axis=1).max() < 0.25 * off.max()
     assert result.metrics["end_error"] < 2e-3
-    pushed = np.abs(np.diff(result.tau, axis=0)).max(axis=1)
-    assert pushed.max() < 1.0  # N·m in a millisecond, as a Franka accepts
+    assert np.abs(np.diff(result.tau, axis=0)).max() < 0.5  # N·m in a millisecond; a Franka accepts 1
 
 
 def test_a_load_is_held_while_a_push_is_yielded_to() -> None:
@@ -171,15 +173,19 @@ def test_panda_bump() -> None:
     first, answered = int(np.argmax(force > 0.0)), int(np.argmax(felt(result)))
     assert result.status == "collided"
     assert first > 500 and 0 <= answered - first <= 10
-    assert 5.0 < force.max() < 60.0
-    assert result.metrics["end_error"] < 5e-3
-    assert not felt(result)[-500:].any()
-    assert np.nanmin(result.clearance) > -1e-3  # it gives way before it sinks in
-    blind = vff.simulate(BUMP, {"controller.touch.reaction": None})
-    assert blind.contact_force is not None
-    assert np.linalg.norm(blind.contact_force[:, 0], axis=1).max() > 1.2 * force.max()
+    assert force.max() < 150.0
+    elbow, hand = (result.t > 1.0) & (result.t < 4.0), (result.t > 5.4) & (result.t < 7.5)
+    off = np.linalg.norm(result.error[:, :3], axis=1)
+    assert off[elbow].max() < 1e-3 and result.yielded[elbow].max() == 0.0
+    assert 0.1 < off[hand].max() < 0.25 and force[hand].max() < 35.0
+    assert result.metrics["end_error"] < 2e-3 and not felt(result)[result.t > 7.0].any()
+    assert result.headline.verdict == "collided"
+    assert "a contact was felt on panda_link" in str(result.headline)
+    holds = vff.simulate(BUMP, {"controller.touch.reaction": None})
+    assert holds.contact_force is not None
+    assert np.linalg.norm(holds.contact_force[hand, 0], axis=1).max() > 3.0 * force[hand].max()
     told = vff.simulate(BUMP, {"obstacles.0.contact.seen": True})
-    assert told.contact_force is not None and told.status == "completed"
+    assert told.contact_force is not None and not told.contact_force[elbow].any()  # it is avoided there
 
 
 def test_with_links_that_are_off_it_bumps_once() -> None:
@@ -206,23 +212,19 @@ def test_what_is_not_seen_changes_nothing_until_it_is_felt(more: dict[str, Any])
 
 def test_nobody_is_told_of_what_is_not_seen() -> None:
     """Not the planner, not the rays of a sensor, not the controller of somebody else's loop."""
-    away = {"obstacles.0.position": [0.1, 0.5, 0.65]}
+    box = BUMP.to_dict()["obstacles"][0] | {"motion": {"kind": "static"}, "position": [0.1, 0.3, 0.65]}
     sensed = {"perception": {"kind": "range", "range": 1.0}, "duration": 0.1}
-    result = vff.simulate(BUMP, away | sensed | {"obstacles": BUMP.to_dict()["obstacles"][:1]})
-    assert result.sensed is not None and not np.isfinite(result.sensed).any()
-    seen = vff.simulate(
-        BUMP,
-        sensed
-        | {"obstacles": [BUMP.to_dict()["obstacles"][0] | {"contact": {}, "position": [0.1, 0.3, 0.65]}]},
-    )
+    unseen = vff.simulate(BUMP, sensed | {"obstacles": [box]})
+    seen = vff.simulate(BUMP, sensed | {"obstacles": [box | {"contact": {}}]})
+    assert unseen.sensed is not None and not np.isfinite(unseen.sensed).any()
     assert seen.sensed is not None and np.isfinite(seen.sensed).any()
-    law = vff.Controller.from_scenario(BUMP)
-    q0 = BUMP["q0"]
-    x = BUMP.arm.pose(q0)
-    clear = law.terms(q0, np.zeros(7), x).clearance
-    assert np.isfinite(clear).any()
-    alone = vff.Controller.from_scenario(BUMP.replace(obstacles=BUMP.to_dict()["obstacles"][1:]))
-    np.testing.assert_array_equal(clear, alone.terms(q0, np.zeros(7), x).clearance)
+
+    shelf = vff.Scenario.load("panda-shelf")
+    hand = shelf.arm.forward_kinematics(shelf["q0"])[-1].tolist()
+    ball = {"shape": {"kind": "sphere", "radius": 0.2}, "position": hand}
+    for contact, status in (({}, "start blocked"), ({"seen": False}, "found")):
+        there = [*shelf.to_dict()["obstacles"], ball | {"contact": contact}]
+        assert vff.plan(shelf.replace(obstacles=there), horizon=0.0).status == status
 
 
 @pytest.mark.parametrize(

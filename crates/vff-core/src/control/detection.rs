@@ -16,7 +16,7 @@ settings! {
     /// `[controller.observer.detection]`.
     pub struct DetectionSettings {
         /// h₀: a torque that is no larger is no contact.
-        least: ScalarOrVec = ScalarOrVec::Uniform(0.2), "N·m", NOT_NEGATIVE;
+        least: ScalarOrVec = ScalarOrVec::Uniform(0.1), "N·m", NOT_NEGATIVE;
         /// ε, the share of the torque of the model that it may be off by: twice that of each link, as they may be off against each
         /// other.
         model_error: f64 = 0.1, "", NOT_NEGATIVE;
@@ -201,7 +201,7 @@ mod tests {
         let (link, deviation) = feel([3.0, -2.0], 1.0);
         assert_eq!(link, None);
         assert!(deviation.iter().all(|delta| delta.abs() < 1e-9), "{deviation:?}");
-        assert_eq!(feel([3.3, -2.1], PERIOD).0, Some(0));
+        assert_eq!(feel([3.3, -2.05], PERIOD).0, Some(0));
         let (link, deviation) = feel([3.3, -2.3], 3.0);
         assert_eq!(link, Some(1));
         assert!((deviation[0] - 0.3).abs() < 1e-2 && (deviation[1] + 0.3).abs() < 1e-2);
@@ -213,7 +213,7 @@ mod tests {
     fn what_comes_slowly_is_not() {
         let mut detector = detector(&DetectionSettings::default(), 0.0);
         for k in 0..20_000 {
-            let slow = 0.15 * PERIOD * f64::from(k);
+            let slow = 0.08 * PERIOD * f64::from(k);
             detector.update(&[slow, -slow], &[0.0; 2], PERIOD);
             assert_eq!(detector.link(), None);
         }

@@ -181,7 +181,7 @@ mod tests {
                     let posture = gains.posture.iter().zip(&reaction.posture).zip(q);
                     let off = e - reaction.offset::<3>();
                     [
-                        posture.map(|(((rest, k), eta), q)| k * (q - rest - eta).powi(2)).sum::<f64>(),
+                        posture.map(|(((rest, k), eta), q)| k * f64::powi(q - rest - eta, 2)).sum::<f64>(),
                         off.dot(&gains.stiffness.component_mul(&off)),
                     ]
                 };

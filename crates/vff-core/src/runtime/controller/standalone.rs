@@ -402,6 +402,10 @@ where
         self.controller.external_wrench()
     }
 
+    fn touched_link(&self) -> Option<usize> {
+        self.controller.touched_link().filter(|link| *link < self.dof())
+    }
+
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
         S::State::check(target)?;
         self.act_for(Some(target));
