@@ -15,8 +15,8 @@ use crate::settings::settings;
 settings! {
     /// `[controller.observer.detection]`.
     pub struct DetectionSettings {
-        /// h₀: a torque that is no larger is no contact.
-        least: ScalarOrVec = ScalarOrVec::Uniform(0.1), "N·m", NOT_NEGATIVE;
+        /// h₀, a torque that is no contact yet.
+        least: ScalarOrVec = ScalarOrVec::Uniform(0.2), "N·m", NOT_NEGATIVE;
         /// ε, the share of the torque of the model that it may be off by: twice that of each link, as they may be off against each
         /// other.
         model_error: f64 = 0.1, "", NOT_NEGATIVE;
