@@ -62,7 +62,7 @@ pub fn sampled(settings: &Settings, period: f64) -> Validated {
         let most = 0.5 / period;
         let requirement =
             format!("at most half per control period, {most} 1/s, with [controller.touch.force]");
-        return Err(ScenarioError::out_of_range(&format!("controller.{key}"), &requirement, rate));
+        return Err(ScenarioError::out_of_range(format!("controller.{key}"), &requirement, rate));
     }
     Ok(())
 }
