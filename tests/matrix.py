@@ -54,9 +54,9 @@ def _of_dimension(scene: vff.Scenario, plane: Any, space: Any) -> Any:
     return plane if scene.arm.dimension == 2 else space
 
 
-def _solid(scene: vff.Scenario) -> Changes:
+def _solid(scene: vff.Scenario, **contact: Any) -> Changes:
     """Obstacles that are felt."""
-    return {"obstacles": [each | {"contact": {}} for each in scene.to_dict().get("obstacles", [])]}
+    return {"obstacles": [each | {"contact": contact} for each in scene.to_dict().get("obstacles", [])]}
 
 
 def _cloud(scene: vff.Scenario) -> Changes:
@@ -130,6 +130,9 @@ OPTIONS: dict[str, Option] = {
     "replanning": Option(lambda _: {"replan": {}}, "needs a reference that is a plan"),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
     "observer": Option(lambda _: {"controller.observer": {}, "controller.touch": {"task": "reject"}}),
+    "reaction": Option(
+        lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"reaction": {}}}
+    ),
     "payload, observed": Option(
         lambda scene: {
             "plant.payload": _of_dimension(scene, 0.3, {"mass": 0.5}),
@@ -157,6 +160,7 @@ OPTIONS: dict[str, Option] = {
         _NO_STOPS,
     ),
     "felt": Option(_solid, exact=False),
+    "unseen": Option(lambda scene: _solid(scene, seen=False), exact=False),
     "clouds": Option(_cloud, yields_less=True),  # every point pushes
     "boxes on links": Option(lambda scene: _boxes(scene) if scene.arm.dimension == 3 else {}),
     "Runge-Kutta": Option(lambda _: {"simulation.integrator": "rk4"}),
@@ -231,6 +235,9 @@ def gets_out(scene: vff.Scenario) -> bool:
     return any(np.nanmin(kept_apart(each)) >= 0 for each in draws)
 
 
+MAY_BE_INFINITE = {"clearance", "self_clearance", "sensed", "contact_threshold", "touched_link"}
+
+
 def kept_apart(result: vff.Result) -> NDArray[np.float64]:
     """The clearances of the links that are to touch nothing: a hand that presses is to touch."""
     presses = result.scenario.to_dict()["controller"].get("touch", {}).get("force") is not None
@@ -243,7 +250,7 @@ def faults(result: vff.Result, options: Sequence[str], alone: vff.Result) -> Ite
     exact = all(OPTIONS[each].exact for each in options)
     # -- whatever is on
     for quantity, values in result.recorded().items():
-        if quantity not in ("clearance", "self_clearance", "sensed") and not np.isfinite(values).all():
+        if quantity not in MAY_BE_INFINITE and not np.isfinite(values).all():
             yield f"{quantity} is not finite"
     if result.status not in ("completed", "collided"):
         yield f"{result.status}: {result.message}"

@@ -239,6 +239,17 @@ def test_a_loop_of_ones_own() -> None:
     assert felt(plant.state) < 1.0  # an arm that is stopped presses no more
 
 
+def test_a_loop_that_is_too_slow_does_not_begin() -> None:
+    """The period of somebody else's loop is held against the same bounds as that of a scenario (T159)."""
+    law = vff.Controller(WIPE.arm, WIPE["controller"])
+    law.begin(5e-3)
+    with pytest.raises(vff.errors.InputError, match=r"touch\.force\.damping: must be at most half"):
+        law.begin(6e-3)
+    quick = vff.Controller(WIPE.arm, WIPE["controller"] | {"observer": {"bandwidth": 150.0}})
+    with pytest.raises(vff.errors.InputError, match=r"observer\.bandwidth: must be at most half"):
+        quick.begin(4e-3)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -76,6 +76,14 @@ def test_a_collision_is_told() -> None:
     assert seen.status == "collided" and seen.min_clearance is not None and seen.min_clearance < 0
 
 
+def test_a_surface_that_is_pressed_on_is_no_collision() -> None:
+    """The tip comes down on the table and leans on it; that is in the obstacle, as contact is."""
+    near = {"obstacles.0.position": [0.42, 0.0, 0.45], "duration": 0.5}
+    seen = vff.realtime("panda-wipe", seconds=0.4, overrides=near)
+    assert seen.min_clearance is not None and seen.min_clearance < 0
+    assert seen.status == "completed"
+
+
 def test_what_is_changed_is_said() -> None:
     """A step that does not fit, a law that cannot be continuous on a clock."""
     with pytest.warns(ScenarioWarning) as caught:

@@ -76,6 +76,7 @@ TUTORIALS: dict[str, Shown] = {
     "gains": ("sweep-through", {"obstacles.0.motion.velocity": [0.0, -2.0], "duration": 0.7}),
     "limits": ("paper-1-ramp", {}),
     "real-arm": ("ur5e-sweep", {}),
+    "touch": ("panda-bump", {"duration": 6.0}),
     "many-runs": ("panda-sweep", {"controller.field.gain": 20.0}),
     "studies": ("crowd", {"duration": 3.0}),
     "urdf": ("iiwa-line", {}),

@@ -348,6 +348,11 @@ vff_status vff_controller_external_torque(struct vff_controller *controller,
                                           double *tau_ext,
                                           size_t joints);
 
+// For the loop: the link on which a contact is felt at the observed state, or one beyond it, counted from 0; −1 while none is felt,
+// and without `observer.detection`.
+vff_status vff_controller_touched_link(const struct vff_controller *controller,
+                                       int32_t *link);
+
 // For the loop: the pose of the end effector at the observed state, as many numbers as `sizes.pose`.
 vff_status vff_controller_pose(const struct vff_controller *controller, double *pose, size_t length);
 

@@ -296,6 +296,8 @@ public:
     Status sense(Input tau_ext) noexcept { return vff_controller_sense(get(), tau_ext.data(), tau_ext.size()); }
     /// The torque from outside as estimated at the observed state [N·m].
     Status external_torque(Output out) noexcept { return vff_controller_external_torque(get(), out.data(), out.size()); }
+    /// The link on which a contact is felt, or one beyond it, counted from 0; -1 while none is felt.
+    Status touched_link(std::int32_t &link) const noexcept { return vff_controller_touched_link(get(), &link); }
     /// The observed pose of the end effector.
     Status pose(Output out) const noexcept { return vff_controller_pose(get(), out.data(), out.size()); }
     /// The reference from now on; velocity and acceleration are 0 if they are not given.

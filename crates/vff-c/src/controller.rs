@@ -396,6 +396,24 @@ pub unsafe extern "C" fn vff_controller_external_torque(
     }
 }
 
+/// For the loop: the link on which a contact is felt at the observed state, or one beyond it, counted from 0; −1 while none is felt,
+/// and without `observer.detection`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_controller_touched_link(
+    controller: *const Controller,
+    link: *mut i32,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    unsafe {
+        with(controller, |inner| {
+            let touched = inner.controller.touched_link();
+            let touched = touched.and_then(|link| i32::try_from(link).ok());
+            place("link", link)?.write(touched.unwrap_or(-1));
+            Ok(())
+        })
+    }
+}
+
 /// For the loop: the pose of the end effector at the observed state, as many numbers as `sizes.pose`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vff_controller_pose(

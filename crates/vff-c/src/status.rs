@@ -92,7 +92,7 @@ pub(crate) enum Fault {
     )]
     Torque,
     #[error(transparent)]
-    Damping(BeginError),
+    TooLong(BeginError),
     #[error("no loop has begun: call vff_controller_begin first")]
     NotBegun,
     #[error("there is no set point: call vff_controller_begin_set_points first")]
@@ -115,7 +115,7 @@ impl From<BeginError> for Fault {
     fn from(error: BeginError) -> Self {
         match error {
             BeginError::Period(given) => Self::NoPeriod(given),
-            BeginError::Damping { .. } => Self::Damping(error),
+            error => Self::TooLong(error),
         }
     }
 }
@@ -139,6 +139,7 @@ impl From<SuccessionError> for Fault {
     fn from(error: SuccessionError) -> Self {
         match error {
             SuccessionError::Room(error) => Self::Document(error),
+            SuccessionError::Period(error) => error.into(),
             error => Self::Succession(error),
         }
     }
@@ -169,7 +170,7 @@ impl Fault {
                 Status::TooMany
             }
             Self::Points(_) | Self::Gone => Status::NotACloud,
-            Self::Period(_) | Self::Damping(_) => Status::Period,
+            Self::Period(_) | Self::TooLong(_) => Status::Period,
             Self::NotBegun | Self::NoSetPoints => Status::NotBegun,
             Self::Succession(SuccessionError::Succeeding) => Status::Succeeding,
             Self::Limits(_) | Self::Succession(_) => Status::Document,

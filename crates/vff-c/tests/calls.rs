@@ -321,6 +321,31 @@ fn a_measured_torque_counts() {
     }
 }
 
+/// Where somebody pushes is told while it is felt, and only where that is asked for.
+#[test]
+fn a_touched_link_is_told() {
+    for (detection, expected) in [("detection = {}", 3), ("", -1)] {
+        let settings = format!("observer = {{ source = 'measured', {detection} }}");
+        let owned = Owned::new("model = 'panda'", &settings);
+        assert_eq!(owned.refer(&[0.4, 0.1, 0.5], &[], &[]), Status::Ok);
+        let mut link = 7;
+        for k in 0..=300 {
+            let told = [0.0, 0.0, 0.0, if k < 250 { 0.0 } else { 4.0 }, 0.0, 0.0, 0.0];
+            // SAFETY: arrays have the lengths that are given.
+            unsafe {
+                assert_eq!(vff_controller_sense(owned.0, told.as_ptr(), 7), Status::Ok);
+                assert_eq!(owned.observe(1e-3 * f64::from(k), &READY, &[0.0; 7]), Status::Ok);
+                owned.torque(7).unwrap();
+                assert_eq!(vff_controller_touched_link(owned.0, &raw mut link), Status::Ok);
+            }
+            assert!(k >= 250 || link == -1);
+        }
+        assert_eq!(link, expected);
+        // SAFETY: a null is what is asked about.
+        assert_eq!(unsafe { vff_controller_touched_link(owned.0, null_mut()) }, Status::Null);
+    }
+}
+
 #[test]
 fn loops_are_those_of_the_core() {
     let settings =

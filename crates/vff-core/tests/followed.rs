@@ -47,6 +47,36 @@ fn the_torques_are_those_of_a_simulation() {
     assert!(late > 0.1, "the governor has waited for {late} s only");
 }
 
+/// What is not to be seen is not in the distances of a controller in somebody else's loop, and is answered there as in a
+/// simulation when it is felt.
+#[test]
+fn what_is_not_seen_is_felt_alone() {
+    let scene = SCENE
+        .replace(
+            "governor = {}",
+            "governor = {}\n observer = { detection = {} }\n touch = { reaction = {} }",
+        )
+        .replace("[2.0, 3.3]", "[2.4, 3.0]")
+        .replace("[-0.05, 0.0] }", "[-0.4, 0.0] }\n contact = { seen = false }");
+    let scenario = Scenario::from_toml(&scene).unwrap();
+    let mut run = scenario.prepare_recorded(false).unwrap().run;
+    let mut controller = AnyController::from_scenario(&scenario).unwrap();
+    let mut touched = 0;
+    while run.snapshot().t < 2.5 {
+        let seen = run.snapshot();
+        controller.observe(seen.q, seen.dq, seen.t);
+        let torque = controller.follow();
+        let off = torque.iter().zip(&seen.torque.total).map(|(a, b)| (a - b).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-6, "at {}", seen.t);
+        assert!(controller.terms_view().clearance.iter().all(|d| *d == f64::INFINITY));
+        assert!(seen.clearance.iter().all(|d| d.is_finite()));
+        assert_eq!(controller.touched_link(), seen.touched_link.filter(|link| *link < 4));
+        touched += usize::from(controller.touched_link().is_some());
+        assert!(run.step());
+    }
+    assert!(touched > 100, "{touched}");
+}
+
 /// In a loop that is watched over, the reference begins when the torque has been blended in, whatever the robot's clock says.
 #[test]
 fn it_begins_when_the_torque_is_blended_in() {

@@ -6,7 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 use vff_core::control::Avoidance;
 use vff_core::control::PreviewSettings;
+use vff_core::control::detection::DetectionSettings;
+use vff_core::control::observer::ObserverSettings;
 use vff_core::control::output::Phase;
+use vff_core::control::reaction::ReactionSettings;
 use vff_core::math::Vector;
 use vff_core::robot::Robot;
 use vff_core::robot::description::{ArmDescription, Joint, JointKind};
@@ -353,6 +356,30 @@ fn no_step_allocates_that_is_touched() {
     });
     assert_eq!(count, 0);
     assert!(is_pressed);
+}
+
+/// Nor does one in which something is felt that is not seen, and yielded to.
+#[test]
+fn no_step_allocates_that_yields_to_a_push() {
+    let reference = r#"{ kind = "line", end = [3.5, 1.5], duration = 1.5 }"#;
+    let text = text("position", reference, r#"control = "hold""#, "dynamic")
+        .replace("shape = { kind", "contact = { damping = 20, seen = false }\nshape = { kind");
+    let mut scenario = Scenario::from_toml(&text).unwrap();
+    let detection = Some(DetectionSettings::default());
+    scenario.controller.observer = Some(ObserverSettings { detection, ..Default::default() });
+    scenario.controller.touch.reaction = Some(ReactionSettings::default());
+    let mut run = scenario.prepare().unwrap().run;
+    let pull = toml::from_str("link = 'link_3'\nanchor = [2.5, 0.5]\nstiffness = 1e3").unwrap();
+    let mut is_felt = false;
+    while run.snapshot().t < 0.5 && run.advance(None) {}
+    run.pull(Some(&pull)).unwrap();
+    let count = allocations(|| {
+        while run.snapshot().t < 1.0 && run.advance(None) {
+            is_felt |= run.snapshot().touched_link.is_some_and(|link| link < 6);
+        }
+    });
+    assert_eq!(count, 0);
+    assert!(is_felt);
 }
 
 /// Nor does one in which the end effector gives way, QP included.

@@ -431,6 +431,13 @@ impl Controller {
         Ok(self.inner.take(py)?.controller.external_wrench().map(|wrench| array1(py, wrench)))
     }
 
+    /// The link on which a contact is felt at the last state, or one beyond it, counted from 0; None while
+    /// none is felt, and without ``observer.detection``.
+    #[getter]
+    fn touched_link(&self, py: Python<'_>) -> PyResult<Option<usize>> {
+        Ok(self.inner.take(py)?.controller.touched_link())
+    }
+
     /// What was left out since the loop began: ``late``, cycles that took longer than the
     /// deadline; ``cut``, cycles in which the look-ahead stopped for lack of time; ``rollouts`` that it did
     /// not make because of that; ``points`` of clouds beyond the 64 that ``cbf`` keeps of a link, counted

@@ -332,6 +332,8 @@ pub struct State {
     contact_force: Vec<f64>,
     tau_ext_estimate: Vec<f64>,
     wrench_estimate: Vec<f64>,
+    touched_link: Option<usize>,
+    yielded: Option<f64>,
     sensed: Vec<f64>,
 }
 
@@ -355,6 +357,8 @@ impl From<Snapshot<'_>> for State {
             contact_force: s.contact_force.unwrap_or_default().to_vec(),
             tau_ext_estimate: s.tau_ext_estimate.unwrap_or_default().to_vec(),
             wrench_estimate: s.wrench_estimate.unwrap_or_default().to_vec(),
+            touched_link: s.touched_link.filter(|link| *link < s.q.len()),
+            yielded: s.yielded,
             sensed: written(s.sensed),
         }
     }
@@ -465,6 +469,18 @@ impl State {
     #[getter]
     fn wrench_estimate<'py>(&self, py: Python<'py>) -> Option<Array1<'py>> {
         given(py, &self.wrench_estimate)
+    }
+
+    /// Link on which a contact is felt, or one beyond it, counted from 0; None while none is felt.
+    #[getter]
+    fn touched_link(&self) -> Option<usize> {
+        self.touched_link
+    }
+
+    /// How far the end effector gives way to a push [m]; None where it never does.
+    #[getter]
+    fn yielded(&self) -> Option<f64> {
+        self.yielded
     }
 
     /// Points that the range sensors have met, (rays, 2) [m], NaN for none; None without sensors.

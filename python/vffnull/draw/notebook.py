@@ -171,7 +171,7 @@ def _stacked(primitives: Iterable[Primitive], opacity: float) -> list[str]:
         if isinstance(each, Cloud)
         for place in geometry.seen(each.points[:: 1 + len(each.points) // _SPECKS])
     ]
-    return specks + [_polygon(each.outline(), COLOURS[each.role], opacity, "solid") for each in bodies]
+    return specks + [_polygon(each.outline(), each.colour, opacity, "solid") for each in bodies]
 
 
 def _paint(primitives: Iterable[Primitive], opacity: float) -> list[str]:

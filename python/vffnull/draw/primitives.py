@@ -58,15 +58,27 @@ COLOURS: dict[Role, str] = {
 }
 """The same in every medium; from Okabe and Ito's palette, which everybody can tell apart."""
 
+UNSEEN = "#8C92AC"
+"""The colour of an obstacle that the controller does not know of."""
+
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """All points within `radius` [m] of the convex hull of `corners` (k, D) [m]; a line if that is 0."""
+    """All points within `radius` [m] of the convex hull of `corners` (k, D) [m]; a line if that is 0.
+
+    `seen` is false of an obstacle that the controller does not know of.
+    """
 
     role: Role
     index: int
     corners: Array
     radius: float
+    seen: bool = True
+
+    @property
+    def colour(self) -> str:
+        """That of its role, or of what is not seen."""
+        return COLOURS[self.role] if self.seen else UNSEEN
 
     def outline(self, view: Array | None = None) -> Array:
         """Its outline in a picture (·, 2)."""

@@ -33,9 +33,11 @@ from vffnull.draw.shapes import (
     clouds_of,
     cores_of,
     influence_of,
+    is_seen,
     mount_of,
     solids_of,
     thickest,
+    unseen_of,
     wrenches_of,
 )
 from vffnull.model.record import recorded
@@ -77,14 +79,16 @@ class Measured:
         return Measured(self.arm, self.q[rows], self.obstacles)
 
     def at(self, rows: Rows, scene: Scene) -> Distances:
-        """Every body and obstacle at some instants of a scene, with the obstacles where they were."""
-        obstacles = [self._moved(i, rows, scene) for i in range(len(self.obstacles))]
+        """Every body and seen obstacle at some instants of a scene, with the obstacles where they were."""
+        seen = [i for i, each in enumerate(self.obstacles) if is_seen(each)]
+        obstacles = [self._moved(i, rows, scene) for i in seen]
         q = self.q[rows]
         return _core.distances(self.arm, q, np.zeros_like(q), obstacles, scene.t[rows])
 
     def _moved(self, index: int, rows: Rows, scene: Scene) -> dict[str, Any]:
         """An obstacle that moves by the places and orientations that it had."""
-        made = {key: value for key, value in self.obstacles[index].items() if key != "angular_velocity"}
+        gone = ("angular_velocity", "contact")
+        made = {key: value for key, value in self.obstacles[index].items() if key not in gone}
         places, turns = scene.obstacles[rows, index], scene.rotations[index]
         made["position"], first = places[0].tolist(), made.get("orientation", (1.0, 0.0, 0.0, 0.0))
         made["motion"] = {"kind": "waypoints", "times": scene.t[rows].tolist(), "points": places.tolist()}
@@ -141,6 +145,8 @@ class Scene:
         What the links would be made of where a plan has the joints; empty without a plan.
     measured : Measured, optional
         What tells in space where the repulsion acts; without it there is none.
+    unseen : frozenset of int, optional
+        Obstacles that the controller does not know of.
     """
 
     t: Array
@@ -162,6 +168,7 @@ class Scene:
     rotations: tuple[Array | None, ...] = ()
     plan: tuple[Part, ...] = ()
     measured: Measured | None = None
+    unseen: frozenset[int] = frozenset()
 
     @classmethod
     def of_result(cls, result: Outcome) -> Scene:
@@ -175,6 +182,7 @@ class Scene:
             t=result.t,
             cores=cores_of(document, made.stand, made.reach),
             clouds=clouds_of(document),
+            unseen=unseen_of(document),
             obstacles=result.obstacles,
             influence=influence_of(document),
             tip=result.x[:, :size],
@@ -201,6 +209,7 @@ class Scene:
             made,
             cores=cores_of(document, made.stand, made.reach),
             clouds=clouds_of(document),
+            unseen=unseen_of(document),
             obstacles=obstacles,
             influence=influence_of(document),
         )
@@ -373,6 +382,8 @@ class Scene:
         points, directions = a.copy(), np.zeros_like(a)
         least = np.full(a.shape[:2], np.inf)
         for index, (_, radius) in enumerate(self.cores):
+            if index in self.unseen:
+                continue
             for c, d in geometry.edges_of(self.solid(index)):
                 on_link, on_obstacle = geometry.nearest(a, b, c[:, None], d[:, None])
                 away = on_link - on_obstacle
@@ -418,13 +429,14 @@ class Scene:
         match role:
             case "influence" if self.influence > 0.0:
                 for index, (_, radius) in enumerate(self.cores):
-                    if self.clouds[index] is None:
+                    if self.clouds[index] is None and index not in self.unseen:
                         yield Body(role, index, self._solid_at(index, row), radius + self.influence)
             case "obstacle":
                 for index, (_, radius) in enumerate(self.cores):
                     points = self.cloud(index, row)
                     if points is None:
-                        yield Body(role, index, self._solid_at(index, row), radius)
+                        seen = index not in self.unseen
+                        yield Body(role, index, self._solid_at(index, row), radius, seen)
                     else:
                         yield Cloud(role, index, points, radius)
             case "base" if self.dimension == 3:

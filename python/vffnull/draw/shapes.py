@@ -54,6 +54,16 @@ def cores_of(document: Mapping[str, Any], base: Array, reach: float) -> tuple[tu
     )
 
 
+def is_seen(obstacle: Mapping[str, Any]) -> bool:
+    """Whether the controller knows of an obstacle of a scenario's document."""
+    return bool(obstacle.get("contact", {}).get("seen", True))
+
+
+def unseen_of(document: Mapping[str, Any]) -> frozenset[int]:
+    """The obstacles of a scenario's document that the controller does not know of."""
+    return frozenset(i for i, each in enumerate(document.get("obstacles", [])) if not is_seen(each))
+
+
 def clouds_of(document: Mapping[str, Any]) -> tuple[Array | None, ...]:
     """The points of the obstacles of a scenario's document that are clouds; None of others."""
     return tuple(

@@ -108,6 +108,7 @@ def findings(
         Which joints slide.
     """
     yield from _contacts(facts, arm)
+    yield from _touched(facts, arm)
     yield from _limits(facts, arm, slides)
     off, turned = facts.get("end_error") or 0.0, facts.get("end_orientation_error") or 0.0
     missed = [f"{_length(off)} off"] if off > _LOST else []
@@ -135,6 +136,15 @@ def _contacts(facts: Mapping[str, Number], arm: Arm) -> Iterator[Finding]:
         one, other = (_link(arm, facts.get(f"min_self_clearance_{which}")) for which in ("link", "other"))
         text = f"{one} and {other} were up to {_length(-least)} inside each other"
         yield Finding("hit itself", "bad", text + _when(first, facts.get("self_intrusion_time")))
+
+
+def _touched(facts: Mapping[str, Number], arm: Arm) -> Iterator[Finding]:
+    """What was felt without having been seen, and what gave way."""
+    first, yielded = facts.get("touched_time"), facts.get("max_yielded") or 0.0
+    if first is not None:
+        far = f"; the end effector gave way by up to {_length(yielded)}" if yielded > 0.0 else ""
+        text = f"a contact was felt on {_link(arm, facts['touched_link'])}, first at t = {first:.4g} s{far}"
+        yield Finding("touched", "odd", text)
 
 
 def _limits(facts: Mapping[str, Number], arm: Arm, slides: frozenset[int]) -> Iterator[Finding]:

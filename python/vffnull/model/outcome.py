@@ -197,6 +197,9 @@ class Outcome:
     contact_force: Array | None = None
     tau_ext_estimate: Array | None = None
     wrench_estimate: Array | None = None
+    touched_link: Array | None = None
+    contact_threshold: Array | None = None
+    yielded: Array | None = None
     slack: Array | None = None
     path_time: Array | None = None
     q_plan: Array | None = None

@@ -62,6 +62,11 @@ QUANTITIES: dict[str, Quantity] = {
         "N·m", "torque that the model does not know, as estimated", ("joint",), optional=True
     ),
     "wrench_estimate": Quantity("N", "estimated wrench at the end effector", ("task",), optional=True),
+    "touched_link": Quantity("", "link on which a contact is felt", (), optional=True),
+    "contact_threshold": Quantity(
+        "N·m", "what the estimate has to change by to be felt", ("joint",), optional=True
+    ),
+    "yielded": Quantity("m", "how far the end effector gives way to a push", (), optional=True),
     "slack": Quantity("m/s²", "breach of the barriers", (), optional=True),
     "path_time": Quantity("s", "path time of the reference", (), optional=True),
     "q_plan": Quantity("rad", "joint angle of the plan", ("joint",), optional=True),
@@ -116,6 +121,7 @@ _OF_JOINTS = (
     "tau_applied",
     "tau_ext",
     "tau_ext_estimate",
+    "contact_threshold",
 )
 
 

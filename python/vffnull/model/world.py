@@ -409,7 +409,12 @@ class Obstacle:
         )
 
     def with_contact(
-        self, *, stiffness: float | None = None, damping: float | None = None, friction: float | None = None
+        self,
+        *,
+        stiffness: float | None = None,
+        damping: float | None = None,
+        friction: float | None = None,
+        seen: bool | None = None,
     ) -> Obstacle:
         """The same obstacle, felt by an arm that touches it: it can be hit, leant on, slid along.
 
@@ -421,6 +426,8 @@ class Obstacle:
             By which share the force is larger per speed at which a link gets deeper [s/m]; 2 by default.
         friction : float, optional
             Coulomb's coefficient; 0.5 by default.
+        seen : bool, optional
+            Whether the controller knows of it; it does by default. What it does not know of is felt alone.
 
         Returns
         -------
@@ -438,7 +445,7 @@ class Obstacle:
         >>> table.to_dict()["contact"]
         {'friction': 0.3}
         """
-        given = {"stiffness": stiffness, "damping": damping, "friction": friction}
+        given = {"stiffness": stiffness, "damping": damping, "friction": friction, "seen": seen}
         contact = tuple((name, frozen(value)) for name, value in given.items() if value is not None)
         return replace(self, contact=contact)
 

@@ -100,6 +100,15 @@ class Result(Outcome):
     wrench_estimate : (T, m) ndarray or None
         The same as force [N] and torque [N·m] at the end effector, in the axes of `error`: what of it moves
         the end effector. None without an observer.
+    touched_link : (T,) ndarray or None
+        Link on which a contact is felt, counted from 0, or one beyond it; NaN while none is. None without a
+        table ``[controller.observer.detection]``.
+    contact_threshold : (T, n) ndarray or None
+        What the estimate has to change by at once to be felt [N·m]; infinite in the first moments. None
+        likewise.
+    yielded : (T,) ndarray or None
+        How far the end effector gives way to a push [m]. None without a table
+        ``[controller.touch.reaction]``.
     slack : (T,) ndarray or None
         By how much the barriers of ``avoidance = "cbf"`` are broken at most [m/s²]; None with other laws.
     path_time : (T,) ndarray or None

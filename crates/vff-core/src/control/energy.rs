@@ -47,7 +47,7 @@ pub struct Power {
     pub obstacles: f64,
     /// Σ F_d ḋ ≤ 0: damping of the approach.
     pub approach: f64,
-    /// What the energy tank and the torque limits change.
+    /// What the energy tank, the torque limits and a posture that yields to a push change.
     pub scaling: f64,
 }
 

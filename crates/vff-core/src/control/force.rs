@@ -66,6 +66,13 @@ impl ForceSettings {
     pub fn largest_integral(&self, bandwidth: f64) -> f64 {
         0.5 * (1.0 + self.gain) / (self.damping.recip() + bandwidth.recip())
     }
+
+    /// The key below `controller` and the rate \[1/s\] of what a control period of `period` \[s\] is too long for (T159), behind an
+    /// observer of this `bandwidth` \[1/s\]; None if it is not.
+    pub fn too_fast(&self, bandwidth: f64, period: f64) -> Option<(&'static str, f64)> {
+        let rates = [("touch.force.damping", self.damping), ("observer.bandwidth", bandwidth)];
+        rates.into_iter().find(|(_, rate)| rate * period > 0.5)
+    }
 }
 
 /// The controller of the force with its memory. Nothing allocates after construction.

@@ -3,13 +3,14 @@
 //! [`ReactiveController`] strings the parts together: [`operational_space`] (Λ and the null projector),
 //! [`virtual_forces`] (the field's push), [`task`] (what acceleration the end effector should
 //! have), [`law`] or [`extended_jacobian`] (which torque does all of it) and [`avoidance`] (what gives way
-//! where that is not enough); [`observer`] estimates what its model does not know,
-//! and [`force`] presses on it. [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
+//! where that is not enough); [`observer`] estimates what its model does not know, [`detection`] tells contacts from the rest of that,
+//! [`reaction`] yields to them and [`force`] presses on them. [`Controller`] is what to use: the same, with look-ahead if the settings ask for it.
 //! [`output`] is what stands between its torque and a robot.
 
 pub mod avoidance;
 mod controller;
 pub mod deadline;
+pub mod detection;
 pub mod distance;
 pub mod energy;
 pub mod extended_jacobian;
@@ -23,6 +24,7 @@ pub mod observer;
 pub mod operational_space;
 pub mod output;
 pub mod quadratic_program;
+pub mod reaction;
 pub mod sampling;
 pub mod settings;
 pub mod tank;

@@ -9,12 +9,15 @@
 //! measured, no matrix inverted. As Ṁ = C + Cᵀ, τ_ext is all that is left of ṗ.
 
 use super::OperationalSpace;
+use super::detection::{ContactDetector, DetectionSettings};
 use super::force::ForceSettings;
+use super::reaction::ReactionSettings;
 use crate::math::ScalarOrVec;
 use crate::robot::Robot;
 use crate::settings::settings;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
+use std::mem::take;
 
 settings! {
     /// `[controller.observer]`.
@@ -27,6 +30,8 @@ settings! {
         /// `momentum`: what changes the momentum of the arm beyond its model; `measured`: the torque from outside that the robot
         /// measures, in a simulation that of `[[wrenches]]`.
         source: Source = Source::Momentum, "";
+        /// What of the estimate is taken for a contact.
+        detection: Option<DetectionSettings> = None;
     }
 }
 
@@ -62,6 +67,8 @@ settings! {
         null_space: Answer = Answer::Comply, "";
         /// A force along one direction of the task, which the rest of this leaves alone.
         force: Option<ForceSettings> = None;
+        /// What is done about a push that nobody foresaw.
+        reaction: Option<ReactionSettings> = None;
     }
 }
 
@@ -103,6 +110,10 @@ pub struct MomentumObserver {
     pub(super) acted: Vec<f64>,
     answer: Vec<f64>,
     scratch: [Vec<f64>; 3],
+    /// What tells contacts from everything else, if anything does.
+    detector: Option<Box<ContactDetector>>,
+    /// The share of a contact that is not rejected.
+    yielding: f64,
 }
 
 impl MomentumObserver {
@@ -122,6 +133,30 @@ impl MomentumObserver {
             acted: zeros(),
             answer: zeros(),
             scratch: [zeros(), zeros(), zeros()],
+            detector: settings.detection.as_ref().map(|given| {
+                Box::new(ContactDetector::new(given, settings.bandwidth, &settings.threshold, n))
+            }),
+            yielding: 0.0,
+        }
+    }
+
+    /// What tells contacts from everything else, if anything does.
+    pub fn detector(&self) -> Option<&ContactDetector> {
+        self.detector.as_deref()
+    }
+
+    /// Rejects no more than 1 − `share` of what is taken for a contact, from now on.
+    pub fn yield_to_contact(&mut self, share: f64) {
+        self.yielding = share;
+    }
+
+    /// Writes what there is to be rejected of the estimate \[N·m, N\], (n).
+    pub fn write_resisted(&self, out: &mut [f64]) {
+        out.copy_from_slice(&self.estimate);
+        if let Some(detector) = &self.detector {
+            for (out, deviation) in out.iter_mut().zip(detector.deviation()) {
+                *out -= self.yielding * deviation;
+            }
         }
     }
 
@@ -147,6 +182,10 @@ impl MomentumObserver {
         self.wrench.fill(0.0);
         self.measured.fill(0.0);
         self.has_begun = false;
+        self.yielding = 0.0;
+        if let Some(detector) = &mut self.detector {
+            detector.forget();
+        }
     }
 
     /// Takes in what the robot measures \[N·m, N\], (n), until the next time; numbers that are none change nothing.
@@ -159,6 +198,9 @@ impl MomentumObserver {
     /// Takes over the estimate of another observer.
     pub fn believe(&mut self, other: &Self) {
         self.estimate.copy_from_slice(&other.estimate);
+        if let (Some(detector), Some(other)) = (&mut self.detector, &other.detector) {
+            detector.believe(other);
+        }
     }
 
     /// Takes in the state of `robot`, `elapsed` \[s\] after the last one, over which `acted` has been exerted; None if nobody
@@ -168,6 +210,11 @@ impl MomentumObserver {
         match self.source {
             Source::Momentum => self.compare(robot, elapsed),
             Source::Measured => self.follow(elapsed),
+        }
+        if let (Some(detector), Some(elapsed)) = (&mut self.detector, elapsed)
+            && elapsed > 0.0
+        {
+            detector.update(&self.estimate, &self.acted, elapsed);
         }
     }
 
@@ -219,17 +266,19 @@ impl MomentumObserver {
         touch: &Touch,
         pressed: Option<&SVector<f64, M>>,
     ) {
-        let Self { estimate, threshold, answer, wrench, scratch: [beyond, ..], .. } = self;
+        let mut beyond = take(&mut self.scratch[0]);
+        self.write_resisted(&mut beyond);
+        let Self { estimate, threshold, answer, wrench, .. } = self;
         wrench.as_mut_slice()[..M].copy_from_slice(space.pinv_tr_mul(estimate).as_slice());
-        for ((beyond, r), most) in beyond.iter_mut().zip(estimate).zip(threshold) {
-            *beyond = *r - r.clamp(-*most, *most);
+        for (beyond, most) in beyond.iter_mut().zip(threshold) {
+            *beyond -= beyond.clamp(-*most, *most);
         }
         let sign = |answer| if answer == Answer::Reject { -1.0 } else { 0.0 };
         let (task, null) = (sign(touch.task), sign(touch.null_space));
         answer.iter_mut().zip(&*beyond).for_each(|(answer, r)| *answer = null * r);
         if touch.task != touch.null_space || pressed.is_some() {
             // Jᵀ J#ᵀ r is the part that moves the end effector (T142).
-            let moving = space.pinv_tr_mul(beyond);
+            let moving = space.pinv_tr_mul(&beyond);
             let mut force = moving * (task - null);
             if let Some(u) = pressed {
                 force -= u * (task * u.dot(&moving));
@@ -238,6 +287,7 @@ impl MomentumObserver {
                 *answer += robot.jacobian_column::<M>(i).dot(&force);
             }
         }
+        self.scratch[0] = beyond;
     }
 }
 
@@ -255,6 +305,7 @@ mod tests {
             bandwidth,
             threshold: ScalarOrVec::Uniform(threshold),
             source: Source::Momentum,
+            detection: None,
         }
     }
 
@@ -311,7 +362,7 @@ mod tests {
             let mut observer = MomentumObserver::new(&ObserverSettings::default(), n);
             observer.estimate.copy_from_slice(&c.u);
             let mut part = |task, null_space| {
-                let touch = Touch { task, null_space, force: None };
+                let touch = Touch { task, null_space, force: None, reaction: None };
                 observer.reject(&robot, &space, &touch, None);
                 observer.rejection().to_vec()
             };
@@ -341,7 +392,7 @@ mod tests {
         let mut observer = MomentumObserver::new(&with(20.0, 0.5), 3);
         observer.estimate.copy_from_slice(&[0.4, -2.0, 0.5]);
         let reject = Answer::Reject;
-        let touch = Touch { task: reject, null_space: reject, force: None };
+        let touch = Touch { task: reject, null_space: reject, force: None, reaction: None };
         observer.reject(&robot, &space, &touch, None);
         assert_eq!(observer.rejection(), [0.0, 1.5, 0.0]);
         assert_eq!(observer.estimate(), [0.4, -2.0, 0.5]);

@@ -116,6 +116,7 @@ impl RealTime {
     pub fn run(mut self, count: u64, stop: &AtomicBool, done: &AtomicU64) -> Report {
         let mut timing = Timing::default();
         let (mut left, mut restarts, mut sound) = (self.periods, 0, true);
+        let mut collided = self.run.snapshot().collides();
         let nearest =
             |run: &AnyRun| run.snapshot().clearance.iter().copied().fold(f64::INFINITY, f64::min);
         let mut min_clearance = nearest(&self.run);
@@ -129,12 +130,13 @@ impl RealTime {
             left -= 1;
             sound = (0..self.options.control_every).all(|_| self.run.advance(None));
             min_clearance = min_clearance.min(nearest(&self.run));
+            collided |= self.run.snapshot().collides();
             sound
         });
         let status = match (sound, done.load(Ordering::Relaxed) == count) {
             (false, _) => Status::Diverged,
             (true, false) => Status::Interrupted,
-            (true, true) if min_clearance < 0.0 => Status::Collided,
+            (true, true) if collided => Status::Collided,
             (true, true) => Status::Completed,
         };
         Report { status, timing, restarts, min_clearance }

@@ -159,7 +159,7 @@ fn check_in<S: FromDocument<D>, const D: usize>(
 ) -> Result<(), ScenarioError> {
     match part {
         Part::Arm => S::arm(&read(document)?).map(drop),
-        Part::Obstacle => read_obstacle::<S, D>(document).map(drop),
+        Part::Obstacle => read_felt_obstacle::<S, D>(document).map(drop),
         Part::Wrench => validate::wrench::<D>(&read(document)?),
         Part::Motion => validate::motion::<D>(&read(document)?),
         _ => read::<S::Reference>(&tables::reference(document)?.0).map(drop),
@@ -307,7 +307,12 @@ pub type FeltObstacle<S, const D: usize> = (ObstacleOf<S, D>, Option<ContactSett
 pub fn read_obstacle<S: FromDocument<D>, const D: usize>(
     document: &Table,
 ) -> Result<ObstacleOf<S, D>, ScenarioError> {
-    read_felt_obstacle::<S, D>(document).map(|(obstacle, _)| obstacle)
+    let (obstacle, contact) = read_felt_obstacle::<S, D>(document)?;
+    if contact.is_some_and(|contact| !contact.seen) {
+        let problem = "is for the obstacles of a scenario: whoever is given one knows of it";
+        return Err(ScenarioError::new("contact.seen", Problem::Other(problem.into())));
+    }
+    Ok(obstacle)
 }
 
 /// The same, and how it resists a link that presses into it, if it does.

@@ -19,7 +19,26 @@ pub fn touch(settings: &Settings, arm: Option<(usize, usize)>) -> Validated {
             "needs [controller.observer]: what acts is to be known before it is answered",
         );
     };
-    table(observer, |_| arm.map(|(n, _)| n)).map_err(|error| error.inside("observer"))?;
+    let joints = |_: &str| arm.map(|(n, _)| n);
+    table(observer, joints).map_err(|error| error.inside("observer"))?;
+    if let Some(detection) = &observer.detection {
+        table(detection, joints).map_err(|error| error.inside("observer.detection"))?;
+    }
+    if let Some(reaction) = &touch.reaction {
+        table(reaction, joints).map_err(|error| error.inside("touch.reaction"))?;
+        if observer.detection.is_none() {
+            return refused(
+                "touch.reaction",
+                "needs [controller.observer.detection]: what is to be answered has to be told from the rest",
+            );
+        }
+        if touch.force.is_some() {
+            return refused(
+                "touch.reaction",
+                "is not for a tip that presses on something: it would give way to that",
+            );
+        }
+    }
     let Some(force) = &touch.force else { return Ok(()) };
     self::force(force, observer, arm.map(|(_, dimension)| dimension))
         .map_err(|error| error.inside("touch.force"))?;
@@ -39,17 +58,11 @@ pub fn sampled(settings: &Settings, period: f64) -> Validated {
     else {
         return Ok(());
     };
-    for (key, rate) in [
-        ("controller.touch.force.damping", force.damping),
-        ("controller.observer.bandwidth", observer.bandwidth),
-    ] {
-        if rate * period > 0.5 {
-            let most = 0.5 / period;
-            let requirement = format!(
-                "at most half per control period, {most} 1/s, with [controller.touch.force]"
-            );
-            return Err(ScenarioError::out_of_range(key, &requirement, rate));
-        }
+    if let Some((key, rate)) = force.too_fast(observer.bandwidth, period) {
+        let most = 0.5 / period;
+        let requirement =
+            format!("at most half per control period, {most} 1/s, with [controller.touch.force]");
+        return Err(ScenarioError::out_of_range(format!("controller.{key}"), &requirement, rate));
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ mod changes;
 mod queries;
 
 use super::actuator::Actuator;
-use super::contact::ContactSettings;
+use super::contact::{ContactSettings, hide_unseen};
 use super::integrator::Stepper;
 use super::measurement::Measurement;
 use super::output_stage::OutputStage;
@@ -132,13 +132,16 @@ impl<const M: usize> Truth<M> {
         &mut self,
         plant: &R,
         reference: &R::Pose,
-        world: &mut impl CollisionQuery<D>,
+        world: &mut World<impl Solid<D>, D>,
     ) {
         self.dx = plant.task_velocity();
         self.error = plant.pose().error(reference);
         self.clearance.fill(f64::INFINITY);
         let nearest = |link: usize, d: f64| keep_least(&mut self.clearance[link], d);
         world.for_each_contact(plant.bodies(), f64::NEG_INFINITY, nearest, |_| {});
+        world.for_each_hidden(plant.bodies(), |contact| {
+            keep_least(&mut self.clearance[contact.link], contact.distance);
+        });
     }
 }
 
@@ -205,7 +208,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     pub fn new(
         arm: &Arc<S::Arm>,
         gains: Gains<M>,
-        world: World<S::Solid, D>,
+        mut world: World<S::Solid, D>,
         trajectory: Trajectory<S::Pose, M>,
         options: Options,
         reality: Reality<S::Arm, S::Perception, D>,
@@ -217,11 +220,12 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         let mut plant = Plant::new(plant);
         plant.push_with(&wrenches).expect("links that the scenario has found");
         plant.surround(&world, &contacts);
+        hide_unseen(&mut world, &contacts);
         let imperfect = measurement.as_mut().is_some_and(|measurement| {
             measurement.start(&q, &dq);
             !measurement.is_perfect()
         });
-        let imperfect = imperfect || perception.is_some();
+        let imperfect = imperfect || perception.is_some() || world.hides_any();
         let governor = gains.governor.map(|settings| Governor::new(settings, 0.0));
         let output = OutputStage::new(&gains, n);
         let stack =

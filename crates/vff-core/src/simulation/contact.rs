@@ -29,6 +29,8 @@ settings! {
         damping: f64 = 2.0, "s/m", NOT_NEGATIVE;
         /// Share of the pressure that holds it back along the surface (Coulomb); below 1 mm/s a link creeps.
         friction: f64 = 0.5, "", NOT_NEGATIVE;
+        /// Whether the controller knows of it, with look-ahead, plans and sensors. What it does not know of is felt alone.
+        seen: bool = true, "";
     }
 }
 
@@ -50,6 +52,18 @@ impl ContactSettings {
         let pressure = share * self.pressure(-contact.distance, speed);
         let along = velocity - contact.normal * speed;
         contact.normal * pressure - along * (self.friction * pressure / along.norm().hypot(SLIP))
+    }
+}
+
+/// Hides from whoever asks `world` what is not to be seen by these `settings` of its first obstacles.
+pub fn hide_unseen<S: Solid<D>, const D: usize>(
+    world: &mut World<S, D>,
+    settings: &[Option<ContactSettings>],
+) {
+    for (j, settings) in settings.iter().enumerate() {
+        if settings.is_some_and(|settings| !settings.seen) {
+            world.hide(j);
+        }
     }
 }
 

@@ -96,6 +96,9 @@ pub const METRICS: &[Metric] = &[
         "",
         "how often the arm came no nearer to the end of its plan, with replan only",
     ),
+    metric("touched_time", "s", "when a contact was first felt, with detection only"),
+    metric("touched_link", "", "on which link, counted from 0, or one beyond it"),
+    metric("max_yielded", "m", "furthest that the end effector gave way to a push"),
     metric("late_cycles", "", "control cycles that took longer than the deadline"),
     metric("cut_cycles", "", "control cycles in which look-ahead stopped for lack of time"),
     metric("rollouts_left_out", "", "roll-outs of look-ahead that were not made because of that"),
@@ -176,8 +179,6 @@ pub struct Metrics {
     dt: f64,
     tail_start: f64,
     limits: Limits,
-    /// The link whose tip is to touch something, if there is one.
-    pressing: Option<usize>,
     samples: usize,
     tail_samples: usize,
     min_clearance: f64,
@@ -222,6 +223,9 @@ pub struct Metrics {
     velocity_limit_ratio: Ratio,
     torque_limit_ratio: Ratio,
     replans: Option<ReplanCounts>,
+    /// When a contact was first felt \[s\], and on which link.
+    touched: Option<(f64, usize)>,
+    max_yielded: Option<f64>,
 }
 
 impl Metrics {
@@ -231,7 +235,6 @@ impl Metrics {
             dt,
             tail_start: 0.8 * duration,
             limits,
-            pressing: None,
             samples: 0,
             tail_samples: 0,
             min_clearance: f64::INFINITY,
@@ -275,13 +278,9 @@ impl Metrics {
             velocity_limit_ratio: Ratio::default(),
             torque_limit_ratio: Ratio::default(),
             replans: None,
+            touched: None,
+            max_yielded: None,
         }
-    }
-
-    /// The same where `link`, if any, carries a tip that is to touch something: that is no collision.
-    #[must_use]
-    pub fn with_pressing(self, link: Option<usize>) -> Self {
-        Self { pressing: link, ..self }
     }
 
     /// Whether a link has touched an obstacle so far.
@@ -301,22 +300,24 @@ impl Metrics {
         self.effort(s);
         self.null_space(s);
         self.replans = s.replans;
+        if let Some(link) = s.touched_link.filter(|link| *link < s.q.len()) {
+            self.touched.get_or_insert((s.t, link));
+        }
+        if let Some(yielded) = s.yielded {
+            self.max_yielded = Some(larger(self.max_yielded.unwrap_or(0.0), yielded));
+        }
         self.samples += 1;
     }
 
     fn clearance(&mut self, s: &Snapshot<'_>) {
-        let mut nearest = f64::INFINITY;
         for (link, &distance) in s.clearance.iter().enumerate() {
-            if self.pressing != Some(link) {
-                nearest = if distance < nearest { distance } else { nearest };
-            }
             if distance < self.min_clearance {
                 self.min_clearance = distance;
                 self.min_clearance_time = s.t;
                 self.min_clearance_link = link;
             }
         }
-        if nearest < 0.0 {
+        if s.collides() {
             self.collision_time.get_or_insert(s.t);
             self.intrusion_samples += 1;
         }
@@ -495,6 +496,9 @@ impl Metrics {
             Value::Count(self.samples),
             count(self.replans.map(|counts| counts.taken)),
             count(self.replans.map(|counts| counts.stuck)),
+            optional(self.touched.map(|(t, _)| t)),
+            count(self.touched.map(|(_, link)| link)),
+            optional(self.max_yielded),
         ];
         let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
         let left_out = left_out.map(|counted| count(counted.map(whole)));

@@ -27,7 +27,7 @@ mod wrenches;
 
 pub use actuator::{Actuator, ActuatorSettings};
 pub use closed_loop::{ClosedLoop, Reality};
-pub use contact::ContactSettings;
+pub use contact::{ContactSettings, hide_unseen};
 pub use measurement::{Measurement, MeasurementSettings};
 pub use metrics::{METRICS, Metric, Metrics, Value};
 pub use options::{Control, Integrator, Options};

@@ -145,6 +145,12 @@ pub struct Record {
     /// (T, m), or empty.
     pub wrench_estimate: Vec<f64>,
     /// (T), or empty.
+    pub touched_link: Vec<f64>,
+    /// (T, n), or empty.
+    pub contact_threshold: Vec<f64>,
+    /// (T), or empty.
+    pub yielded: Vec<f64>,
+    /// (T), or empty.
     pub slack: Vec<f64>,
     /// (T), or empty.
     pub path_time: Vec<f64>,
@@ -287,6 +293,11 @@ impl Record {
             optional("wrench_estimate", &mut self.wrench_estimate, &[m], |s| {
                 s.wrench_estimate.is_some()
             }),
+            optional("touched_link", &mut self.touched_link, &[], |s| s.touched_link.is_some()),
+            optional("contact_threshold", &mut self.contact_threshold, &[n], |s| {
+                s.contact_threshold.is_some()
+            }),
+            optional("yielded", &mut self.yielded, &[], |s| s.yielded.is_some()),
             optional("slack", &mut self.slack, &[], |s| s.slack.is_some()),
             optional("path_time", &mut self.path_time, &[], |s| s.path_time.is_some()),
             optional("q_plan", &mut self.q_plan, &[n], |s| s.q_plan.is_some()),
@@ -309,8 +320,10 @@ impl Record {
         self.columns(None).into_iter().all(|column| {
             let last = column.values.len() - column.values.len() / rows;
             column.values[last..].iter().all(|value| match column.name {
-                "clearance" | "self_clearance" => value.is_finite() || *value == f64::INFINITY,
-                "sensed" => true,
+                "clearance" | "self_clearance" | "contact_threshold" => {
+                    value.is_finite() || *value == f64::INFINITY
+                }
+                "sensed" | "touched_link" => true,
                 _ => value.is_finite(),
             })
         })
@@ -358,6 +371,11 @@ impl Record {
         self.contact_force.extend_from_slice(s.contact_force.unwrap_or_default());
         self.tau_ext_estimate.extend_from_slice(s.tau_ext_estimate.unwrap_or_default());
         self.wrench_estimate.extend_from_slice(s.wrench_estimate.unwrap_or_default());
+        #[expect(clippy::cast_precision_loss, reason = "few links")]
+        let touched = |link| if link < s.q.len() { link as f64 } else { f64::NAN };
+        self.touched_link.extend(s.touched_link.map(touched));
+        self.contact_threshold.extend_from_slice(s.contact_threshold.unwrap_or_default());
+        self.yielded.extend(s.yielded);
         self.slack.extend(s.slack);
         self.path_time.extend(s.path_time);
         self.q_plan.extend_from_slice(s.q_plan.unwrap_or_default());

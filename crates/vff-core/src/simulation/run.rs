@@ -83,8 +83,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Run<S, D, M> {
         let steps = options.steps(duration);
         let rows = if recorded { options.rows(duration) } else { 0 };
         let record = Record::with_capacity(rows, &s)?;
-        let metrics = Metrics::new(s.q.len(), duration, options.dt, closed_loop.limits().clone())
-            .with_pressing(closed_loop.pressing_link());
+        let metrics = Metrics::new(s.q.len(), duration, options.dt, closed_loop.limits().clone());
         let record_every = recorded.then_some(options.record_every);
         let diverged = !closed_loop.is_defined();
         let chatter = (!closed_loop.is_measured()).then(|| Chatter::new(&s.torque.total));

@@ -72,6 +72,8 @@ pub struct Snapshot<'a> {
     pub force: &'a [f64],
     /// Signed surface distance from each link to the nearest obstacle \[m\], (n).
     pub clearance: &'a [f64],
+    /// The link whose tip is to press on something, if there is one.
+    pub pressing_link: Option<usize>,
     /// The obstacles.
     pub obstacles: &'a dyn Positions,
     /// Acceleration of the end effector by the null-space torque, ‖J M⁻¹ τ_null‖, where the law was
@@ -93,6 +95,12 @@ pub struct Snapshot<'a> {
     pub tau_ext_estimate: Option<&'a [f64]>,
     /// The wrench at the end effector that this is \[N, N·m\], (m), in the rows of J; `None` without an observer.
     pub wrench_estimate: Option<&'a [f64]>,
+    /// The link on which a contact is felt, counted from 0, or n where none is; `None` without detection.
+    pub touched_link: Option<usize>,
+    /// What the estimate has to change by to be felt \[N·m, N\], (n), infinite at first; `None` without detection.
+    pub contact_threshold: Option<&'a [f64]>,
+    /// By how much the end effector gives way to a push \[m\]; `None` without a reaction.
+    pub yielded: Option<f64>,
     /// Smallest surface distance of two links that share no joint \[m\]; `None` where not measured.
     pub self_clearance: Option<f64>,
     /// Which links these are; none for the base.
@@ -105,4 +113,12 @@ pub struct Snapshot<'a> {
     pub yields: bool,
     /// Whether the task force was damped because of a singularity.
     pub singular: bool,
+}
+
+impl Snapshot<'_> {
+    /// Whether a link is inside an obstacle, but for one whose tip is to press on something.
+    pub fn collides(&self) -> bool {
+        let links = self.clearance.iter().enumerate();
+        links.fold(false, |any, (link, d)| any | (*d < 0.0 && self.pressing_link != Some(link)))
+    }
 }

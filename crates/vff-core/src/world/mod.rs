@@ -94,7 +94,7 @@ enum Named<S: Solid<D>, const D: usize> {
     /// All of them; none turns.
     #[default]
     All,
-    /// All of them, and some turn or have many contacts. They are numbered here.
+    /// All that are not hidden, and some turn, are hidden or have many contacts. They are numbered here.
     Each(Vec<usize>),
     /// Those that may be near, where they are too many to ask each.
     BroadPhase(Box<BroadPhase<S, D>>),
@@ -103,12 +103,13 @@ enum Named<S: Solid<D>, const D: usize> {
 impl<S: Solid<D>, const D: usize> Named<S, D> {
     /// All of these, with `room` for their numbers.
     fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
-        let is_plain = |it: &Placed<S, D>| it.turned.is_none() && it.solid.contacts() == 1;
+        let is_plain =
+            |it: &Placed<S, D>| it.turned.is_none() && it.solid.contacts() == 1 && !it.is_hidden;
         if obstacles.iter().all(is_plain) {
             return Self::All;
         }
         room.clear();
-        room.extend(0..obstacles.len());
+        room.extend((0..obstacles.len()).filter(|&j| !obstacles[j].is_hidden));
         Self::Each(room)
     }
 }
@@ -285,6 +286,18 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         } else if let Some(turned) = &mut obstacle.turned {
             turned.now = turned.turning.at(self.time);
         }
+    }
+
+    /// From now on nobody finds obstacle `j`: no question for contacts, no ray, no plan. It is there still, and
+    /// [`contact`](Self::contact) has it. In a crowd every obstacle is asked from then on. Allocates.
+    pub fn hide(&mut self, j: usize) {
+        self.obstacles[j].is_hidden = true;
+        self.rearrange();
+    }
+
+    /// Whether some obstacle is hidden.
+    pub fn hides_any(&self) -> bool {
+        self.obstacles.iter().any(|obstacle| obstacle.is_hidden)
     }
 
     /// Counts obstacle `j` as one of at least so many contacts and barriers: what is allocated by

@@ -18,6 +18,8 @@ pub(super) struct Placed<S: Solid<D>, const D: usize> {
     pub(super) turned: Option<Box<Turned<D>>>,
     /// The most contacts and barriers that it will have, where that is more than it has.
     pub(super) room: usize,
+    /// Whether nobody finds it.
+    pub(super) is_hidden: bool,
 }
 
 /// How an obstacle turns, and how it is turned at the instant of its state.
@@ -38,6 +40,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
             is_static: description.motion().is_static() && turned.is_none(),
             turned,
             room: 0,
+            is_hidden: false,
             description,
         }
     }

@@ -214,18 +214,34 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             }
         };
         interrupt::checkpoint(32 * self.obstacles.len());
-        self.obstacles.iter().filter_map(hit).reduce(f64::min)
+        let seen = self.obstacles.iter().filter(|obstacle| !obstacle.is_hidden);
+        seen.filter_map(hit).reduce(f64::min)
     }
 
-    /// Calls `visit` with the nearest points of every body and every obstacle, however far: one contact a pair, body by body
-    /// from the first of `bodies` on, and for each in the order of the obstacles.
+    /// Calls `visit` with the nearest points of every body and every obstacle that is not hidden, however far: one contact a pair, body
+    /// by body from the first of `bodies` on, and for each in the order of the obstacles.
     pub fn for_each_pair<'a>(
         &self,
         bodies: impl IntoIterator<Item = Body<'a, D>>,
         mut visit: impl FnMut(&Contact<D>),
     ) {
         for (index, body) in bodies.into_iter().enumerate() {
-            (0..self.len()).for_each(|j| visit(&self.contact(index, &body, j)));
+            let seen = (0..self.len()).filter(|&j| !self.obstacles[j].is_hidden);
+            seen.for_each(|j| visit(&self.contact(index, &body, j)));
+        }
+    }
+
+    /// The same with every obstacle that is hidden.
+    pub fn for_each_hidden<'a>(
+        &self,
+        bodies: impl IntoIterator<Item = Body<'a, D>>,
+        mut visit: impl FnMut(&Contact<D>),
+    ) {
+        if self.hides_any() {
+            for (index, body) in bodies.into_iter().enumerate() {
+                let hidden = (0..self.len()).filter(|&j| self.obstacles[j].is_hidden);
+                hidden.for_each(|j| visit(&self.contact(index, &body, j)));
+            }
         }
     }
 

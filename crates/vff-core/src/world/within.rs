@@ -15,7 +15,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         Boxes(self.obstacles.iter().map(|obstacle| box_of(obstacle, [self.time; 2])).collect())
     }
 
-    /// The distance of `body` from what is nearest \[m\], if it is less than `limit`; otherwise ∞. NaN for a body that is nowhere.
+    /// The distance of `body` from what is nearest and not hidden \[m\], if it is less than `limit`; otherwise ∞. NaN for a body that is nowhere.
     ///
     /// # Arguments
     /// * `boxes`: those of this world since its last update.
@@ -24,6 +24,9 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         let [low, high] = box_around(&body.shape);
         let mut least = f64::INFINITY;
         for (j, [rear, front]) in boxes.0.iter().enumerate() {
+            if self.obstacles[j].is_hidden {
+                continue;
+            }
             let bound = least.min(limit);
             let gap = (rear - high).sup(&(low - front)).map(|gap| gap.max(0.0));
             // False where it is undefined, and so below.

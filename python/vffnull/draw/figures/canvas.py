@@ -39,6 +39,8 @@ LOOKS: dict[Role, Look] = {
     "sensed": Look(0.0, marker=".", size=6.0),
     "target": Look(1.0, marker="x", size=5.0),
 }
+UNSEEN_DASH = (0, (3, 2))
+"""Of the outline of what the controller does not know of."""
 THICK = 0.8
 """Width of the outline of a link that has a body [points]."""
 
@@ -49,7 +51,8 @@ def paint(
     """Draw primitives, in one colour or in that of their roles; arrows have no scale of their own here."""
     for each in primitives:
         look = LOOKS.get(each.role, Look())
-        shade = COLOURS[each.role] if colour is None else colour
+        usual = each.colour if isinstance(each, Body) else COLOURS[each.role]
+        shade = usual if colour is None else colour
         match each:
             case Body(radius=0.0, corners=corners) if len(corners) == 2:
                 ax.plot(*geometry.seen(corners).T, color=shade, linewidth=look.width, linestyle=look.dash,
@@ -58,10 +61,10 @@ def paint(
                 ax.add_patch(
                     Polygon(
                         each.outline(),
-                        facecolor=to_rgba(shade, look.fill),
+                        facecolor=to_rgba(shade, look.fill if each.seen else 0.0),
                         edgecolor=shade,
                         linewidth=THICK if role == "link" else look.width,
-                        linestyle=look.dash,
+                        linestyle=look.dash if each.seen else UNSEEN_DASH,
                         zorder=zorder,
                     )
                 )

@@ -12,7 +12,7 @@ from vffnull._support.errors import InputError
 from vffnull._support.figures import FIGURE_ENDINGS
 from vffnull._support.files import replacing
 from vffnull.draw import style
-from vffnull.draw.figures import joints, limits, links, null_space, overview, sensed, strobe, tracking
+from vffnull.draw.figures import joints, limits, links, null_space, overview, sensed, strobe, touch, tracking
 from vffnull.draw.scene import drawable
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ FIGURES: dict[str, Callable[[Outcome], Figure]] = {
     "forces": links.forces,
     "clearance": links.clearance,
     "sensed": sensed.sensed,
+    "touch": touch.touch,
 }
 """In the order in which they are drawn."""
 
@@ -67,6 +68,8 @@ def _figures(result: Outcome) -> Iterator[tuple[str, Figure]]:
         if name in _ABOUT_OBSTACLES and not result.obstacles.shape[1]:
             continue
         if name == "sensed" and result.sensed is None:
+            continue
+        if name == "touch" and result.tau_ext_estimate is None:
             continue
         if name == "limits" and not limits.uses(result):
             continue

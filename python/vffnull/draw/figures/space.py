@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from vffnull.draw import geometry, style
 from vffnull.draw.figures.rays import Solid
 from vffnull.draw.figures.render import Balls, Canvas, Layer, rods
-from vffnull.draw.primitives import COLOURS, Axes, Body, Cloud, Curve, Role
+from vffnull.draw.primitives import COLOURS, UNSEEN, Axes, Body, Cloud, Curve, Role
 from vffnull.draw.scene import Scene, travels
 
 if TYPE_CHECKING:
@@ -82,7 +82,8 @@ def layers_at(
                 surfaces.append(Solid(corners, radius, flat))
             case Body(role="obstacle", corners=corners, radius=radius):
                 found = _cut(corners, radius, box)
-                solids += [] if found is None else [Solid(found, radius, solid)]
+                paint = solid if each.seen else _tint(UNSEEN, 0.15)
+                solids += [] if found is None else [Solid(found, radius, paint)]
             case Cloud(points=points, radius=radius):
                 solids.append(balls(points, radius, box, solid))
             case Body(role="base", corners=corners, radius=radius):
@@ -129,7 +130,7 @@ def passing_layers(scene: Scene, rows: Rows, colours: Sequence[Any]) -> list[Lay
                 solids.append(Solid(each.corners, each.radius, _tint(colour, 0.25)))
             elif scene.is_moving(each.index):
                 part = _cut(each.corners, each.radius, box)
-                solids += [] if part is None else [Solid(part, each.radius, _tint(COLOURS["obstacle"], 0.3))]
+                solids += [] if part is None else [Solid(part, each.radius, _tint(each.colour, 0.3))]
         found.append(Layer(solids, 0.2 + 0.15 * order / max(last, 1), ghost=True))
     return [*found, *path_layers(scene, len(scene.t) - 1, thin)]
 

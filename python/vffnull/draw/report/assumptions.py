@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import vffnull._core as _core
+from vffnull.draw.shapes import unseen_of
 from vffnull.model.arm import listed, unshaped
 from vffnull.model.settings import setting
 
@@ -103,6 +104,9 @@ def _pushed(document: Mapping[str, Any]) -> Iterator[str]:
     if felt:
         which = "Obstacles" if len(felt) == len(obstacles) else listed([f"obstacle {k}" for k in felt])
         yield f"{which[0].upper()}{which[1:]}: felt by links that press into them, with friction."
+    if unseen := unseen_of(document):
+        which = listed([f"obstacle {k + 1}" for k in sorted(unseen)])
+        yield f"Nobody has told the controller of {which}: felt alone."
     for each in document.get("wrenches", []):
         force, torque = (float(np.linalg.norm(each.get(key, 0.0))) for key in ("force", "torque"))
         sizes = [f"{size:.3g} {unit}" for size, unit in ((force, "N"), (torque, "N·m")) if size]

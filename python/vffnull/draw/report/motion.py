@@ -51,7 +51,9 @@ def _plane(run: Run) -> dict[str, Any]:
         "obstacles": packed(scene.obstacles),
         "outlines": [_outline(scene, i) for i in range(len(scene.cores))],
         "halos": [
-            _outline(scene, i, scene.influence) for i in range(len(scene.cores)) if scene.influence > 0.0
+            _outline(scene, i, 0.0 if i in scene.unseen else scene.influence)
+            for i in range(len(scene.cores))
+            if scene.influence > 0.0
         ],
         "points": packed(points),
         "forces": packed(forces),

@@ -4,7 +4,8 @@ const vffnullSpace = (() => {
   "use strict";
   const FIELD_OF_VIEW = 0.6; // vertical [rad]
   const VIEWS = { Corner: [0.62, -0.68, 0.38], Front: [1, 0, 0.16], Side: [0, -1, 0.16], Top: [0, -0.02, 1] };
-  const DARK = [0.235, 0.25, 0.282], BASE = [0.47, 0.486, 0.518], HALO = [0.835, 0.369, 0], TABLE = [0.87, 0.84, 0.79];
+  const DARK = [0.235, 0.25, 0.282], BASE = [0.47, 0.486, 0.518], HALO = [0.835, 0.369, 0], TABLE = [0.87, 0.84, 0.79],
+    UNSEEN = [0.549, 0.573, 0.675];
   const TARGET = [0, 0.62, 0.451], TRAIL = [0, 0.62, 0.451], MUTED = [0.53, 0.55, 0.58];
   const PLAN = [0.1, 0.68, 0.52];
   const AXES = [[0.84, 0.15, 0.16], [0.17, 0.63, 0.17], [0.12, 0.47, 0.71]];
@@ -62,7 +63,7 @@ const vffnullSpace = (() => {
       const frame = given.frames[body.frame];
       return { place: at(frame.place, row), turn: columns(frame.turn, row) };
     };
-    const colourOf = { base: () => BASE, obstacle: () => DARK, halo: () => HALO, surface: () => TABLE, plan: () => PLAN,
+    const colourOf = { base: () => BASE, obstacle: () => DARK, unseen: () => UNSEEN, halo: () => HALO, surface: () => TABLE, plan: () => PLAN,
                        link: (body, row) => tint(body.index, row) };
 
     // Everything at an instant: rods { a, b, radius }, hulls { body, pose }, clouds { body, pose }, arrows { tail,

@@ -108,7 +108,8 @@ def _link(part: Part, poses: Array, role: str = "link", first: int = 0, slim: fl
 def _obstacles(scene: Scene, first: int) -> Iterator[dict[str, Any]]:
     """The obstacles, and how far their fields reach, in frames counted from `first`."""
     for index, (corners, radius) in enumerate(scene.cores):
-        found = {"role": "obstacle", "index": index, "frame": first + index}
+        role = "unseen" if index in scene.unseen else "obstacle"
+        found = {"role": role, "index": index, "frame": first + index}
         points = scene.clouds[index]
         if points is not None:
             some = points[:: 1 + max(0, len(points) - 1) // _POINTS]
@@ -118,7 +119,7 @@ def _obstacles(scene: Scene, first: int) -> Iterator[dict[str, Any]]:
             yield found | {"role": "surface", **_shape(corners[None], 0.0)}
             continue
         yield found | _shape(corners[None], radius)
-        if scene.influence > 0.0:
+        if scene.influence > 0.0 and role == "obstacle":
             yield found | {"role": "halo", **_shape(corners[None], radius + scene.influence)}
 
 

@@ -27,6 +27,8 @@ NEAR, HIT = np.array(colours.NEAR), np.array(colours.CONTACT)
 OBSTACLE, HALO, TARGET, TIP, FORCE, GHOST = (
     (60, 64, 72), (213, 94, 0), (0, 158, 115), (20, 20, 24), (178, 24, 43), (150, 90, 160),
 )  # fmt: skip
+UNSEEN = (140, 146, 172)
+"""The colour of an obstacle that the controller does not know of."""
 WRENCH = (204, 121, 167)
 """The colour of what pushes from outside."""
 PALE: Mapping[Which, Colour] = {"ghost": GHOST, "plan": TARGET}

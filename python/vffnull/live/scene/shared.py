@@ -14,6 +14,7 @@ import viser
 from vffnull._core import quaternions
 from vffnull.draw import scene as pictures
 from vffnull.draw.geometry import points_in_space
+from vffnull.draw.shapes import is_seen
 from vffnull.live.scene.arms import Arms
 from vffnull.live.scene.camera import WITHIN, Camera
 from vffnull.live.scene.hands import Grip, Hand, Held
@@ -28,6 +29,7 @@ from vffnull.live.scene.looks import (
     STEP,
     TABLE,
     TARGET,
+    UNSEEN,
     WRENCH,
     Array,
     Core,
@@ -254,7 +256,7 @@ class Scene(ABC):
             self._halos.append(self._add_halo(f"{name}-halo", index))
             self._changed()
             return
-        colour = TABLE if self._endless(index) else OBSTACLE
+        colour = TABLE if self._endless(index) else OBSTACLE if is_seen(obstacle) else UNSEEN
         handle = self._solid(name, core, colour, "obstacle")
         self._obstacles.append(handle)
         self._halos.append(self._add_halo(f"{name}-halo", index))
@@ -551,7 +553,7 @@ class Scene(ABC):
 
     def _add_halo(self, name: str, index: int) -> viser.MeshHandle:
         core = self._halo_core(index)
-        visible = self.influence > 0.0 and not self._is_cloud(index)
+        visible = self.influence > 0.0 and not self._is_cloud(index) and is_seen(self._documents[index])
         return self._solid(name, core, HALO, "halo", opacity=self.HALO_OPACITY, visible=visible)
 
     def _solid(

@@ -6,6 +6,7 @@ use crate::control::force::ForceControl;
 use crate::control::limits::{self, ObjectiveScale, Parts};
 use crate::control::moving_posture::MovingPosture;
 use crate::control::observer::{Answer, MomentumObserver};
+use crate::control::reaction::Reaction;
 use crate::control::{
     Formulation, Gains, Law, OperationalSpace, Output, Tank, Torque, TorqueRange, VirtualForces,
     extended_jacobian, task,
@@ -40,6 +41,8 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     observer: Option<Box<MomentumObserver>>,
     /// What presses on a surface, if anything does.
     force: Option<Box<ForceControl<D>>>,
+    /// What gives way to a push, if anything does.
+    reaction: Option<Box<Reaction>>,
     pub(super) tank: Option<Tank>,
     /// Share of the repulsion that the tank lets through.
     pub(super) share: f64,
@@ -77,6 +80,7 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 .as_ref()
                 .map(|given| Box::new(MomentumObserver::new(given, n))),
             force: gains.touch.force.as_ref().map(|given| Box::new(ForceControl::new(given))),
+            reaction: gains.touch.reaction.as_ref().map(|given| Box::new(Reaction::new(given, n))),
             tank: gains.tank.map(Tank::new),
             share: 1.0,
             scaling: 0.0,
@@ -228,20 +232,28 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// What is added because of what the observer knows.
     fn answer(&mut self) {
-        let Self { robot, space, gains, observer, force, .. } = self;
+        let Self { robot, space, gains, observer, force, reaction, .. } = self;
         if let Some(observer) = observer {
+            if let (Some(reaction), Some(detector)) = (reaction, observer.detector()) {
+                let is_pushed = detector.link().is_some();
+                reaction.feel::<D, M>(is_pushed, detector.deviation(), space);
+                observer.yield_to_contact(reaction.activity());
+            }
             let pressed = force.as_ref().map(|force| force.task_direction(robot));
             observer.reject(robot, space, &gains.touch, pressed.as_ref());
         }
     }
 
     /// Takes over what another controller of this arm knows by its observer.
-    pub fn believe(&mut self, other: &Self) {
-        if let (Some(observer), Some(other)) = (&mut self.observer, &other.observer) {
+    pub fn believe(&mut self, of: &Self) {
+        if let (Some(observer), Some(other)) = (&mut self.observer, &of.observer) {
             observer.believe(other);
+            if let (Some(reaction), Some(other)) = (&mut self.reaction, &of.reaction) {
+                reaction.believe(other);
+            }
             self.answer();
         }
-        if let (Some(force), Some(other)) = (&mut self.force, &other.force) {
+        if let (Some(force), Some(other)) = (&mut self.force, &of.force) {
             force.believe(other);
         }
     }
@@ -259,6 +271,22 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.observer.as_ref().map(|observer| observer.wrench::<M>())
     }
 
+    /// The link on which a contact is felt, counted from 0, or the number of joints n where none is; None where nothing tells.
+    pub fn touched_link(&self) -> Option<usize> {
+        let detector = self.observer.as_ref()?.detector()?;
+        Some(detector.link().unwrap_or(self.robot.dof()))
+    }
+
+    /// What an estimate has to be to be felt \[N·m, N\], (n); None where nothing tells.
+    pub fn contact_threshold(&self) -> Option<&[f64]> {
+        Some(self.observer.as_ref()?.detector()?.threshold())
+    }
+
+    /// By how much the end effector gives way to a push \[m\]; None where it never does.
+    pub fn yielded(&self) -> Option<f64> {
+        self.reaction.as_ref().map(|reaction| reaction.yielded())
+    }
+
     /// The torque that the model does not know, as estimated \[N·m, N\], (n); None without an observer.
     pub fn external_torque(&self) -> Option<&[f64]> {
         self.observer.as_ref().map(|observer| observer.estimate())
@@ -271,7 +299,8 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         let Self { robot, gains, observer, force, .. } = self;
         let rejects = [gains.touch.task, gains.touch.null_space].contains(&Answer::Reject);
         let Some(observer) = observer.as_ref().filter(|_| rejects) else { return };
-        out.iter_mut().zip(observer.estimate()).for_each(|(out, r)| *out = -r);
+        observer.write_resisted(out);
+        out.iter_mut().for_each(|out| *out = -*out);
         if let Some(force) = force {
             let u: Vector<M> = force.task_direction(robot);
             let pressed = u.dot(&Vector::<M>::from_fn(|i, _| observer.wrench::<M>()[i]));
@@ -343,9 +372,13 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
     fn commanded_acceleration(&mut self) -> Vector<M> {
         let keeps_speeds = self.keeps_limits();
         let Self { robot, space, gains, reference, parts, .. } = self;
-        let error = match &self.avoider {
-            Some(avoider) => avoider.pull(self.forces.clearance(), self.error),
+        let error = match &self.reaction {
+            Some(reaction) => self.error - reaction.offset::<M>(),
             None => self.error,
+        };
+        let error = match &self.avoider {
+            Some(avoider) => avoider.pull(self.forces.clearance(), error),
+            None => error,
         };
         let [dx_r, ddx_r] = robot.resolve(&reference.x, &reference.dx, &reference.ddx);
         let speed = &robot.limits().velocity;
@@ -414,6 +447,10 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             moving.update_torque(robot, gains);
             tau_sec.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
         }
+        if let Some(reaction) = &self.reaction {
+            tau_sec.iter_mut().zip(reaction.torque()).for_each(|(tau, given)| *tau += given);
+            self.scaling += dot(robot.velocity(), reaction.torque());
+        }
     }
 
     /// Scales the objectives until every joint is within its torque limit (T35).
@@ -433,6 +470,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         gains.add_posture_torque(robot.configuration(), posture);
         if let Some(moving) = &self.moving {
             posture.iter_mut().zip(&moving.torque).for_each(|(tau, along)| *tau += along);
+        }
+        if let Some(reaction) = &self.reaction {
+            posture.iter_mut().zip(reaction.torque()).for_each(|(tau, given)| *tau += given);
         }
         for (tau, repulsion) in avoidance.iter_mut().zip(&self.repulsion) {
             *tau = self.share * repulsion;
@@ -478,6 +518,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         if let Some(force) = &mut self.force {
             force.forget();
         }
+        if let Some(reaction) = &mut self.reaction {
+            reaction.forget();
+        }
         self.tank = self.gains.tank.map(Tank::new);
     }
 
@@ -490,6 +533,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         }
         if let Some(force) = &mut self.force {
             force.elapse(dt);
+        }
+        if let Some(reaction) = &mut self.reaction {
+            reaction.elapse(dt, &self.gains, self.robot.configuration(), &self.error);
         }
         if let Some(tank) = &mut self.tank {
             let injected = null_power(&self.space, self.robot.velocity(), &self.repulsion);

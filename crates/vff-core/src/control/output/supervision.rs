@@ -10,8 +10,7 @@
 use super::Output;
 use super::admission::Admission;
 use super::hold::Hold;
-use crate::control::CommandSettings;
-use crate::control::Controller;
+use crate::control::{Controller, Settings};
 use crate::math::smoothstep;
 use crate::robot::{Limits, Manipulator, Robot};
 use std::mem::{replace, swap};
@@ -76,6 +75,41 @@ pub enum BeginError {
         /// \[s\].
         period: f64,
     },
+    /// A force behind this rate would hit stiff surfaces again and again (T159).
+    #[error(
+        "{key}: must be at most half per control period, {} 1/s, with touch.force, got {rate}",
+        0.5 / period
+    )]
+    Force {
+        /// The key of the rate below `controller`.
+        key: &'static str,
+        /// \[1/s\].
+        rate: f64,
+        /// \[s\].
+        period: f64,
+    },
+}
+
+impl BeginError {
+    /// Whether a law of these settings is for a loop of `period` \[s\].
+    ///
+    /// # Errors
+    /// If the period is none, or too long.
+    pub fn check(settings: &Settings, period: f64) -> Result<(), Self> {
+        if !(period.is_finite() && period > 0.0) {
+            return Err(Self::Period(period));
+        }
+        let damping = settings.command.stop_damping;
+        if damping * period >= 2.0 {
+            return Err(Self::Damping { damping, period });
+        }
+        let Settings { observer, touch, .. } = settings;
+        let (Some(observer), Some(force)) = (observer, &touch.force) else { return Ok(()) };
+        match force.too_fast(observer.bandwidth, period) {
+            Some((key, rate)) => Err(Self::Force { key, rate, period }),
+            None => Ok(()),
+        }
+    }
 }
 
 /// The watch over one loop: safe start, safe end, watchdog. Nothing allocates after construction.
@@ -151,23 +185,19 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
     /// \[N·m, N\], gravity included only if it is sent too, or from what holds the arm still.
     ///
     /// # Errors
-    /// If the period is none, or too long for the damping.
+    /// If the period is none, or too long.
     ///
     /// # Panics
     /// If a slice has the wrong length.
     pub fn new(
-        settings: &CommandSettings,
+        settings: &Settings,
         robot: R,
         period: f64,
         measured: Option<&[f64]>,
     ) -> Result<Self, BeginError> {
-        if !(period.is_finite() && period > 0.0) {
-            return Err(BeginError::Period(period));
-        }
+        BeginError::check(settings, period)?;
+        let settings = &settings.command;
         let damping = settings.stop_damping;
-        if damping * period >= 2.0 {
-            return Err(BeginError::Damping { damping, period });
-        }
         let (n, limits) = (robot.dof(), robot.limits());
         let mut output = Output::new(settings, n);
         let measured = measured.filter(|tau| is_within(tau, limits)).map(<[f64]>::to_vec);

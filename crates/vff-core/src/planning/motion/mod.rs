@@ -25,7 +25,7 @@ use crate::scenario::{
     unusable,
 };
 use crate::settings::{FINITE, NOT_NEGATIVE, POSITIVE};
-use crate::simulation::System;
+use crate::simulation::{System, hide_unseen};
 use crate::trajectory::{Guided, JointSpline, Knots, Peaks, Trajectory};
 use crate::world::World;
 use curve::Curve;
@@ -142,7 +142,8 @@ where
         }
     };
     let keeps_apart = scenario.controller.self_collision != SelfCollision::Ignore;
-    let world = World::new(scene.obstacles.clone());
+    let mut world = World::new(scene.obstacles.clone());
+    hide_unseen(&mut world, &scenario.contacts);
     Task::<S, D, M> { arm, world, keeps_apart, goal, start }.plan(settings)
 }
 

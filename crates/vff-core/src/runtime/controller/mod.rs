@@ -96,6 +96,9 @@ pub enum SuccessionError {
     /// The last succession is under way.
     #[error("the law before is still being left")]
     Succeeding,
+    /// It is not for the period of the loop.
+    #[error(transparent)]
+    Period(#[from] BeginError),
     /// It has no room for the obstacles.
     #[error(transparent)]
     Room(#[from] ScenarioError),
@@ -456,6 +459,10 @@ pub trait ErasedController: Debug + Send {
 
     /// The wrench at the end effector that this is \[N, N·m\], (m); None without an observer.
     fn external_wrench(&self) -> Option<&[f64]>;
+
+    /// The link on which a contact is felt at the observed state, or one beyond it, counted from 0; None while none is, and
+    /// without `observer.detection`.
+    fn touched_link(&self) -> Option<usize>;
 
     /// The second half of [`torque`](Self::torque): the torque at the observed state.
     ///

@@ -301,7 +301,7 @@ where
 
     fn begin(&mut self, period: f64, measured: Option<&[f64]>) -> Result<(), BeginError> {
         let robot = self.controller.robot().clone();
-        let supervisor = Supervisor::new(&self.settings.command, robot, period, measured)?;
+        let supervisor = Supervisor::new(&self.settings, robot, period, measured)?;
         self.supervisor = Some(Box::new(supervisor));
         self.period = Some(period);
         self.keep_time();
@@ -400,6 +400,10 @@ where
 
     fn external_wrench(&self) -> Option<&[f64]> {
         self.controller.external_wrench()
+    }
+
+    fn touched_link(&self) -> Option<usize> {
+        self.controller.touched_link().filter(|link| *link < self.dof())
     }
 
     fn command(&mut self, target: &Target<'_>) -> Result<&[f64], NotARotation> {
@@ -520,6 +524,7 @@ where
         if like.settings.command != self.settings.command {
             return Err(SuccessionError::Command);
         }
+        self.period.map_or(Ok(()), |period| BeginError::check(&like.settings, period))?;
         let mut next = like.clone();
         next.fits(self.world.barrier_count())?;
         next.world = self.world.clone();
@@ -544,6 +549,7 @@ where
         if self.is_succeeding() {
             return Err(SuccessionError::Succeeding);
         }
+        self.period.map_or(Ok(()), |period| BeginError::check(&next.settings, period))?;
         let Some(mut fading) = next.fading.take().filter(|_| next.dof() == self.dof()) else {
             return Err(SuccessionError::Another);
         };

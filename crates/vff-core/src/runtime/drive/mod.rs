@@ -66,9 +66,9 @@ impl Default for Options {
 /// Why there is no such drive.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum DriveError {
-    /// The damping of the controller's `command` is unstable at this rate.
+    /// The law is not for this rate.
     #[error(transparent)]
-    Damping(#[from] BeginError),
+    Begin(#[from] BeginError),
     /// A limit of the set points is none.
     #[error("limits: {0}")]
     Limits(#[from] VirtualArmError),

@@ -142,6 +142,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             self.plant.surround(world, &all);
             self.feel();
         }
+        if settings.is_some_and(|settings| !settings.seen) {
+            let n = self.q.len();
+            self.truth.get_or_insert_with(|| Truth::new(n));
+            for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
+                stack.world.hide(stack.world.len() - 1);
+            }
+            self.control();
+        }
     }
 
     /// Takes obstacle `j` away.

@@ -92,7 +92,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
 
     /// Whether the controller knows all obstacles.
     pub fn knows_obstacles(&self) -> bool {
-        self.perception.is_none()
+        self.perception.is_none() && !self.stack.world.hides_any()
     }
 
     /// The true joint velocity \[rad/s\].
@@ -115,7 +115,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// The link whose tip is to press on something; none where no force is asked for.
-    pub fn pressing_link(&self) -> Option<usize> {
+    fn pressing_link(&self) -> Option<usize> {
         let controller = &self.stack.controller;
         let presses = controller.gains().touch.force.is_some();
         presses.then(|| controller.robot().dof() - 1)
@@ -189,6 +189,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             error: error.as_slice(),
             force: forces.magnitude(),
             clearance,
+            pressing_link: self.pressing_link(),
             obstacles: &self.stack.world,
             null_acceleration: self.null_acceleration,
             energy: controller.energy(),
@@ -199,6 +200,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             contact_force: self.plant.contact_forces(),
             tau_ext_estimate: controller.external_torque(),
             wrench_estimate: controller.external_wrench(),
+            touched_link: controller.touched_link(),
+            contact_threshold: controller.contact_threshold(),
+            yielded: controller.yielded(),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
             nearest_pair: forces.nearest_pair(),

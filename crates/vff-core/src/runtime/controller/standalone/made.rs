@@ -7,7 +7,7 @@ use crate::planning::motion::Jointed;
 use crate::planning::replanning::Replanner;
 use crate::robot::{Model, Robot};
 use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
-use crate::simulation::System;
+use crate::simulation::{System, hide_unseen};
 use crate::world::{CollisionQuery, Solid, World};
 use std::sync::Arc;
 
@@ -50,6 +50,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
         let (arm, trajectory, odd) = scenario.arm_and_reference::<S, D, M>(scene)?;
         let mut this = Self::new(&arm, scenario.controller.clone());
         this.set_obstacles(scene.obstacles.clone())?;
+        hide_unseen(&mut this.world, &scenario.contacts);
         this.followed = Some(Box::new(Followed::new(trajectory)));
         this.reserve();
         this.warnings =

@@ -1,0 +1,219 @@
+//! What is done about a push that nobody foresaw (T168, T169): first the null space yields while the task goes on, then the
+//! task gives way along the push; when the push is over, both come back.
+//!
+//! ```text
+//! τ_sec ← τ_sec + K_v η,        η̇ = α a (q − q_d − η)
+//! ẍ_c ← ẍ_c + K ξ,              ξ̇ = α s u max(uᵀK(e − ξ), 0) / uᵀK u,      f = J#ᵀδ,   u = f / |f|
+//! ```
+//!
+//! The springs of posture and task let go of what they hold against the push, so that they only ever lose energy to it. a
+//! follows whether there is a contact, s how far |f| is beyond `force`.
+
+use super::{Gains, OperationalSpace};
+use crate::math::smoothstep;
+use crate::settings::settings;
+use nalgebra::SVector;
+
+settings! {
+    /// `[controller.touch.reaction]`.
+    #[derive(Copy)]
+    pub struct ReactionSettings {
+        /// α, how fast springs let go of what they hold against the push.
+        rate: f64 = 20.0, "1/s", POSITIVE;
+        /// The push on the end effector up to which the task goes on; at twice that it gives way at `rate`.
+        force: f64 = 15.0, "N", POSITIVE;
+        /// The time constant with which posture and task come back when the push is over.
+        recovery: f64 = 1.0, "s", POSITIVE;
+    }
+}
+
+/// The reaction with its memory. Nothing allocates after construction.
+#[derive(Debug, Clone)]
+pub struct Reaction {
+    settings: ReactionSettings,
+    /// Whether somebody pushes, and a, the same without a jump.
+    is_pushed: bool,
+    activity: f64,
+    /// The push on the end effector that the estimate tells of \[N\], the rest 0.
+    push: SVector<f64, 6>,
+    /// η \[rad, m\], (n), and its torque K_v η \[N·m, N\].
+    posture: Vec<f64>,
+    torque: Vec<f64>,
+    /// ξ \[m\], the rest 0.
+    task: SVector<f64, 6>,
+}
+
+impl Reaction {
+    /// For `n` joints; nobody has pushed.
+    pub fn new(settings: &ReactionSettings, n: usize) -> Self {
+        Self {
+            settings: *settings,
+            is_pushed: false,
+            activity: 0.0,
+            push: SVector::zeros(),
+            posture: vec![0.0; n],
+            torque: vec![0.0; n],
+            task: SVector::zeros(),
+        }
+    }
+
+    /// a, in \[0, 1\]: the share of the push that is not resisted by what rejects torques from outside.
+    pub fn activity(&self) -> f64 {
+        self.activity
+    }
+
+    /// By how much the end effector gives way \[m\].
+    pub fn yielded(&self) -> f64 {
+        self.task.norm()
+    }
+
+    /// ξ, by which the task lets go of its reference \[m\], (m), the angles 0.
+    pub fn offset<const M: usize>(&self) -> SVector<f64, M> {
+        SVector::from_fn(|i, _| self.task[i])
+    }
+
+    /// K_v η, what the posture lets go of \[N·m, N\], (n).
+    pub fn torque(&self) -> &[f64] {
+        &self.torque
+    }
+
+    /// Takes in what the estimate is beyond what it has been \[N·m, N\], (n), while somebody pushes.
+    pub fn feel<const D: usize, const M: usize>(
+        &mut self,
+        is_pushed: bool,
+        deviation: &[f64],
+        space: &OperationalSpace<M>,
+    ) {
+        self.is_pushed = is_pushed;
+        let push = space.pinv_tr_mul(deviation);
+        self.push = SVector::from_fn(|i, _| if i < D { push[i] } else { 0.0 });
+    }
+
+    /// Lets `dt` \[s\] pass at the joints `q` and the task error `e`.
+    pub fn elapse<const M: usize>(
+        &mut self,
+        dt: f64,
+        gains: &Gains<M>,
+        q: &[f64],
+        e: &SVector<f64, M>,
+    ) {
+        let Self { settings, is_pushed, activity, push, posture, torque, task } = self;
+        let ReactionSettings { rate, force, recovery } = *settings;
+        let share = |rate: f64| -(-rate * dt).exp_m1();
+        *activity += share(rate) * (f64::from(u8::from(*is_pushed)) - *activity);
+        let lets_go = share(rate * *activity);
+        let stays = if *is_pushed { 1.0 } else { 1.0 - share((1.0 - *activity) / recovery) };
+        for (i, (rest, stiffness)) in gains.posture.iter().enumerate() {
+            let eta = &mut posture[i];
+            *eta += lets_go * (q[i] - rest - *eta);
+            *eta *= stays;
+            torque[i] = stiffness * *eta;
+        }
+        *task *= stays;
+        let size = push.norm();
+        let beyond = smoothstep(size / force - 1.0);
+        if *is_pushed && beyond > 0.0 {
+            let u = SVector::<f64, M>::from_fn(|i, _| push[i] / size);
+            let along = gains.stiffness.component_mul(&u);
+            let offset = SVector::<f64, M>::from_fn(|i, _| task[i]);
+            let pull = along.dot(&(e - offset)).max(0.0);
+            let stiffness = along.dot(&u);
+            if stiffness > 0.0 {
+                let step = share(rate * beyond) * pull / stiffness;
+                for i in 0..M {
+                    task[i] += step * u[i];
+                }
+            }
+        }
+    }
+
+    /// Nobody has pushed.
+    pub fn forget(&mut self) {
+        (self.is_pushed, self.activity) = (false, 0.0);
+        self.push.fill(0.0);
+        self.posture.fill(0.0);
+        self.torque.fill(0.0);
+        self.task.fill(0.0);
+    }
+
+    /// Takes over what another one has let go of.
+    pub fn believe(&mut self, other: &Self) {
+        (self.is_pushed, self.activity) = (other.is_pushed, other.activity);
+        (self.push, self.task) = (other.push, other.task);
+        self.posture.copy_from_slice(&other.posture);
+        self.torque.copy_from_slice(&other.torque);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Settings;
+    use crate::math::ScalarOrVec;
+    use nalgebra::Vector3;
+    use proptest::prelude::*;
+
+    fn gains() -> Gains<3> {
+        Gains::new(&Settings {
+            stiffness: ScalarOrVec::Each(vec![400.0, 100.0, 25.0]),
+            posture: Some(vec![0.1, -0.2, 0.3, 0.0]),
+            posture_stiffness: ScalarOrVec::Uniform(3.0),
+            ..Settings::default()
+        })
+    }
+
+    proptest! {
+        /// While somebody pushes, whatever arm and hand do, what the springs hold is never more than it was: of the posture,
+        /// and of the task per mass (T168, T169).
+        #[test]
+        fn springs_only_lose(
+            moves in prop::collection::vec((prop::array::uniform4(-1.0..1.0), prop::array::uniform3(-0.2..0.2)), 1..40),
+            pushes in prop::collection::vec(prop::array::uniform3(-60.0..60.0), 40),
+            dt in 1e-4..1e-2,
+        ) {
+            let gains = gains();
+            let mut reaction = Reaction::new(&ReactionSettings::default(), 4);
+            for ((q, e), push) in moves.iter().zip(&pushes) {
+                let e = Vector3::from(*e);
+                reaction.is_pushed = true;
+                reaction.push = SVector::from_fn(|i, _| push.get(i).copied().unwrap_or(0.0));
+                let energy = |reaction: &Reaction| {
+                    let posture = gains.posture.iter().zip(&reaction.posture).zip(q);
+                    let off = e - reaction.offset::<3>();
+                    [
+                        posture.map(|(((rest, k), eta), q)| k * f64::powi(q - rest - eta, 2)).sum::<f64>(),
+                        off.dot(&gains.stiffness.component_mul(&off)),
+                    ]
+                };
+                let before = energy(&reaction);
+                reaction.elapse(dt, &gains, q, &e);
+                let after = energy(&reaction);
+                for k in 0..2 {
+                    prop_assert!(after[k] <= before[k] * (1.0 + 1e-12), "{before:?} {after:?}");
+                }
+            }
+        }
+    }
+
+    /// A light push is left to the null space; a hard one takes the hand along; when it is over, all is as before.
+    #[test]
+    fn in_order() {
+        let (gains, q) = (gains(), [0.5, 0.0, 0.0, 0.0]);
+        let mut reaction = Reaction::new(&ReactionSettings::default(), 4);
+        let e = Vector3::new(0.1, 0.0, 0.02);
+        let mut pushed = |push: f64, seconds: f64| {
+            (reaction.is_pushed, reaction.push[0]) = (push > 0.0, push);
+            for _ in 0..(seconds / 1e-3).round() as usize {
+                reaction.elapse(1e-3, &gains, &q, &e);
+            }
+            (reaction.yielded(), reaction.torque()[0])
+        };
+        assert_eq!(pushed(0.0, 1.0), (0.0, 0.0));
+        let (task, posture) = pushed(14.0, 1.0);
+        assert!(task == 0.0 && (posture - 3.0 * 0.4).abs() < 1e-6, "{posture}");
+        let (task, _) = pushed(40.0, 1.0);
+        assert!((task - 0.1).abs() < 1e-6, "along the push alone: {task}");
+        let (task, posture) = pushed(0.0, 8.0);
+        assert!(task < 1e-3 && posture < 1e-2, "{task} {posture}");
+    }
+}
