@@ -41,7 +41,7 @@ PARAGRAPH = re.compile(r"\n\n|\n- |\n\| ")
 INSTALL = re.compile(r"pip install ((?:\"[^\"]+\"|[\w.-]+)(?: (?:\"[^\"]+\"|[\w-]+))*)")
 PYTHON, SHELL = ("python", "{code-cell} ipython3"), ("sh",)
 # What is there to be read.
-SHOWN = ("", "toml", "text", "json", "cmake", "c", "cpp", "math")
+SHOWN = ("", "toml", "text", "json", "cmake", "c", "cpp", "rust", "math")
 SHOWN += ("{toctree}", "{button-ref}", "{rst-class}", "{literalinclude}", "{warning}")
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.

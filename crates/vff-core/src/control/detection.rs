@@ -51,6 +51,21 @@ struct Joint {
 }
 
 /// The detector with its memory. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use vff_core::control::detection::{ContactDetector, DetectionSettings};
+/// use vff_core::math::ScalarOrVec;
+///
+/// let settings = DetectionSettings::default();
+/// let mut detector = ContactDetector::new(&settings, 80.0, &ScalarOrVec::Uniform(0.0), 2);
+/// for k in 0..3000 {
+///     assert_eq!(detector.link(), None); // what is always there is a load
+///     let push = if k < 2999 { 0.0 } else { 5.0 };
+///     detector.update(&[1.0 + push, 0.5], &[1.0, 0.5], 1e-3);
+/// }
+/// assert_eq!(detector.link(), Some(0));
+/// ```
 #[derive(Debug, Clone)]
 pub struct ContactDetector {
     model_error: f64,

@@ -28,6 +28,14 @@ settings! {
 }
 
 /// The reaction with its memory. Nothing allocates after construction.
+///
+/// # Example
+/// ```
+/// use vff_core::control::reaction::{Reaction, ReactionSettings};
+///
+/// let reaction = Reaction::new(&ReactionSettings { force: 20.0, ..ReactionSettings::default() }, 7);
+/// assert_eq!((reaction.activity(), reaction.yielded()), (0.0, 0.0)); // nobody has pushed
+/// ```
 #[derive(Debug, Clone)]
 pub struct Reaction {
     settings: ReactionSettings,

@@ -119,12 +119,12 @@ impl BeginError {
 /// ```
 /// use std::sync::Arc;
 /// use vff_core::control::output::{BeginError, Phase, Supervisor};
-/// use vff_core::control::settings::CommandSettings;
+/// use vff_core::control::settings::Settings;
 /// use vff_core::math::Vector;
 /// use vff_core::robot::{Model, PlanarArm, planar::Link};
 ///
 /// let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros()));
-/// let settings = CommandSettings::default();
+/// let settings = Settings::default();
 /// let mut supervisor = Supervisor::new(&settings, arm.state(), 0.001, None).unwrap();
 /// assert_eq!(supervisor.phase(), Phase::Starting);
 /// supervisor.stop();
