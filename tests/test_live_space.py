@@ -122,7 +122,8 @@ def test_what_is_drawn_is_where_the_core_has_it(name: str, tmp_path: Path) -> No
         shown = lines > 0
         assert shown.sum() >= 1
         np.testing.assert_allclose(lines[shown], state["clearance"][shown], atol=1e-3)
-        assert lines[shown].min() == pytest.approx(state["clearance"].min(), abs=1e-3)
+        if state["clearance"].min() > 1e-3:  # what touches has no line
+            assert lines[shown].min() == pytest.approx(state["clearance"].min(), abs=1e-3)
         assert page.snapshot()["status"] == "paused" and state["rate"] >= 0
     finally:
         page.stop()

@@ -116,7 +116,7 @@ def test_same_motion_on_paper_1(control: str) -> None:
 @pytest.mark.parametrize("control", ["hold", "predictor"])
 @pytest.mark.filterwarnings("ignore::vffnull.errors.ScenarioWarning")
 def test_same_motion_with_everything(control: str) -> None:
-    ours, theirs = both(EVERYTHING, {"simulation.control": control})
+    ours, theirs = both(EVERYTHING, {"simulation.control": control, "controller.enforce_limits": False})
     assert ours.status == "completed"
     assert ours.metrics.joint_limit_violation > 0.1 and ours.metrics.limited_steps > 100
     assert ours.metrics.max_repulsion > 0.1
@@ -397,6 +397,7 @@ def test_joints_stop_where_they_stop_in_the_core() -> None:
     free = [-np.inf, np.inf]
     changes = {
         "arm.joint_limits": [[-0.2, 0.12], free, free, free, [-np.inf, 1.0], free],
+        "controller.enforce_limits": False,
         "dq0": [0.3, 0.0, 0.0, 0.0, 1.0, 0.0],
         "controller.stiffness": 0.0,
         "controller.damping": 0.0,

@@ -740,6 +740,9 @@ class Controller:
         """
 
     @property
+    def touched_link(self) -> int | None:
+        """The link."""
+    @property
     def tau_ext_estimate(self) -> _Array | None:
         """The torque from outside at the last state, as estimated, (n,) [N·m]; None without an observer."""
     @property
