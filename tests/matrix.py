@@ -169,11 +169,12 @@ OPTIONS: dict[str, Option] = {
     "Euler": Option(lambda _: {"simulation.integrator": "semi_implicit_euler"}),
     "force": Option(
         lambda scene: {
-            "controller.observer": {"detection": {}},
+            "controller.observer": {},
             "controller.touch.force": {
                 "direction": _of_dimension(scene, [0.0, -1.0], [0.0, 0.0, -1.0]),
                 "target": 5.0,
             },
+            "controller.touch.reaction": None,  # would give way to what it presses on
         },
         "has no look-ahead",
         exact=False,

@@ -118,7 +118,7 @@ def test_same_motion_on_paper_1(control: str) -> None:
 def test_same_motion_with_everything(control: str) -> None:
     ours, theirs = both(EVERYTHING, {"simulation.control": control, "controller.enforce_limits": False})
     assert ours.status == "completed"
-    assert ours.metrics.joint_limit_violation > 0.1 and ours.metrics.limited_steps > 100
+    assert ours.metrics.joint_limit_violation > 0.1
     assert ours.metrics.max_repulsion > 0.1
     same(ours, theirs)
 

@@ -741,7 +741,9 @@ class Controller:
 
     @property
     def touched_link(self) -> int | None:
-        """The link."""
+        """The link on which a contact is felt at the last state, or one beyond it, counted from 0; None while
+        none is felt, and without ``observer.detection``.
+        """
     @property
     def tau_ext_estimate(self) -> _Array | None:
         """The torque from outside at the last state, as estimated, (n,) [N·m]; None without an observer."""

@@ -317,6 +317,8 @@ class SpaceScene(Scene):
             for index, place in enumerate(state["obstacles"][: len(self._documents)])
             if not self._is_cloud(index)
         ]
+        for place in places:
+            place.pop("contact", None)  # measured whether it is seen or not
         ends = np.zeros((self._arm.n, 2, 3))
         nearest = np.inf
         found = distances(self._arm, state["q"], state["dq"], places)
