@@ -131,14 +131,17 @@ OPTIONS: dict[str, Option] = {
     "governor": Option(lambda _: {"controller.governor": {}}),
     "replanning": Option(lambda _: {"replan": {}}, "needs a reference that is a plan"),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
-    "observer": Option(lambda _: {"controller.observer": {}, "controller.touch": {"task": "reject"}}),
+    "observer": Option(
+        lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"task": "reject"}}
+    ),
     "reaction": Option(
-        lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"reaction": {}}}
+        lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"reaction": {}}},
+        "is not for a tip that presses",
     ),
     "payload, observed": Option(
         lambda scene: {
             "plant.payload": _of_dimension(scene, 0.3, {"mass": 0.5}),
-            "controller.observer": {},
+            "controller.observer": {"detection": {}},
             "controller.touch": {"task": "reject"},
         },
         exact=False,
@@ -169,7 +172,7 @@ OPTIONS: dict[str, Option] = {
     "Euler": Option(lambda _: {"simulation.integrator": "semi_implicit_euler"}),
     "force": Option(
         lambda scene: {
-            "controller.observer": {},
+            "controller.observer": {"detection": {}},
             "controller.touch.force": {
                 "direction": _of_dimension(scene, [0.0, -1.0], [0.0, 0.0, -1.0]),
                 "target": 5.0,
