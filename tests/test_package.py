@@ -462,7 +462,7 @@ def test_the_workflows_are_about_this_repository() -> None:
         (ROOT / ".github" / "workflows" / f"{name}.yml").read_text(encoding="utf-8")
         for name in ("check", "release")
     )
-    assert list(yaml.safe_load(check)["jobs"]) == ["check"]
+    assert list(yaml.safe_load(check)["jobs"]) == ["check", "frozen"]
     jobs = yaml.safe_load(release)["jobs"]
     named = re.findall(r"(?<![\w/.])((?:tests|\.ci)/[\w.]+)", check + release)
     assert named and [name for name in named if not (ROOT / name).exists()] == []

@@ -931,6 +931,12 @@ class State:
         """Force of each obstacle on the arm, (k, D) [N]; None where none has a `contact`."""
 
     @property
+    def touched_link(self) -> int | None:
+        """Link on which a contact is felt, or one beyond it, counted from 0; None while none is felt."""
+    @property
+    def yielded(self) -> float | None:
+        """How far the end effector gives way to a push [m]; None where it never does."""
+    @property
     def tau_ext_estimate(self) -> _Array | None:
         """Torque that the model does not know, as estimated, (n,) [N·m]; None without an observer."""
     @property
