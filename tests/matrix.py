@@ -41,13 +41,13 @@ RATE = 1000.0  # N·m/s
 class Option:
     """Something that a scene can have beside what it has.
 
-    `refused` is a part of the sentence with which scenes are refused that cannot have it. `exact` says
+    `refused` has a part of each sentence with which scenes are refused that cannot have it. `exact` says
     whether the controller still knows the arm and its surroundings as they are: only then can it keep speeds
     and distances. `yields_less` is an option whose purpose it is to keep something else before a distance.
     """
 
     changes: Callable[[vff.Scenario], Changes]
-    refused: str | None = None
+    refused: tuple[str, ...] = ()
     exact: bool = True
     yields_less: bool = False
 
@@ -125,18 +125,18 @@ OPTIONS: dict[str, Option] = {
     ),
     "cameras": Option(
         lambda _: {"perception.kind": "camera", "perception.rate": 30, "perception.cameras": _CAMERAS},
-        "depth cameras belong to arms in space",
+        ("depth cameras belong to arms in space",),
         exact=False,
     ),
     "governor": Option(lambda _: {"controller.governor": {}}),
-    "replanning": Option(lambda _: {"replan": {}}, "needs a reference that is a plan"),
+    "replanning": Option(lambda _: {"replan": {}}, ("needs a reference that is a plan",)),
     "self-collision": Option(lambda _: {"controller.self_collision": "avoid"}, yields_less=True),
     "observer": Option(
         lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"task": "reject"}}
     ),
     "reaction": Option(
         lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"reaction": {}}},
-        "is not for a tip that presses",
+        ("is not for a tip that presses",),
     ),
     "payload, observed": Option(
         lambda scene: {
@@ -179,7 +179,7 @@ OPTIONS: dict[str, Option] = {
             },
             "controller.touch.reaction": None,  # would give way to what it presses on
         },
-        "has no look-ahead",
+        ("has no look-ahead", "is not for a tip that presses"),
         exact=False,
     ),
 }
@@ -213,6 +213,11 @@ def merged(parts: Sequence[Changes]) -> Changes | None:
                 return None
             out[key] = value
     return out
+
+
+def is_refusal(sentence: str, options: Sequence[str]) -> bool:
+    """Whether it says what scenes are refused with that cannot have one of these options."""
+    return any(part in sentence for each in options for part in OPTIONS[each].refused)
 
 
 def combined(name: str, way: str, options: Sequence[str]) -> vff.Scenario | str | None:
@@ -323,8 +328,7 @@ def main() -> int:
             for options in [(), *sets]:
                 scene = combined(name, way, options)
                 if isinstance(scene, str):
-                    known = [OPTIONS[each].refused for each in options]
-                    told = [] if any(part and part in scene for part in known) else [f"refused: {scene}"]
+                    told = [] if is_refusal(scene, options) else [f"refused: {scene}"]
                 elif scene is None:
                     continue
                 else:

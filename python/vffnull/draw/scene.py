@@ -34,6 +34,7 @@ from vffnull.draw.shapes import (
     cores_of,
     influence_of,
     is_seen,
+    measurable,
     mount_of,
     solids_of,
     thickest,
@@ -87,8 +88,8 @@ class Measured:
 
     def _moved(self, index: int, rows: Rows, scene: Scene) -> dict[str, Any]:
         """An obstacle that moves by the places and orientations that it had."""
-        gone = ("angular_velocity", "contact")
-        made = {key: value for key, value in self.obstacles[index].items() if key not in gone}
+        made = measurable(self.obstacles[index])
+        made.pop("angular_velocity", None)
         places, turns = scene.obstacles[rows, index], scene.rotations[index]
         made["position"], first = places[0].tolist(), made.get("orientation", (1.0, 0.0, 0.0, 0.0))
         made["motion"] = {"kind": "waypoints", "times": scene.t[rows].tolist(), "points": places.tolist()}
@@ -191,10 +192,7 @@ class Scene:
             wrenches=wrenches_of(result, made.parts, size),
             sensed=result.sensed,
             rotations=tuple(
-                _core.rotations(
-                    {key: value for key, value in each.items() if key != "contact"}, size, result.t
-                )
-                for each in document.get("obstacles", [])
+                _core.rotations(measurable(each), size, result.t) for each in document.get("obstacles", [])
             ),
             plan=()
             if result.q_plan is None

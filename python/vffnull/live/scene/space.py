@@ -12,7 +12,7 @@ import viser
 
 from vffnull._core import distances, matrices, quaternions
 from vffnull.draw import colours, geometry
-from vffnull.draw.shapes import pushed_links
+from vffnull.draw.shapes import measurable, pushed_links
 from vffnull.live.scene.camera import Camera, framing
 from vffnull.live.scene.cup import LEVEL, Cup, carries, stays_level, upright_in
 from vffnull.live.scene.hands import Grip, Held
@@ -313,12 +313,10 @@ class SpaceScene(Scene):
         Not to clouds of points, which are too many to be measured for every picture.
         """
         places = [
-            self.standing(index, place, state["turns"][index])
+            measurable(self.standing(index, place, state["turns"][index]))
             for index, place in enumerate(state["obstacles"][: len(self._documents)])
             if not self._is_cloud(index)
         ]
-        for place in places:
-            place.pop("contact", None)  # measured whether it is seen or not
         ends = np.zeros((self._arm.n, 2, 3))
         nearest = np.inf
         found = distances(self._arm, state["q"], state["dq"], places)
