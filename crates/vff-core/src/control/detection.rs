@@ -9,7 +9,7 @@
 //! r is the estimate, y the torque of the model behind the same lag, a bar what either has been on average of late: a model
 //! that is off by the share ε is off by ε (y − ȳ) in δ. f is what dry friction may be, σ how much r is scattered.
 
-use crate::math::ScalarOrVec;
+use crate::math::{ScalarOrVec, lag_share};
 use crate::settings::settings;
 
 settings! {
@@ -83,11 +83,6 @@ pub struct ContactDetector {
     quiet: f64,
 }
 
-/// The share of a step that a lag of this `rate` \[1/s\] takes in `elapsed` \[s\].
-fn share(rate: f64, elapsed: f64) -> f64 {
-    -(-rate * elapsed).exp_m1()
-}
-
 impl ContactDetector {
     /// For `n` joints, behind an observer of this `bandwidth` \[1/s\] that takes up to `friction` for friction \[N·m\].
     pub fn new(
@@ -156,8 +151,8 @@ impl ContactDetector {
         }
         self.age += elapsed;
         let begun = self.age - SETTLED / self.bandwidth;
-        let lag = share(self.bandwidth, elapsed);
-        let smooth = share(0.5 * self.bandwidth, elapsed);
+        let lag = lag_share(self.bandwidth, elapsed);
+        let smooth = lag_share(0.5 * self.bandwidth, elapsed);
         // Means of all that there has been, until that is longer than they remember.
         let of_late = |memory: f64| if begun > elapsed { elapsed / begun.min(memory) } else { 1.0 };
         let (memory, scatter) = (of_late(self.memory).min(1.0), of_late(NOISE_MEMORY).min(1.0));
@@ -239,7 +234,7 @@ mod tests {
     fn an_error_of_the_model_is_none() {
         let settings = DetectionSettings { model_error: 0.1, ..DetectionSettings::default() };
         let mut detector = detector(&settings, 0.0);
-        let (mut r, mut most, lag) = ([0.0; 2], 0.0_f64, share(80.0, PERIOD));
+        let (mut r, mut most, lag) = ([0.0; 2], 0.0_f64, lag_share(80.0, PERIOD));
         for k in 0..20_000 {
             let t = PERIOD * f64::from(k);
             let acted = [40.0 * (3.0 * t).sin(), if t % 2.0 < 1.0 { 30.0 } else { -30.0 }];

@@ -12,7 +12,7 @@ use super::OperationalSpace;
 use super::detection::{ContactDetector, DetectionSettings};
 use super::force::ForceSettings;
 use super::reaction::ReactionSettings;
-use crate::math::ScalarOrVec;
+use crate::math::{ScalarOrVec, lag_share};
 use crate::robot::Robot;
 use crate::settings::settings;
 use nalgebra::SVector;
@@ -222,7 +222,7 @@ impl MomentumObserver {
     fn follow(&mut self, elapsed: Option<f64>) {
         let gain = match elapsed {
             _ if !self.has_begun => 1.0,
-            Some(elapsed) => -(-self.bandwidth * elapsed.max(0.0)).exp_m1(),
+            Some(elapsed) => lag_share(self.bandwidth, elapsed.max(0.0)),
             None => 0.0,
         };
         for (r, measured) in self.estimate.iter_mut().zip(&self.measured) {
@@ -244,7 +244,7 @@ impl MomentumObserver {
         robot.gravity_torque(gravity);
         drift_now.iter_mut().zip(&*gravity).for_each(|(drift, gravity)| *drift -= gravity);
         if let Some(elapsed) = elapsed.filter(|elapsed| *has_begun && *elapsed > 0.0) {
-            let gain = -(-*bandwidth * elapsed).exp_m1();
+            let gain = lag_share(*bandwidth, elapsed);
             for i in 0..estimate.len() {
                 let force = (momentum_now[i] - momentum[i]) / elapsed;
                 let known = acted[i] + 0.5 * (drift[i] + drift_now[i]);

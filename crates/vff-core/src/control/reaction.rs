@@ -10,7 +10,7 @@
 //! follows whether there is a contact, s how far |f| is beyond `force`.
 
 use super::{Gains, OperationalSpace};
-use crate::math::smoothstep;
+use crate::math::{lag_share, smoothstep};
 use crate::settings::settings;
 use nalgebra::SVector;
 
@@ -107,7 +107,7 @@ impl Reaction {
     ) {
         let Self { settings, is_pushed, activity, push, posture, torque, task } = self;
         let ReactionSettings { rate, force, recovery } = *settings;
-        let share = |rate: f64| -(-rate * dt).exp_m1();
+        let share = |rate: f64| lag_share(rate, dt);
         *activity += share(rate) * (f64::from(u8::from(*is_pushed)) - *activity);
         let lets_go = share(rate * *activity);
         let stays = if *is_pushed { 1.0 } else { 1.0 - share((1.0 - *activity) / recovery) };

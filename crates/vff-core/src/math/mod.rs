@@ -53,6 +53,12 @@ pub fn smoothstep(s: f64) -> f64 {
     s * s * (3.0 - 2.0 * s)
 }
 
+/// The share of a step that a lag of this `rate` \[1/s\] takes in `elapsed` \[s\]: 1 − exp(−rate · elapsed).
+#[inline]
+pub fn lag_share(rate: f64, elapsed: f64) -> f64 {
+    -(-rate * elapsed).exp_m1()
+}
+
 /// `a · b`, as four sums side by side: one alone would wait for itself.
 #[inline]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
