@@ -218,8 +218,8 @@ mod tests {
     const DURATION: f64 = 1.0;
 
     /// The smallest distance of the same loop in steps of 1 ms, and whether its closed-loop rollout was hit: where torque
-    /// can change at once, or at so many N·m/s from the torque that holds the arm on.
-    fn both(q: &[f64; 4], discs: Vec<Obstacle>, rate: Option<f64>) -> (f64, bool) {
+    /// can change at once, or at so many N·m/s; and whether one was in which it changes at once.
+    fn both(q: &[f64; 4], discs: Vec<Obstacle>, rate: Option<f64>) -> (f64, bool, bool) {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(q, &[0.0; 4]);
@@ -233,11 +233,14 @@ mod tests {
         let obstacles: Vec<usize> = (0..world.len()).collect();
         let mut rollout =
             ClosedLoopRollout::<PlanarState, 2, 2>::new(&state, &gains, DURATION, None);
-        let sent = rate.map(|_| &[0.0; 4][..]);
-        rollout.begin(&Present { robot: &state, sent, unknown: &[] });
-        let unlimited = Budget::of_simulation(None);
-        let foreseen = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference, &unlimited);
-        let hit = foreseen == Some(Foreseen::Contact);
+        let mut is_hit = |sent| {
+            rollout.begin(&Present { robot: &state, sent, unknown: &[] });
+            let unlimited = Budget::of_simulation(None);
+            let foreseen = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference, &unlimited);
+            foreseen == Some(Foreseen::Contact)
+        };
+        let hit = is_hit(rate.map(|_| &[0.0; 4][..]));
+        let hit_at_once = is_hit(None);
 
         let mut controller = Controller::new(state, gains);
         let mut world = world;
@@ -258,7 +261,7 @@ mod tests {
                 q[i] += 1e-3 * dq[i];
             }
         }
-        (least, hit)
+        (least, hit, hit_at_once)
     }
 
     /// For two discs that close in on an arm, a roll-out predicts what the loop in ten times finer steps finds,
@@ -277,7 +280,7 @@ mod tests {
 
     fn predicts(rate: Option<f64>) {
         let mut noise = Noise::new(1, 0);
-        let (mut hits, mut free) = (0, 0);
+        let (mut hits, mut free, mut missed) = (0, 0, 0);
         for _ in 0..60 {
             let q = [0.4, 0.8, -1.0, 0.7].map(|q| q + 0.2 * noise.draw());
             let mut disc = |side: f64| Obstacle {
@@ -287,9 +290,10 @@ mod tests {
                 angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
             };
-            let (least, hit) = both(&q, vec![disc(1.0), disc(-1.0)], rate);
+            let (least, hit, hit_at_once) = both(&q, vec![disc(1.0), disc(-1.0)], rate);
             if least < 0.0 {
                 hits += 1;
+                missed += usize::from(!hit_at_once);
                 assert!(hit, "{rate:?}: {q:?}: {least}");
             } else if least > 0.015 {
                 free += 1;
@@ -297,5 +301,6 @@ mod tests {
             }
         }
         assert!(hits >= 5 && free >= 20, "{hits} {free}");
+        assert_eq!(missed > 0, rate.is_some(), "{rate:?}: {missed}");
     }
 }
