@@ -32,8 +32,6 @@ WAYS: dict[str, Changes] = {
 }
 NOT_TOGETHER = {("panda-wipe", "look-ahead"): "has no look-ahead"}
 """Scenes with a way of giving way that they refuse, and a part of the sentence."""
-KNOWN = {("panda-shelf", "priority", ("boxes on links",)): "into an obstacle"}
-"""What does not hold yet: `priority` keeps a joint from its stop, and does not know the board beside it."""
 RATE = 1000.0  # N·m/s
 
 
