@@ -348,6 +348,61 @@ mod tests {
         }
     }
 
+    /// From a millimetre to a hundred kilometres.
+    fn any_size() -> impl Strategy<Value = f64> {
+        (-3.0..5.0).prop_map(|exponent| f64::powf(10.0, exponent))
+    }
+
+    /// Signed, of an axis: by search along it outside, inside the most that a plane across a normal of either keeps.
+    fn expected_distance(link: &Probe, obstacle: &Obstacle) -> f64 {
+        let outside = searched_distance(link, obstacle);
+        let turn = rotation(obstacle);
+        let sides = (0..3).map(|k| turn.matrix().column(k).into_owned());
+        let crossed = sides.clone().filter_map(|e| link.direction.cross(&e).try_normalize(1e-9));
+        let gaps = sides
+            .chain(crossed)
+            .flat_map(|n| [n, -n])
+            .map(|n| n.dot(&link.start).min(n.dot(&link.end())) - support(obstacle, &n));
+        if outside > 0.0 { outside } else { gaps.fold(f64::NEG_INFINITY, f64::max) }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+
+        /// As exact as the coordinates are, whatever is how much larger than the other or than the gap.
+        #[test]
+        fn sizes_of_a_millimetre_and_of_a_hundred_kilometres_meet(
+            size in [any_size(), any_size(), any_size()], orientation in any_orientation(),
+            on_box in three(0.5), gap in any_size(), touching in prop::bool::ANY, way in direction(), aside in direction(),
+            length in any_size(), share in -0.2..1.2, radius in 0.0..0.3,
+        ) {
+            let obstacle = Obstacle { orientation, ..fixed(Shape::Box { size }, [0.0; 3]) };
+            let place = rotation(&obstacle) * Vec3::from(size).component_mul(&on_box);
+            let place = place + aside * if touching { 0.0 } else { gap };
+            let link = Probe { start: place - way * (share * length), direction: way, length, radius };
+            let found = contact(&link, &obstacle).distance + radius;
+            let expected = expected_distance(&link, &obstacle);
+            let scale = link.start.norm().max(link.end().norm()).max(Vec3::from(size).norm()).max(1.0);
+            prop_assert!((found - expected).abs() < 1e-14 * scale, "{found} is not {expected}, of {scale} m");
+        }
+    }
+
+    /// A capsule of a kilometre passes a box of 0.3 m.
+    #[test]
+    fn a_kilometre_beside_a_box() {
+        let obstacle = fixed(Shape::Box { size: [0.3; 3] }, [0.0; 3]);
+        for aside in [1.0, 2.08, 500.0] {
+            let link = capsule([-500.0, aside, 0.1], [500.0, aside, -0.1], 0.05);
+            let found = contact(&link, &obstacle).distance;
+            assert!((found - (aside - 0.2)).abs() < 1e-13 * aside, "{found}");
+            // Askew: it comes nearest to a corner or an edge.
+            let link = capsule([-300.0, aside - 400.0, 0.1], [300.0, aside + 400.0, 0.3], 0.05);
+            let (found, expected) =
+                (contact(&link, &obstacle).distance + 0.05, expected_distance(&link, &obstacle));
+            assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
+        }
+    }
+
     #[test]
     fn from_outside_to_inside() {
         let obstacle = fixed(Shape::Box { size: [2.0, 4.0, 6.0] }, [1.0, 1.0, 1.0]);
