@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import tomllib
 
 from waiting import HANG
 
@@ -81,6 +82,21 @@ def test_the_first_commands() -> None:
         'pip install ".[report]" && vffnull report sweep-through run.html',
     ]
     assert 'pip install ".[test]" && .ci/check' in shell.splitlines()
+
+
+def test_everything_at_once_is_advised_with_its_cost() -> None:
+    """Before the first further command: what `.[all]` saves, and how many packages and how much disk it takes."""
+    start = README.read_text(encoding="utf-8").partition("## Set up")[2].partition("## Play with it")[0]
+    advice = re.search(
+        r"without compiling a second time, write `\"\.\[all\]\"`.*?about\s+(\d+) packages and (\d+) GB",
+        start,
+        re.S,
+    )
+    assert advice is not None and start.index(advice[0]) < start.index("What next?")
+    metadata = tomllib.loads((README.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = metadata["optional-dependencies"]
+    named = set(re.findall(r"\w+", re.search(r"\[(.*)\]", " ".join(extras["all"]))[1]))  # type: ignore[index]
+    assert {"io", "report", "viewer", "video", "study", "meshes"} <= named <= set(extras)
 
 
 PAGE = """# Page
