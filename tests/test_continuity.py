@@ -83,8 +83,8 @@ def folding(s: float) -> Array:
 
 @pytest.mark.parametrize("law", ["null_space", "cbf"])
 def test_hulls_that_keep_their_own_pairs_do_not_chatter(law: str) -> None:
-    """Other pairs, faces and edges become the nearest ones on the way: the torque changes in half the step half as
-    much, and not by jumps of 11 N·m.
+    """Other pairs, faces and edges become the nearest ones on the way: in half the step the torque changes
+    half as much, and not by jumps of 11 N·m.
     """
     arm = arm_of(mixed())
     settings = vff.ControlSettings(
@@ -112,7 +112,7 @@ def test_hulls_that_keep_their_own_pairs_do_not_chatter(law: str) -> None:
 
 
 def test_hulls_of_a_file_do_not_chatter_in_a_run(tmp_path: Path) -> None:
-    """`collision = "file"`, barriers and own pairs: what a torque changes by halves with the step of the run."""
+    """`collision = "file"`, barriers and own pairs: torques change by half as much in half the step."""
     pytest.importorskip("mujoco")
     path = tmp_path / "robot.xml"
     with warnings.catch_warnings():

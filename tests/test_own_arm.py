@@ -132,8 +132,8 @@ def _resized(document: Any, factor: float) -> Any:
 
 
 def test_gains_follow_the_size_of_the_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a small and of a large one of the same build: the push by the mass, its range by the reach, the posture's
-    stiffness by the inertia; what shapes accelerations is the same. Both give way, and every line says its unit.
+    """Of a small and of a large one of the same build: the push by the mass, its range by the reach, the
+    posture's stiffness by the inertia; what shapes accelerations is the same. Every line says its unit.
     """
     monkeypatch.chdir(tmp_path)
     found = {}

@@ -249,8 +249,8 @@ def _turning(places: np.ndarray, stride: float = 0.05) -> float:
 
 
 def test_the_showcase_is_what_an_engineer_would_show() -> None:
-    """No joint near its limit of speed, and a tip that takes no loop: out, up and in are half a turn and bends, and
-    giving way to the ball is there and back.
+    """No joint near its limit of speed, and a tip that takes no loop: out, up and in are half a turn
+    and bends, and giving way to the ball is there and back.
     """
     run = vff.simulate("panda-shelf")
     assert run.headline.severity == "good"

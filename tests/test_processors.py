@@ -16,8 +16,8 @@ import pytest
 
 from waiting import HANG
 
-# Digests of scenes of every generator with what could be done in one, of designs of every kind with every kind
-# of factor, of resampled effects, and of the candidates that a tuning proposes.
+# Digests of scenes of every generator with what could be done in one, of designs of every kind with every
+# kind of factor, of resampled effects, and of the candidates that a tuning proposes.
 PRINTED = """
 import hashlib, json, random, tempfile
 import numpy as np

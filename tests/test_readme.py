@@ -11,8 +11,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-import tomllib
 
+from vffnull import _core
 from waiting import HANG
 
 README = Path(__file__).parents[1] / "README.md"
@@ -85,7 +85,7 @@ def test_the_first_commands() -> None:
 
 
 def test_everything_at_once_is_advised_with_its_cost() -> None:
-    """Before the first further command: what `.[all]` saves, and how many packages and how much disk it takes."""
+    """Before the first further command: what it saves, how many packages and how much disk it takes."""
     start = README.read_text(encoding="utf-8").partition("## Set up")[2].partition("## Play with it")[0]
     advice = re.search(
         r"without compiling a second time, write `\"\.\[all\]\"`.*?about\s+(\d+) packages and (\d+) GB",
@@ -93,7 +93,9 @@ def test_everything_at_once_is_advised_with_its_cost() -> None:
         re.S,
     )
     assert advice is not None and start.index(advice[0]) < start.index("What next?")
-    metadata = tomllib.loads((README.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    metadata = _core.parse_toml((README.parent / "pyproject.toml").read_text(encoding="utf-8"), "it")[
+        "project"
+    ]
     extras = metadata["optional-dependencies"]
     named = set(re.findall(r"\w+", re.search(r"\[(.*)\]", " ".join(extras["all"]))[1]))  # type: ignore[index]
     assert {"io", "report", "viewer", "video", "study", "meshes"} <= named <= set(extras)

@@ -20,6 +20,7 @@ from vffnull.studies import studies
 PACKAGE = Path(vff.__file__).parent
 CRATES = Path(__file__).parents[1] / "crates"
 MENTION = re.compile(r"`(vffnull [^`]+)`")
+COMMENT = re.compile(r"#.*?(vffnull (?:arms|live|plan|run|report|study) [^`;]+)")
 CONTINUED = re.compile(r"\\\n\s*|^\s*//.*$", re.M)
 """Of Rust: where a string goes on in the next line, and comments."""
 
