@@ -401,7 +401,7 @@ def terminated(folder: Path, *words: str, when: Callable[[int], bool]) -> tuple[
     "words", [["run", "paper-1", "--save", "run.npz"], ["report", "paper-1", "run.html"]]
 )
 def test_a_run_that_is_terminated(words: list[str], tmp_path: Path) -> None:
-    """In the midst of the simulation: 143, no traceback, no draft; `run` keeps what there is, as after Ctrl-C."""
+    """In the midst of the simulation: 143, no traceback, no draft; `run` keeps what there is."""
     code, told = terminated(tmp_path, *words, *LONG, when=lambda pid: processor_time(pid) > 2.0)
     assert code == 143 and "Traceback" not in told, told
     left = {each.name for each in tmp_path.iterdir()}
@@ -412,7 +412,7 @@ def test_a_run_that_is_terminated(words: list[str], tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["run", "report", "animate"])
 def test_a_command_that_is_terminated_while_it_writes(kind: str, tmp_path: Path) -> None:
-    """As soon as a draft is there: it goes, what stood under the name stays as it was, and the code is 143."""
+    """As soon as a draft is there: it goes, what stood under the name stays, and the code is 143."""
     often = ["--set", "simulation.record_every=1"]
     words, name = {
         "run": (["run", "paper-1", "--save", "run.csv", *often], "run.csv"),

@@ -104,8 +104,7 @@ def test_a_bar_is_shown_while_shapes_are_fitted(
     monkeypatch.setattr("vffnull.arms._read._progress.bar", bar)
     monkeypatch.setattr("vffnull.arms._capsules.fit_solids", fit)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
-    arm = read_urdf(_robot(tmp_path), tip="panda_hand_tcp").arm
-    links = len(arm.to_dict()["joints"]) + 1
+    links = len(read_urdf(_robot(tmp_path), tip="panda_hand_tcp").document["joints"]) + 1
     assert begun and set(begun) == {int(terminal)}
     assert shown == [(links, ".0f links fitted")] * terminal
     assert told == [(done, links) for done in range(1, links + 1)] * terminal
@@ -115,17 +114,17 @@ def _resized(document: Any, factor: float) -> Any:
     """An arm of other lengths and of the same densities: masses by the cube, inertias by the fifth power."""
     made = json.loads(json.dumps(document))
     for joint in made["joints"]:
-        joint["origin"]["position"] = [factor * x for x in joint["origin"]["position"]]
-        inertial = joint["inertial"]
-        inertial["mass"] *= factor**3
-        inertial["com"] = [factor * x for x in inertial["com"]]
-        inertial["inertia"] = [[factor**5 * x for x in row] for row in inertial["inertia"]]
+        joint["position"] = [factor * x for x in joint["position"]]
+        joint["mass"] *= factor**3
+        joint["com"] = [factor * x for x in joint["com"]]
+        joint["inertia"] = [factor**5 * x for x in joint["inertia"]]
     for each in made["collision"]:
         shape = each["shape"]
         for key in ("a", "b", "center"):
             if key in shape:
                 shape[key] = [factor * x for x in shape[key]]
         shape["radius"] *= factor
+    made["torque_limits"] = [factor**4 * x for x in made["torque_limits"]]  # they hold the weight
     if tool := made.get("tool"):
         tool["position"] = [factor * x for x in tool["position"]]
     return made

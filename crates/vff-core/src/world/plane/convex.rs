@@ -106,8 +106,9 @@ mod tests {
         (-3.0..5.0).prop_map(|exponent| f64::powf(10.0, exponent))
     }
 
-    /// Signed, of an axis: by search along it outside, inside the most that a line across a normal of either keeps.
-    fn expected_distance(link: &Capsule<2>, corners: &[Vector<2>]) -> f64 {
+    /// Signed, of an axis: by search along it outside, inside the most that a line across a normal of either keeps. The
+    /// search ends at the border of an overlap, up to the rounding of coordinates of a `scale` \[m\].
+    fn expected_distance(link: &Capsule<2>, corners: &[Vector<2>], scale: f64) -> f64 {
         let outside = searched_distance(link, corners);
         let n = corners.len();
         let edges = (0..n).map(|i| (corners[(i + 1) % n] - corners[i]).normalize());
@@ -120,7 +121,7 @@ mod tests {
                 corners.iter().map(|corner| normal.dot(corner)).fold(f64::NEG_INFINITY, f64::max);
             normal.dot(&link.start).min(normal.dot(&link.end())) - far
         });
-        if outside > 0.0 { outside } else { gaps.fold(f64::NEG_INFINITY, f64::max) }
+        if outside > 1e-14 * scale { outside } else { gaps.fold(f64::NEG_INFINITY, f64::max) }
     }
 
     /// As exact as the coordinates are.
@@ -137,9 +138,9 @@ mod tests {
         let start = corners[0] + toward(aside) * gap - toward(way) * (share * length);
         let link = Capsule::new(start, start + toward(way) * length, 0.02);
         let found = contact(&link, &obstacle).distance + 0.02;
-        let expected = expected_distance(&link, &corners);
         let points = corners.iter().copied().chain([link.start, link.end()]);
         let scale = points.map(|point| point.norm()).fold(1.0, f64::max);
+        let expected = expected_distance(&link, &corners, scale);
         prop_assert!(
             (found - expected).abs() < 1e-14 * scale,
             "{found} is not {expected}, of {scale} m"

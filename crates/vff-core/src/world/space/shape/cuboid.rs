@@ -353,17 +353,19 @@ mod tests {
         (-3.0..5.0).prop_map(|exponent| f64::powf(10.0, exponent))
     }
 
-    /// Signed, of an axis: by search along it outside, inside the most that a plane across a normal of either keeps.
-    fn expected_distance(link: &Probe, obstacle: &Obstacle) -> f64 {
+    /// Signed, of an axis: by search along it outside, inside the most that a plane across a normal of either keeps. The
+    /// search ends at the border of an overlap, up to the rounding of coordinates of a `scale` \[m\].
+    fn expected_distance(link: &Probe, obstacle: &Obstacle, scale: f64) -> f64 {
         let outside = searched_distance(link, obstacle);
         let turn = rotation(obstacle);
-        let sides = (0..3).map(|k| turn.matrix().column(k).into_owned());
-        let crossed = sides.clone().filter_map(|e| link.direction.cross(&e).try_normalize(1e-9));
-        let gaps = sides
-            .chain(crossed)
+        let sides = [0, 1, 2].map(|k| turn.matrix().column(k).into_owned());
+        let crossed = sides.map(|edge| link.direction.cross(&edge));
+        let normals = sides.into_iter().chain(crossed).filter_map(|n| n.try_normalize(1e-12));
+        let gaps = normals
             .flat_map(|n| [n, -n])
             .map(|n| n.dot(&link.start).min(n.dot(&link.end())) - support(obstacle, &n));
-        if outside > 0.0 { outside } else { gaps.fold(f64::NEG_INFINITY, f64::max) }
+        let inside = gaps.fold(f64::NEG_INFINITY, f64::max);
+        if outside > 1e-14 * scale { outside } else { inside }
     }
 
     proptest! {
@@ -381,8 +383,8 @@ mod tests {
             let place = place + aside * if touching { 0.0 } else { gap };
             let link = Probe { start: place - way * (share * length), direction: way, length, radius };
             let found = contact(&link, &obstacle).distance + radius;
-            let expected = expected_distance(&link, &obstacle);
             let scale = link.start.norm().max(link.end().norm()).max(Vec3::from(size).norm()).max(1.0);
+            let expected = expected_distance(&link, &obstacle, scale);
             prop_assert!((found - expected).abs() < 1e-14 * scale, "{found} is not {expected}, of {scale} m");
         }
     }
@@ -397,8 +399,10 @@ mod tests {
             assert!((found - (aside - 0.2)).abs() < 1e-13 * aside, "{found}");
             // Askew: it comes nearest to a corner or an edge.
             let link = capsule([-300.0, aside - 400.0, 0.1], [300.0, aside + 400.0, 0.3], 0.05);
-            let (found, expected) =
-                (contact(&link, &obstacle).distance + 0.05, expected_distance(&link, &obstacle));
+            let (found, expected) = (
+                contact(&link, &obstacle).distance + 0.05,
+                expected_distance(&link, &obstacle, 500.0),
+            );
             assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
         }
     }
