@@ -7,6 +7,11 @@ use crate::math::{UnitQuaternion, Vector};
 use crate::world::{Feature, TOUCHING};
 use nalgebra::Matrix3;
 
+/// Gaps above this \[m\] are not due to rounding at any size that a scene has.
+const NEAR: f64 = 1e-6;
+/// Share of the largest coordinate by which a gap may be off.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// A box around the obstacle's position.
 #[derive(Debug, Clone)]
 pub(in super::super) struct Cuboid {
@@ -141,7 +146,9 @@ impl Cuboid {
         let between = offset + towards * along;
         let sides = beyond.sum();
         let gap = between.norm();
-        if gap <= TOUCHING {
+        // Far coordinates are rounded more than that: an axis that pierces a plate would seem to touch it.
+        if gap <= TOUCHING || gap < NEAR && gap <= ROUNDING * (p.amax() + length + self.half.max())
+        {
             return self.way_out(axis);
         }
         if sides > 2.0 {
