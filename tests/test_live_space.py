@@ -743,9 +743,8 @@ def test_ball_and_hand_are_seen_between_the_panels(size: tuple[int, int], tmp_pa
                 return bool(np.allclose(clients[0].camera.position, wanted.position, rtol=0.01))
 
             tab = visit(browser, page.url, settled, size).tab
-            tab.evaluate(
-                "document.querySelectorAll('.mantine-Notification-closeButton').forEach(close => close.click())"
-            )
+            notes = "document.querySelectorAll('.mantine-Notification-closeButton')"
+            tab.evaluate(f"{notes}.forEach(close => close.click())")
             tab.wait_for_timeout(500)
             (client,) = page._server.get_clients().values()
             camera, box = client.camera, tab.locator("canvas").first.bounding_box()
