@@ -175,7 +175,13 @@ def test_a_hand_leans_on_a_wall_as_stiffly_as_its_task_is(stiffness: float) -> N
     np.testing.assert_allclose(result.error[-1], felt / 900.0, atol=2e-5)
     pytest.importorskip("mujoco")
     theirs = vff.simulate(scenario, plant="mujoco")
-    assert theirs.contact_force is None
+    assert theirs.contact_force is not None and theirs.tau_ext is not None
+    # As much as the hand lacks more, times the impedance: within the depth of ours.
+    assert np.linalg.norm(theirs.contact_force[-1, 0] - force) < 0.1 * abs(force[0])
+    felt = theirs.scenario.arm.jacobian(theirs.q[-1]) @ np.linalg.solve(
+        arm.mass_matrix(theirs.q[-1]), theirs.tau_ext[-1]
+    )
+    np.testing.assert_allclose(theirs.error[-1], felt / 900.0, atol=1e-4)
     assert np.linalg.norm(theirs.error[-1][:3] - result.error[-1][:3]) < 1.1 * depth + 1e-4
     assert np.linalg.norm(theirs.error[-1][:3]) > 0.01
 

@@ -41,8 +41,9 @@ class MuJoCoPlant:
     where they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a
     link that is held, a disc at 0.35 m/s sinks in by 14 mm. With an obstacle that has a ``contact`` they are
     as hard as MuJoCo's can be, whatever its stiffness and damping: a force that a controller keeps up differs
-    by its own stiffness times the depth to which ours sink in. Soft are joint stops and dry friction: a joint
-    goes a little beyond a stop, and creeps where it should stick. Torque limits do not act.
+    by its own stiffness times the depth to which ours sink in. What acted in a step is recorded where it ends.
+    Soft are joint stops and dry friction: a joint goes a little beyond a stop, and creeps where it should
+    stick. Torque limits do not act.
 
     While a step is taken, MuJoCo's global callbacks for control and warnings are in use: take steps from one
     thread only.
@@ -74,7 +75,7 @@ class MuJoCoPlant:
         scenario = prepare(scenario)
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
-        self._loop = _core.ExternalRun(_without_contact(document))
+        self._loop = _core.ExternalRun(document)
         physics = document.get("plant", {})
         try:
             with _alone(mujoco):
@@ -115,7 +116,9 @@ class MuJoCoPlant:
         self._upright = matrices(self.data.mocap_quat)
         self.contacts = 0
         self._bodies = [int(body) for body in self.model.jnt_bodyid]  # that each joint moves
+        self._links = {body: link for link, body in enumerate(self._bodies)}
         self._pushed = bool(document.get("wrenches"))
+        self._felt = any("contact" in each for each in obstacles)
 
     def step(self, t: float, torque: Array | Law) -> bool:
         """Advance by one step.
@@ -156,6 +159,32 @@ class MuJoCoPlant:
             return False
         self.contacts = data.ncon
         return bool(np.isfinite(data.qpos).all() and (np.abs(data.qvel) < _MAX_SPEED).all())
+
+    def touches(self) -> tuple[list[int], list[int], list[Array], list[Array]]:
+        """What touched what in the last step.
+
+        Returns
+        -------
+        obstacles, links : list of int
+            The obstacle and the link of each contact.
+        points, forces : list of (3,) ndarray
+            Where they touched [m], and the force on the link [N], in the world.
+        """
+        model, data = self.model, self.data
+        found: tuple[list[int], list[int], list[Array], list[Array]] = ([], [], [], [])
+        force = np.zeros(6)
+        for k, contact in enumerate(data.contact[: data.ncon]):
+            one, other = (int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2))
+            # MuJoCo's force is on the second geom, its frame's rows are the normal and two tangents.
+            for body, obstacle, sign in ((other, one, 1.0), (one, other, -1.0)):
+                link = self._links.get(int(model.body_weldid[body]))
+                place = int(model.body_mocapid[obstacle])
+                if link is not None and place >= 0:
+                    self._mujoco.mj_contactForce(model, data, k, force)
+                    acting = sign * contact.frame.reshape(3, 3).T @ force[:3]
+                    for values, value in zip(found, (place, link, contact.pos.copy(), acting), strict=True):
+                        values.append(value)
+        return found
 
     def _harden(self, name: str, friction: float) -> None:
         """Let the geoms of an obstacle be as hard as they can be, with friction of their own."""
@@ -214,6 +243,8 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     try:
         while not loop.done:
             plant.step(loop.t, loop.torque if continuous else loop.drive())
+            if plant._felt:
+                loop.tell(*plant.touches())
             loop.arrive(data.qpos, data.qvel)
             if progress is not None and time.perf_counter() - told > _PATIENCE:
                 told = time.perf_counter()
@@ -224,15 +255,6 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     outcome = loop.outcome()
     outcome["message"] = f"in MuJoCo: {outcome['message']}"
     return outcome
-
-
-def _without_contact(document: dict[str, Any]) -> dict[str, Any]:
-    """The scenario for a loop whose plant is elsewhere: what is felt there is not felt once more."""
-    obstacles = [
-        {key: value for key, value in each.items() if key != "contact"}
-        for each in document.get("obstacles", [])
-    ]
-    return document | ({"obstacles": obstacles} if obstacles else {})
 
 
 def _import() -> Any:
