@@ -76,9 +76,7 @@ def test_what_is_not_seen_is_not_observed() -> None:
     assert "clearance" in env.layout and "obstacles" not in env.layout
     alone = ReachEnv("panda-bump", {"obstacles": env.scenario["obstacles"][1:]}, **EXACT)
     expected, _ = alone.reset()
-    np.testing.assert_array_equal(
-        observation[env.layout["clearance"]], expected[alone.layout["clearance"]]
-    )
+    np.testing.assert_array_equal(observation[env.layout["clearance"]], expected[alone.layout["clearance"]])
 
 
 def test_the_reference_turns_as_it_is_seen_to() -> None:

@@ -190,9 +190,7 @@ class Scene:
             strength=result.force,
             wrenches=wrenches_of(result, made.parts, size),
             sensed=result.sensed,
-            rotations=tuple(
-                _core.rotations(each, size, result.t) for each in document.get("obstacles", [])
-            ),
+            rotations=tuple(_core.rotations(each, size, result.t) for each in document.get("obstacles", [])),
             plan=()
             if result.q_plan is None
             else tuple(part for part in cls.of_postures(made_of, result.q_plan).parts if part.index >= 0),

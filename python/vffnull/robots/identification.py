@@ -226,7 +226,9 @@ def _solve(
         if condition > _CONDITION or len(matrix) <= len(names):
             share = np.abs(directions[-1])
             open_ = [names[i] for i in np.argsort(-share) if share[i] > 0.3 * share.max()]
-            raise InputError(f"q: the motion does not excite {', '.join(open_)} (condition number {condition:.3g})")
+            raise InputError(
+                f"q: the motion does not excite {', '.join(open_)} (condition number {condition:.3g})"
+            )
         scaled, *_ = np.linalg.lstsq(matrix / length, wanted, rcond=None)
         parameters = scaled[:, 0] / length
         residuals = np.full(known.size, np.nan)
@@ -256,9 +258,7 @@ def _found(
             slope = np.array([-com[axis], 1.0]) / mass
             both = covariance[np.ix_([0, 1 + axis], [0, 1 + axis])]
             com_error[axis] = np.sqrt(slope @ both @ slope)
-    rest, rest_errors = (
-        each[4:] if friction else np.zeros(2 * n) for each in (parameters, errors)
-    )
+    rest, rest_errors = (each[4:] if friction else np.zeros(2 * n) for each in (parameters, errors))
     return Identified(
         mass=mass,
         mass_error=float(errors[0]),
