@@ -63,7 +63,8 @@ def test_pressing_is_no_end_and_the_estimate_is_seen() -> None:
         assert not terminated and info["clearance"] > 0.0
         seen = observation[env.layout["tau_ext_estimate"]]
         np.testing.assert_array_equal(seen, result.tau_ext_estimate[rows * k])
-    hit = ReachEnv("panda-wipe", {"obstacles.1.position": [-0.05, -0.3, 0.62]}, **EXACT)
+    blind = {"controller.field.gain": 0.0, "obstacles.1.position": [-0.05, -0.4, 0.62]}
+    hit = ReachEnv("panda-wipe", blind, **EXACT)
     hit.reset()
     assert any(hit.step(np.zeros(7))[2] for _ in range(300))
 

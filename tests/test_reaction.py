@@ -185,7 +185,7 @@ def test_a_turning_task_keeps_its_place_while_it_is_stopped() -> None:
     result = vff.simulate(turning, push(HAND, [0.0, 0.0, 25.0], start=1.0) | settings | EVERY)
     during = (result.t > 1.5) & (result.t < 2.0)
     turned = 2.0 * np.arccos(
-        np.clip(np.abs((result.orientation[during] @ result.orientation[during][0])), 0.0, 1.0)
+        np.clip(np.abs(result.orientation[during] @ result.orientation[during][0]), 0.0, 1.0)
     )
     reference = 2.0 * np.arccos(
         np.clip(abs(result.orientation_ref[2000] @ result.orientation_ref[1500]), 0.0, 1.0)
@@ -236,6 +236,7 @@ def test_panda_bump() -> None:
     off = np.linalg.norm(result.error[:, :3], axis=1)
     assert off[elbow].max() < 1e-3 and result.yielded[elbow].max() == 0.0
     assert 0.1 < off[hand].max() < 0.25 and force[hand].max() < 35.0
+    assert result.metrics["stopped_time"] == pytest.approx(0.84, abs=0.2)  # at the hand alone
     assert result.metrics["end_error"] < 2e-3 and not felt(result)[result.t > 7.0].any()
     assert result.headline.verdict == "collided"
     assert "a contact was felt on panda_link" in str(result.headline)

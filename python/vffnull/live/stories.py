@@ -103,8 +103,8 @@ IN_SPACE: dict[str, Story] = {
     ),
     "Bump": Story(
         "panda-bump",
-        "The controller is not told of the pale box. It bumps into the elbow, which yields while the hand goes "
-        "on with its circle. Drag the box into the hand: that gives way, stops, and catches up when the box "
+        "The controller is not told of the pale box. It bumps into the elbow, which yields while the hand "
+        "goes on with its circle. Drag the box into the hand: that gives way, stops, and catches up when it "
         "has gone.",
         {
             "obstacles.0.position": [-0.19, 0.3, 0.62],
