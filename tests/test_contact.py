@@ -159,8 +159,8 @@ def wall(x: float, stiffness: float = 1e5) -> dict[str, Any]:
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e6])
 def test_a_hand_leans_on_a_wall_as_stiffly_as_its_task_is(stiffness: float) -> None:
-    """F = K δ, and what the hand lacks is what this force displaces it by (T144). MuJoCo's contact, of the same
-    stiffness, answers with the same force.
+    """F = K δ, and what the hand lacks is what this force displaces it by (T144). MuJoCo's contact, of
+    the same stiffness, answers with the same force.
     """
     scenario = leaning(stiffness)
     result = vff.simulate(scenario)

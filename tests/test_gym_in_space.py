@@ -51,7 +51,7 @@ def test_no_action_is_the_run_of_the_scenario(task: str) -> None:
 
 
 def test_pressing_is_no_end_and_the_estimate_is_seen() -> None:
-    """Where the tip presses on a table as it is asked to, the episode goes on; the agent sees what the observer does."""
+    """Where the tip presses on a table as it is asked to, the episode goes on; the estimate is observed."""
     env = ReachEnv("panda-wipe", **EXACT)
     _, info = env.reset()
     assert info["clearance"] > 0.0

@@ -149,8 +149,8 @@ CIRCLE = {
 
 
 def test_then_the_task_stops_and_goes_on_afterwards() -> None:
-    """A push across the way of the hand: with `stop` it stands until that is over, moved by the push alone; without, it
-    goes on with its circle meanwhile.
+    """A push across the way of the hand: with `stop` it stands until that is over, moved by the push alone;
+    without, it goes on with its circle meanwhile.
     """
     hard = push(HAND, [0.0, 0.0, 20.0]) | CIRCLE | {"duration": 8.0}
     reacts = {"controller.touch.reaction": {"force": 8.0}}
@@ -173,7 +173,7 @@ def test_then_the_task_stops_and_goes_on_afterwards() -> None:
 
 
 def test_a_turning_task_keeps_its_place_while_it_is_stopped() -> None:
-    """However far the reference has turned on: nothing of it is held against the hand, which catches up afterwards."""
+    """However far the reference has turned on; it catches up afterwards."""
     turning = vff.Scenario.load("iiwa-line")
     settings = {
         "controller.observer": {"bandwidth": 100.0, "detection": {}},

@@ -257,9 +257,11 @@ impl ExternalRun {
         let mut inner = self.take(py)?;
         let run = inner.whole()?;
         let (dimension, count) = (run.snapshot().dimension, run.snapshot().obstacles.count());
-        let is_there = obstacles.iter().all(|j| *j < count) && links.iter().all(|i| *i < self.joints);
+        let is_there =
+            obstacles.iter().all(|j| *j < count) && links.iter().all(|i| *i < self.joints);
         if !is_there || [links.len(), points.len(), forces.len()] != [obstacles.len(); 3] {
-            let sentence = "tell: expected an obstacle, a link, a point and a force of each contact";
+            let sentence =
+                "tell: expected an obstacle, a link, a point and a force of each contact";
             return Err(InputError::new_err(sentence));
         }
         let touch = |k: usize| {

@@ -41,9 +41,9 @@ class MuJoCoPlant:
     In the plane and in space. Links touch obstacles with the shapes that are measured against them, without
     friction but that of an obstacle's ``contact``, and never each other. Obstacles are moved before a step to
     where they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a
-    link that is held, a disc at 0.35 m/s sinks in by 14 mm. An obstacle that has a ``contact`` has its stiffness
-    and friction, and loses as much energy as ours in a hit at 0.1 m/s; what acted in a step is recorded where
-    it ends.
+    link that is held, a disc at 0.35 m/s sinks in by 14 mm. An obstacle that has a ``contact`` has its
+    stiffness and friction, and loses as much energy as ours in a hit at 0.1 m/s; what acted in a step is
+    recorded where it ends.
     Soft are joint stops and dry friction: a joint goes a little beyond a stop, and creeps where it should
     stick. Torque limits do not act.
 
@@ -195,10 +195,10 @@ class MuJoCoPlant:
     def _stiffen(self, k: int, contact: Mapping[str, Any]) -> None:
         """Let an obstacle resist as its ``contact`` says.
 
-        MuJoCo's contacts are springs R⁻¹(k r + b ṙ) with a regularisation R = (1 − d)/d · w. Its stiffest spring
-        within a step, k = 1/(2 dt)², with d next to 1, and a weight w of the obstacle that makes R = k over the
-        stiffness, is one of that stiffness; what links weigh is next to nothing then. A hit at 0.1 m/s loses as
-        much as in ours.
+        MuJoCo's contacts are springs R⁻¹(k r + b ṙ) with a regularisation R = (1 − d)/d · w. Its stiffest
+        spring within a step, k = 1/(2 dt)², with d next to 1, and a weight w of the obstacle that makes R = k
+        over the stiffness, is one of that stiffness; what links weigh is next to nothing then. A hit at
+        0.1 m/s loses as much as in ours.
         """
         given = _CONTACT | contact
         model, name = self.model, f"obstacle_{k}"

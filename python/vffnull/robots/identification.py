@@ -1,13 +1,14 @@
 """What a recorded motion tells of a load at the tip and of the friction in the joints.
 
 The torque of an arm is linear in both: with `Arm.inverse_dynamics` of the model, the regressor of a load
-(Atkeson, An, Hollerbach 1986: Estimation of inertial parameters of manipulator loads and links) and viscous and
-dry friction of every joint
+(Atkeson, An, Hollerbach 1986: Estimation of inertial parameters of manipulator loads and links), and
+viscous and dry friction of every joint
 
     τ = ID(q, q̇, q̈) + Y(q, q̇, q̈) (m, m c) + B q̇ + F sgn q̇
 
-What is not linear, the inertia of a point mass, m (c²1 − c cᵀ) about the tip, is that of the estimate before; it
-is small. Both sides are averaged over windows first, alike, which keeps them equal and takes the noise out.
+What is not linear, the inertia of a point mass, m (c²1 − c cᵀ) about the tip, is that of the estimate
+before; it is small. Both sides are averaged over windows first, alike, which keeps them equal and takes the
+noise out.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ __all__ = ["Identified", "identify"]
 
 _SLOW = 0.02  # rad/s; below, dry friction may be anything up to itself
 _CONDITION = 100.0  # of the scaled regressor; beyond, a motion does not excite (Gautier, Khalil 1992)
+_FAR = 1.0  # m; no load is farther from the tip
 _ROUNDS = 4  # of least squares: with the spread of each joint, and the inertia of the point
 
 
@@ -73,8 +75,8 @@ class Identified:
         wide = max(len("joint"), *map(len, self.joints))
         head = f"{'joint':{wide}}  {'viscous [N·m·s/rad]':>21}  {'dry [N·m]':>17}  {'left [N·m]':>10}"
         lines = [
-            f"{name:{wide}}  {self.viscous[i]:10.3f} ± {self.viscous_error[i]:8.3f}  {self.coulomb[i]:7.3f} ± "
-            f"{self.coulomb_error[i]:7.3f}  {self.residual[i]:10.3f}"
+            f"{name:{wide}}  {self.viscous[i]:10.3f} ± {self.viscous_error[i]:8.3f}  "
+            f"{self.coulomb[i]:7.3f} ± {self.coulomb_error[i]:7.3f}  {self.residual[i]:10.3f}"
             for i, name in enumerate(self.joints)
         ]
         load = f"load {self.mass:.3f} ± {self.mass_error:.3f} kg at ({place}) m"
@@ -94,7 +96,8 @@ def identify(
     """Estimate a load at the tip and the friction of the joints from a recorded motion.
 
     The motion has to turn the hand in several directions, and with `friction` every joint both ways. What it
-    cannot tell is refused, not guessed.
+    cannot tell is refused, not guessed. Nothing else may touch the arm meanwhile: that would be a load, too,
+    and shows in what is left.
 
     Parameters
     ----------
@@ -120,8 +123,8 @@ def identify(
     Raises
     ------
     vffnull.errors.InputError
-        If the motion does not excite what is asked for, with the parameters that it leaves open; if an array has
-        the wrong shape or is not finite, or the arm is one in the plane.
+        If the motion does not excite what is asked for, with the parameters that it leaves open; if an array
+        has the wrong shape or is not finite, or the arm is one in the plane.
 
     Examples
     --------
@@ -171,22 +174,26 @@ def _averaged(
         at, v, a = 0.5 * (q[k] + q[k + 1]), middle[k - first], (dq[k + 1] - dq[k]) / period
         J, dJ, R = arm.jacobian(at), arm.jacobian_dot(at, v), arm.tip_poses(at[None])[0][:3, :3]
         (vx, wx), w = np.split(J @ a + dJ @ v, 2), (J @ v)[3:]
-        felt = vx - gravity
+        felt, turned = vx - gravity, _cross(wx) + _cross(w) @ _cross(w)
         load[:, 0] += J[:3].T @ felt
-        for axis in range(3):
-            r = R[:, axis]
-            load[:, 1 + axis] += J[:3].T @ (np.cross(wx, r) + np.cross(w, np.cross(w, r)))
-            load[:, 1 + axis] += J[3:].T @ np.cross(r, felt)
-        for column, unit in enumerate(_INERTIAS):
-            turned = R @ unit @ R.T
-            turning[:, column] += J[3:].T @ (turned @ wx + np.cross(w, turned @ w))
+        load[:, 1:] += J[:3].T @ (turned @ R) - J[3:].T @ (_cross(felt) @ R)
+        if k == first + size // 2:  # what is small does not change much
+            for column, unit in enumerate(_INERTIAS):
+                inertia = R @ unit @ R.T
+                turning[:, column] = J[3:].T @ (inertia @ wx + _cross(w) @ (inertia @ w))
         known += torque[k] - arm.inverse_dynamics(at, v, a)
     parts = [load / size]
     certain = np.ones(n, dtype=bool)
     if friction:
         certain = (middle.min(axis=0) > _SLOW) | (middle.max(axis=0) < -_SLOW)
         parts += [np.diag(middle.mean(axis=0)), np.diag(np.sign(middle.mean(axis=0)))]
-    return np.hstack(parts), known / size, turning / size, certain
+    return np.hstack(parts), known / size, turning, certain
+
+
+def _cross(v: Array) -> Array:
+    """The matrix of v ×."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 _INERTIAS = [
@@ -211,7 +218,7 @@ def _parameters(arm: Arm, friction: bool) -> list[str]:
 def _solve(
     regressor: Array, known: Array, turning: Array, certain: Array, names: list[str]
 ) -> tuple[Array, Array, Array, float]:
-    """Weighted least squares: parameters, their covariance, what is left of each joint, the condition number."""
+    """Weighted least squares: parameters, covariance, what is left of each joint, condition number."""
     joints = known.shape[1]
     spread, inertia = np.ones(joints), np.zeros(6)
     rows = certain.ravel()
@@ -239,7 +246,8 @@ def _solve(
         covariance = variance * inverse / np.outer(length, length)
         spread = np.maximum(left, 1e-9 + 1e-3 * left.max())
         mass, moment = parameters[0], parameters[1:4]
-        if mass > 0.0:
+        inertia = np.zeros(6)
+        if np.linalg.norm(moment) < mass * _FAR:  # else it is no load, but noise
             c = moment / mass
             about = mass * (c @ c * np.eye(3) - np.outer(c, c))
             inertia = about[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]

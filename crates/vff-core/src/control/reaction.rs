@@ -286,7 +286,10 @@ mod tests {
         let (stops, _, before) = pushed(18.0, 0.5);
         assert!(stops == Some(false) && (before - 0.1).abs() < 1e-12, "{before}");
         let (stops, pace, held) = pushed(25.0, 0.5);
-        assert!(stops == Some(true) && pace < 1e-4 && (held - 0.1 - 0.1 / 20.0).abs() < 1e-4, "{held}");
+        assert!(
+            stops == Some(true) && pace < 1e-4 && (held - 0.1 - 0.1 / 20.0).abs() < 1e-4,
+            "{held}"
+        );
         let (stops, _, later) = pushed(1.0, 1.0);
         assert!(stops == Some(true) && (later - held).abs() < 1e-6, "{later}");
         let (stops, pace, _) = pushed(0.0, 10.0);
