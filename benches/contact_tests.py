@@ -1,10 +1,10 @@
-"""When a contact is felt: the largest joint of (T166) beside the sum of squares over joints, at several bandwidths.
+"""When a contact is felt: the largest joint of (T166), and the sum of squares over joints beside it.
 
     python benches/contact_tests.py
 
-Scenes, arms and noise are those of `false_alarms.py`. The test of (T166) is evaluated from records of runs with
-nothing in the way, and the sum gets the bound that leaves it as far from the largest value there. Then somebody
-pushes.
+Scenes, arms and noise are those of `false_alarms.py`. The test of (T166) is evaluated from records of runs
+with nothing in the way, and the sum gets the bound that leaves it as far from the largest value there. Then
+somebody pushes. At several bandwidths of the observer.
 """
 
 from __future__ import annotations

@@ -70,8 +70,8 @@ def test_load_and_friction_are_told_apart_through_noise() -> None:
 
 
 def test_errors_are_those_that_noise_makes() -> None:
-    """Over other random numbers the estimate is spread by no more than its standard error: noise of velocities
-    goes into two windows with opposite signs, so that it counts for less than it seems to.
+    """Over other random numbers the estimate is spread by no more than its standard error: noise of
+    velocities goes into two windows with opposite signs, so that it counts for less than it seems to.
     """
     runs = [vff.simulate(MOTION, LOADED | NOISE | {"duration": 4.0, "seed": seed}) for seed in range(12)]
     loads = [found(run, friction=False) for run in runs]

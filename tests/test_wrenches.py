@@ -247,6 +247,7 @@ DRY = np.array([0.87] * 4 + [0.12] * 3)  # N·m, a hundredth of the largest torq
         # As in docs/emulated.md: four fifths of that friction are compensated, and ten times the noise.
         (
             {
+                "plant.viscous_friction": 0.0,
                 "plant.coulomb_friction": DRY.tolist(),
                 "controller.command": {"coulomb_friction": (0.8 * DRY).tolist()},
                 "measurement": {"position_noise": 1e-5, "velocity_noise": 1e-2},
