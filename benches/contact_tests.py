@@ -81,9 +81,8 @@ def main() -> None:
         for name, each in zip(("largest joint", "sum of squares"), np.array(waits).T, strict=True):
             half, most_of = (np.quantile(each, q, method="higher") for q in (0.5, 0.9))
             soon = float((each <= 5.0).mean())
-            print(
-                f"  {name}: {half:.0f} ms (50%), {most_of:.0f} ms (90%), {soon:.0%} within 5 ms, of {len(each)}"
-            )
+            waited = f"{half:.0f} ms (50%), {most_of:.0f} ms (90%), {soon:.0%} within 5 ms"
+            print(f"  {name}: {waited}, of {len(each)}")
 
 
 if __name__ == "__main__":
