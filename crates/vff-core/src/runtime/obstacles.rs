@@ -16,7 +16,10 @@ use toml::Table;
 /// let mut obstacles = AnyObstacles::Space(vec![]);
 /// obstacles.read(&toml::toml! { shape = { kind = "box", size = [0.4, 0.4, 0.1] } })?;
 /// assert_eq!(obstacles.len(), 1);
-/// let unseen = toml::toml! { shape = { kind = "sphere", radius = 0.1 }, contact = { seen = false } };
+/// let unseen = toml::toml! {
+///     shape = { kind = "sphere", radius = 0.1 }
+///     contact = { seen = false }
+/// };
 /// assert!(obstacles.clone().read(&unseen).is_ok() && obstacles.read_seen(&unseen).is_err());
 /// let fault = obstacles.read(&toml::toml! { shape = { kind = "sphere", radius = 0.0 } }).unwrap_err();
 /// assert!(fault.to_string().contains("radius"));
