@@ -64,7 +64,8 @@ def rough(torque: Array, period: float) -> float:
 
 def judge(result: vff.Result, ideal: vff.Result) -> tuple[float, float, float, float]:
     """Clearance that is lost [mm], how far the hand is off at most and at the end [mm], roughness [N·m]."""
-    lost = ideal.metrics["min_clearance"] - result.metrics["min_clearance"]
+    least = [float(each.metrics["min_clearance"] or 0.0) for each in (ideal, result)]
+    lost = least[0] - least[1]
     length = min(len(result.t), len(ideal.t))
     off = np.linalg.norm(result.x[:length, :3] - ideal.x[:length, :3], axis=1)
     return 1e3 * lost, 1e3 * off.max(), 1e3 * off[-1], rough(result.tau, result.t[1] - result.t[0])

@@ -177,7 +177,10 @@ class MuJoCoPlant:
             Where they touched [m], and the force on the link [N], in the world.
         """
         model, data = self.model, self.data
-        found: tuple[list[int], list[int], list[Array], list[Array]] = ([], [], [], [])
+        obstacles: list[int] = []
+        links: list[int] = []
+        points: list[Array] = []
+        forces: list[Array] = []
         force = np.zeros(6)
         for k, contact in enumerate(data.contact[: data.ncon]):
             one, other = (int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2))
@@ -187,10 +190,11 @@ class MuJoCoPlant:
                 place = int(model.body_mocapid[obstacle])
                 if link is not None and place >= 0:
                     self._mujoco.mj_contactForce(model, data, k, force)
-                    acting = sign * contact.frame.reshape(3, 3).T @ force[:3]
-                    for values, value in zip(found, (place, link, contact.pos.copy(), acting), strict=True):
-                        values.append(value)
-        return found
+                    obstacles.append(place)
+                    links.append(link)
+                    points.append(contact.pos.copy())
+                    forces.append(sign * contact.frame.reshape(3, 3).T @ force[:3])
+        return obstacles, links, points, forces
 
     def _stiffen(self, k: int, contact: Mapping[str, Any]) -> None:
         """Let an obstacle resist as its ``contact`` says.
@@ -200,7 +204,7 @@ class MuJoCoPlant:
         over the stiffness, is one of that stiffness; what links weigh is next to nothing then. A hit at
         0.1 m/s loses as much as in ours.
         """
-        given = _CONTACT | contact
+        given = _CONTACT | dict(contact)
         model, name = self.model, f"obstacle_{k}"
         spring = (0.5 / model.opt.timestep) ** 2
         regular = spring / given["stiffness"]
