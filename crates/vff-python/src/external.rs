@@ -238,8 +238,8 @@ impl ExternalRun {
     /// obstacles, links : (k,) list of int
     ///     The obstacle and the link of each contact.
     /// points, forces : (k, 3) list
-    ///     Where they touch [m], and the force on the link [N], in the world; in the plane the third coordinate
-    ///     does not count.
+    ///     Where they touch [m], and the force on the link [N], in the world; in the plane the third
+    ///     coordinate does not count.
     ///
     /// Raises
     /// ------
