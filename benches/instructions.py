@@ -3,6 +3,7 @@
     python benches/instructions.py             fails if a step costs 5 % more than the baseline
     python benches/instructions.py --update    writes the baseline, benches/instructions.json, anew
     python benches/instructions.py --profile   writes where the instructions go into docs/speed.md
+    python benches/instructions.py --observer  fails if an observer that rejects costs a Panda 15 % more
 
 Two runs of different length under callgrind; their difference leaves only steps. Needs valgrind.
 """
@@ -35,6 +36,11 @@ SCENES = {
     "Panda, position": panda(LONG * DT, "position"),
 }
 ALLOWED = 0.05  # relative growth
+OBSERVER = 0.15  # what an observer may add
+TOUCHES = {
+    "observer": {"observer": {}, "touch": {"task": "reject", "null_space": "reject"}},
+    "observer, detection, reaction": {"observer": {"detection": {}}, "touch": {"reaction": {"stop": 30.0}}},
+}
 SHOWN = 0.01  # the profile names what takes a larger share than this
 
 # glibc chooses its memcpy and sine by the processor; without these features every x86-64 takes the same.
@@ -127,6 +133,17 @@ def update(counts: dict[str, float]) -> None:
     print(f"{BASELINE.relative_to(ROOT)}: {content['instructions']}")
 
 
+def observer(program: Path) -> bool:
+    """Print what knowing of touch adds to a step; whether the observer alone adds no more than is allowed."""
+    plain = panda(LONG * DT)
+    before, added = sum(per_step(program, plain).values()), {}
+    for name, settings in TOUCHES.items():
+        document = plain | {"controller": plain["controller"] | settings}
+        added[name] = sum(per_step(program, document).values()) / before - 1
+        print(f"{name:>30}: {added[name]:+.1%} of {before:.0f} instructions a step")
+    return added["observer"] <= OBSERVER
+
+
 def short(function: str) -> str:
     """A function without modules, traits and type parameters: `PlanarState::refresh`."""
     name = function.split("@")[0]
@@ -172,11 +189,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     does = parser.add_mutually_exclusive_group()
     does.add_argument("--update", action="store_true", help="write the baseline anew")
+    does.add_argument("--observer", action="store_true", help="count what an observer adds")
     does.add_argument("--profile", action="store_true", help="write the profile into docs/speed.md")
     arguments = parser.parse_args()
     if shutil.which("valgrind") is None:
         sys.exit("valgrind is not installed; on Debian and Ubuntu: sudo apt-get install valgrind")
     program = build()
+    if arguments.observer:
+        sys.exit(not observer(program))
     costs = {name: per_step(program, document) for name, document in SCENES.items()}
     counts = {n: sum(by_function.values()) for n, by_function in costs.items()}
     if arguments.update:

@@ -27,7 +27,7 @@ TEXT = """# Behind a torque rate
 {scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md), without a limit of the torque rate
 and with one of {rate:g} N·m/s for every joint, made by `python docs/evaluate_rate.py{count}`, vffnull
 {version}. That is a Franka's limit; makers of the other two arms publish none. What changes behind it is in
-[theory.md](theory.md), T130 to T134, T161 and T170; its numbers were settled on other seeds.
+[theory.md](theory.md), T130 to T134, T161 and T171; its numbers were settled on other seeds.
 
 **Collision**: an overlap of more than 1 mm, in all scenes, feasible or not, in per cent with 95 % confidence
 intervals (Wilson score). **Back**: no collision, and the tip within 1 cm of its reference at the end. Speed

@@ -4,7 +4,7 @@ Something that nobody has seen
 
 A Panda goes round in circles with its hand. A box that its controller does not know of comes at the elbow,
 and later at the hand. Both are felt within two milliseconds. The elbow yields in the null space while the
-hand goes on; the hand gives way along the push, waits, and comes back. Without the reaction the springs of
+hand goes on; the hand gives way along the push, stops, and comes back. Without the reaction the springs of
 posture and task hold against the box.
 """
 

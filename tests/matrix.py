@@ -136,6 +136,13 @@ OPTIONS: dict[str, Option] = {
         lambda _: {"controller.observer": {"detection": {}}, "controller.touch": {"reaction": {}}},
         ("is not for a tip that presses",),
     ),
+    "stop": Option(
+        lambda _: {
+            "controller.observer": {"detection": {}},
+            "controller.touch": {"reaction": {"force": 5.0, "stop": 5.0}},
+        },
+        ("is not for a tip that presses",),
+    ),
     "payload, observed": Option(
         lambda scene: {
             "plant.payload": _of_dimension(scene, 0.3, {"mass": 0.5}),

@@ -199,7 +199,7 @@ def test_lockstep(built: Path, tmp_path: Path) -> None:
 
 def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
     """The plan of `panda-shelf` with its posture and governor: past the ball to its goal, without a reflex,
-    with a stiffer law on the way.
+    with a stiffer law on the way, and a kilogram that is taken up and put down, and observed.
     """
     library = ctypes.CDLL(str(next((prefix / "lib").glob("libvffnull.so"))))
     number, pointer = ctypes.c_double, ctypes.c_void_p
@@ -209,12 +209,19 @@ def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
     library.vff_controller_cycle.argtypes = [
         pointer, number, pointer, pointer, pointer, ctypes.c_size_t, pointer,
     ]  # fmt: skip
+    library.vff_controller_external_torque.argtypes = [pointer, pointer, ctypes.c_size_t]
     library.vff_last_message.restype = ctypes.c_char_p
 
     def call(name: str, *given: object) -> None:
         assert getattr(library, name)(*given) == 0, library.vff_last_message()
 
-    changes = {"controller.command": "of the robot", "controller.deadline": "unlimited"}
+    changes = {
+        "controller.command": "of the robot",
+        "controller.deadline": "unlimited",
+        "controller.observer": {},
+        "controller.touch": {"task": "reject", "null_space": "reject"},
+    }
+    weight = {"link": "tip", "force": [0.0, 0.0, -9.81], "start": 1.5, "duration": 2.5}
     shelf = vff.Scenario.load("panda-shelf").replace(**changes)
     controller, robot, stiffer = pointer(), pointer(), pointer()
     call("vff_controller_from_scenario", str(shelf).encode(), ctypes.byref(controller))
@@ -222,10 +229,10 @@ def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
     settings = shelf.to_dict()["controller"] | {"stiffness": 400.0, "damping": 40.0, "posture": READY}
     text = _core.format_toml(settings).encode()
     call("vff_controller_successor", controller, robot, text, ctypes.byref(stiffer))
-    there = franka.Robot(shelf)
+    there = franka.Robot(shelf.replace(wrenches=[weight]))
     driver = FrankaRobot(there)
     driver.begin()
-    tau, planned, phase, path_time = np.zeros(7), np.zeros(7), ctypes.c_int(), number()
+    tau, planned, carried, phase, path_time = *np.zeros((3, 7)), ctypes.c_int(), number()
     least = np.inf
     call("vff_controller_begin", controller, 1e-3, None, 0)
     while phase.value != 7:  # VFF_PHASE_FINISHED
@@ -237,6 +244,10 @@ def test_out_of_the_shelf_before_an_emulated_franka(prefix: Path) -> None:
         )  # fmt: skip
         driver.write(tau)
         least = min(least, there.body.clearance)
+        if there.body.cycle == 3000:
+            call("vff_controller_external_torque", controller, carried.ctypes.data, 7)
+            held = shelf.arm.jacobian(there.body.q)[:3].T @ weight["force"]
+            np.testing.assert_allclose(carried, held, atol=0.2)
         if there.body.cycle == 2000:
             call("vff_controller_succeed", controller, stiffer, 0.5)
         if there.body.cycle == round(1000 * (shelf.duration + 0.5)):

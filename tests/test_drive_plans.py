@@ -66,6 +66,43 @@ def test_an_emulated_franka_gets_out_of_the_shelf() -> None:
     assert min(least) > 0.0
 
 
+LIFTED, PUT_DOWN = 1.5, 4.0  # s
+REJECT: dict[str, Any] = {
+    "controller.observer": {},
+    "controller.touch": {"task": "reject", "null_space": "reject"},
+}
+
+
+def carried(way: str, path: Path) -> float:
+    """By how much the hand is lower than it is to be with a kilogram, as the force that it is, in the mean
+    [m]; it trips nothing, nothing is touched, and the plan is followed to its end.
+    """
+    weight = {"link": "tip", "force": [0.0, 0.0, -9.81], "start": LIFTED, "duration": PUT_DOWN - LIFTED}
+    there = franka.Robot(SHELF.replace(wrenches=[] if way == "nothing" else [weight]))
+    scene = SHELF.replace(**REJECT) if way == "observed" else SHELF
+    least: list[float] = []
+    there.before_state = lambda robot: least.append(robot.body.clearance)
+    seconds = SHELF.duration + 0.5
+    with vff.drive(FrankaRobot(there), scene, seconds=seconds, record_to=path, record_every=1) as driven:
+        assert driven.wait(HANG)
+        state = driven.state
+    assert driven.report.status == "completed", driven.report.reason
+    assert there.reflex is None and min(least) > 0.0
+    assert state.path_time is not None and state.path_time > SHELF["reference"]["times"][-1]
+    assert np.linalg.norm(state.x[:3] - SHELF.arm.pose(GOAL)[0]) < 2e-3
+    rows = vff.StreamRecorder.read(path).to_pandas()
+    part = rows[(rows["t"] > LIFTED + 0.5) & (rows["t"] < PUT_DOWN)]
+    return float((part["x_ref_z"] - part["x_z"]).mean())
+
+
+def test_a_load_is_taken_up_and_put_down_on_the_way_out(tmp_path: Path) -> None:
+    """Where it is observed the hand is as high as without. A Franka is told of no load while it moves."""
+    ways = ("nothing", "nobody knows", "observed")
+    sunk = {way: carried(way, tmp_path / f"{way}.arrows") for way in ways}
+    assert sunk["nobody knows"] - sunk["nothing"] > 5e-3
+    assert abs(sunk["observed"] - sunk["nothing"]) < 1e-3
+
+
 def test_it_goes_where_the_simulation_goes(tmp_path: Path) -> None:
     """Without the ball: the same motion, half a second later, with the posture of the plan."""
     scene = SHELF.replace(obstacles=SHELF["obstacles"][:4])

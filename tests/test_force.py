@@ -97,6 +97,20 @@ def test_panda_wipe() -> None:
     assert np.nanmin(blind.clearance[:, links]) < np.nanmin(result.clearance[:, links]) - 0.02
 
 
+def test_mujoco_is_wiped_as_well() -> None:
+    """The same scene with its dynamics and contacts: 10 ± 0.5 N, and the forces differ by less than 0.1 N."""
+    pytest.importorskip("mujoco")
+    ours, theirs = (vff.simulate(WIPE, plant=plant) for plant in ("core", "mujoco"))
+    assert theirs.status == "completed"
+    first = theirs.t[np.argmax(pressed(theirs) > 0.0)]
+    assert abs(first - ours.t[np.argmax(pressed(ours) > 0.0)]) < 5e-3
+    assert off(theirs, first + 0.5) < 0.5
+    late = ours.t > first + 0.5
+    assert np.abs(pressed(theirs)[late] - pressed(ours)[late]).max() < 0.1
+    assert np.abs(theirs.x[late] - ours.x[late])[:, :3].max() < 1e-4
+    assert pressed(theirs).max() == pytest.approx(pressed(ours).max(), rel=0.1)  # where they meet
+
+
 @pytest.mark.parametrize("stiffness", [1e3, 1e4, 1e6])
 def test_whatever_the_surface_is(stiffness: float) -> None:
     changes = table((0.0, 0.0), (1.0, 0.0), stiffness=stiffness)

@@ -50,6 +50,36 @@ def test_no_action_is_the_run_of_the_scenario(task: str) -> None:
     assert truncated
 
 
+def test_pressing_is_no_end_and_the_estimate_is_seen() -> None:
+    """Where the tip presses on a table as it is asked to, the episode goes on; the estimate is observed."""
+    env = ReachEnv("panda-wipe", **EXACT)
+    _, info = env.reset()
+    assert info["clearance"] > 0.0
+    result = vff.simulate("panda-wipe", {"simulation.record_every": 1, "duration": 2.0})
+    assert result.tau_ext_estimate is not None and result.clearance.min() < 0.0
+    rows = round(env.period / env.scenario["simulation"]["dt"])
+    for k in range(1, 150):
+        observation, _, terminated, _, info = env.step(np.zeros(7))
+        assert not terminated and info["clearance"] > 0.0
+        seen = observation[env.layout["tau_ext_estimate"]]
+        np.testing.assert_array_equal(seen, result.tau_ext_estimate[rows * k])
+    blind = {"controller.field.gain": 0.0, "obstacles.1.position": [-0.05, -0.4, 0.62]}
+    hit = ReachEnv("panda-wipe", blind, **EXACT)
+    hit.reset()
+    assert any(hit.step(np.zeros(7))[2] for _ in range(300))
+
+
+def test_what_is_not_seen_is_not_observed() -> None:
+    """Of a scene with an obstacle that the controller does not see there are the clearances to the others."""
+    env = ReachEnv("panda-bump", **EXACT)
+    observation, _ = env.reset()
+    assert env.observation_space.contains(observation)
+    assert "clearance" in env.layout and "obstacles" not in env.layout
+    alone = ReachEnv("panda-bump", {"obstacles": env.scenario["obstacles"][1:]}, **EXACT)
+    expected, _ = alone.reset()
+    np.testing.assert_array_equal(observation[env.layout["clearance"]], expected[alone.layout["clearance"]])
+
+
 def test_the_reference_turns_as_it_is_seen_to() -> None:
     """iiwa-line turns its hand: the observed rate is that of the axes, ω × a, by central differences."""
     env = ReachEnv("iiwa-line", {"obstacles": []}, **EXACT)

@@ -136,6 +136,64 @@ def test_then_the_task_gives_way_along_the_push() -> None:
     assert np.abs(np.diff(result.tau, axis=0)).max() < 0.5  # N·m in a millisecond; a Franka accepts 1
 
 
+CIRCLE = {
+    "reference": {
+        "kind": "circle",
+        "center": [0.08, 0.0, 0.0],
+        "radius": 0.08,
+        "angular_velocity": 1.0,
+        "phase": np.pi,
+        "relative": True,
+    }
+}
+
+
+def test_then_the_task_stops_and_goes_on_afterwards() -> None:
+    """A push across the way of the hand: with `stop` it stands until that is over, moved by the push alone;
+    without, it goes on with its circle meanwhile.
+    """
+    hard = push(HAND, [0.0, 0.0, 20.0]) | CIRCLE | {"duration": 8.0}
+    reacts = {"controller.touch.reaction": {"force": 8.0}}
+    stops = vff.simulate(LEAN, hard | reacts | {"controller.touch.reaction": {"force": 8.0, "stop": 10.0}})
+    goes_on = vff.simulate(LEAN, hard | reacts)
+    during = (stops.t > 1.5) & (stops.t < 2.0)
+    along = [np.linalg.norm(result.dx[during, :2], axis=1) for result in (stops, goes_on)]
+    assert along[0].max() < 2e-3 and along[1].min() > 0.06
+    np.testing.assert_allclose(stops.error[during, 3:], goes_on.error[during, 3:], atol=0.02)
+    assert stops.metrics["stopped_time"] == pytest.approx(1.1, abs=0.1)
+    assert goes_on.metrics["stopped_time"] is None
+    assert "the task stopped for 1" in str(stops.headline)
+    assert stops.metrics["end_error"] < 2e-3
+    jumps = [np.abs(np.diff(result.tau, axis=0)).max() for result in (stops, goes_on)]
+    assert jumps[0] < 1.01 * jumps[1] < 1.0  # N·m in a millisecond, which a Franka accepts
+    gentle = vff.simulate(
+        LEAN, push(HAND, [0.0, 0.0, 6.0]) | CIRCLE | {"controller.touch.reaction.stop": 15.0}
+    )
+    assert gentle.metrics["stopped_time"] == 0.0
+
+
+def test_a_turning_task_keeps_its_place_while_it_is_stopped() -> None:
+    """However far the reference has turned on; it catches up afterwards."""
+    turning = vff.Scenario.load("iiwa-line")
+    settings = {
+        "controller.observer": {"bandwidth": 100.0, "detection": {}},
+        "controller.touch": {"reaction": {"force": 10.0, "stop": 10.0}},
+        "simulation.control": "hold",
+        "obstacles": [],
+        "duration": turning.duration + 8.0,
+    }
+    result = vff.simulate(turning, push(HAND, [0.0, 0.0, 25.0], start=1.0) | settings | EVERY)
+    during = (result.t > 1.5) & (result.t < 2.0)
+    turned = 2.0 * np.arccos(
+        np.clip(np.abs(result.orientation[during] @ result.orientation[during][0]), 0.0, 1.0)
+    )
+    reference = 2.0 * np.arccos(
+        np.clip(abs(result.orientation_ref[2000] @ result.orientation_ref[1500]), 0.0, 1.0)
+    )
+    assert turned.max() < 0.2 * reference, (turned.max(), reference)
+    assert result.metrics["end_error"] < 2e-3 and result.metrics["end_orientation_error"] < 2e-3
+
+
 def test_a_load_is_held_while_a_push_is_yielded_to() -> None:
     """What is rejected is what has been there: with `reject` alone the hand would stand like a post."""
     loaded = {"plant.payload": {"mass": 0.5}, "controller.touch": {"task": "reject", "null_space": "reject"}}
@@ -178,6 +236,7 @@ def test_panda_bump() -> None:
     off = np.linalg.norm(result.error[:, :3], axis=1)
     assert off[elbow].max() < 1e-3 and result.yielded[elbow].max() == 0.0
     assert 0.1 < off[hand].max() < 0.25 and force[hand].max() < 35.0
+    assert result.metrics["stopped_time"] == pytest.approx(0.84, abs=0.2)  # at the hand alone
     assert result.metrics["end_error"] < 2e-3 and not felt(result)[result.t > 7.0].any()
     assert result.headline.verdict == "collided"
     assert "a contact was felt on panda_link" in str(result.headline)
@@ -186,6 +245,22 @@ def test_panda_bump() -> None:
     assert np.linalg.norm(holds.contact_force[hand, 0], axis=1).max() > 3.0 * force[hand].max()
     told = vff.simulate(BUMP, {"obstacles.0.contact.seen": True})
     assert told.contact_force is not None and not told.contact_force[elbow].any()  # it is avoided there
+
+
+def test_panda_bump_in_mujoco() -> None:
+    """With its dynamics and contacts: both bumps are felt as soon, and as hard within a fifth."""
+    pytest.importorskip("mujoco")
+    ours, theirs = (vff.simulate(BUMP, plant=plant) for plant in ("core", "mujoco"))
+    forces = []
+    for result in (ours, theirs):
+        assert result.contact_force is not None and result.yielded is not None
+        force = np.linalg.norm(result.contact_force[:, 0], axis=1)
+        first, answered = int(np.argmax(force > 0.0)), int(np.argmax(felt(result)))
+        assert first > 500 and 0 <= answered - first <= 10
+        elbow, hand = (result.t > 1.0) & (result.t < 4.0), (result.t > 5.4) & (result.t < 7.5)
+        forces.append((force[elbow].max(), force[hand].max(), result.yielded.max()))
+        assert result.metrics["end_error"] < 2e-3
+    np.testing.assert_allclose(forces[1], forces[0], rtol=0.2)
 
 
 def test_with_links_that_are_off_it_bumps_once() -> None:
@@ -237,6 +312,10 @@ def test_nobody_is_told_of_what_is_not_seen() -> None:
             "controller.touch.reaction: is not for a tip that presses",
         ),
         ({"controller.touch.reaction": {"force": 0.0}}, "controller.touch.reaction.force: must be"),
+        (
+            {"controller.touch.reaction": {"stop": 14.0}},
+            "controller.touch.reaction.stop: must be at least `force`",
+        ),
         ({"controller.touch.reaction": {"rate": -1.0}}, "controller.touch.reaction.rate: must be"),
         ({"controller.observer.detection.least": [0.1, 0.2]}, "controller.observer.detection.least"),
         ({"controller.observer.detection.memory": 0.0}, "controller.observer.detection.memory: must be"),
@@ -255,3 +334,6 @@ def test_who_is_given_an_obstacle_sees_it() -> None:
     assert box.to_dict()["contact"] == {"seen": False}
     with pytest.raises((ScenarioError, InputError), match="whoever is given one knows of it"):
         law.torque(BUMP["q0"], np.zeros(7), BUMP.arm.pose(BUMP["q0"]), obstacles=[box])
+    seen = vff.Obstacle.box([0.1, 0.5, 0.6], [0.1, 0.1, 0.1])
+    measured, same = (vff.distances(BUMP.arm, BUMP["q0"], np.zeros(7), [each]) for each in (box, seen))
+    np.testing.assert_array_equal(measured.distance, same.distance)  # who measures does not have to see

@@ -228,6 +228,58 @@ def test_the_observer_finds_what_pushes() -> None:
     assert result.layout.unit("wrench_estimate", "rx") == "N·m"
 
 
+REAL: dict[str, Any] = {
+    "plant.viscous_friction": 0.3,
+    "plant.coulomb_friction": 0.1,
+    "measurement": {"position_noise": 1e-5, "velocity_noise": 1e-3},
+    "controller.command": {"coulomb_friction": 0.08, "viscous_friction": 0.3},
+}
+"""Friction that is compensated but for a fifth, and noise of encoders."""
+
+
+DRY = np.array([0.87] * 4 + [0.12] * 3)  # N·m, a hundredth of the largest torques
+
+
+@pytest.mark.parametrize(
+    ("changes", "newtons", "moment"),
+    [
+        ({}, 1.0, 0.1),
+        # As in docs/emulated.md: four fifths of that friction are compensated, and ten times the noise.
+        (
+            {
+                "plant.viscous_friction": 0.0,
+                "plant.coulomb_friction": DRY.tolist(),
+                "controller.command": {"coulomb_friction": (0.8 * DRY).tolist()},
+                "measurement": {"position_noise": 1e-5, "velocity_noise": 1e-2},
+            },
+            2.5,
+            0.3,
+        ),
+    ],
+    ids=["light", "emulated"],
+)
+def test_the_floor_of_the_estimate(changes: dict[str, Any], newtons: float, moment: float) -> None:
+    """In motion, with friction and noise, while nothing pushes, in the mean: what is left of friction."""
+    observed = {"controller.observer": {"bandwidth": 20.0}, "simulation.record_every": 1}
+    result = vff.simulate("panda-sweep", REAL | changes | observed)
+    assert result.wrench_estimate is not None
+    row = result.t > 0.5
+    assert np.linalg.norm(result.wrench_estimate[row, :3], axis=1).mean() < newtons
+    assert np.linalg.norm(result.wrench_estimate[row, 3:], axis=1).mean() < moment
+
+
+def test_the_hand_holds_with_friction_noise_and_errors() -> None:
+    """Within a millimetre under 20 N at the elbow, with links that are up to 5 % off."""
+    random = np.random.default_rng(1)
+    push = vff.Wrench("panda_link4", force=[0.0, 20.0, 0.0], start=0.5, profile={"kind": "ramp", "rise": 0.5})
+    masses = PANDA.arm.masses * (1.0 + 0.05 * random.uniform(-1.0, 1.0, 7))
+    touch = {"task": "reject", "null_space": "comply"}
+    changes = REAL | {"plant.masses": masses.tolist(), "wrenches": [push], "controller.touch": touch}
+    result = vff.simulate(PANDA, changes | {"controller.observer": {"bandwidth": 80.0}})
+    off = np.linalg.norm(result.error[:, :3], axis=1)
+    assert off[result.t > 0.5].max() < 1e-3
+
+
 @pytest.mark.parametrize("source", ["momentum", "measured"])
 def test_the_hand_holds_against_a_push(source: str) -> None:
     """Rejected, somebody who leans on the elbow with 20 N moves the hand by 4 µm and the elbow by 17 cm."""

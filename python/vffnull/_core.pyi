@@ -1314,6 +1314,29 @@ class ExternalRun:
             If control is not continuous.
         """
 
+    def tell(
+        self,
+        obstacles: Sequence[int],
+        links: Sequence[int],
+        points: Sequence[ArrayLike],
+        forces: Sequence[ArrayLike],
+    ) -> None:
+        """Tell what touches what over the plant step that is about to end; without contacts, too.
+
+        Parameters
+        ----------
+        obstacles, links : (k,) list of int
+            The obstacle and the link of each contact.
+        points, forces : (k, 3) list
+            Where they touch [m], and the force on the link [N], in the world; in the plane the third
+            coordinate does not count.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the lists are not of one length, or an obstacle or a link does not exist.
+        """
+
     def arrive(self, q: ArrayLike, dq: ArrayLike) -> bool:
         """Take over the state to which the plant has come within one plant step.
 

@@ -4,7 +4,9 @@ use crate::convert::{instead, named_document, number, read_vector, wrong_type};
 use crate::errors::{self, InputError};
 use pyo3::prelude::*;
 use pyo3::types::PySequence;
+use toml::Table;
 use vff_core::runtime::{AnyObstacles, Target};
+use vff_core::scenario::ScenarioError;
 
 /// A reference in numbers, or none.
 pub struct Reference {
@@ -68,18 +70,22 @@ pub fn sequence<'py>(obstacles: &Bound<'py, PyAny>) -> PyResult<Vec<Bound<'py, P
     obstacles.try_iter().map_err(fault)?.collect()
 }
 
-/// These obstacles in addition to those in `read`.
+/// How an obstacle is read: to be measured, or for a controller that is to know of it.
+type ReadObstacle = fn(&mut AnyObstacles, &Table) -> Result<(), ScenarioError>;
+
+/// These obstacles in addition to those in `all`, read by `read_one`.
 pub fn read_obstacles(
-    mut read: AnyObstacles,
+    mut all: AnyObstacles,
     given: &[Bound<'_, PyAny>],
+    read_one: ReadObstacle,
 ) -> PyResult<AnyObstacles> {
     for (j, obstacle) in given.iter().enumerate() {
         if j % 256 == 255 {
             obstacle.py().check_signals()?;
         }
         let name = format!("obstacles[{j}]");
-        read.read(&named_document(&name, obstacle)?)
+        read_one(&mut all, &named_document(&name, obstacle)?)
             .map_err(|error| errors::scenario(&error.inside(&name)))?;
     }
-    Ok(read)
+    Ok(all)
 }

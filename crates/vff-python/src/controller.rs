@@ -140,7 +140,7 @@ impl Controller {
         let mut old = vec![];
         if !inner.knows(py, &given) {
             drop(inner);
-            let read = read_obstacles(self.nothing.clone(), &given)?;
+            let read = read_obstacles(self.nothing.clone(), &given, AnyObstacles::read_seen)?;
             inner = self.inner.take(py)?;
             inner.controller.surround(read).map_err(|error| errors::scenario(&error))?;
             old = replace(&mut inner.obstacles, given.into_iter().map(Bound::unbind).collect());

@@ -8,7 +8,7 @@ use crate::watch::interruptible;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use vff_core::math::memory;
-use vff_core::runtime::DistanceTable;
+use vff_core::runtime::{AnyObstacles, DistanceTable};
 
 type Indices = Py<PyArray1<i64>>;
 type Values = Py<PyArrayDyn<f64>>;
@@ -123,7 +123,7 @@ pub fn distances(
     };
     let given = sequence(obstacles)?;
     let nothing = arm.arm.no_obstacles();
-    let read = read_obstacles(nothing, &given)?;
+    let read = read_obstacles(nothing, &given, AnyObstacles::read)?;
     let states = batch.unwrap_or(1);
     memory::fits(DistanceTable::numbers(&arm.arm, states, given.len())).map_err(|error| {
         InputError::new_err(format!(

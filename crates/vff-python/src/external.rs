@@ -104,6 +104,8 @@ impl ExternalRun {
             Ok((scenario.prepare()?, scenario.simulation.control == Control::Continuous))
         })?;
         let joints = run.snapshot().q.len();
+        let mut run = run;
+        run.listen();
         let begun = Instant::now();
         let inner = Inner { run: Some(run), warnings, begun, driven: None, broken: false };
         Ok(Self { inner: Exclusive::new("run", inner), joints, continuous })
@@ -227,6 +229,47 @@ impl ExternalRun {
         let done = attended(|| array1(py, run.torque_at(t, &q, &dq)));
         inner.broken = done.is_err();
         done
+    }
+
+    /// Tell what touches what over the plant step that is about to end; without contacts, too.
+    ///
+    /// Parameters
+    /// ----------
+    /// obstacles, links : (k,) list of int
+    ///     The obstacle and the link of each contact.
+    /// points, forces : (k, 3) list
+    ///     Where they touch [m], and the force on the link [N], in the world; in the plane the third
+    ///     coordinate does not count.
+    ///
+    /// Raises
+    /// ------
+    /// vffnull.errors.InputError
+    ///     If the lists are not of one length, or an obstacle or a link does not exist.
+    #[expect(clippy::needless_pass_by_value, reason = "Python hands them over by value")]
+    fn tell(
+        &self,
+        py: Python<'_>,
+        obstacles: Vec<usize>,
+        links: Vec<usize>,
+        points: Vec<[f64; 3]>,
+        forces: Vec<[f64; 3]>,
+    ) -> PyResult<()> {
+        let mut inner = self.take(py)?;
+        let run = inner.whole()?;
+        let (dimension, count) = (run.snapshot().dimension, run.snapshot().obstacles.count());
+        let is_there =
+            obstacles.iter().all(|j| *j < count) && links.iter().all(|i| *i < self.joints);
+        if !is_there || [links.len(), points.len(), forces.len()] != [obstacles.len(); 3] {
+            let sentence =
+                "tell: expected an obstacle, a link, a point and a force of each contact";
+            return Err(InputError::new_err(sentence));
+        }
+        let touch = |k: usize| {
+            let [point, force] = [points[k], forces[k]].map(|v| v[..dimension].to_vec());
+            (obstacles[k], ActingWrench { link: links[k], point, force, torque: [0.0; 3] })
+        };
+        run.tell(&(0..obstacles.len()).map(touch).collect::<Vec<_>>());
+        Ok(())
     }
 
     /// Take over the state to which the plant has come within one plant step.

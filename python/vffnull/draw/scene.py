@@ -34,7 +34,6 @@ from vffnull.draw.shapes import (
     cores_of,
     influence_of,
     is_seen,
-    measurable,
     mount_of,
     solids_of,
     thickest,
@@ -88,7 +87,7 @@ class Measured:
 
     def _moved(self, index: int, rows: Rows, scene: Scene) -> dict[str, Any]:
         """An obstacle that moves by the places and orientations that it had."""
-        made = measurable(self.obstacles[index])
+        made = dict(self.obstacles[index])
         made.pop("angular_velocity", None)
         places, turns = scene.obstacles[rows, index], scene.rotations[index]
         made["position"], first = places[0].tolist(), made.get("orientation", (1.0, 0.0, 0.0, 0.0))
@@ -191,9 +190,7 @@ class Scene:
             strength=result.force,
             wrenches=wrenches_of(result, made.parts, size),
             sensed=result.sensed,
-            rotations=tuple(
-                _core.rotations(measurable(each), size, result.t) for each in document.get("obstacles", [])
-            ),
+            rotations=tuple(_core.rotations(each, size, result.t) for each in document.get("obstacles", [])),
             plan=()
             if result.q_plan is None
             else tuple(part for part in cls.of_postures(made_of, result.q_plan).parts if part.index >= 0),

@@ -59,11 +59,6 @@ def is_seen(obstacle: Mapping[str, Any]) -> bool:
     return bool(obstacle.get("contact", {}).get("seen", True))
 
 
-def measurable(obstacle: Mapping[str, Any]) -> dict[str, Any]:
-    """An obstacle of a scenario's document as one that is measured, whether it is seen or not."""
-    return {key: value for key, value in obstacle.items() if key != "contact"}
-
-
 def unseen_of(document: Mapping[str, Any]) -> frozenset[int]:
     """The obstacles of a scenario's document that the controller does not know of."""
     return frozenset(i for i, each in enumerate(document.get("obstacles", [])) if not is_seen(each))

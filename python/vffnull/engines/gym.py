@@ -20,7 +20,8 @@ bounds of the space is shown at the bound. Of an arm in space, points have three
 has three numbers for a position, five for pointing and six for a pose. For these two tasks there are also
 ``tip_axes`` and ``reference_axes``, the x and y axis of hand and reference (their z axis, for pointing), and
 ``reference_angular_velocity`` [rad/s]. Joints that slide have no cosine and sine but their position in
-``slide`` [m].
+``slide`` [m]. With an observer there is ``tau_ext_estimate``, the torque that its model does not know [N·m],
+up to the largest torque of an action. Of obstacles that the controller does not see, nothing is told.
 
 **Reward** per step, with weights w:
 
@@ -29,7 +30,8 @@ has three numbers for a position, five for pointing and six for a pose. For thes
 and −w_collision when the episode is terminated. The clearance is the smallest within the step; ``info`` has
 every part. Error and clearance here are the true ones, also where a scenario has sensors.
 
-An episode is **terminated** when a link touches an obstacle or a joint turns faster than 100 rad/s, and
+An episode is **terminated** when a link touches an obstacle, but for the last one where its tip is to press
+on something (``[controller.touch.force]``), or a joint turns faster than 100 rad/s, and
 **truncated** at the end of the scenario.
 """
 

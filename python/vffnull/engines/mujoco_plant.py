@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], Array]
 
 _MAX_SPEED = 1e4  # rad/s; the core's bound, beyond which a run has diverged
-_FRICTION = 0.5  # of an obstacle's `contact`, as the core has it
+_CONTACT = {"stiffness": 1e5, "damping": 2.0, "friction": 0.5}  # of an obstacle, as the core has it
+_HARD = 0.9999  # the largest impedance that MuJoCo has
+_HIT = 0.1  # m/s
 _PATIENCE = 0.1  # s between two reports of progress
 
 
@@ -39,10 +41,11 @@ class MuJoCoPlant:
     In the plane and in space. Links touch obstacles with the shapes that are measured against them, without
     friction but that of an obstacle's ``contact``, and never each other. Obstacles are moved before a step to
     where they are at its start, and are infinitely heavy. Contacts are MuJoCo's default, soft ones: against a
-    link that is held, a disc at 0.35 m/s sinks in by 14 mm. With an obstacle that has a ``contact`` they are
-    as hard as MuJoCo's can be, whatever its stiffness and damping: a force that a controller keeps up differs
-    by its own stiffness times the depth to which ours sink in. Soft are joint stops and dry friction: a joint
-    goes a little beyond a stop, and creeps where it should stick. Torque limits do not act.
+    link that is held, a disc at 0.35 m/s sinks in by 14 mm. An obstacle that has a ``contact`` has its
+    stiffness and friction, and loses as much energy as ours in a hit at 0.1 m/s; what acted in a step is
+    recorded where it ends.
+    Soft are joint stops and dry friction: a joint goes a little beyond a stop, and creeps where it should
+    stick. Torque limits do not act.
 
     While a step is taken, MuJoCo's global callbacks for control and warnings are in use: take steps from one
     thread only.
@@ -74,7 +77,7 @@ class MuJoCoPlant:
         scenario = prepare(scenario)
         self._mujoco = mujoco = _import()
         document = scenario.to_dict()
-        self._loop = _core.ExternalRun(_without_contact(document))
+        self._loop = _core.ExternalRun(document)
         physics = document.get("plant", {})
         try:
             with _alone(mujoco):
@@ -95,9 +98,6 @@ class MuJoCoPlant:
         self.model.jnt_solimp[:, :2] = 0.9999, 0.9999
         self.model.dof_solref[:] = 2 * options.timestep, 1.0  # and its dry friction
         self.model.dof_solimp[:, :2] = 0.9999, 0.9999
-        for k, obstacle in enumerate(document.get("obstacles", []), start=1):
-            if "contact" in obstacle:
-                self._harden(f"obstacle_{k}", obstacle["contact"].get("friction", _FRICTION))
         # What is not given is that of the arm, which the model has.
         for friction, given in (
             ("dof_damping", "viscous_friction"),
@@ -109,12 +109,21 @@ class MuJoCoPlant:
         self.data.qpos[:] = document["q0"]
         self.data.qvel[:] = document.get("dq0", 0.0)
         obstacles = document.get("obstacles", [])
+        self._bodies = [int(body) for body in self.model.jnt_bodyid]  # that each joint moves
         dimension = self._loop.obstacles(0.0).shape[1]
+        self._links = {body: link for link, body in enumerate(self._bodies)}
+        self._felt = any("contact" in each for each in obstacles)
+        if self._felt:
+            options.cone = (
+                mujoco.mjtCone.mjCONE_ELLIPTIC
+            )  # a pyramid's edges have a regularisation of their own
+        for k, obstacle in enumerate(obstacles, start=1):
+            if "contact" in obstacle:
+                self._stiffen(k, obstacle["contact"])
         turning = [_core.rotations(each, dimension, [0.0]) is not None for each in obstacles]
         self._turning = {k: each for k, each in enumerate(obstacles) if turning[k]}
         self._upright = matrices(self.data.mocap_quat)
         self.contacts = 0
-        self._bodies = [int(body) for body in self.model.jnt_bodyid]  # that each joint moves
         self._pushed = bool(document.get("wrenches"))
 
     def step(self, t: float, torque: Array | Law) -> bool:
@@ -157,16 +166,59 @@ class MuJoCoPlant:
         self.contacts = data.ncon
         return bool(np.isfinite(data.qpos).all() and (np.abs(data.qvel) < _MAX_SPEED).all())
 
-    def _harden(self, name: str, friction: float) -> None:
-        """Let the geoms of an obstacle be as hard as they can be, with friction of their own."""
-        model = self.model
+    def touches(self) -> tuple[list[int], list[int], list[Array], list[Array]]:
+        """What touched what in the last step.
+
+        Returns
+        -------
+        obstacles, links : list of int
+            The obstacle and the link of each contact.
+        points, forces : list of (3,) ndarray
+            Where they touched [m], and the force on the link [N], in the world.
+        """
+        model, data = self.model, self.data
+        obstacles: list[int] = []
+        links: list[int] = []
+        points: list[Array] = []
+        forces: list[Array] = []
+        force = np.zeros(6)
+        for k, contact in enumerate(data.contact[: data.ncon]):
+            one, other = (int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2))
+            # MuJoCo's force is on the second geom, its frame's rows are the normal and two tangents.
+            for body, obstacle, sign in ((other, one, 1.0), (one, other, -1.0)):
+                link = self._links.get(int(model.body_weldid[body]))
+                place = int(model.body_mocapid[obstacle])
+                if link is not None and place >= 0:
+                    self._mujoco.mj_contactForce(model, data, k, force)
+                    obstacles.append(place)
+                    links.append(link)
+                    points.append(contact.pos.copy())
+                    forces.append(sign * contact.frame.reshape(3, 3).T @ force[:3])
+        return obstacles, links, points, forces
+
+    def _stiffen(self, k: int, contact: Mapping[str, Any]) -> None:
+        """Let an obstacle resist as its ``contact`` says.
+
+        MuJoCo's contacts are springs R⁻¹(k r + b ṙ) with a regularisation R = (1 − d)/d · w. Its stiffest
+        spring within a step, k = 1/(2 dt)², with d next to 1, and a weight w of the obstacle that makes R = k
+        over the stiffness, is one of that stiffness; what links weigh is next to nothing then. A hit at
+        0.1 m/s loses as much as in ours.
+        """
+        given = _CONTACT | dict(contact)
+        model, name = self.model, f"obstacle_{k}"
+        spring = (0.5 / model.opt.timestep) ** 2
+        regular = spring / given["stiffness"]
+        ratio = 2.0 / 3.0 * given["damping"] * _HIT / np.pi  # of the damping to the critical one
+        mobility = model.body_invweight0[self._bodies[-1], 0]
+        damper = 2.0 * ratio * np.sqrt(given["stiffness"] / mobility) * regular
+        model.body_invweight0[model.body(name).id, 0] = regular * _HARD / (1.0 - _HARD)
         for geom in range(model.ngeom):
             called = model.geom(geom).name
             if called == name or called.startswith(f"{name}_"):
                 model.geom_priority[geom], model.geom_condim[geom] = 1, 3
-                model.geom_friction[geom, 0] = max(friction, 1e-5)  # MuJoCo's least
-                model.geom_solref[geom] = 2 * model.opt.timestep, 1.0
-                model.geom_solimp[geom, :2] = 0.9999, 0.9999
+                model.geom_friction[geom, 0] = max(given["friction"], 1e-5)  # MuJoCo's least
+                model.geom_solref[geom] = -spring * _HARD, -damper * _HARD
+                model.geom_solimp[geom, :2] = _HARD, _HARD
 
     def _push(self, t: float) -> None:
         """Let the scenario's wrenches act over the step that begins at a time [s], as they are then."""
@@ -214,6 +266,8 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     try:
         while not loop.done:
             plant.step(loop.t, loop.torque if continuous else loop.drive())
+            if plant._felt:
+                loop.tell(*plant.touches())
             loop.arrive(data.qpos, data.qvel)
             if progress is not None and time.perf_counter() - told > _PATIENCE:
                 told = time.perf_counter()
@@ -224,15 +278,6 @@ def run(scenario: Scenario, progress: Callable[[float, float], None] | None = No
     outcome = loop.outcome()
     outcome["message"] = f"in MuJoCo: {outcome['message']}"
     return outcome
-
-
-def _without_contact(document: dict[str, Any]) -> dict[str, Any]:
-    """The scenario for a loop whose plant is elsewhere: what is felt there is not felt once more."""
-    obstacles = [
-        {key: value for key, value in each.items() if key != "contact"}
-        for each in document.get("obstacles", [])
-    ]
-    return document | ({"obstacles": obstacles} if obstacles else {})
 
 
 def _import() -> Any:

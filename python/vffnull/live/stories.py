@@ -101,6 +101,21 @@ IN_SPACE: dict[str, Story] = {
         "is: the force is estimated, and rejected at the hand alone. Pull the hand, and it resists.",
         {"wrenches": None},
     ),
+    "Bump": Story(
+        "panda-bump",
+        "The controller is not told of the pale box. It bumps into the elbow, which yields while the hand "
+        "goes on with its circle. Drag the box into the hand: that gives way, stops, and catches up when it "
+        "has gone.",
+        {
+            "obstacles.0.position": [-0.19, 0.3, 0.62],
+            "obstacles.0.motion": {
+                "kind": "sinusoid",
+                "amplitude": [0.0, 0.16, 0.0],
+                "angular_frequency": 0.6,
+                "phase": _QUARTER,
+            },
+        },
+    ),
     "Pointer": Story(
         "panda-pointing",
         "The tool draws circles and keeps its direction, while a bar swings through the forearm.",

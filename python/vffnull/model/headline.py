@@ -143,6 +143,8 @@ def _touched(facts: Mapping[str, Number], arm: Arm) -> Iterator[Finding]:
     first, yielded = facts.get("touched_time"), facts.get("max_yielded") or 0.0
     if first is not None:
         far = f"; the end effector gave way by up to {_length(yielded)}" if yielded > 0.0 else ""
+        if stopped := facts.get("stopped_time"):
+            far += f"; the task stopped for {stopped:.3g} s"
         text = f"a contact was felt on {_link(arm, facts['touched_link'])}, first at t = {first:.4g} s{far}"
         yield Finding("touched", "odd", text)
 

@@ -2,7 +2,7 @@
 
 A controller with a wrong model holds nothing still and pushes where it should not. What a robot can be asked
 for, or measures, is compared with what the model says: the torque against gravity at some postures, and the
-mass matrix.
+mass matrix; from a recorded motion, what a load and the friction of the joints are.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vffnull._support.arguments import array, positive, whole
+from vffnull.robots.identification import Identified, identify
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["Comparison", "gravity", "mass_matrix", "postures"]
+__all__ = ["Comparison", "Identified", "gravity", "identify", "mass_matrix", "postures"]
 
 
 @dataclass(frozen=True, eq=False)

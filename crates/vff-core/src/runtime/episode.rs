@@ -126,7 +126,7 @@ pub const INFO: [&str; 9] = [
 pub struct Step {
     /// The reward: the sum of its parts in `info`.
     pub reward: f64,
-    /// Whether a link touched an obstacle, or the arm became too fast.
+    /// Whether a link touched an obstacle, but for one whose tip is to press on something, or the arm became too fast.
     pub terminated: bool,
     /// Whether the scenario is over.
     pub truncated: bool,
@@ -178,7 +178,7 @@ impl Task {
             periods: periods(settings.period, options.control_period())?,
             plant_steps: options.control_every,
             last: options.steps(scenario.duration),
-            layout: layout(&scenario, &run),
+            layout: layout(&scenario, &run, &torque),
             ranges: limits.joint.clone(),
             torque,
             settings,
@@ -260,8 +260,8 @@ fn periods(given: Option<f64>, h: f64) -> Result<usize, ScenarioError> {
     Ok(count as usize)
 }
 
-/// What an observation of this scenario consists of.
-fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
+/// What an observation of this scenario consists of, where an action of 1 is this `torque` \[N·m, N\].
+fn layout(scenario: &Scenario, run: &AnyRun, torque: &[f64]) -> Vec<Part> {
     let s = run.snapshot();
     let (d, n, m, k) = (s.dimension, s.q.len(), s.error.len(), scenario.scene.obstacle_count());
     let reach = run.reach();
@@ -288,12 +288,16 @@ fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
             part("reference_angular_velocity", [m - d, 1], MAX_SPEED),
         ]);
     }
+    if scenario.controller.observer.is_some() {
+        parts.push(part("tau_ext_estimate", [n, 1], largest(torque)));
+    }
     let sensed =
         scenario.perception.as_ref().is_some_and(|given| given.kind != PerceptionKind::Ideal);
+    let sees_all = !sensed && scenario.contacts.iter().flatten().all(|contact| contact.seen);
     if sensed || k > 0 {
         parts.push(part("clearance", [n, 1], far));
     }
-    if !sensed && k > 0 {
+    if sees_all && k > 0 {
         parts.extend([
             part("nearest", [n, d], far),
             part("obstacles", [k, d], far),
@@ -301,6 +305,10 @@ fn layout(scenario: &Scenario, run: &AnyRun) -> Vec<Part> {
         ]);
     }
     parts
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(0.0, f64::max)
 }
 
 /// A number between −1 and 1, evenly spread.
@@ -383,7 +391,7 @@ impl Episode {
         for _ in 0..draws {
             let scenario = self.task.draw(&mut self.random);
             self.run = scenario.prepare_recorded(false)?.run;
-            if least(self.run.clearance()) > 0.0 {
+            if self.run.least_clearance() > 0.0 {
                 break;
             }
         }
@@ -415,7 +423,7 @@ impl Episode {
     pub fn info(&mut self) -> [f64; INFO.len()] {
         let mut info = [0.0; INFO.len()];
         info[0] = self.run.snapshot().t;
-        info[1] = least(self.run.clearance());
+        info[1] = self.run.least_clearance();
         info[2] = self.run.task_error();
         info
     }
@@ -447,7 +455,7 @@ fn act(
             let slow = |dq: &[f64]| dq.iter().all(|v| v.abs() <= MAX_SPEED);
             diverged = !run.advance(Some(tau)) || !slow(run.velocity());
             *elapsed += 1;
-            clearance = clearance.min(least(run.clearance()));
+            clearance = clearance.min(run.least_clearance());
             if diverged || clearance < 0.0 {
                 break 'step;
             }
@@ -469,8 +477,4 @@ fn act(
     info[8] = f64::from(u8::from(diverged));
     let truncated = *elapsed >= task.last && !terminated;
     Step { reward: parts.iter().sum(), terminated, truncated, info }
-}
-
-fn least(values: &[f64]) -> f64 {
-    values.iter().copied().fold(f64::INFINITY, f64::min)
 }

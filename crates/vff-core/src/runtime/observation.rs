@@ -46,6 +46,7 @@ pub(super) fn append<S: System<D, M>, const D: usize, const M: usize>(
         append_axes(reference.x.as_slice(), M, out);
         out.extend_from_slice(&reference.dx.as_slice()[D..]);
     }
+    out.extend_from_slice(controller.external_torque().unwrap_or_default());
     if !inner.knows_obstacles() {
         out.extend_from_slice(controller.forces().clearance());
         return;

@@ -16,6 +16,11 @@ use toml::Table;
 /// let mut obstacles = AnyObstacles::Space(vec![]);
 /// obstacles.read(&toml::toml! { shape = { kind = "box", size = [0.4, 0.4, 0.1] } })?;
 /// assert_eq!(obstacles.len(), 1);
+/// let unseen = toml::toml! {
+///     shape = { kind = "sphere", radius = 0.1 }
+///     contact = { seen = false }
+/// };
+/// assert!(obstacles.clone().read(&unseen).is_ok() && obstacles.read_seen(&unseen).is_err());
 /// let fault = obstacles.read(&toml::toml! { shape = { kind = "sphere", radius = 0.0 } }).unwrap_err();
 /// assert!(fault.to_string().contains("radius"));
 /// # Ok(())
@@ -30,18 +35,26 @@ pub enum AnyObstacles {
 }
 
 impl AnyObstacles {
-    /// Reads, validates and adds one.
+    /// Reads, validates and adds one, to be measured: whether a controller sees it does not matter.
     ///
     /// # Errors
     /// With the dotted path of the first fault.
     pub fn read(&mut self, document: &Table) -> Result<(), ScenarioError> {
         match self {
-            Self::Plane(obstacles) => {
-                obstacles.push(scenario::read_obstacle::<Plane, 2>(document)?);
-            }
-            Self::Space(obstacles) => {
-                obstacles.push(scenario::read_obstacle::<Space, 3>(document)?);
-            }
+            Self::Plane(all) => all.push(scenario::read_felt_obstacle::<Plane, 2>(document)?.0),
+            Self::Space(all) => all.push(scenario::read_felt_obstacle::<Space, 3>(document)?.0),
+        }
+        Ok(())
+    }
+
+    /// The same for a controller that is to know of it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), and if it says that the controller does not see it.
+    pub fn read_seen(&mut self, document: &Table) -> Result<(), ScenarioError> {
+        match self {
+            Self::Plane(all) => all.push(scenario::read_seen_obstacle::<Plane, 2>(document)?),
+            Self::Space(all) => all.push(scenario::read_seen_obstacle::<Space, 3>(document)?),
         }
         Ok(())
     }

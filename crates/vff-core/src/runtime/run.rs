@@ -7,7 +7,7 @@ use crate::control::{Gains, Settings};
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Limits, Model};
 use crate::scenario::{self, FromDocument, Problem, ScenarioError};
-use crate::simulation::{MAX_WRENCHES, Outcome, Run, Snapshot, System};
+use crate::simulation::{Acting, MAX_WRENCHES, Outcome, Run, Snapshot, System};
 use crate::world::space::{self, Points};
 use crate::world::{Rotation, Turning};
 use nalgebra::SVector;
@@ -134,6 +134,16 @@ pub trait ErasedRun: Debug + Send + Any {
     /// [`ClosedLoop::torque_at`](crate::simulation::ClosedLoop::torque_at).
     fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64];
 
+    /// Lets a plant elsewhere say what is felt of the obstacles.
+    fn listen(&mut self);
+
+    /// Takes in what that says of the contacts over the plant step that it is about to end: the obstacle of each, and the
+    /// force on a link.
+    ///
+    /// # Panics
+    /// If an obstacle or a link does not exist, or a point or force has other coordinates than the arm.
+    fn tell(&mut self, told: &[(usize, ActingWrench)]);
+
     /// [`Run::arrive_at`].
     fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool;
 
@@ -252,8 +262,8 @@ pub trait ErasedRun: Debug + Send + Any {
     /// The true joint velocity \[rad/s\].
     fn velocity(&self) -> &[f64];
 
-    /// The true distance from each link to the nearest obstacle \[m\].
-    fn clearance(&self) -> &[f64];
+    /// [`ClosedLoop::least_clearance`](crate::simulation::ClosedLoop::least_clearance).
+    fn least_clearance(&self) -> f64;
 
     /// [`ClosedLoop::add_in_null_space`](crate::simulation::ClosedLoop::add_in_null_space).
     fn add_in_null_space(&mut self, tau: &mut [f64]);
@@ -297,6 +307,18 @@ where
 
     fn torque_at(&mut self, t: f64, q: &[f64], dq: &[f64]) -> &[f64] {
         self.closed_loop_mut().torque_at(t, q, dq)
+    }
+
+    fn listen(&mut self) {
+        self.closed_loop_mut().listen();
+    }
+
+    fn tell(&mut self, told: &[(usize, ActingWrench)]) {
+        let there = told.iter().map(|(obstacle, ActingWrench { link, point, force, torque })| {
+            let [point, force] = [point, force].map(|given| Vector::from_column_slice(given));
+            (*obstacle, Acting { link: *link, point, force, torque: (*torque).into() })
+        });
+        self.closed_loop_mut().tell(there);
     }
 
     fn arrive_at(&mut self, q: &[f64], dq: &[f64]) -> bool {
@@ -472,8 +494,8 @@ where
         self.closed_loop().velocity()
     }
 
-    fn clearance(&self) -> &[f64] {
-        self.closed_loop().clearance()
+    fn least_clearance(&self) -> f64 {
+        self.closed_loop().least_clearance()
     }
 
     fn add_in_null_space(&mut self, tau: &mut [f64]) {

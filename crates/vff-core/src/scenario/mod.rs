@@ -300,11 +300,11 @@ pub fn validate_size(settings: &Settings, n: usize, barriers: usize) -> Result<(
 /// An obstacle, and how it resists, if it does.
 pub type FeltObstacle<S, const D: usize> = (ObstacleOf<S, D>, Option<ContactSettings>);
 
-/// Reads and validates an obstacle.
+/// Reads and validates an obstacle for a controller that is to know of it.
 ///
 /// # Errors
-/// With the dotted path of the first fault.
-pub fn read_obstacle<S: FromDocument<D>, const D: usize>(
+/// With the dotted path of the first fault, or if it is one that the controller does not see.
+pub fn read_seen_obstacle<S: FromDocument<D>, const D: usize>(
     document: &Table,
 ) -> Result<ObstacleOf<S, D>, ScenarioError> {
     let (obstacle, contact) = read_felt_obstacle::<S, D>(document)?;
@@ -315,7 +315,7 @@ pub fn read_obstacle<S: FromDocument<D>, const D: usize>(
     Ok(obstacle)
 }
 
-/// The same, and how it resists a link that presses into it, if it does.
+/// Reads and validates an obstacle, and how it resists a link that presses into it, if it does.
 ///
 /// # Errors
 /// With the dotted path of the first fault.

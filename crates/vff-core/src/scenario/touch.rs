@@ -26,6 +26,10 @@ pub fn touch(settings: &Settings, arm: Option<(usize, usize)>) -> Validated {
     }
     if let Some(reaction) = &touch.reaction {
         table(reaction, joints).map_err(|error| error.inside("touch.reaction"))?;
+        if let Some(stop) = reaction.stop.filter(|stop| *stop < reaction.force) {
+            let requirement = format!("at least `force`, {} N", reaction.force);
+            return Err(ScenarioError::out_of_range("touch.reaction.stop", &requirement, stop));
+        }
         if observer.detection.is_none() {
             return refused(
                 "touch.reaction",

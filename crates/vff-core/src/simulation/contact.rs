@@ -1,5 +1,6 @@
 //! Obstacles that are felt: the forces between them and the links that press into them (T148).
 
+use super::wrench::Acting;
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 use crate::robot::Robot;
@@ -74,6 +75,8 @@ pub struct Contacts<R: Robot<D>, S: Solid<D>, const D: usize> {
     world: World<S, D>,
     /// How each obstacle resists, if it does.
     settings: Vec<Option<ContactSettings>>,
+    /// Whether a plant elsewhere says what the forces are.
+    is_told: bool,
     /// Where bodies with an axis are in contact.
     long: Vec<Contact<D>>,
     on_links: Vec<R::Wrench>,
@@ -98,6 +101,7 @@ impl<R: Robot<D>, S: Solid<D>, const D: usize> Contacts<R, S, D> {
             forces: vec![0.0; D * world.len()],
             world: world.clone(),
             settings,
+            is_told: false,
             on_links: vec![R::Wrench::default(); n],
             torque: vec![0.0; n],
             total: vec![0.0; n],
@@ -132,8 +136,32 @@ impl<R: Robot<D>, S: Solid<D>, const D: usize> Contacts<R, S, D> {
         &self.forces
     }
 
+    /// Lets a plant elsewhere say what the forces are: none until it has [told](Self::tell).
+    pub fn listen(&mut self) {
+        self.is_told = true;
+        self.torque.fill(0.0);
+        self.forces.fill(0.0);
+    }
+
+    /// Takes in what a plant elsewhere says: the obstacle of each contact, and the force on a link of `robot`, where that is.
+    pub fn tell(&mut self, robot: &R, told: impl Iterator<Item = (usize, Acting<D>)>) {
+        let Self { on_links, torque, forces, .. } = self;
+        on_links.fill(R::Wrench::default());
+        forces.fill(0.0);
+        for (obstacle, Acting { link, point, force, .. }) in told {
+            robot.add_force(on_links, link, &point, &force);
+            for (sum, part) in forces[D * obstacle..].iter_mut().zip(force.iter()) {
+                *sum += part;
+            }
+        }
+        robot.wrenches_tr_mul(on_links, torque);
+    }
+
     /// The torque for the joints of `robot` where that is \[N·m, N\], (n).
     pub fn torque(&mut self, robot: &R) -> &[f64] {
+        if self.is_told {
+            return &self.torque;
+        }
         let Self { world, settings, long, on_links, torque, forces, .. } = self;
         on_links.fill(R::Wrench::default());
         forces.fill(0.0);
@@ -162,6 +190,9 @@ impl<R: Robot<D>, S: Solid<D>, const D: usize> Contacts<R, S, D> {
 
     /// No eigenvalue of what contacts make of the motion of `robot` within the next `dt` \[s\] is larger \[1/s\] (T147).
     pub fn rate(&mut self, robot: &R, dt: f64) -> f64 {
+        if self.is_told {
+            return 0.0;
+        }
         let Self { world, settings, long, .. } = self;
         let mut sum = 0.0;
         visit(world, settings, long, robot, NEAR, |contact, settings, share| {

@@ -99,6 +99,7 @@ pub const METRICS: &[Metric] = &[
     metric("touched_time", "s", "when a contact was first felt, with detection only"),
     metric("touched_link", "", "on which link, counted from 0, or one beyond it"),
     metric("max_yielded", "m", "furthest that the end effector gave way to a push"),
+    metric("stopped_time", "s", "total time for which a push stopped the task"),
     metric("late_cycles", "", "control cycles that took longer than the deadline"),
     metric("cut_cycles", "", "control cycles in which look-ahead stopped for lack of time"),
     metric("rollouts_left_out", "", "roll-outs of look-ahead that were not made because of that"),
@@ -226,6 +227,7 @@ pub struct Metrics {
     /// When a contact was first felt \[s\], and on which link.
     touched: Option<(f64, usize)>,
     max_yielded: Option<f64>,
+    stopped_samples: Option<usize>,
 }
 
 impl Metrics {
@@ -280,6 +282,7 @@ impl Metrics {
             replans: None,
             touched: None,
             max_yielded: None,
+            stopped_samples: None,
         }
     }
 
@@ -305,6 +308,9 @@ impl Metrics {
         }
         if let Some(yielded) = s.yielded {
             self.max_yielded = Some(larger(self.max_yielded.unwrap_or(0.0), yielded));
+        }
+        if let Some(is_stopped) = s.is_stopped {
+            *self.stopped_samples.get_or_insert(0) += usize::from(is_stopped);
         }
         self.samples += 1;
     }
@@ -499,6 +505,7 @@ impl Metrics {
             optional(self.touched.map(|(t, _)| t)),
             count(self.touched.map(|(_, link)| link)),
             optional(self.max_yielded),
+            self.stopped_samples.map_or(Value::None, time),
         ];
         let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
         let left_out = left_out.map(|counted| count(counted.map(whole)));

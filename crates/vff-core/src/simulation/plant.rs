@@ -202,6 +202,21 @@ impl<A: Model<D>, S: Solid<D>, const D: usize> Plant<A, S, D> {
         self.contacts.as_deref_mut()
     }
 
+    /// Lets a plant elsewhere say what is felt of the obstacles, where any is.
+    pub fn listen(&mut self) {
+        self.external.fill(0.0);
+        if let Some(contacts) = &mut self.contacts {
+            contacts.listen();
+        }
+    }
+
+    /// Takes in what that says of the contacts where the arm was felt last: the obstacle of each, and the force on a link.
+    pub fn tell(&mut self, told: impl Iterator<Item = (usize, Acting<D>)>) {
+        if let Some(contacts) = &mut self.contacts {
+            contacts.tell(&self.state, told);
+        }
+    }
+
     /// The force of each obstacle where the arm was felt last \[N\], one coordinate after the other; None if none is felt.
     pub fn contact_forces(&self) -> Option<&[f64]> {
         self.contacts.as_deref().map(Contacts::forces)

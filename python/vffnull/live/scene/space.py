@@ -12,7 +12,7 @@ import viser
 
 from vffnull._core import distances, matrices, quaternions
 from vffnull.draw import colours, geometry
-from vffnull.draw.shapes import measurable, pushed_links
+from vffnull.draw.shapes import pushed_links
 from vffnull.live.scene.camera import Camera, framing
 from vffnull.live.scene.cup import LEVEL, Cup, carries, stays_level, upright_in
 from vffnull.live.scene.hands import Grip, Held
@@ -313,7 +313,7 @@ class SpaceScene(Scene):
         Not to clouds of points, which are too many to be measured for every picture.
         """
         places = [
-            measurable(self.standing(index, place, state["turns"][index]))
+            self.standing(index, place, state["turns"][index])
             for index, place in enumerate(state["obstacles"][: len(self._documents)])
             if not self._is_cloud(index)
         ]

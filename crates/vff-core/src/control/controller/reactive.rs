@@ -17,6 +17,7 @@ use crate::math::{Pose, Vector, dot};
 use crate::robot::Manipulator;
 use crate::trajectory::{JointSpline, Pace, Sample};
 use crate::world::CollisionQuery;
+use std::mem::replace;
 
 /// The torque controller of [`Controller`](super::Controller) without look-ahead: the law, the forces, the limits, and what gives way.
 ///
@@ -298,6 +299,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         self.reaction.as_ref().map(|reaction| reaction.yielded())
     }
 
+    /// Whether a push has stopped the task; None where none ever does.
+    pub fn is_stopped(&self) -> Option<bool> {
+        self.reaction.as_ref()?.is_stopped()
+    }
+
     /// The torque that the model does not know, as estimated \[N·m, N\], (n); None without an observer.
     pub fn external_torque(&self) -> Option<&[f64]> {
         self.observer.as_ref().map(|observer| observer.estimate())
@@ -330,8 +336,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
 
     /// The torque of the null-space law, within the torque limits.
     pub(super) fn follow(&mut self, reference: &Sample<R::Pose, M>) {
-        self.reference = *reference;
+        let before = replace(&mut self.reference, *reference);
         self.error = self.robot.pose().error(&reference.x);
+        if let Some(reaction) = &mut self.reaction {
+            reaction.let_go_on(&(self.error - self.robot.pose().error(&before.x)));
+        }
         self.objective_scale = limits::ALL;
         let motion = self.commanded_acceleration();
         let ddx_c = self.press(motion);
@@ -391,7 +400,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
             Some(avoider) => avoider.pull(self.forces.clearance(), error),
             None => error,
         };
-        let [dx_r, ddx_r] = robot.resolve(&reference.x, &reference.dx, &reference.ddx);
+        let pace = self.reaction.as_ref().map_or(1.0, |reaction| reaction.pace());
+        let [dx_r, ddx_r] =
+            robot.resolve(&reference.x, &(reference.dx * pace), &(reference.ddx * pace));
         let speed = &robot.limits().velocity;
         self.law.brake = 0.0;
         if gains.enforce_limits && !keeps_speeds && !speed.is_empty() {

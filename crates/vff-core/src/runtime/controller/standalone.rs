@@ -227,7 +227,7 @@ where
     }
 
     fn add(&mut self, document: &Table) -> Result<Vec<String>, ScenarioError> {
-        let obstacle = scenario::read_obstacle::<S, D>(document)?;
+        let obstacle = scenario::read_seen_obstacle::<S, D>(document)?;
         let odd = scenario::misread_obstacle::<S, D>(&obstacle, self.reach);
         let more = S::Solid::new(&obstacle).barriers();
         self.fits(self.world.barrier_count().saturating_add(more))?;

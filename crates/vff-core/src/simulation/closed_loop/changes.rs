@@ -107,6 +107,17 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.plant.make_touchable();
     }
 
+    /// Lets a plant elsewhere say what is felt of the obstacles.
+    pub fn listen(&mut self) {
+        self.plant.listen();
+    }
+
+    /// Takes in what that says of the contacts over the plant step that it is about to end: the obstacle of each, and the
+    /// force on a link.
+    pub fn tell(&mut self, told: impl Iterator<Item = (usize, Acting<D>)>) {
+        self.plant.tell(told);
+    }
+
     fn feel(&mut self) {
         let t = self.time();
         self.plant.feel(&self.q, &self.dq, t, self.options.dt);

@@ -106,6 +106,14 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.truth.as_ref().map_or_else(perceived, |truth| &truth.clearance)
     }
 
+    /// The smallest of those distances \[m\], but for the link whose tip is to press on something; infinite without any.
+    pub fn least_clearance(&self) -> f64 {
+        let pressing = self.pressing_link();
+        let links = self.clearance().iter().enumerate();
+        let free = links.filter(|(link, _)| pressing != Some(*link));
+        free.fold(f64::INFINITY, |least, (_, distance)| least.min(*distance))
+    }
+
     /// Turns a joint torque into the commanded one with its share that the null space lets through
     /// (T4) on top \[N·m\].
     pub fn add_in_null_space(&mut self, tau: &mut [f64]) {
@@ -203,6 +211,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             touched_link: controller.touched_link(),
             contact_threshold: controller.contact_threshold(),
             yielded: controller.yielded(),
+            is_stopped: controller.is_stopped(),
             self_clearance: (gains.self_collision != SelfCollision::Ignore)
                 .then(|| forces.self_clearance()),
             nearest_pair: forces.nearest_pair(),

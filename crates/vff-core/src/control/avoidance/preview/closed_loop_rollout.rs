@@ -172,7 +172,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         Some(if strays { Foreseen::Error } else { Foreseen::Nothing })
     }
 
-    /// The torque of the law, as far as the drives can change it in a step (T170).
+    /// The torque of the law, as far as the drives can change it in a step (T171).
     fn command(&mut self, reference: &Sample<R::Pose, M>) {
         let Self { controller, output, sent, step, is_slow, .. } = self;
         if *is_slow {
@@ -271,7 +271,7 @@ mod tests {
         predicts(None);
     }
 
-    /// The same behind a torque rate (T170).
+    /// The same behind a torque rate (T171).
     #[test]
     fn it_predicts_what_happens_behind_a_torque_rate() {
         predicts(Some(100.0));
