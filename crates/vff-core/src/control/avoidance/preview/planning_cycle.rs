@@ -230,7 +230,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         budget: &Budget,
     ) -> Option<()> {
         if let Some(search) = &mut self.self_motion {
-            search.advance(robot, surroundings, reference, budget)?;
+            let velocity = if self.weight > 0.0 { &self.aim } else { robot.velocity() };
+            search.advance(robot, surroundings, reference, velocity, budget)?;
             if search.has_path() && self.weight == 0.0 {
                 self.aim.copy_from_slice(robot.velocity());
             }

@@ -8,6 +8,8 @@ pub trait Passage {
     fn is_open(&self, from: usize, to: usize, k: usize) -> bool;
     /// The cost of going on by so many places in one step.
     fn cost_of_going(&self, places: usize) -> f64;
+    /// The cost of each instant that a path does not reach because it leads nowhere: more than any on a path.
+    fn cost_of_ending(&self) -> f64;
 }
 
 /// The search, with its workspace. A state is a place and the step, in places, that led to it.
@@ -25,6 +27,9 @@ pub struct CheapestPath {
     /// How many instants have been reached, after the first, and which places there.
     done: usize,
     reached: [usize; 2],
+    /// Of all paths so far that which is the cheapest if it ends where it is: at which instant, in which state, and its cost less that
+    /// of the instants that it has reached.
+    best: (usize, usize, f64),
 }
 
 impl CheapestPath {
@@ -44,6 +49,7 @@ impl CheapestPath {
             before: vec![0; states * instants],
             done: 0,
             reached: [0; 2],
+            best: (0, 0, 0.0),
         }
     }
 
@@ -63,13 +69,16 @@ impl CheapestPath {
         self.values.fill(f64::INFINITY);
         self.values[state] = 0.0;
         (self.done, self.reached) = (0, [place, place]);
+        self.best = (0, state, 0.0);
     }
 
     /// Goes on to the next instant.
     pub fn advance(&mut self, passage: &impl Passage) {
         let width = self.width();
-        let Self { places, largest, values, next, before, done, reached, .. } = self;
+        let Self { places, largest, values, next, before, done, reached, best, .. } = self;
         let (largest, k) = (*largest, *done);
+        #[expect(clippy::cast_precision_loss, reason = "few instants")]
+        let spared = (k + 1) as f64 * passage.cost_of_ending();
         next.fill(f64::INFINITY);
         let before = &mut before[k * *places * width..][..*places * width];
         let [first, last] = *reached;
@@ -107,7 +116,13 @@ impl CheapestPath {
                     }
                     if least.is_finite() {
                         let state = to * width + step;
-                        next[state] = least + worst + passage.cost_of_going(places);
+                        let cost = least + worst + passage.cost_of_going(places);
+                        next[state] = cost;
+                        // Less is left that is not reached.
+                        let total = cost - spared;
+                        if total < best.2 {
+                            *best = (k + 1, state, total);
+                        }
                         #[expect(clippy::cast_possible_truncation, reason = "at most 200")]
                         let of = of as u8;
                         before[state] = of;
@@ -120,25 +135,20 @@ impl CheapestPath {
         *done += 1;
     }
 
-    /// Writes the places of the cheapest path, one per instant from the first to the last that has been reached. Its cost; none
-    /// if there is no path.
-    pub fn trace(&self, path: &mut [usize]) -> Option<f64> {
+    /// Writes the places of the cheapest path, one per instant from the first to the last that has been reached; those of a path that
+    /// leads nowhere stay where it ends. How many instants it reaches after the first.
+    pub fn trace(&self, path: &mut [usize]) -> usize {
         let width = self.width();
-        let (mut state, cost) = self
-            .values
-            .iter()
-            .enumerate()
-            .filter(|(_, value)| value.is_finite())
-            .min_by(|a, b| a.1.total_cmp(b.1))?;
-        for k in (0..self.done).rev() {
+        let (last, mut state, _) = self.best;
+        path[last..=self.done].fill(state / width);
+        for k in (0..last).rev() {
             let (place, step) = (state / width, state % width);
-            path[k + 1] = place;
             let from = place + self.largest - step;
             state = from * width
                 + usize::from(self.before[k * self.places * width + place * width + step]);
+            path[k] = from;
         }
-        path[0] = state / width;
-        Some(*cost)
+        last
     }
 }
 
@@ -184,14 +194,19 @@ mod tests {
         fn cost_of_going(&self, places: usize) -> f64 {
             [0.0, 0.1, 0.4][places]
         }
+
+        fn cost_of_ending(&self) -> f64 {
+            10.0
+        }
     }
 
-    /// The least cost of all sequences of places.
+    /// The least cost of all sequences of places, where every instant that is not reached costs 10.
     fn brute_force(maze: &Maze, at: usize, speed: isize, k: usize) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a few")]
+        let mut least = 10.0 * (INSTANTS - k) as f64;
         if k == INSTANTS {
-            return 0.0;
+            return least;
         }
-        let mut least = f64::INFINITY;
         for step in (speed - 1).max(-2)..=(speed + 1).min(2) {
             let Some(to) = at.checked_add_signed(step).filter(|to| *to < PLACES) else { continue };
             if maze.closed[k][at][to] {
@@ -205,29 +220,26 @@ mod tests {
         least
     }
 
-    /// The path is the best of all, its cost is what its steps cost, and where there is none, none is found.
+    /// The path is the best of all, it goes as far as one can, and its cost is what its steps cost.
     #[test]
     fn it_is_the_best_of_all_paths() {
         let mut noise = Noise::new(1, 0);
         let mut search = CheapestPath::new(PLACES, INSTANTS, 2, 1);
-        let (mut found, mut none) = (0, 0);
-        for case in 0..400 {
+        let mut reached = [0; INSTANTS + 1];
+        for case in 0..600 {
             let maze = Maze::drawn(&mut noise);
             let (start, speed) = (case % PLACES, (case % 3).cast_signed() - 1);
             let least = brute_force(&maze, start, speed, 0);
             search.begin(start, speed);
             (0..INSTANTS).for_each(|_| search.advance(&maze));
             let mut path = [0; INSTANTS + 1];
-            let Some(cost) = search.trace(&mut path) else {
-                none += 1;
-                assert!(least.is_infinite());
-                continue;
-            };
-            found += 1;
-            assert!((cost - least).abs() < 1e-12, "{cost} {least}");
+            let last = search.trace(&mut path);
+            reached[last] += 1;
+            #[expect(clippy::cast_precision_loss, reason = "a few")]
+            let ending = 10.0 * (INSTANTS - last) as f64;
             assert_eq!(path[0], start);
             let (mut sum, mut before) = (0.0, speed);
-            for (k, ends) in path.windows(2).enumerate() {
+            for (k, ends) in path[..=last].windows(2).enumerate() {
                 let step = ends[1].cast_signed() - ends[0].cast_signed();
                 assert!((step - before).abs() <= 1 && !maze.closed[k][ends[0]][ends[1]]);
                 let passed = ends[0].min(ends[1])..=ends[0].max(ends[1]);
@@ -235,8 +247,9 @@ mod tests {
                 sum += maze.cost_of_going(step.unsigned_abs());
                 before = step;
             }
-            assert!((sum - cost).abs() < 1e-12);
+            assert!((sum + ending - least).abs() < 1e-12, "{sum} {last} {least}");
+            assert!(path[last..].iter().all(|place| *place == path[last]));
         }
-        assert!(found > 100 && none > 20, "{found} {none}");
+        assert!(reached[INSTANTS] > 100 && reached[..INSTANTS].iter().sum::<i32>() > 50);
     }
 }

@@ -14,10 +14,15 @@ use crate::interrupt;
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 
-/// What a second costs in which a distance is below the margin, and what each metre costs that is missing; a second at the margin
-/// costs 1.
-const BREACH: f64 = 30.0;
-const MISSING: f64 = 1000.0;
+/// What a second costs in which a distance is below the margin; a second at the margin costs 1. No path leads where less than
+/// this share of the margin is left, and each second that a path does not reach costs this.
+const BREACH: f64 = 10.0;
+const PASSED: f64 = 0.25;
+const ENDING: f64 = 100.0;
+/// Tuning.
+fn tuned(i: usize, default: f64) -> f64 {
+    std::env::var("SWT").ok().and_then(|t| t.split(',').nth(i).and_then(|x| x.parse().ok())).unwrap_or(default)
+}
 /// What a second costs at 1 rad/s along the self-motion, squared.
 const GOING: f64 = 0.1;
 /// What a second costs 1 rad away from the posture that is wanted, squared.
@@ -72,7 +77,10 @@ pub struct SelfMotion<R: Manipulator<D, M>, const D: usize, const M: usize> {
     follows: bool,
     /// The present configuration, as seen last, and the joint velocity at the beginning of the search.
     q: Vec<f64>,
-    start_velocity: Vec<f64>,
+    velocity: Vec<f64>,
+    /// That speed along the self-motion, in places per instant.
+    speed: f64,
+    tuned: [f64; 4],
 }
 
 /// What the dynamic programming sees of a search.
@@ -81,6 +89,7 @@ struct View<'a, R: Manipulator<D, M>, const D: usize, const M: usize> {
     margin: f64,
     clearance: f64,
     away: &'a [f64],
+    tuned: [f64; 4],
 }
 
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for View<'_, R, D, M> {
@@ -90,9 +99,15 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for V
         }
         let distance = self.grid.distance(place, k);
         let near = ((self.clearance - distance) / (self.clearance - self.margin)).max(0.0);
-        let missing = self.margin - distance;
-        let breach = if missing > 0.0 { BREACH + MISSING * missing } else { 0.0 };
+        if distance < self.tuned[1] * self.margin {
+            return f64::INFINITY;
+        }
+        let breach = if distance < self.margin { self.tuned[0] } else { 0.0 };
         self.grid.step() * (near * near + breach + self.away[place])
+    }
+
+    fn cost_of_ending(&self) -> f64 {
+        ENDING * self.grid.step()
     }
 
     fn is_open(&self, from: usize, to: usize, k: usize) -> bool {
@@ -102,7 +117,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for V
     #[expect(clippy::cast_precision_loss, reason = "few places")]
     fn cost_of_going(&self, places: usize) -> f64 {
         let way = self.grid.spacing() * places as f64;
-        GOING * way * way / self.grid.step()
+        self.tuned[2] * way * way / self.grid.step()
     }
 }
 
@@ -134,7 +149,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             elapsed: f64::INFINITY,
             since: f64::INFINITY,
             done: 0,
-            units: places + settings.steps,
+            // Each side has an end, too.
+            units: places + 2 + settings.steps,
             margin: gains.yielding.margin,
             clearance: settings.clearance.max(gains.yielding.margin + 1e-3),
             soon: ((trigger / grid.step()).ceil() as usize).min(settings.steps),
@@ -148,7 +164,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             },
             follows: false,
             q: vec![0.0; n],
-            start_velocity: vec![0.0; n],
+            velocity: vec![0.0; n],
+            speed: 0.0,
+            tuned: [tuned(0, BREACH), tuned(1, PASSED), tuned(2, GOING), tuned(3, PULL)],
             grid,
         };
         created.rest_at_posture_of(gains);
@@ -190,16 +208,19 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         self.follows && self.path.distance >= self.margin
     }
 
-    /// Does what is due of the search as far as there is time for it; `reference(s)` is that in s seconds. None where the time of
+    /// Does what is due of the search as far as there is time for it; `reference(s)` is that in s seconds, and paths begin at the joint
+    /// velocity `velocity`. None where the time of
     /// this control cycle is over before that.
     pub fn advance(
         &mut self,
         robot: &R,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
+        velocity: &[f64],
         budget: &Budget,
     ) -> Option<()> {
         self.q.copy_from_slice(robot.configuration());
+        self.velocity.copy_from_slice(velocity);
         let result = self.work(robot, surroundings, reference, budget);
         self.since = 0.0;
         result
@@ -237,13 +258,14 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
     ) {
         (self.elapsed, self.done) = (0.0, 1);
-        self.start_velocity.copy_from_slice(robot.velocity());
         let middle = self.grid.middle();
         let is_placed = self.grid.begin(robot, surroundings, &|s| reference(s).x);
+        if std::env::var_os("SWDBG").is_some() { eprintln!("DBG begin placed {is_placed} obst {} exists {:?}", self.grid.has_obstacles(), (0..self.places.len()).filter(|k| self.grid.exists(middle, *k)).count()); }
         if !is_placed || !self.grid.has_obstacles() {
             self.follows = false;
             return;
         }
+        self.speed = self.grid.speed_along(&self.velocity) * self.grid.step() / self.grid.spacing();
         self.measure(middle, 0, surroundings);
         let instants = self.places.len();
         if (0..instants).all(|k| self.grid.distance(middle, k) >= self.clearance) {
@@ -281,9 +303,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             }
             Stage::Instants { done } => {
                 interrupt::checkpoint(4 * self.grid.places());
-                let Self { cheapest, grid, margin, clearance, away, .. } = self;
+                let Self { cheapest, grid, margin, clearance, away, tuned, .. } = self;
                 let (margin, clearance) = (*margin, *clearance);
-                cheapest.advance(&View { grid, margin, clearance, away });
+                cheapest.advance(&View { grid, margin, clearance, away, tuned: *tuned });
                 self.stage = Stage::Instants { done: done + 1 };
                 if done + 2 == self.places.len() {
                     self.finish();
@@ -295,8 +317,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     /// Begins the dynamic programming at the present posture and speed.
     #[expect(clippy::cast_possible_truncation, reason = "few places")]
     fn start(&mut self) {
-        let speed = self.grid.speed_along(&self.start_velocity) * self.grid.step() / self.grid.spacing();
-        self.cheapest.begin(self.grid.middle(), speed.round() as isize);
+        self.cheapest.begin(self.grid.middle(), self.speed.round() as isize);
         self.stage = Stage::Instants { done: 0 };
     }
 
@@ -304,18 +325,22 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     fn finish(&mut self) {
         self.stage = Stage::Rest;
         let Self { grid, places, path, cheapest, .. } = self;
-        self.follows = cheapest.trace(places).is_some();
+        let reached = cheapest.trace(places);
+        if std::env::var_os("SWDBG").is_some() { let e: Vec<_> = (0..grid.places()).filter(|p| grid.exists(*p, 0)).collect(); eprintln!("DBG finish {reached} {:?} dist {:?} places {:?}", (e.first(), e.last()), places.iter().enumerate().map(|(k,p)| (1e3*grid.distance(*p,k)) as i32).collect::<Vec<_>>(), places); }
+        // Without a first step there is nothing to follow.
+        self.follows = reached > 0;
         if !self.follows {
             return;
         }
         let n = self.q.len();
         for (k, (place, posture)) in places.iter().zip(path.postures.chunks_exact_mut(n)).enumerate() {
             for (i, q) in posture.iter_mut().enumerate() {
-                *q = grid.joint(*place, k, i);
+                *q = grid.joint(*place, k.min(reached), i);
             }
         }
         let soon = places.iter().enumerate().take(self.soon + 1).map(|(k, place)| grid.distance(*place, k));
-        path.distance = soon.fold(f64::INFINITY, f64::min);
+        let least = soon.fold(f64::INFINITY, f64::min);
+        path.distance = if reached < self.soon { f64::NEG_INFINITY } else { least };
         path.elapsed = self.elapsed;
     }
 
@@ -340,7 +365,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         for (i, out) in out.iter_mut().enumerate() {
             let at = |k: usize| postures[k * n + i];
             let forward = if is_over { 0.0 } else { (at(next + 1) - at(next)) / step };
-            *out = forward + PULL * (at(now) + share * (at(now + 1) - at(now)) - q[i]);
+            *out = forward + self.tuned[3] * (at(now) + share * (at(now + 1) - at(now)) - q[i]);
         }
     }
 }
