@@ -16,7 +16,8 @@ pub fn table_of(settings: &PreviewSettings) -> Validated {
         return Err(ScenarioError::out_of_range("trigger", &requirement, *trigger));
     }
     let given = settings.self_motion.as_ref();
-    given.map_or(Ok(()), |given| table(given, |_| None).map_err(|error| error.inside("self_motion")))
+    given
+        .map_or(Ok(()), |given| table(given, |_| None).map_err(|error| error.inside("self_motion")))
 }
 
 /// Whether a search of the self-motion has a curve to search, and room for it.

@@ -337,10 +337,9 @@ fn yielding(yielding: &Yielding) -> Validated {
         let requirement = format!("greater than inner = {inner}");
         return Err(ScenarioError::out_of_range("outer", &requirement, *outer));
     }
-    yielding
-        .preview
-        .as_ref()
-        .map_or(Ok(()), |given| look_ahead::table_of(given).map_err(|error| error.inside("preview")))
+    yielding.preview.as_ref().map_or(Ok(()), |given| {
+        look_ahead::table_of(given).map_err(|error| error.inside("preview"))
+    })
 }
 
 /// What a controller of n joints that knows `barriers` distances per link keeps in memory, and `copies` of it.

@@ -1,4 +1,4 @@
-//! The cheapest path through a grid of places and instants with bounded speed and acceleration, by dynamic programming (T172).
+//! The cheapest path through a grid of places and instants with bounded speed and acceleration, by dynamic programming (T182).
 
 /// What a path may do and what that costs.
 pub trait Passage {
@@ -94,7 +94,8 @@ impl CheapestPath {
                 let mut worst = staying;
                 for places in usize::from(direction < 0)..=largest {
                     let by = direction * places.cast_signed();
-                    let Some(to) = from.checked_add_signed(by).filter(|to| *to < self.places) else {
+                    let Some(to) = from.checked_add_signed(by).filter(|to| *to < self.places)
+                    else {
                         break;
                     };
                     worst = worst.max(passage.cost(to, k + 1));

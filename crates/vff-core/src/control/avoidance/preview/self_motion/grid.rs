@@ -1,4 +1,4 @@
-//! The postures along the self-motion, now and later, and how near the predicted obstacles come to each (T171).
+//! The postures along the self-motion, now and later, and how near the predicted obstacles come to each (T181).
 //!
 //! Places are numbered along the self-motion, the present posture in the middle. Where the reference moves, the postures of
 //! all places are put onto it again at knots, each from that at the knot before by the shortest way; in between they are
@@ -206,7 +206,8 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
             let here = knot * places + place;
             let (earlier, later) = postures.split_at_mut(here * *n);
             let before = &earlier[(here - places) * *n..][..*n];
-            exists[here] = projection.project(scout, q, pose) && is_within(scout.limits(), q, before);
+            exists[here] =
+                projection.project(scout, q, pose) && is_within(scout.limits(), q, before);
             if !exists[here] {
                 break;
             }
@@ -222,7 +223,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         let (before, place) = (at(count - 1), at(count));
         let n = self.n;
         if count == 1 {
-            self.heading.iter_mut().zip(&self.first_heading).for_each(|(z, first)| *z = sign * first);
+            self.heading
+                .iter_mut()
+                .zip(&self.first_heading)
+                .for_each(|(z, first)| *z = sign * first);
         }
         let last = &self.postures[before * n..][..n];
         for ((q, last), z) in self.q.iter_mut().zip(last).zip(&self.heading) {
@@ -261,7 +265,11 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M>
         let (knot, share) = self.knot(k);
         let here = (knot * self.places() + place) * self.n + i;
         let q = self.postures[here];
-        if share <= 0.0 { q } else { q + share * (self.postures[here + self.places() * self.n] - q) }
+        if share <= 0.0 {
+            q
+        } else {
+            q + share * (self.postures[here + self.places() * self.n] - q)
+        }
     }
 
     /// Whether joints are fast enough to go from the posture of place `from` at instant `k` to that of `to` at the next.
@@ -377,8 +385,8 @@ mod tests {
     use super::*;
     use crate::math::Vector;
     use crate::robot::{Robot, SpatialState, models};
-    use crate::world::{CollisionQuery, Motion};
     use crate::world::space::{Obstacle, Shape, World};
+    use crate::world::{CollisionQuery, Motion};
     use std::sync::Arc;
 
     const PANDA: [f64; 7] = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
@@ -432,7 +440,8 @@ mod tests {
                 let error = Manipulator::<3, 6>::pose(&robot).error(&pose);
                 assert!(error.norm() < 1e-9, "{name}: {error}");
                 if let Some(before) = before {
-                    let way = q.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                    let way =
+                        q.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
                     assert!((way - 0.05).abs() < 2e-3, "{name}: {way}");
                 }
                 before = Some(q);
@@ -503,7 +512,8 @@ mod tests {
             grid.measure(place, 0, &Around { surroundings: &world, ago: 0.0 });
             for k in (0..=30).filter(|k| grid.exists(place, *k)) {
                 scout.update_positions(&posture(&grid, place, k));
-                let error = Manipulator::<3, 6>::pose(&scout).error(&pose(0.1 * f64::from(k as u32)));
+                let error =
+                    Manipulator::<3, 6>::pose(&scout).error(&pose(0.1 * f64::from(k as u32)));
                 let most = if k % EVERY == 0 { 1e-9 } else { 1e-3 };
                 assert!(error.norm() < most, "{k}: {error}");
                 other.update(0.1 * f64::from(k as u32));

@@ -1,4 +1,4 @@
-//! The search of the self-motion (T170–T173): where the task leaves one degree of freedom, the configurations that hold it are a
+//! The search of the self-motion (T180–T183): where the task leaves one degree of freedom, the configurations that hold it are a
 //! curve, and the best way along it among moving obstacles is found exactly, on a grid of postures and instants.
 //!
 //! - `task_projection`: onto the task by Newton's method, and along it.

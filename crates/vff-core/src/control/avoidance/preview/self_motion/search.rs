@@ -1,4 +1,4 @@
-//! The search, spread over the control cycles of its period, and the path that is followed (T172, T173).
+//! The search, spread over the control cycles of its period, and the path that is followed (T182, T183).
 //!
 //! The work comes in units: the present posture, then every place along the self-motion, then every instant of the dynamic
 //! programming. As many are done in a control cycle as are due, and none where its time is over.
@@ -19,12 +19,8 @@ use crate::trajectory::Sample;
 const BREACH: f64 = 10.0;
 const PASSED: f64 = 0.25;
 const ENDING: f64 = 100.0;
-/// Tuning.
-fn tuned(i: usize, default: f64) -> f64 {
-    std::env::var("SWT").ok().and_then(|t| t.split(',').nth(i).and_then(|x| x.parse().ok())).unwrap_or(default)
-}
 /// What a second costs at 1 rad/s along the self-motion, squared.
-const GOING: f64 = 0.1;
+const GOING: f64 = 0.02;
 /// What a second costs 1 rad away from the posture that is wanted, squared.
 const AWAY: f64 = 0.01;
 /// How fast the arm comes back to the path \[1/s\].
@@ -80,7 +76,6 @@ pub struct SelfMotion<R: Manipulator<D, M>, const D: usize, const M: usize> {
     velocity: Vec<f64>,
     /// That speed along the self-motion, in places per instant.
     speed: f64,
-    tuned: [f64; 4],
 }
 
 /// What the dynamic programming sees of a search.
@@ -89,7 +84,6 @@ struct View<'a, R: Manipulator<D, M>, const D: usize, const M: usize> {
     margin: f64,
     clearance: f64,
     away: &'a [f64],
-    tuned: [f64; 4],
 }
 
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for View<'_, R, D, M> {
@@ -99,10 +93,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for V
         }
         let distance = self.grid.distance(place, k);
         let near = ((self.clearance - distance) / (self.clearance - self.margin)).max(0.0);
-        if distance < self.tuned[1] * self.margin {
+        if distance < PASSED * self.margin {
             return f64::INFINITY;
         }
-        let breach = if distance < self.margin { self.tuned[0] } else { 0.0 };
+        let breach = if distance < self.margin { BREACH } else { 0.0 };
         self.grid.step() * (near * near + breach + self.away[place])
     }
 
@@ -117,7 +111,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Passage for V
     #[expect(clippy::cast_precision_loss, reason = "few places")]
     fn cost_of_going(&self, places: usize) -> f64 {
         let way = self.grid.spacing() * places as f64;
-        self.tuned[2] * way * way / self.grid.step()
+        GOING * way * way / self.grid.step()
     }
 }
 
@@ -166,7 +160,6 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             q: vec![0.0; n],
             velocity: vec![0.0; n],
             speed: 0.0,
-            tuned: [tuned(0, BREACH), tuned(1, PASSED), tuned(2, GOING), tuned(3, PULL)],
             grid,
         };
         created.rest_at_posture_of(gains);
@@ -260,7 +253,6 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         (self.elapsed, self.done) = (0.0, 1);
         let middle = self.grid.middle();
         let is_placed = self.grid.begin(robot, surroundings, &|s| reference(s).x);
-        if std::env::var_os("SWDBG").is_some() { eprintln!("DBG begin placed {is_placed} obst {} exists {:?}", self.grid.has_obstacles(), (0..self.places.len()).filter(|k| self.grid.exists(middle, *k)).count()); }
         if !is_placed || !self.grid.has_obstacles() {
             self.follows = false;
             return;
@@ -303,9 +295,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
             }
             Stage::Instants { done } => {
                 interrupt::checkpoint(4 * self.grid.places());
-                let Self { cheapest, grid, margin, clearance, away, tuned, .. } = self;
+                let Self { cheapest, grid, margin, clearance, away, .. } = self;
                 let (margin, clearance) = (*margin, *clearance);
-                cheapest.advance(&View { grid, margin, clearance, away, tuned: *tuned });
+                cheapest.advance(&View { grid, margin, clearance, away });
                 self.stage = Stage::Instants { done: done + 1 };
                 if done + 2 == self.places.len() {
                     self.finish();
@@ -326,19 +318,24 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         self.stage = Stage::Rest;
         let Self { grid, places, path, cheapest, .. } = self;
         let reached = cheapest.trace(places);
-        if std::env::var_os("SWDBG").is_some() { let e: Vec<_> = (0..grid.places()).filter(|p| grid.exists(*p, 0)).collect(); eprintln!("DBG finish {reached} {:?} dist {:?} places {:?}", (e.first(), e.last()), places.iter().enumerate().map(|(k,p)| (1e3*grid.distance(*p,k)) as i32).collect::<Vec<_>>(), places); }
         // Without a first step there is nothing to follow.
         self.follows = reached > 0;
         if !self.follows {
             return;
         }
         let n = self.q.len();
-        for (k, (place, posture)) in places.iter().zip(path.postures.chunks_exact_mut(n)).enumerate() {
+        for (k, (place, posture)) in
+            places.iter().zip(path.postures.chunks_exact_mut(n)).enumerate()
+        {
             for (i, q) in posture.iter_mut().enumerate() {
                 *q = grid.joint(*place, k.min(reached), i);
             }
         }
-        let soon = places.iter().enumerate().take(self.soon + 1).map(|(k, place)| grid.distance(*place, k));
+        let soon = places
+            .iter()
+            .enumerate()
+            .take(self.soon + 1)
+            .map(|(k, place)| grid.distance(*place, k));
         let least = soon.fold(f64::INFINITY, f64::min);
         path.distance = if reached < self.soon { f64::NEG_INFINITY } else { least };
         path.elapsed = self.elapsed;
@@ -365,7 +362,76 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
         for (i, out) in out.iter_mut().enumerate() {
             let at = |k: usize| postures[k * n + i];
             let forward = if is_over { 0.0 } else { (at(next + 1) - at(next)) / step };
-            *out = forward + self.tuned[3] * (at(now) + share * (at(now + 1) - at(now)) - q[i]);
+            *out = forward + PULL * (at(now) + share * (at(now + 1) - at(now)) - q[i]);
         }
+    }
+}
+
+#[cfg(all(test, feature = "models"))]
+mod tests {
+    use super::*;
+    use crate::control::Settings;
+    use crate::robot::{Robot, SpatialState, models};
+    use crate::world::Motion;
+    use crate::world::space::{Obstacle, Shape, World};
+    use std::sync::Arc;
+
+    fn panda() -> SpatialState {
+        let mut robot = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+        robot.update(&[0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854], &[0.0; 7]);
+        robot
+    }
+
+    fn ball(position: [f64; 3], velocity: [f64; 3]) -> Obstacle {
+        Obstacle {
+            shape: Shape::Sphere { radius: 0.08 },
+            position,
+            orientation: [1.0, 0.0, 0.0, 0.0],
+            angular_velocity: [0.0; 3],
+            motion: Motion::Linear { velocity },
+        }
+    }
+
+    /// After one search, which the first control step does as a whole.
+    fn searched(robot: &SpatialState, balls: Vec<Obstacle>) -> SelfMotion<SpatialState, 3, 6> {
+        let settings = SelfMotionSettings::default();
+        let mut search = SelfMotion::new(robot, &Gains::new(&Settings::default()), &settings, 1.2);
+        let reference = Sample::at_rest(robot.pose());
+        let unlimited = Budget::of_simulation(None);
+        let mut world = World::new(balls);
+        search.advance(robot, &mut world, &|_| reference, &[0.0; 7], &unlimited).unwrap();
+        search
+    }
+
+    /// Where nothing comes there is nothing to follow. From a ball through the elbow a path swivels away in time, keeps the margin,
+    /// and asks for no joint speed beyond the limits. Through the second link, which the self-motion hardly moves, none is clear.
+    #[test]
+    fn a_path_leads_out_of_the_way_where_there_is_one() {
+        let robot = panda();
+        let away = searched(&robot, vec![ball([-0.05, -0.6, 0.62], [0.0, -0.3, 0.0])]);
+        assert!(!away.has_path());
+        let through = searched(&robot, vec![ball([-0.05, -0.6, 0.62], [0.0, 0.4, 0.0])]);
+        assert!(through.has_path() && through.is_clear());
+        let distance = |(k, place): (usize, &usize)| through.grid.distance(*place, k);
+        let least = through.places.iter().enumerate().map(distance).fold(f64::INFINITY, f64::min);
+        let stays =
+            (0..through.places.len()).map(|k| through.grid.distance(through.grid.middle(), k));
+        assert!(stays.fold(f64::INFINITY, f64::min) < 0.0 && least > 0.02, "{least}");
+        let mut search = through;
+        let mut velocity = [0.0; 7];
+        let mut moved = 0.0_f64;
+        for _ in 0..100 {
+            // As if the arm were where the path is.
+            search.elapse(0.03);
+            search.write_velocity(&mut velocity);
+            for ((q, v), limit) in search.q.iter_mut().zip(velocity).zip(&robot.limits().velocity) {
+                *q += 0.03 * v;
+                moved = moved.max(v.abs());
+                assert!(v.abs() <= 1.2 * limit, "{v} {limit}");
+            }
+        }
+        assert!(moved > 0.2, "{moved}");
+        let base = searched(&robot, vec![ball([0.0, -0.5, 0.33], [0.0, 0.5, 0.0])]);
+        assert!(!base.is_clear());
     }
 }

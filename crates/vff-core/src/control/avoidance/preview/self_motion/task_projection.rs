@@ -1,4 +1,4 @@
-//! Onto the configurations that hold a pose, and along them (T170).
+//! Onto the configurations that hold a pose, and along them (T180).
 
 use crate::control::metric::TaskMetric;
 use crate::interrupt;
@@ -74,7 +74,8 @@ impl<const M: usize> TaskProjection<M> {
     ) -> bool {
         let Some(factor) = self.factorise(robot) else { return false };
         let Self { columns, .. } = self;
-        let seen = columns.iter().zip(&*direction).fold(Vector::zeros(), |sum, (c, d)| sum + c * *d);
+        let seen =
+            columns.iter().zip(&*direction).fold(Vector::zeros(), |sum, (c, d)| sum + c * *d);
         let pull = factor.solve(&seen);
         direction.iter_mut().zip(columns).for_each(|(d, column)| *d -= column.dot(&pull));
         let size = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
