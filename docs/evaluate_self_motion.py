@@ -1,4 +1,4 @@
-"""Random scenes in space, poses of seven joints, with the search of the self-motion; writes evaluation-self-motion.md.
+"""Random scenes of seven joints and a pose, with the search of the self-motion; writes evaluation-self-motion.md.
 
     python docs/evaluate_self_motion.py [COUNT]
 
@@ -25,20 +25,21 @@ CONTROLLERS = {
 
 TEXT = """# With the search of the self-motion
 
-{scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md) in which an arm of seven joints holds a pose or
-moves it along a line, with look-ahead and with the search of the self-motion on top of it
+{scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md) in which an arm of seven joints holds a pose
+or moves it along a line, with look-ahead and with the search of the self-motion on top of it
 (`yielding.preview.self_motion`, [theory.md](theory.md), T180 to T183), made by
-`python docs/evaluate_self_motion.py{count}`, vffnull {version}. The search's numbers were settled on other seeds.
+`python docs/evaluate_self_motion.py{count}`, vffnull {version}. The search's numbers were settled on other
+seeds.
 
-**Collision**: an overlap of more than 1 mm, in scenes that are feasible. **Held**: no collision, and the hand within
-1 cm and 0.05 rad of its reference throughout, in scenes in which a motion that knows the future does so.
-**Back**: no collision, and the hand there at the end, in scenes that are feasible. In per cent, with 95 %
-confidence intervals (Wilson score).
+**Collision**: an overlap of more than 1 mm, in scenes that are feasible. **Held**: no collision, and the hand
+within 1 cm and 0.05 rad of its reference throughout, in scenes in which a motion that knows the future does
+so. **Back**: no collision, and the hand there at the end, in scenes that are feasible. In per cent, with
+95 % confidence intervals (Wilson score).
 
 {rows}
 
-The search knows of the obstacles what the controller knows, their present velocities. The bodies of these scenes
-turn back, stop or swing in two of three cases, which the planner that judges them knows in advance.
+The search knows of the obstacles what the controller knows, their present velocities. Some bodies of these
+scenes turn back, stop or swing, which the planner that judges them knows in advance.
 """
 HEAD = "| family | arm | feasible, with tip | controller | collisions | held | back |"
 

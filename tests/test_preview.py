@@ -217,7 +217,7 @@ def test_wrong_settings_of_the_search_are_named(key: str, value: float, words: s
 
 
 def test_a_search_that_is_cut_short_repeats() -> None:
-    """Work is counted, not time: with a deadline too, the same bits each time, and other bits than without."""
+    """Work is counted, not time: with a deadline, too, the same bits each time, but others than without."""
     changes = {"controller.deadline": 20.0, "duration": 2.0}
     first, again = (vff.simulate("iiwa-swivel", changes) for _ in range(2))
     assert first.metrics["cut_cycles"] > 0
