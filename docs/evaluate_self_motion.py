@@ -1,4 +1,4 @@
-"""Random scenes of seven joints and a pose, with the search of the self-motion; writes evaluation-self-motion.md.
+"""Random scenes in space with the search of the self-motion; writes evaluation-self-motion.md.
 
     python docs/evaluate_self_motion.py [COUNT]
 
@@ -15,6 +15,7 @@ import vffnull as vff
 from vffnull import evaluation
 from vffnull.evaluation import scenes
 from vffnull.evaluation.table import wilson
+from vffnull.run import evaluate as evaluating
 
 DOCS = Path(__file__).resolve().parent
 COUNT, ARMS, FAMILIES = 60, ("panda", "iiwa14"), ("links-swept", "crowd")
@@ -49,7 +50,7 @@ def main(count: int) -> None:
     rows = [HEAD, "|---|---|--:|---|--:|--:|--:|"]
     for family in FAMILIES:
         for arm in ARMS:
-            outcome = evaluation.evaluate(
+            outcome = evaluating.evaluate(
                 CONTROLLERS,
                 family,
                 count=count,
