@@ -6,6 +6,7 @@
 //! - `rollout`: what a candidate leads to, for the arm as a chain without mass.
 //! - `closed_loop_rollout`: what the law itself leads to, with all dynamics.
 //! - `prediction`: the obstacles at later instants.
+//! - `self_motion`: the best way along the self-motion, where that is a curve.
 //! - `planning_cycle`: when which of these is computed, and what becomes of the result.
 
 mod candidate;
@@ -15,6 +16,7 @@ mod fixtures;
 mod planning_cycle;
 mod prediction;
 mod rollout;
+mod self_motion;
 
 pub(crate) use closed_loop_rollout::fastest_rate;
 pub use planning_cycle::Preview;
