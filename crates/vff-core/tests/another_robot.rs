@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use std::sync::Arc;
-use vff_core::control::avoidance::preview::Preview;
+use vff_core::control::avoidance::preview::{Present, Preview};
 use vff_core::control::{
     Avoidance, Budget, Controller, Formulation, Gains, PreviewSettings, Settings, Yielding,
 };
@@ -800,7 +800,8 @@ fn look_ahead_foresees_two_discs() {
         world.update(0.4);
         for _ in 0..6 {
             let unlimited = Budget::of_simulation(None);
-            preview_alone.advance(&robot, &mut world, &|_| reference, &unlimited);
+            let present = Present { robot: &robot, sent: None, unknown: &[] };
+            preview_alone.advance(&present, &mut world, &|_| reference, &unlimited);
             preview_alone.elapse(preview.period);
         }
         preview_alone.is_active()
