@@ -81,6 +81,7 @@ LEFT_OUT = {
     "python docs/evaluate_goals.py": "runs for half an hour; the tests evaluate in short",
     "python docs/emulate.py FOLDER": "runs for half an hour; the tests do so in short",
     "python docs/evaluate_rate.py 20": "runs for minutes; the tests do so on bundled scenes",
+    "python docs/evaluate_self_motion.py": "runs for minutes; the tests do so on a bundled scene",
     "python benches/peers/space.py --tune": "runs for half an hour; the tests tune in short",
     "python benches/calls.py": "needs the programs that the commands of docs/c.md build",
     "python tests/test_engines.py": "is a file of tests, which pytest runs",

@@ -29,11 +29,25 @@ WAYS: dict[str, Changes] = {
     "priority": {"controller.avoidance": "priority"},
     "cbf": {"controller.avoidance": "cbf", "controller.yielding.preview": None},
     "look-ahead": {"controller.avoidance": "cbf", "controller.yielding.preview": {}},
+    "self-motion": {"controller.avoidance": "cbf", "controller.yielding.preview": {"self_motion": {}}},
 }
-NOT_TOGETHER = {("panda-wipe", "look-ahead"): "has no look-ahead"}
+_ONE_FREEDOM = (
+    "gen3-circle",
+    "head-on",
+    "iiwa-line",
+    "iiwa-swivel",
+    "panda-bump",
+    "panda-lean",
+    "panda-shelf",
+    "panda-sweep",
+    "planner-bench-reach-3",
+)
+NOT_TOGETHER = {
+    (name, "self-motion"): "leaves one degree of freedom"
+    for name in vff.scenarios()
+    if name not in _ONE_FREEDOM
+} | {("panda-wipe", way): "has no look-ahead" for way in ("look-ahead", "self-motion")}
 """Scenes with a way of giving way that they refuse, and a part of the sentence."""
-KNOWN = {("panda-shelf", "priority", ("boxes on links",)): "into an obstacle"}
-"""What does not hold yet: `priority` keeps a joint from its stop, and does not know the board beside it."""
 RATE = 1000.0  # N·m/s
 
 

@@ -191,3 +191,36 @@ def test_a_deadline_is_a_time_or_unlimited(value: Any, words: str) -> None:
     with pytest.raises(vff.errors.ScenarioError, match=words) as refused:
         vff.ControlSettings(deadline=value)
     assert "deadline" in str(refused.value)
+
+
+SEARCHING = {"avoidance": "cbf", "yielding": {"preview": {"self_motion": {}}}}
+
+
+@pytest.mark.parametrize(("task", "free"), [("position", 4), ("pointing", 2)])
+def test_the_self_motion_is_a_curve(task: str, free: int) -> None:
+    """Where more or less than one degree of freedom is left there is none to search."""
+    words = f"leaves one degree of freedom: this one leaves {free} of 7"
+    with pytest.raises(vff.errors.ScenarioError, match=words) as caught:
+        vff.Controller(vff.Arm.named("panda"), SEARCHING | {"task": task})
+    assert "yielding.preview.self_motion" in str(caught.value)
+    vff.Controller(vff.Arm.named("panda"), SEARCHING | {"task": "pose"})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [("spacing", 1e-6, "at least"), ("speed", 1.5, "at most 1"), ("period", 0.0, "greater than 0")],
+)
+def test_wrong_settings_of_the_search_are_named(key: str, value: float, words: str) -> None:
+    with pytest.raises(vff.errors.ScenarioError, match=words) as caught:
+        vff.ControlSettings(avoidance="cbf", yielding={"preview": {"self_motion": {key: value}}})
+    assert f"preview.self_motion.{key}" in str(caught.value)
+
+
+def test_a_search_that_is_cut_short_repeats() -> None:
+    """Work is counted, not time: with a deadline, too, the same bits each time, but others than without."""
+    changes = {"controller.deadline": 20.0, "duration": 2.0}
+    first, again = (vff.simulate("iiwa-swivel", changes) for _ in range(2))
+    assert first.metrics["cut_cycles"] > 0
+    assert np.array_equal(first.tau, again.tau)
+    free = vff.simulate("iiwa-swivel", {"duration": 2.0})
+    assert not np.array_equal(first.tau, free.tau)

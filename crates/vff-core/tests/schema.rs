@@ -12,7 +12,9 @@ use vff_core::control::force::ForceSettings;
 use vff_core::control::observer::{ObserverSettings, Touch};
 use vff_core::control::reaction::ReactionSettings;
 use vff_core::control::tank::TankSettings;
-use vff_core::control::{CommandSettings, PreviewSettings, Settings, TaskMetric, Yielding};
+use vff_core::control::{
+    CommandSettings, PreviewSettings, SelfMotionSettings, Settings, TaskMetric, Yielding,
+};
 use vff_core::field::Field;
 use vff_core::scenario::SCHEMA;
 use vff_core::settings::{Key, Table};
@@ -140,6 +142,7 @@ fn tables_are_those_of_the_settings() {
     put::<ReactionSettings>(&mut text, "controller.touch.reaction");
     put::<Yielding>(&mut text, "controller.yielding");
     put::<PreviewSettings>(&mut text, "controller.yielding.preview");
+    put::<SelfMotionSettings>(&mut text, "controller.yielding.preview.self_motion");
     put::<GovernorSettings>(&mut text, "controller.governor");
     put::<CommandSettings>(&mut text, "controller.command");
     put::<ReplanSettings>(&mut text, "replan");

@@ -27,6 +27,12 @@ impl<const M: usize> TaskMetric<M> {
         Self { scale: SVector::from_fn(|i, _| if i < D { 1.0 } else { length }) }
     }
 
+    /// S v \[m, or that per s or s²\].
+    #[inline]
+    pub fn apply(&self, v: &SVector<f64, M>) -> SVector<f64, M> {
+        v.component_mul(&self.scale)
+    }
+
     /// ‖S v‖ \[m, or that per s or s²\].
     #[inline]
     pub fn norm(&self, v: &SVector<f64, M>) -> f64 {

@@ -44,7 +44,7 @@ pub use output::Output;
 pub use sampling::StablePeriod;
 pub use settings::{
     Avoidance, CommandSettings, Formulation, Gravity, Keep, PreviewSettings, Projection,
-    SelfCollision, Settings, TaskKind, Yielding,
+    SelfCollision, SelfMotionSettings, Settings, TaskKind, Yielding,
 };
 pub use tank::Tank;
 pub use torque_range::TorqueRange;

@@ -9,6 +9,7 @@ mod dispatch;
 mod document;
 mod error;
 mod json_schema;
+mod look_ahead;
 mod numbers;
 pub mod plane;
 mod prepare;

@@ -3,11 +3,9 @@
 //! Types, unknown and missing keys have been validated by [`super::document`]; here are the values.
 
 use super::error::{Problem, ScenarioError};
+use super::look_ahead;
 use super::numbers::{length, number, table};
 use super::touch::touch;
-use crate::control::PreviewSettings;
-use crate::control::avoidance::barrier;
-use crate::control::avoidance::preview::fastest_rate;
 use crate::control::distance::OwnPair;
 use crate::control::tank::TankSettings;
 use crate::control::{
@@ -297,7 +295,8 @@ pub fn controller(settings: &Settings, arm: Option<(usize, usize)>) -> Validated
         return Err(ScenarioError::new("yielding.keep", Problem::Other(problem.into())));
     }
     if settings.avoidance == Avoidance::Cbf {
-        look_ahead(settings)?;
+        look_ahead::work(settings)?;
+        look_ahead::self_motion(settings, arm)?;
     }
     if let Some(limits) = &settings.joint_limit_field {
         field(limits).map_err(|error| error.inside("joint_limit_field"))?;
@@ -338,55 +337,9 @@ fn yielding(yielding: &Yielding) -> Validated {
         let requirement = format!("greater than inner = {inner}");
         return Err(ScenarioError::out_of_range("outer", &requirement, *outer));
     }
-    yielding
-        .preview
-        .as_ref()
-        .map_or(Ok(()), |given| preview(given).map_err(|error| error.inside("preview")))
-}
-
-/// `[controller.yielding.preview]`.
-fn preview(settings: &PreviewSettings) -> Validated {
-    table(settings, |_| None)?;
-    let PreviewSettings { horizon, trigger, .. } = settings;
-    if trigger > horizon {
-        let requirement = format!("at most horizon = {horizon}");
-        return Err(ScenarioError::out_of_range("trigger", &requirement, *trigger));
-    }
-    Ok(())
-}
-
-/// What look-ahead has to do in one control step: bounded, because its closed loop takes steps as short as the fastest
-/// rate of the law demands.
-fn look_ahead(settings: &Settings) -> Validated {
-    const MAX_STEPS_AHEAD: usize = 100_000;
-    let Some(preview) = &settings.yielding.preview else { return Ok(()) };
-    let inside = |error: ScenarioError| error.inside("yielding.preview");
-    if preview.steps * preview.candidates > MAX_STEPS_AHEAD {
-        let requirement =
-            format!("at most {} with {} steps", MAX_STEPS_AHEAD / preview.steps, preview.steps);
-        let given = preview.candidates;
-        return Err(inside(ScenarioError::out_of_range("candidates", &requirement, given)));
-    }
-    let Some(fastest) = fastest_rate(preview.trigger) else {
-        let requirement = "short enough for 4096 steps of 10 ms";
-        return Err(inside(ScenarioError::out_of_range("trigger", requirement, preview.trigger)));
-    };
-    let largest = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
-    for (path, rate) in [
-        ("yielding.rate", barrier::rate(&settings.yielding)),
-        ("damping", largest(settings.damping.values())),
-        ("null_damping", largest(settings.null_damping.values())),
-    ] {
-        if rate > fastest {
-            let trigger = preview.trigger;
-            let requirement = format!(
-                "at most {:.0} 1/s with a look-ahead of trigger = {trigger} s",
-                fastest.floor()
-            );
-            return Err(ScenarioError::out_of_range(path, &requirement, rate));
-        }
-    }
-    Ok(())
+    yielding.preview.as_ref().map_or(Ok(()), |given| {
+        look_ahead::table_of(given).map_err(|error| error.inside("preview"))
+    })
 }
 
 /// What a controller of n joints that knows `barriers` distances per link keeps in memory, and `copies` of it.

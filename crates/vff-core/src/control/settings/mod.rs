@@ -3,10 +3,12 @@
 
 mod command;
 mod preview;
+mod self_motion;
 mod yielding;
 
 pub use command::{CommandSettings, Gravity, OF_THE_ROBOT};
 pub use preview::PreviewSettings;
+pub use self_motion::SelfMotionSettings;
 pub use yielding::{Keep, Yielding};
 
 use super::deadline::Deadline;
@@ -101,7 +103,8 @@ settings! {
     /// # Example
     /// ```
     /// use vff_core::control::settings::{
-    ///     Avoidance, CommandSettings, Formulation, Keep, PreviewSettings, Projection, SelfCollision, TaskKind, Yielding,
+    ///     Avoidance, CommandSettings, Formulation, Keep, PreviewSettings, Projection, SelfCollision, SelfMotionSettings, TaskKind,
+    ///     Yielding,
     /// };
     /// use vff_core::control::{Deadline, Settings};
     ///
@@ -119,6 +122,8 @@ settings! {
     /// assert_eq!(settings.self_collision, SelfCollision::Avoid);
     /// assert_eq!(settings.deadline, Some(Deadline::Micros(300.0)));
     /// assert_eq!(settings.yielding, Yielding { margin: 0.03, preview: Some(PreviewSettings::default()), ..Yielding::default() });
+    /// // What the search of the self-motion takes where nothing is said.
+    /// assert_eq!(SelfMotionSettings::default().horizon, 3.0);
     /// // What is not said is as by default.
     /// let defaults = Settings::default();
     /// assert_eq!((defaults.formulation, defaults.projection), (Formulation::Recursive, Projection::Dynamic));

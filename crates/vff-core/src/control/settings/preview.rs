@@ -1,5 +1,6 @@
 //! What can be set on the look-ahead.
 
+use super::SelfMotionSettings;
 use crate::settings::settings;
 
 settings! {
@@ -23,5 +24,8 @@ settings! {
         clearance: f64 = 0.1, "m", POSITIVE;
         /// Standard deviation of the joint velocities of candidates.
         speed: f64 = 1.0, "rad/s", POSITIVE;
+        /// Where the task leaves one degree of freedom, the best way along it is searched first: a table, see
+        /// \[controller.yielding.preview.self_motion\].
+        self_motion: Option<SelfMotionSettings> = None, "";
     }
 }

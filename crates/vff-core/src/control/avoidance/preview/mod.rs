@@ -6,6 +6,7 @@
 //! - `rollout`: what a candidate leads to, for the arm as a chain without mass.
 //! - `closed_loop_rollout`: what the law itself leads to, with all dynamics.
 //! - `prediction`: the obstacles at later instants.
+//! - `self_motion`: the best way along the self-motion, where that is a curve.
 //! - `planning_cycle`: when which of these is computed, and what becomes of the result.
 
 mod candidate;
@@ -15,9 +16,21 @@ mod fixtures;
 mod planning_cycle;
 mod prediction;
 mod rollout;
+mod self_motion;
 
 pub(crate) use closed_loop_rollout::fastest_rate;
 pub use planning_cycle::Preview;
+
+/// Where roll-outs begin.
+#[derive(Debug)]
+pub struct Present<'a, R> {
+    /// The arm at the observed state.
+    pub robot: &'a R,
+    /// Behind a limit of the torque rate the torque of the law that acts \[N·m, N\].
+    pub sent: Option<&'a [f64]>,
+    /// What acts beside it and the model does not know, as estimated \[N·m, N\]; empty if nobody does.
+    pub unknown: &'a [f64],
+}
 
 /// How many of `count` equal parts of a piece of work must be done after this share of its time: all of them if the
 /// share is infinite.

@@ -12,9 +12,10 @@ mod tests;
 
 use super::candidate::{Candidate, Forecast, cost};
 use super::closed_loop_rollout::{ClosedLoopRollout, Foreseen};
-use super::due;
 use super::prediction::Prediction;
 use super::rollout::{RATE, Rollout};
+use super::self_motion::SelfMotion;
+use super::{Present, due};
 use crate::control::PreviewSettings;
 use crate::control::deadline::{Budget, LeftOut};
 use crate::control::{Gains, OperationalSpace, Torque};
@@ -85,6 +86,8 @@ pub struct Preview<R: Manipulator<D, M>, const D: usize, const M: usize> {
     /// When, since the beginning of the cycle, it was found out what the law as it is leads to \[s\]: at once, if there is time.
     judged: f64,
     left_out: LeftOut,
+    /// What searches the self-motion, where that is asked for.
+    self_motion: Option<Box<SelfMotion<R, D, M>>>,
     change: Vec<f64>,
     scratch: Vec<f64>,
 }
@@ -117,6 +120,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             under_way: UnderWay::Nothing,
             judged: 0.0,
             left_out: LeftOut::default(),
+            self_motion: settings
+                .self_motion
+                .as_ref()
+                .map(|given| Box::new(SelfMotion::new(robot, gains, given, settings.trigger))),
             change: vec![0.0; n],
             scratch: vec![0.0; n],
         }
@@ -126,26 +133,40 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     pub fn reserve(&mut self, obstacles: usize, contacts: usize) {
         self.rollout.reserve(obstacles, contacts);
         self.closed_loop.reserve(contacts);
+        if let Some(search) = &mut self.self_motion {
+            search.reserve(obstacles);
+        }
     }
 
     /// Takes over the posture of the law with these gains, at rest.
     pub fn rest_at_posture_of(&mut self, gains: &Gains<M>) {
         self.closed_loop.rest_at_posture_of(gains);
+        if let Some(search) = &mut self.self_motion {
+            search.rest_at_posture_of(gains);
+        }
     }
 
     /// Forgets the past.
     pub fn reset(&mut self) {
         self.noise = Noise::new(self.seed, STREAM);
+        self.rest();
+        self.weight = 0.0;
+        self.left_out = LeftOut::default();
+        if let Some(search) = &mut self.self_motion {
+            search.reset();
+        }
+    }
+
+    /// Gives up what is under way and what is followed: the next control step begins a cycle.
+    fn rest(&mut self) {
         (self.elapsed, self.since) = (f64::INFINITY, f64::INFINITY);
         (self.tried, self.count) = (0, 0);
         self.closed_loop.stop();
         self.foreseen = Foreseen::Nothing;
         self.active = false;
         self.holds = false;
-        self.weight = 0.0;
         self.best.make_idle();
         (self.under_way, self.judged) = (UnderWay::Nothing, 0.0);
-        self.left_out = LeftOut::default();
     }
 
     /// What was left out for lack of time.
@@ -158,29 +179,41 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         self.elapsed += dt;
         self.since += dt;
         self.begun += dt;
+        if let Some(search) = &mut self.self_motion {
+            search.elapse(dt);
+        }
         if !self.counts() {
             return;
         }
         let share = 1.0 - (-BLEND * dt).exp();
         let go = |from: &mut f64, to: f64| *from += share * (to - *from);
-        self.aim.iter_mut().zip(self.best.at(self.elapsed)).for_each(|(aim, u)| go(aim, *u));
-        go(&mut self.hold, f64::from(self.best.holds));
-        go(&mut self.weight, f64::from(self.active));
-        if !self.active && self.weight < 1e-6 {
+        let path = self.self_motion.as_ref().filter(|search| !self.active && search.has_path());
+        let (wanted, holds) = match path {
+            Some(search) => {
+                search.write_velocity(&mut self.scratch);
+                (&*self.scratch, true)
+            }
+            None => (self.best.at(self.elapsed), self.best.holds),
+        };
+        self.aim.iter_mut().zip(wanted).for_each(|(aim, u)| go(aim, *u));
+        go(&mut self.hold, f64::from(holds));
+        let is_followed = self.active || path.is_some();
+        go(&mut self.weight, f64::from(is_followed));
+        if !is_followed && self.weight < 1e-6 {
             self.weight = 0.0;
         }
     }
 
-    /// Begins a cycle at the state of `robot` if it is time, and does the work that is due as far as there is time for it;
+    /// Begins a cycle at `present` if it is time, and does the work that is due as far as there is time for it;
     /// `reference(s)` is that in s seconds.
     pub fn advance(
         &mut self,
-        robot: &R,
+        present: &Present<'_, R>,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
         budget: &Budget,
     ) {
-        let is_done = self.work(robot, surroundings, reference, budget).is_some();
+        let is_done = self.work(present, surroundings, reference, budget).is_some();
         if !is_done {
             self.left_out.cut += 1;
             self.give_up_what_is_old();
@@ -191,11 +224,23 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// None where the time of this control cycle is over before all that is due is done.
     fn work(
         &mut self,
-        robot: &R,
+        present: &Present<'_, R>,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
         budget: &Budget,
     ) -> Option<()> {
+        let robot = present.robot;
+        if let Some(search) = &mut self.self_motion {
+            let velocity = if self.weight > 0.0 { &self.aim } else { robot.velocity() };
+            search.advance(robot, surroundings, reference, velocity, budget)?;
+            if search.has_path() && self.weight == 0.0 {
+                self.aim.copy_from_slice(robot.velocity());
+            }
+            if search.is_clear() {
+                self.rest();
+                return Some(());
+            }
+        }
         if self.is_over() {
             budget.is_left().then_some(())?;
             self.begin(robot, surroundings, reference);
@@ -204,7 +249,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             if self.rollout.forget(surroundings.count()) {
                 self.rollout.begin();
             }
-            self.judge(robot, surroundings, budget)?;
+            self.judge(present, surroundings, budget)?;
             self.roll_out_closed_loop(surroundings, reference, budget)?;
             self.search(surroundings, budget)?;
         }
@@ -273,7 +318,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// does better than that.
     fn judge(
         &mut self,
-        robot: &R,
+        present: &Present<'_, R>,
         surroundings: &dyn Prediction<D>,
         budget: &Budget,
     ) -> Option<()> {
@@ -292,7 +337,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             let contact = idle.distance < enough;
             let ahead = !rollout.obstacles.is_empty() && (contact || idle.worst > most);
             if !*active && ahead {
-                closed_loop.begin(robot);
+                closed_loop.begin(present);
                 self.begun = 0.0;
             }
             *active &= ahead;
@@ -301,24 +346,24 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
                 return Some(());
             }
             if self.weight == 0.0 {
-                self.aim.copy_from_slice(robot.velocity());
+                self.aim.copy_from_slice(present.robot.velocity());
             }
             rollout.begin();
             self.under_way = UnderWay::Present { of_idle: cost(settings, margin, idle, true) };
         }
         if let UnderWay::Present { of_idle } = self.under_way {
             let all = |_: Forecast, _: f64| false;
-            let present = rollout.go_on(best, surroundings, self.elapsed, &all, budget)?;
+            let followed = rollout.go_on(best, surroundings, self.elapsed, &all, budget)?;
             (self.under_way, self.judged) = (UnderWay::Nothing, self.elapsed);
             // The null space alone was not enough.
-            *holds &= present.distance >= margin;
-            self.cost = cost(settings, margin, present, best.holds);
+            *holds &= followed.distance >= margin;
+            self.cost = cost(settings, margin, followed, best.holds);
             if of_idle <= self.cost {
                 self.cost = of_idle;
                 best.make_idle();
             }
             // A candidate that keeps its distance needs little more than to be kept up to date.
-            let settled = present.distance >= settings.clearance;
+            let settled = followed.distance >= settings.clearance;
             self.count = if settled { settings.candidates / 8 } else { settings.candidates };
         }
         Some(())
@@ -379,9 +424,10 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         self.active
     }
 
-    /// Whether the nominal motion is, if only a little, that of a candidate.
+    /// Whether the nominal motion is, if only a little, that of a candidate or of a path.
     fn counts(&self) -> bool {
-        self.active || self.weight > 0.0
+        let has_path = self.self_motion.as_ref().is_some_and(|search| search.has_path());
+        self.active || self.weight > 0.0 || has_path
     }
 
     /// Makes the candidate the nominal motion (T72): changes the torque of the null-space law into one that gives
