@@ -107,7 +107,7 @@ IN_SPACE: dict[str, Story] = {
         "goes on with its circle. Drag the box into the hand: that gives way, stops, and catches up when it "
         "has gone.",
         {
-            "obstacles.0.position": [-0.19, 0.3, 0.62],
+            "obstacles.0.position": [-0.19, 0.34, 0.62],
             "obstacles.0.motion": {
                 "kind": "sinusoid",
                 "amplitude": [0.0, 0.16, 0.0],
