@@ -45,8 +45,8 @@ PLAIN = "glibc.cpu.hwcaps=" + ",".join(
 
 
 def build() -> Path:
-    """The program `steps`, compiled as releases are."""
-    cargo = ["cargo", "build", "--quiet", "--release", "--locked", "--workspace", "--bench", "steps"]
+    """The program `steps`, compiled as releases are, from the core of the Python module if that is there."""
+    cargo = ["cargo", "build", "--quiet", "--release", "--locked", "--workspace", "--bin", "steps"]
     told = subprocess.run([*cargo, "--message-format=json"], cwd=ROOT, check=True, stdout=subprocess.PIPE)
     artefacts = (json.loads(line) for line in told.stdout.splitlines())
     (program,) = (a["executable"] for a in artefacts if a.get("target", {}).get("name") == "steps")

@@ -90,6 +90,11 @@ makers publish, this says nothing.
 
 {reasons}
 
+`relaxed` gives up the hand's orientation between the boards of panda-shelf, and its way leads past a
+singularity: a robot that computes the force at its hand from the torques of its joints takes 0.5 N·m of
+friction for 57 N there. A kilogram that nobody knows of turns the hand 0.4 rad/s faster than the 0.85 of
+its largest speed that are kept.
+
 ## Other laws
 
 The same scenes and robots, and laws that send what they compute: cut off at the torque limits, and on a

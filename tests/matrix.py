@@ -48,8 +48,6 @@ NOT_TOGETHER = {
     if name not in _ONE_FREEDOM
 } | {("panda-wipe", way): "has no look-ahead" for way in ("look-ahead", "self-motion")}
 """Scenes with a way of giving way that they refuse, and a part of the sentence."""
-KNOWN = {("panda-shelf", "priority", ("boxes on links",)): "into an obstacle"}
-"""What does not hold yet: `priority` keeps a joint from its stop, and does not know the board beside it."""
 RATE = 1000.0  # N·m/s
 
 

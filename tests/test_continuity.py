@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import vffnull as vff
+from test_hulls_on_links import mixed
+from vffnull.model.arm import arm_of
 
 LAWS = ("null_space", "relaxed", "priority", "cbf")
 FIELD = vff.Field.bounded(40, 0.25)
@@ -69,3 +73,61 @@ def test_a_torque_in_half_the_step_changes_half_as_much(
     coarse, fine = (largest_step(arm, motion, law, ball, steps) for steps in (1000, 2000))
     assert fine[1] == pytest.approx(NEAREST, abs=2e-4)
     assert fine[0] == pytest.approx(coarse[0] / 2, rel=0.05)
+
+
+def folding(s: float) -> Array:
+    """The hand to the upper arm and back: with hulls, to 3 cm of it."""
+    away = np.array([0.3, 0.3, 0.2, -0.62, 0.3, 1.5, 0.4])
+    return READY + 0.5 * (1 - np.cos(2 * np.pi * s)) * away
+
+
+@pytest.mark.parametrize("law", ["null_space", "cbf"])
+def test_hulls_that_keep_their_own_pairs_do_not_chatter(law: str) -> None:
+    """Other pairs, faces and edges become the nearest ones on the way: in half the step the torque changes
+    half as much, and not by jumps of 11 N·m.
+    """
+    arm = arm_of(mixed())
+    settings = vff.ControlSettings(
+        task="pose",
+        stiffness=100,
+        damping=20,
+        null_damping=8,
+        field=vff.Field.bounded(40, 0.15),
+        avoidance=law,
+        self_collision="avoid",
+    )
+    controller, h, wanted = vff.Controller(arm, settings), 1e-6, np.concatenate(arm.pose(folding(0.2)))
+    steps = []
+    for count in (1000, 2000):
+        torques, clearances, active = [], [], []
+        for s in np.linspace(0.0, 1.0, count + 1):
+            rate = (folding(s + h) - folding(s - h)) / (2 * h)
+            terms = controller.terms(folding(s), rate, wanted)
+            torques.append(terms.tau)
+            clearances.append(terms.self_clearance)
+            active.append(np.abs(terms.tau_vff).max())
+        assert min(clearances) < 0.05 and max(active) > 1.0
+        steps.append(np.abs(np.diff(torques, axis=0)).max())
+    assert steps[1] == pytest.approx(steps[0] / 2, rel=0.05)
+
+
+def test_hulls_of_a_file_do_not_chatter_in_a_run(tmp_path: Path) -> None:
+    """`collision = "file"`, barriers and own pairs: torques change by half as much in half the step."""
+    pytest.importorskip("mujoco")
+    path = tmp_path / "robot.xml"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", vff.errors.ScenarioWarning)
+        path.write_text(arm_of(mixed()).to_mjcf(), encoding="utf-8")
+        arm = vff.Arm.from_mjcf(path, tip="panda_hand_tcp", collision="file")
+        assert any(each["shape"]["kind"] == "convex" for each in arm.to_dict()["collision"])
+        changes = {
+            "arm": arm.to_dict(),
+            "controller.avoidance": "cbf",
+            "controller.self_collision": "avoid",
+            "simulation.record_every": 1,
+            "duration": 3.0,
+        }
+        runs = [vff.simulate("panda-sweep", {**changes, "simulation.dt": dt}) for dt in (1e-3, 5e-4)]
+    assert all(np.abs(run.tau_vff).max() > 1.0 for run in runs)
+    coarse, fine = (float(np.abs(np.diff(run.tau[1:], axis=0)).max()) for run in runs)
+    assert coarse < 1.0 and fine < 0.65 * coarse

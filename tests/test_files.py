@@ -6,6 +6,9 @@ import errno
 import json
 import os
 import random
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,7 @@ from vffnull.logs import header
 from vffnull.model import record as _record
 from vffnull.model.record import recorded
 from vffnull.run.evaluate import identity, scores
+from waiting import HANG, processor_time
 
 LOSSLESS = (".npz", ".csv", ".arrow", ".parquet")
 
@@ -369,3 +373,58 @@ def test_paths_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(IsADirectoryError):
         vff.Result.load(tmp_path / "folder.csv")
+
+
+LONG = ["--set", "simulation.record_every=1000", "--set", "duration=100000"]
+
+
+def terminated(folder: Path, *words: str, when: Callable[[int], bool]) -> tuple[int, str]:
+    """Exit code and stderr of a command that is ended by SIGTERM as soon as something is so."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vffnull", *words],
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    end = time.monotonic() + HANG
+    while not when(process.pid):
+        assert process.poll() is None and time.monotonic() < end, "it was over before"
+        time.sleep(0.0005)
+    process.terminate()
+    _, told = process.communicate(timeout=HANG)
+    return process.returncode, told
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="no /proc")
+@pytest.mark.parametrize(
+    "words", [["run", "paper-1", "--save", "run.npz"], ["report", "paper-1", "run.html"]]
+)
+def test_a_run_that_is_terminated(words: list[str], tmp_path: Path) -> None:
+    """In the midst of the simulation: 143, no traceback, no draft; `run` keeps what there is."""
+    code, told = terminated(tmp_path, *words, *LONG, when=lambda pid: processor_time(pid) > 2.0)
+    assert code == 143 and "Traceback" not in told, told
+    left = {each.name for each in tmp_path.iterdir()}
+    assert left <= {words[-1]}, left
+    if left and words[0] == "run":
+        assert vff.Result.load(tmp_path / "run.npz").status == "interrupted"
+
+
+@pytest.mark.parametrize("kind", ["run", "report", "animate"])
+def test_a_command_that_is_terminated_while_it_writes(kind: str, tmp_path: Path) -> None:
+    """As soon as a draft is there: it goes, what stood under the name stays, and the code is 143."""
+    often = ["--set", "simulation.record_every=1"]
+    words, name = {
+        "run": (["run", "paper-1", "--save", "run.csv", *often], "run.csv"),
+        "report": (["report", "paper-1", "run.html", *often], "run.html"),
+        "animate": (["animate", "paper-1", "run.gif"], "run.gif"),
+    }[kind]
+    if kind == "report":
+        pytest.importorskip("bokeh")
+    (tmp_path / name).write_text("what was there")
+    code, told = terminated(tmp_path, *words, when=lambda _: any(tmp_path.glob(".*")))
+    assert "Traceback" not in told, told
+    assert [each.name for each in tmp_path.iterdir()] == [name]
+    if kind != "report" or code != 0:  # its draft is written at once: the signal may come after
+        assert code == 143, told
+        assert (tmp_path / name).read_text() == "what was there"

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import vffnull as vff
 from vffnull.live.readouts import numbers
 from vffnull.model.headline import findings
-from waiting import HANG
+from waiting import HANG, frames, wait_for
 
 # A UR5e draws its hand to its shoulder: 6 cm into itself.
 FOLDING: dict[str, Any] = {
@@ -23,6 +25,18 @@ FOLDING: dict[str, Any] = {
     "controller": {"stiffness": 400.0, "damping": 40.0, "null_damping": 6.0, "self_collision": "report"},
     "reference": {"kind": "line", "end": [0.1, -0.13, 0.6], "duration": 2.0},
     "simulation": {"integrator": "semi_implicit_euler"},
+}
+
+
+# The hand is at its place from the start, and still turns when the run ends.
+TURNED: dict[str, Any] = {
+    "duration": 0.02,
+    "obstacles": [],
+    "reference": {
+        "kind": "setpoint",
+        "relative": True,
+        "orientation": [float(np.cos(0.2)), 0.0, 0.0, float(np.sin(0.2))],
+    },
 }
 
 
@@ -45,6 +59,24 @@ def test_links_inside_each_other_come_first(folded: vff.Result) -> None:
     assert set(pair) <= {*names, "the base"} and len(set(pair)) == 2
     row = int(folded.self_clearance.argmin())
     assert folded.metrics.min_self_clearance_time == folded.t[row]
+
+
+def test_contact_with_an_obstacle_is_told() -> None:
+    """With the link, how deep, since when and for how long: as the record has it."""
+    result = vff.simulate("sweep-through", {"controller.field.gain": 0.0, "simulation.record_every": 1})
+    assert (result.headline.verdict, result.headline.severity) == ("collided", "bad")
+    inside = result.clearance.min(axis=1) < 0.0
+    link, depth = result.clearance.min(axis=0).argmin(), -1e3 * result.clearance.min()
+    said = re.fullmatch(
+        r"link (\d+) was up to (\S+) mm inside an obstacle, first at t = (\S+) s, for (\S+) s in all",
+        result.headline.lines[0],
+    )
+    assert said is not None, result.headline.lines
+    assert int(said[1]) == link
+    told, step = [float(each) for each in said.groups()[1:]], result.scenario["simulation.dt"]
+    assert told[0] == pytest.approx(depth, rel=5e-3)
+    assert told[1] == pytest.approx(result.t[inside.argmax()], abs=2 * step)
+    assert told[2] == pytest.approx(step * inside.sum(), abs=5e-3)
 
 
 def test_what_is_not_measured_is_not_claimed() -> None:
@@ -94,6 +126,18 @@ def test_a_reference_that_is_lost_is_told() -> None:
     assert any(line.startswith(f"the end effector is {missed:.3g} mm off") for line in result.headline.lines)
 
 
+def test_an_orientation_that_is_lost_is_told() -> None:
+    """Where the hand is at its place, and turned."""
+    result = vff.simulate("panda-sweep", TURNED)
+    turned = float(np.linalg.norm(result.error[-1, 3:]))
+    assert np.linalg.norm(result.error[-1, :3]) < 5e-3
+    assert (result.headline.verdict, result.headline.severity) == ("off reference", "odd")
+    said = re.fullmatch(
+        r"the end effector is turned (\S+)° from its reference at the end", result.headline.lines[0]
+    )
+    assert said is not None and float(said[1]) == pytest.approx(np.degrees(turned), abs=0.2)
+
+
 def test_barriers_that_broke_are_told() -> None:
     result = vff.simulate("ur5e-crossed", {"simulation.record_every": 1})
     broken = f"barriers were broken in {result.metrics.slack_steps} of {result.metrics.steps} steps"
@@ -129,6 +173,47 @@ def test_all_say_the_same(folded: vff.Result, tmp_path: Path) -> None:
     assert folded.headline.lines[0] in folded._repr_html_()
 
 
+ODD: dict[str, tuple[str, dict[str, Any]]] = {
+    "at a stop": ("planner-bench-reach-3", {"controller.enforce_limits": False}),
+    "over limits": (
+        "paper-1",
+        {
+            "duration": 0.2,
+            "arm.torque_limits": 5.0,
+            "controller.enforce_limits": False,
+            "reference.unreachable": "warn",
+        },
+    ),
+    "barrier broken": ("ur5e-crossed", {}),
+    "off reference": ("panda-sweep", TURNED),
+}
+
+
+@pytest.mark.parametrize("verdict", ODD)
+def test_strict_covers_what_is_odd(verdict: str, tmp_path: Path) -> None:
+    """Exit code 3 under ``--strict`` and 0 without; the badge is neither green nor red."""
+    name, changes = ODD[verdict]
+    scenario = vff.Scenario.load(name).replace(**changes)
+    scenario.save(tmp_path / "odd.toml")
+    codes = [
+        command("run", "odd.toml", *strict, "--save", "run.npz", cwd=tmp_path).returncode
+        for strict in ([], ["--strict"])
+    ]
+    assert codes == [0, 3]
+    result = vff.Result.load(tmp_path / "run.npz")
+    assert (result.headline.verdict, result.headline.severity) == (verdict, "odd")
+    pages = result.report(tmp_path / "a.html"), vff.compare([result, result], tmp_path / "b.html")
+    for page in pages:
+        assert f'<span class="badge odd">{verdict}</span>' in page.read_text(encoding="utf-8")
+
+
+def test_a_run_in_which_all_is_well(short: vff.Result, tmp_path: Path) -> None:
+    done = command("run", "sweep-through", "--set", "duration=0.5", "--strict", cwd=tmp_path)
+    assert done.returncode == 0 and "completed: reached its end" in done.stdout
+    for page in (short.report(tmp_path / "a.html"), vff.compare([short, short], tmp_path / "b.html")):
+        assert '<span class="badge good">completed</span>' in page.read_text(encoding="utf-8")
+
+
 def test_files_of_a_run_say_the_same(folded: vff.Result, tmp_path: Path) -> None:
     assert vff.Result.load(folded.save(tmp_path / "run.npz")).headline == folded.headline
 
@@ -141,3 +226,19 @@ def test_the_page_says_it_too() -> None:
     found = list(findings(facts, vff.simulate(FOLDING | {"duration": 0.01}).scenario.arm))
     text = numbers({**live.snapshot(), "found": found})
     assert "<b>hit itself</b>" in text and "20 mm inside each other" in text
+
+
+def test_the_page_tells_of_its_own_loop(tmp_path: Path) -> None:
+    """The arm is folded into itself by the loop of the page, and the read-out names the pair."""
+    pytest.importorskip("viser")
+    page = vff.live(vff.Scenario.from_dict(FOLDING), open_browser=False, block=False, record_to=tmp_path)
+    try:
+        assert "hit itself" not in page._panel._numbers.content
+        wait_for(lambda: page.snapshot()["metrics"]["self_collision_time"] is not None, "contact")
+        frames(page)
+        wait_for(lambda: "<b>hit itself</b>" in page._panel._numbers.content, "the sentence")
+        names = (*page.scenario.arm.link_names, "the base")
+        said = re.search(r"hit itself</b>: (\S+) and (.+?) were up to", page._panel._numbers.content)
+        assert said is not None and {said[1], said[2]} <= set(names)
+    finally:
+        page.stop()

@@ -725,3 +725,44 @@ def test_a_visitor_drags_the_ball_into_the_elbow(tmp_path: Path) -> None:
             assert seen.hosts() == {page.url.split("/")[2]}
     finally:
         page.stop()
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (390, 844)], ids=["1280 × 720", "phone"])
+def test_ball_and_hand_are_seen_between_the_panels(size: tuple[int, int], tmp_path: Path) -> None:
+    """In the first picture, with nothing of the page on them."""
+    page = vff.live(scene(), open_browser=False, block=False, record_to=tmp_path)
+    try:
+        with chromium(*WEBGL) as browser:
+            page.cast_shadows(False)
+
+            def settled(tab: Any) -> bool:
+                clients = list(page._server.get_clients().values())
+                if len(clients) != 1 or clients[0].camera.update_timestamp == 0.0:
+                    return False
+                wanted = page._scene.camera(page._box(), clients[0].camera.aspect)
+                return bool(np.allclose(clients[0].camera.position, wanted.position, rtol=0.01))
+
+            tab = visit(browser, page.url, settled, size).tab
+            notes = "document.querySelectorAll('.mantine-Notification-closeButton')"
+            tab.evaluate(f"{notes}.forEach(close => close.click())")
+            tab.wait_for_timeout(500)
+            (client,) = page._server.get_clients().values()
+            camera, box = client.camera, tab.locator("canvas").first.bounding_box()
+            hand = page.scenario.arm.forward_kinematics(page.snapshot()["q"])[-1]
+            for place in (PLACE, hand):
+                seen = rotation(camera.wxyz).T @ (np.asarray(place) - camera.position)
+                scale = box["height"] / 2 / np.tan(camera.fov / 2)
+                x = box["x"] + box["width"] / 2 + scale * seen[0] / seen[2]
+                y = box["y"] + box["height"] / 2 + scale * seen[1] / seen[2]
+                over = tab.evaluate("([x, y]) => document.elementFromPoint(x, y)?.tagName", [x, y])
+                assert over == "CANVAS", (place, x, y, over)
+                assert 0 < x < size[0] and 0 < y < size[1]
+    finally:
+        page.stop()
+
+
+def test_the_plots_say_what_their_axes_are(page: Any) -> None:
+    """Quantity and unit of what goes up above each, and what goes to the right below it."""
+    for handle in page._plots._handles:
+        assert handle.title.endswith("]") and " [" in handle.title
+        assert handle.axes[0]["label"] == "simulated time [s]" and handle.axes[0]["size"] > 20

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,6 +81,85 @@ def test_fits_are_kept(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     document["fits"][0]["shape"]["radius"] = 9.0
     entries[0].write_text(json.dumps(document), encoding="utf-8")
     assert read_urdf(robot, tip="panda_hand_tcp").to_dict() == first.to_dict()
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_bar_is_shown_while_shapes_are_fitted(
+    terminal: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a terminal alone; it counts every link, and is there while the first is fitted."""
+    told: list[tuple[float, float]] = []
+    shown: list[tuple[float, str]] = []
+    begun: list[int] = []
+
+    @contextmanager
+    def bar(total: float, _delay: float, counts: str) -> Iterator[Any]:
+        shown.append((total, counts))
+        yield lambda done, of: told.append((done, of))
+
+    def fit(*arguments: Any) -> Any:
+        begun.append(len(shown))
+        return fit_solids(*arguments)
+
+    monkeypatch.setattr("vffnull.arms._read._progress.bar", bar)
+    monkeypatch.setattr("vffnull.arms._capsules.fit_solids", fit)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+    links = len(read_urdf(_robot(tmp_path), tip="panda_hand_tcp").document["joints"]) + 1
+    assert begun and set(begun) == {int(terminal)}
+    assert shown == [(links, ".0f links fitted")] * terminal
+    assert told == [(done, links) for done in range(1, links + 1)] * terminal
+
+
+def _resized(document: Any, factor: float) -> Any:
+    """An arm of other lengths and of the same densities: masses by the cube, inertias by the fifth power."""
+    made = json.loads(json.dumps(document))
+    for joint in made["joints"]:
+        joint["position"] = [factor * x for x in joint["position"]]
+        joint["mass"] *= factor**3
+        joint["com"] = [factor * x for x in joint["com"]]
+        joint["inertia"] = [factor**5 * x for x in joint["inertia"]]
+    for each in made["collision"]:
+        shape = each["shape"]
+        for key in ("a", "b", "center"):
+            if key in shape:
+                shape[key] = [factor * x for x in shape[key]]
+        shape["radius"] *= factor
+    made["torque_limits"] = [factor**4 * x for x in made["torque_limits"]]  # they hold the weight
+    if tool := made.get("tool"):
+        tool["position"] = [factor * x for x in tool["position"]]
+    return made
+
+
+def test_gains_follow_the_size_of_the_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a small and of a large one of the same build: the push by the mass, its range by the reach, the
+    posture's stiffness by the inertia; what shapes accelerations is the same. Every line says its unit.
+    """
+    monkeypatch.chdir(tmp_path)
+    found = {}
+    for factor in (0.4, 2.5):
+        document = _resized(vff.Arm.named("panda").to_dict(), factor)
+        document["collision"] = [each for each in document["collision"] if each["link"] != document["base"]]
+        Path("robot.urdf").write_text(arm_of(document).to_urdf(), encoding="utf-8")
+        text = _new("robot.urdf", "--tip", document["tip"])
+        Path("mine.toml").write_text(text, encoding="utf-8")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ScenarioWarning)
+            found[factor] = vff.Scenario.load("mine.toml")
+            result = vff.simulate(found[factor])
+        assert result.status == "completed" and result.metrics.min_clearance > 0.0
+        lines = [line for line in text.splitlines() if " = " in line and not line.startswith("#")]
+        for key in ("duration", "q0", "stiffness", "damping", "null_damping", "posture", "dt", "shape"):
+            (line,) = [line for line in lines if line.startswith(f"{key} = ")]
+            assert re.search(r"# \S", line), line
+    small, large = found[0.4], found[2.5]
+    ratio = 2.5 / 0.4
+    assert large["controller.stiffness"] == small["controller.stiffness"]
+    assert large["controller.damping"] == small["controller.damping"]
+    field = "controller.field"
+    assert large[field]["influence"] / small[field]["influence"] == pytest.approx(ratio, rel=0.1)
+    assert large[field]["gain"] / small[field]["gain"] == pytest.approx(ratio**3, rel=0.1)
+    stiff = [np.array(each["controller.posture_stiffness"]) for each in (small, large)]
+    assert np.median(stiff[1] / stiff[0]) == pytest.approx(ratio**5, rel=0.3)
 
 
 def test_the_cache_is_bounded(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -259,6 +259,17 @@ def test_a_scenario_takes_every_table_and_one_obstacle() -> None:
     assert made["replan"] == {} and len(made["obstacles"]) == 1
 
 
+@pytest.mark.parametrize(("name", "first"), [("from_urdf", "path_or_text"), ("from_mjcf", "path_or_model")])
+def test_reading_an_arm_explains_its_parameters(name: str, first: str) -> None:
+    """By help() itself: every one of the signature, each with a sentence, and none that is not there."""
+    method = getattr(vff.Arm, name)
+    text = inspect.getdoc(method) or ""
+    section = text.partition("Parameters\n")[2].partition("\nRaises\n")[0]
+    told = re.findall(r"^(\w+) : .+\n    \S", section, re.M)
+    signature = [each for each in inspect.signature(method).parameters if each not in ("self", "cls")]
+    assert told == signature and told[0] == first and len(told) > 8
+
+
 def test_every_field_of_the_settings_answers_help() -> None:
     for owner in (vff.ControlSettings, vff.Field):
         for each in dataclasses.fields(owner):

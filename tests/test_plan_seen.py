@@ -235,3 +235,27 @@ def test_a_live_page_shows_the_plan(page: Any) -> None:
     frames(page)
     assert page._scene._arms.plan == [] and not page._panel._plan.visible
     wait_for(lambda: "vff-replans" not in page._panel._details.content)
+
+
+def _turning(places: np.ndarray, stride: float = 0.05) -> float:
+    """By how much a path turns, seen at places that are at least a stride [m] apart [rad]."""
+    kept = [places[0]]
+    for place in places:
+        if np.linalg.norm(place - kept[-1]) >= stride:
+            kept.append(place)
+    ways = np.diff(kept, axis=0)
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    return float(np.arccos(np.clip((ways[1:] * ways[:-1]).sum(axis=1), -1.0, 1.0)).sum())
+
+
+def test_the_showcase_is_what_an_engineer_would_show() -> None:
+    """No joint near its limit of speed, and a tip that takes no loop: out, up and in are half a turn
+    and bends, and giving way to the ball is there and back.
+    """
+    run = vff.simulate("panda-shelf")
+    assert run.headline.severity == "good"
+    assert np.abs(run.dq / np.asarray(run.scenario.arm.velocity_limits)).max() < 0.85
+    way, wanted = run.x[:, :3], run.x_ref[:, :3]
+    length, planned = (float(np.linalg.norm(np.diff(each, axis=0), axis=1).sum()) for each in (way, wanted))
+    assert planned < 1.4 and length < 1.1 * planned
+    assert _turning(wanted) < np.radians(270.0) and _turning(way) < np.radians(450.0)

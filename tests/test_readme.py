@@ -12,6 +12,7 @@ from types import ModuleType
 
 import pytest
 
+from vffnull import _core
 from waiting import HANG
 
 README = Path(__file__).parents[1] / "README.md"
@@ -81,6 +82,23 @@ def test_the_first_commands() -> None:
         'pip install ".[report]" && vffnull report sweep-through run.html',
     ]
     assert 'pip install ".[test]" && .ci/check' in shell.splitlines()
+
+
+def test_everything_at_once_is_advised_with_its_cost() -> None:
+    """Before the first further command: what it saves, how many packages and how much disk it takes."""
+    start = README.read_text(encoding="utf-8").partition("## Set up")[2].partition("## Play with it")[0]
+    advice = re.search(
+        r"without compiling a second time, write `\"\.\[all\]\"`.*?about\s+(\d+) packages and (\d+) GB",
+        start,
+        re.S,
+    )
+    assert advice is not None and start.index(advice[0]) < start.index("What next?")
+    metadata = _core.parse_toml((README.parent / "pyproject.toml").read_text(encoding="utf-8"), "it")[
+        "project"
+    ]
+    extras = metadata["optional-dependencies"]
+    named = set(re.findall(r"\w+", re.search(r"\[(.*)\]", " ".join(extras["all"]))[1]))  # type: ignore[index]
+    assert {"io", "report", "viewer", "video", "study", "meshes"} <= named <= set(extras)
 
 
 PAGE = """# Page

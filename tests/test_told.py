@@ -18,8 +18,11 @@ from vffnull.model.scenario import ScenarioLike, prepare
 from vffnull.studies import studies
 
 PACKAGE = Path(vff.__file__).parent
+CRATES = Path(__file__).parents[1] / "crates"
 MENTION = re.compile(r"`(vffnull [^`]+)`")
 COMMENT = re.compile(r"#.*?(vffnull (?:arms|live|plan|run|report|study) [^`;]+)")
+CONTINUED = re.compile(r"\\\n\s*|^\s*//.*$", re.M)
+"""Of Rust: where a string goes on in the next line, and comments."""
 
 ROBOT = """<robot name="lever"><link name="base"/>
 <link name="arm"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
@@ -60,6 +63,9 @@ def _told() -> list[tuple[str, bool]]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found += [(each, False) for each in MENTION.findall(node.value)]
+    for path in sorted(CRATES.glob("*/src/**/*.rs")):
+        text = CONTINUED.sub("", path.read_text(encoding="utf-8"))
+        found += [(each, False) for each in MENTION.findall(text)]
     return list(dict.fromkeys(found))
 
 
@@ -100,7 +106,14 @@ def test_what_is_told_works(example: str, whole: bool, folder: Path, monkeypatch
     ]
     found, name, arguments = _resolved(list(words))
     assert name, f"there is no command {example!r}"
-    if not whole or any(word.isupper() for word in arguments):  # a form, not an example
+    if not whole:  # in a sentence: its options and the number of its arguments are right, or it has none
+        if arguments and not all(word.startswith("-") for word in arguments):
+            found.make_context(" ".join(name), [*arguments], resilient_parsing=False).close()
+        elif arguments:
+            known = {option for each in found.params for option in each.opts}
+            assert set(arguments) <= known
+        return
+    if any(word.isupper() for word in arguments):  # a form, not an example
         return
     if " ".join(name) in READ_ONLY:
         found.make_context(" ".join(name), list(arguments)).close()
@@ -120,6 +133,20 @@ def test_what_is_told_works(example: str, whole: bool, folder: Path, monkeypatch
 
 def _shortened(source: ScenarioLike, overrides: dict[str, object] | None = None) -> vff.Scenario:
     return prepare(source, {**(overrides or {}), **SHORT})
+
+
+def test_messages_of_the_crates_are_among_them() -> None:
+    if not CRATES.is_dir():
+        pytest.skip("no source tree")
+    told = {example for example, _ in _told()}
+    assert "vffnull arms check robot.xml --toml" in told
+    assert "vffnull arms check ROBOT.urdf --toml > robot.toml" in told
+
+
+def test_an_option_that_does_not_exist_is_noticed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for wrong in ("vffnull arms check robot.urdf --tmol", "vffnull evaluate --jsn"):
+        with pytest.raises((click.UsageError, AssertionError)):
+            test_what_is_told_works(wrong, False, folder, monkeypatch)
 
 
 def test_every_status_of_a_plan_is_documented() -> None:

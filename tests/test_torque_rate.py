@@ -54,6 +54,36 @@ def test_no_limit_is_exceeded_in_bundled_scenes(name: str, way: str) -> None:
             assert least > 0.0
 
 
+@pytest.mark.parametrize(
+    ("family", "arm", "task", "seed"),
+    [
+        ("links-swept", "panda", "pose", 515),
+        ("links-swept", "iiwa14", "position", 513),
+        ("path-crossed", "panda", "position", 502),
+        ("path-crossed", "panda", "position", 516),
+        ("crowd", "panda", "pose", 511),
+        ("crowd", "panda", "pose", 517),
+    ],
+)
+@pytest.mark.parametrize("rate", [None, 1000.0], ids=["", "rate"])
+def test_limits_spare_the_distances_of_priority(
+    family: str, arm: str, task: str, seed: int, rate: float | None
+) -> None:
+    """Limits took what they had to from distances: all of these were hits behind the rate, most without."""
+    changes = {"controller.avoidance": "priority"}
+    scene = scenes.in_space(family, arm, task, scenes.TRAINING.start + seed)
+    result = vff.simulate(scene, changes) if rate is None else behind_a_rate(scene, rate, changes)
+    assert result.metrics["min_clearance"] > 0.0
+
+
+@pytest.mark.parametrize(("arm", "seed"), [("iiwa14", 509), ("ur5e", 524)])
+def test_the_look_ahead_knows_the_rate(arm: str, seed: int) -> None:
+    """It took torque for something that changes at once, and began no search: all of these were hits."""
+    scene = scenes.in_space("crowd", arm, "position", scenes.TRAINING.start + seed)
+    ahead = {"controller.avoidance": "cbf", "controller.yielding.preview": {}}
+    assert behind_a_rate(scene, 1000.0, ahead).metrics["min_clearance"] > 0.0
+
+
 @pytest.mark.parametrize("seed", [4, 16, 23])
 def test_a_task_that_pulls_takes_no_distance(seed: int) -> None:
     """A rate makes what a distance asks for small, not cheap: with torque to spare it is kept (T161)."""

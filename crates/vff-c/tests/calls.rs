@@ -656,7 +656,42 @@ fn faults_have_a_sentence() {
     assert_eq!(vff_abi_version(), VFF_ABI_VERSION);
 }
 
-/// Numbers of obstacles stay their own; what is removed pushes no more.
+/// Degrees are refused with the radians that they are; a quaternion of two digits is as good as the exact one.
+#[test]
+fn what_is_nearly_right_is_taken_and_degrees_are_not() {
+    let scenario = |q0: &str, turn: &str| {
+        format!(
+            "duration = 1.0\nq0 = {q0}\narm = {{ model = 'panda' }}\nreference = {{ kind = 'setpoint' }}\n\
+             controller = {{ field = {{ kind = 'bounded', gain = 80.0, influence = 2.0 }} }}\n[[obstacles]]\n\
+             shape = {{ kind = 'box', size = [0.3, 0.1, 0.2] }}\nposition = [0.6, 0.3, 0.4]\norientation = {turn}"
+        )
+    };
+    let made = |scenario: &str| {
+        let (mut controller, scenario) = (null_mut(), text(scenario));
+        // SAFETY: text and place live.
+        let status =
+            unsafe { vff_controller_from_scenario(scenario.as_ptr(), &raw mut controller) };
+        (status, message(), Owned(controller))
+    };
+    let identity = "[1.0, 0.0, 0.0, 0.0]";
+    let (status, told, _) = made(&scenario("[0.0, -45.0, 0.0, -135.0, 0.0, 90.0, 45.0]", identity));
+    assert_ne!(status, Status::Ok);
+    assert!(told.contains("q0[1]: -45 rad") && told.contains("are these degrees?"), "{told}");
+    let ready = format!("{READY:?}");
+    let (status, told, _) = made(&scenario(&ready, "[0.73, 0.0, 0.0, 0.73]"));
+    assert_ne!(status, Status::Ok);
+    assert!(told.contains("of norm 1.03") && told.contains("within 0.01"), "{told}");
+    let root = 0.5f64.sqrt();
+    let torques =
+        [format!("[{root}, 0.0, 0.0, {root}]"), "[0.71, 0.0, 0.0, 0.71]".to_owned()].map(|turn| {
+            let owned = Owned::of(&scenario(&ready, &turn));
+            assert_eq!(owned.observe(0.0, &READY, &[0.0; 7]), Status::Ok);
+            owned.torque(7).unwrap()
+        });
+    let [exact, rounded] = &torques;
+    assert!(exact.iter().zip(rounded).all(|(a, b)| (a - b).abs() < 1e-12), "{torques:?}");
+}
+
 #[test]
 fn what_was_probably_not_meant_is_told() {
     let warnings = |owned: &Owned| -> Vec<String> {
@@ -689,6 +724,7 @@ fn what_was_probably_not_meant_is_told() {
     assert_eq!(message(), "controller is NULL");
 }
 
+/// Numbers of obstacles stay their own; what is removed pushes no more.
 #[test]
 fn obstacles_come_and_go() {
     let owned = Owned::new("model = 'panda'", FIELD);

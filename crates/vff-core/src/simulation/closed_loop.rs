@@ -188,14 +188,15 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
         match perception {
             Some(perception) => {
                 controller.observe(q, dq, perception);
+                announce(controller);
                 controller.look_ahead(perception, reference);
             }
             None => {
                 controller.observe(q, dq, world);
+                announce(controller);
                 controller.look_ahead(world, reference);
             }
         }
-        announce(controller);
         controller.command(&reference(0.0))
     }
 }

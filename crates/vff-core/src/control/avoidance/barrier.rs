@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Behind a limit of the torque rate the last constraint says what may be sent next, and the others what must be begun now
-//! (T130–T132). Without pairs, the same keeps the limits of the other ways of giving way. How fast the tip moves and turns is
+//! (T130–T132). The same keeps the limits of the other ways of giving way: with the pairs of `priority`, which limits spare, and
+//! without pairs for those that have none. How fast the tip moves and turns is
 //! kept like the speed of a joint (T114).
 
 use super::joint_bounds::{Acting, JointBounds};

@@ -18,7 +18,7 @@ use super::{Avoidance, Gains, OperationalSpace, Torque, TorqueRange, VirtualForc
 use crate::math::Vector;
 use crate::robot::{Limits, Robot};
 use crate::trajectory::{JointSpline, Pace};
-use crate::world::CollisionQuery;
+use crate::world::{CollisionQuery, Contact};
 use barrier::{Barrier, Kept};
 use cbf::Cbf;
 use nalgebra::SMatrix;
@@ -70,6 +70,11 @@ trait Way<const D: usize, const M: usize> {
         None
     }
 
+    /// The distances that limits are to spare; None if it has none of its own.
+    fn distances(&self) -> Option<&[Contact<D>]> {
+        None
+    }
+
     /// The program, if it is one.
     fn program(&self) -> Option<&Barrier> {
         None
@@ -87,7 +92,7 @@ impl<const D: usize, const M: usize> Way<D, M> for TaskWins {
     fn act<R: Robot<D>>(&mut self, _: &Situation<'_, R, D, M>, _: &mut Torque) {}
 }
 
-/// The program without distances: it keeps what the drives can do.
+/// The program for ways that are none: it keeps what the drives can do, and spares distances while it does.
 #[derive(Debug, Clone)]
 struct Limiter<const M: usize> {
     /// W_x (T69).
@@ -119,6 +124,7 @@ impl<const M: usize> Limiter<M> {
     fn act<R: Robot<D>, const D: usize>(
         &mut self,
         situation: &Situation<'_, R, D, M>,
+        pairs: &[Contact<D>],
         torque: &mut Torque,
     ) {
         let Situation { robot, space, bias, range, .. } = *situation;
@@ -126,7 +132,7 @@ impl<const M: usize> Limiter<M> {
             || !(self.is_fitted || limits::within(&torque.total, &robot.limits().torque))
             || !self.barrier.is_calm(robot, &torque.total, bias)
         {
-            let kept = Kept { pairs: &[], own: &[], range };
+            let kept = Kept { pairs, own: &[], range };
             self.barrier.act(robot, space, &self.weight, kept, bias, torque);
         }
     }
@@ -222,7 +228,7 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     /// Forgets the pairs and makes room for so many: all may come near later, and nothing must allocate then.
     pub fn reserve(&mut self, pairs: usize) {
         each!(&mut self.way, way => Way::<D, M>::reserve(way, pairs));
-        self.make_room();
+        self.make_room(pairs);
     }
 
     /// Takes in the pairs near `robot`, but not what its tip presses on in the direction `pressed`, a unit vector.
@@ -233,18 +239,22 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         pressed: Option<&Vector<D>>,
     ) {
         each!(&mut self.way, way => Way::<D, M>::observe(way, robot, surroundings, pressed));
-        self.make_room();
+        self.make_room(robot.body_count() * surroundings.contact_count());
     }
 
     /// Keeps what the plan that is followed keeps where it is, from now on; without one, what the settings ask for.
     pub fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
         each!(&mut self.way, way => Way::<D, M>::keep(way, plan));
+        if let Some(limiter) = &mut self.limiter {
+            limiter.barrier.margins.go_to(plan);
+        }
     }
 
     /// What has been cloned has no room any more.
-    fn make_room(&mut self) {
+    fn make_room(&mut self, pairs: usize) {
+        let distances = each!(&self.way, way => Way::<D, M>::distances(way));
         if let Some(limiter) = &mut self.limiter {
-            limiter.barrier.reserve(0);
+            limiter.barrier.reserve(if distances.is_some() { pairs } else { 0 });
         }
     }
 
@@ -258,7 +268,8 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
     pub fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque) {
         each!(&mut self.way, way => way.act(situation, torque));
         if let Some(limiter) = &mut self.limiter {
-            limiter.act(situation, torque);
+            let distances = each!(&self.way, way => Way::<D, M>::distances(way));
+            limiter.act(situation, distances.unwrap_or_default(), torque);
         }
     }
 }

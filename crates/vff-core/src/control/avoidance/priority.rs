@@ -1,4 +1,7 @@
 //! `priority`: along the shortest way out of an obstacle the distance comes first (T65, T66).
+//!
+//! What it adds for one distance after the other is desired. Where limits of the drives or of joints leave no room for all of it,
+//! the program that keeps them has the same distances as constraints.
 
 use super::margins::Margins;
 use super::{Situation, Way};
@@ -72,6 +75,10 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
 
     fn keep(&mut self, plan: Option<(&JointSpline, &Pace)>) {
         self.margins.go_to(plan);
+    }
+
+    fn distances(&self) -> Option<&[Contact<D>]> {
+        Some(&self.pairs)
     }
 
     /// Pair by pair, from the base outwards: what d̈ is short of is added along n̂, with everything across it

@@ -159,7 +159,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         self.reactive.believe(&other.reactive);
     }
 
-    /// Looks ahead from the observed state, if it is time and as far as there is time left in this cycle: `reference(s)` is
+    /// Looks ahead from the observed state, and from what was sent last if [`expect`](Self::expect) said so, if it is time and as far as there is time left in this cycle: `reference(s)` is
     /// that in s seconds.
     pub fn look_ahead(
         &mut self,
@@ -169,7 +169,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Controller<R,
         let Self { reactive, preview, budget } = self;
         if let Some(preview) = preview {
             budget.go_on();
-            preview.advance(&reactive.robot, surroundings, &reference, budget);
+            preview.advance(&reactive.present(), surroundings, &reference, budget);
             budget.suspend();
         }
     }

@@ -1,5 +1,6 @@
 //! The controller that sees the present alone: observe, then command.
 
+use crate::control::avoidance::preview::Present;
 use crate::control::avoidance::{Avoider, Situation};
 use crate::control::deadline::LeftOut;
 use crate::control::force::ForceControl;
@@ -199,6 +200,16 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         if let Some(range) = &mut self.range {
             output.write_range(&self.robot, sent, period, range);
             self.is_ranged = true;
+        }
+    }
+
+    /// Where roll-outs from the observed state begin.
+    pub(super) fn present(&self) -> Present<'_, R> {
+        let range = self.range.as_deref().filter(|_| self.is_ranged);
+        Present {
+            robot: &self.robot,
+            sent: range.map(|range| range.present.as_slice()),
+            unknown: self.external_torque().unwrap_or(&[]),
         }
     }
 

@@ -142,20 +142,25 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         }
     }
 
-    /// The smallest distance between bodies of the arm that must not touch, beyond what each pair may change by; from
-    /// where the arm was measured, `way` is that of a link as seen by another.
-    fn least_apart(&mut self, way: impl Fn(&Levers, Option<usize>, usize) -> f64) -> f64 {
+    /// The smallest distance between bodies of the arm that must not touch, where it was measured, and the smallest beyond
+    /// what each pair may change by; `way` is that of a link as seen by another. Pairs farther apart than `limit` do not count.
+    fn least_apart(
+        &mut self,
+        limit: f64,
+        way: impl Fn(&Levers, Option<usize>, usize) -> f64,
+    ) -> [f64; 2] {
+        let mut least = [f64::INFINITY; 2];
         if !self.keeps_apart {
-            return f64::INFINITY;
+            return least;
         }
         let Self { robot, bodies, reach, .. } = self;
-        let mut least = f64::INFINITY;
-        OwnPair::for_each_within(robot, bodies, f64::INFINITY, |pair| {
+        OwnPair::for_each_within(robot, bodies, limit, |pair| {
             let [a, b] = pair.links; // the base, None, is before all links
             let (from, to) = if a < b { (a, b) } else { (b, a) };
             let change = to.map_or(0.0, |to| way(reach, from, to));
-            least = least.min(pair.nearest.distance - change);
-            f64::INFINITY
+            let distance = pair.nearest.distance;
+            least = [least[0].min(distance), least[1].min(distance - change)];
+            limit
         });
         least
     }
@@ -163,7 +168,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
     /// The same, and how far it is from itself where it must not touch that \[m\].
     #[cfg(test)]
     pub fn distances(&mut self, q: &[f64]) -> [f64; 2] {
-        [self.clearance(q), self.least_apart(|_, _, _| 0.0)]
+        [self.clearance(q), self.least_apart(f64::INFINITY, |_, _, _| 0.0)[0]]
     }
 
     /// How far the arm at `q` is from everything outside \[m\].
@@ -194,7 +199,7 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         self.measure(q);
         // False where something is undefined.
         (0..q.len()).all(|link| self.clearance[link] >= self.limits[link])
-            && self.least_apart(|_, _, _| 0.0) >= self.apart
+            && self.least_apart(self.apart, |_, _, _| 0.0)[0] >= self.apart
     }
 
     /// What keeps the arm at `q` from being free: the obstacle that is deepest in it, or the pair of its own bodies that is.
@@ -225,17 +230,34 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         if !self.keeps_apart {
             return None;
         }
-        let Self { robot, bodies, .. } = self;
-        let mut nearest: Option<(f64, [Option<usize>; 2])> = None;
-        OwnPair::for_each_within(robot, bodies, f64::INFINITY, |pair| {
-            if nearest.is_none_or(|(least, _)| pair.nearest.distance < least) {
-                nearest = Some((pair.nearest.distance, pair.links));
-            }
-            f64::INFINITY
-        });
-        let (distance, links) = nearest?;
+        let (distance, links) = self.nearest_of_its_own(f64::INFINITY)?;
         let links = links.map(|link| self.robot.link_name(link));
         Some(Obstruction::Own { links, distance, apart: self.apart })
+    }
+
+    /// The two bodies of the arm that are nearest to each other where they must not touch, and their distance \[m\], if that is
+    /// less than `limit`; from where the arm was moved last.
+    fn nearest_of_its_own(&mut self, limit: f64) -> Option<(f64, [Option<usize>; 2])> {
+        let Self { robot, bodies, .. } = self;
+        let mut nearest = (limit, None);
+        OwnPair::for_each_within(robot, bodies, limit, |pair| {
+            if pair.nearest.distance < nearest.0 {
+                nearest = (pair.nearest.distance, Some(pair.links));
+            }
+            nearest.0
+        });
+        Some((nearest.0, nearest.1?))
+    }
+
+    /// The two bodies of the arm at `q` that are deepest in each other although nobody asked to keep them apart, and the depth
+    /// \[m\].
+    pub fn passed_through(&mut self, q: &[f64]) -> Option<(f64, [String; 2])> {
+        if self.keeps_apart {
+            return None;
+        }
+        self.robot.update_positions(q);
+        let (distance, links) = self.nearest_of_its_own(0.0)?;
+        Some((-distance, links.map(|link| self.robot.link_name(link))))
     }
 
     /// Whether it is and does on the straight motion from `a` to `b`.
@@ -277,11 +299,14 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
             }
             self.middle = middle;
             if pairs {
-                let apart = self.least_apart(|reach, from, to| half * reach.way([a, b], from, to));
-                if apart < self.apart && self.least_apart(|_, _, _| 0.0) < self.apart {
+                // Nothing goes farther as seen by another link than as seen by the base.
+                let limit = self.apart + half * farthest;
+                let way = |reach: &Levers, from, to: usize| half * reach.way([a, b], from, to);
+                let [now, later] = self.least_apart(limit, way);
+                if now < self.apart {
                     return false;
                 }
-                pairs = apart < self.apart && farthest * half > finest(self.apart);
+                pairs = later < self.apart && farthest * half > finest(self.apart);
             }
             interrupt::checkpoint(16 * n);
             if pairs || open.contains(&true) {

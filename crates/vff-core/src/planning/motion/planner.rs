@@ -502,12 +502,18 @@ where
             plan.dq.extend_from_slice(&state[1]);
             plan.ddq.extend_from_slice(&state[2]);
         }
+        let mut through: Option<(f64, [String; 2], f64)> = None;
         for pair in spline.times().windows(2) {
             for k in 0..=2 * CHECKS {
                 let share = f64::from(k) / f64::from(2 * CHECKS);
                 let t = pair[0] + share * (pair[1] - pair[0]);
                 spline.at(t, state.each_mut().map(Vec::as_mut_slice));
                 plan.clearance = plan.clearance.min(self.space.clearance(&state[0]));
+                if let Some((depth, links)) = self.space.passed_through(&state[0])
+                    && through.as_ref().is_none_or(|(most, ..)| depth > *most)
+                {
+                    through = Some((depth, links, t));
+                }
             }
         }
         plan.message = format!("a motion of {:.3} s", spline.span()[1]);
@@ -515,6 +521,13 @@ where
             let _ = write!(plan.message, " that keeps {:.1} mm", 1e3 * plan.clearance);
         }
         plan.message += &self.lowered(&spline, asked);
+        if let Some((depth, [a, b], t)) = through {
+            let _ = write!(
+                plan.message,
+                "; it takes {a} {:.1} mm into {b} at {t:.2} s, which `controller.self_collision = \"avoid\"` forbids",
+                1e3 * depth,
+            );
+        }
         plan
     }
 

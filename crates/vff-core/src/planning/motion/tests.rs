@@ -315,6 +315,35 @@ fn around_a_post_in_space() {
     assert!((tip.position() - crate::math::Vector::<3>::new(0.25, 0.5, 0.4)).norm() < 1e-6);
 }
 
+/// Where nobody asked to keep bodies of the arm apart, a motion that takes one into another says so; kept apart, that goal is
+/// blocked by the same pair.
+#[cfg(feature = "models")]
+#[test]
+fn a_motion_through_itself_is_told() {
+    let goal = vec![0.0, 0.0, 0.0, -3.05, 0.0, 0.3, 0.7854];
+    let of = |self_collision: &str| {
+        let scenario = panda(&format!(
+            r#"
+            controller = {{ self_collision = "{self_collision}" }}
+            reference = {{ kind = "setpoint", point = [0.5, 0.2, 0.4] }}
+            "#
+        ));
+        plan(&scenario, &PlanSettings { goal: Some(goal.clone()), ..PlanSettings::default() })
+            .unwrap()
+    };
+    let (through, blocked) = (of("ignore"), of("avoid"));
+    assert_eq!(
+        [through.status, blocked.status],
+        [PlanStatus::Found, PlanStatus::GoalBlocked],
+        "{} / {}",
+        through.message,
+        blocked.message
+    );
+    let pair = through.message.split_once("it takes ").expect("what it goes through").1;
+    let [a, b] = [1, 3].map(|k| pair.split('`').nth(k).unwrap());
+    assert!(blocked.message.contains(a) && blocked.message.contains(b), "{}", blocked.message);
+}
+
 /// A joint that cannot hold its links is named, with what it may hold.
 #[cfg(feature = "models")]
 #[test]

@@ -79,6 +79,7 @@ impl Axis {
 mod tests {
     use super::super::oracle::*;
     use super::super::{Shape, Vec2, to_glam};
+    use crate::math::{Capsule, Vector, perp};
     use parry2d_f64::shape::Segment;
     use proptest::prelude::*;
     use std::f64::consts::PI;
@@ -97,6 +98,70 @@ mod tests {
                 .distance;
             let found = contact(&link, &fixed(Shape::Box { size }, [0.3, -0.2], angle));
             prop_assert!(((found.distance + link.radius).max(0.0) - expected).abs() < 1e-10);
+        }
+    }
+
+    /// From a millimetre to a hundred kilometres.
+    fn any_size() -> impl Strategy<Value = f64> {
+        (-3.0..5.0).prop_map(|exponent| f64::powf(10.0, exponent))
+    }
+
+    /// Signed, of an axis: by search along it outside, inside the most that a line across a normal of either keeps. The
+    /// search ends at the border of an overlap, up to the rounding of coordinates of a `scale` \[m\].
+    fn expected_distance(link: &Capsule<2>, corners: &[Vector<2>], scale: f64) -> f64 {
+        let outside = searched_distance(link, corners);
+        let n = corners.len();
+        let edges = (0..n).map(|i| (corners[(i + 1) % n] - corners[i]).normalize());
+        let gaps = edges.chain([link.end() - link.start]).flat_map(|along| {
+            let normal = perp(along.normalize());
+            [normal, -normal]
+        });
+        let gaps = gaps.map(|normal| {
+            let far =
+                corners.iter().map(|corner| normal.dot(corner)).fold(f64::NEG_INFINITY, f64::max);
+            normal.dot(&link.start).min(normal.dot(&link.end())) - far
+        });
+        if outside > 1e-14 * scale { outside } else { gaps.fold(f64::NEG_INFINITY, f64::max) }
+    }
+
+    /// As exact as the coordinates are.
+    fn check(
+        shape: Shape,
+        gap: f64,
+        [aside, way]: [f64; 2],
+        length: f64,
+        share: f64,
+    ) -> Result<(), TestCaseError> {
+        let obstacle = fixed(shape, [0.0; 2], 0.0);
+        let corners = corners(&obstacle);
+        let toward = |angle: f64| rotated(vec2(1.0, 0.0), angle);
+        let start = corners[0] + toward(aside) * gap - toward(way) * (share * length);
+        let link = Capsule::new(start, start + toward(way) * length, 0.02);
+        let found = contact(&link, &obstacle).distance + 0.02;
+        let points = corners.iter().copied().chain([link.start, link.end()]);
+        let scale = points.map(|point| point.norm()).fold(1.0, f64::max);
+        let expected = expected_distance(&link, &corners, scale);
+        prop_assert!(
+            (found - expected).abs() < 1e-14 * scale,
+            "{found} is not {expected}, of {scale} m"
+        );
+        Ok(())
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+
+        /// Whatever is how much larger than the other or than the gap.
+        #[test]
+        fn sizes_of_a_millimetre_and_of_a_hundred_kilometres_meet(
+            size in [any_size(), any_size()], polygon in any_polygon(), by in any_size(), gap in any_size(),
+            angles in [-PI..PI, -PI..PI], length in any_size(), share in -0.2..1.2,
+        ) {
+            check(Shape::Box { size }, gap, angles, length, share)?;
+            check(Shape::Box { size }, 0.0, angles, length, share)?;
+            let Shape::Polygon { mut vertices } = polygon else { unreachable!("a polygon was drawn") };
+            vertices.iter_mut().flatten().for_each(|x| *x *= by);
+            check(Shape::Polygon { vertices }, gap, angles, length, share)?;
         }
     }
 

@@ -4,11 +4,11 @@
 //! A roll-out without mass predicts contacts that the law would have avoided. The arm leaves the law, and with it the
 //! task, only after a closed-loop rollout has been hit, too.
 
-use super::due;
 use super::prediction::{Later, Prediction};
+use super::{Present, due};
 use crate::control::avoidance::barrier;
 use crate::control::deadline::Budget;
-use crate::control::{Gains, ReactiveController};
+use crate::control::{CommandSettings, Gains, Output, ReactiveController};
 use crate::robot::Manipulator;
 use crate::trajectory::Sample;
 
@@ -48,6 +48,10 @@ pub struct ClosedLoopRollout<R: Manipulator<D, M>, const D: usize, const M: usiz
     dq: Vec<f64>,
     ddq: Vec<f64>,
     scratch: Vec<f64>,
+    /// What stands before the drives, and what they were sent last; whether their torque cannot change at once.
+    output: Output,
+    sent: Vec<f64>,
+    is_slow: bool,
     /// Duration of a step \[s\].
     step: f64,
     /// How many steps have been done, and how many make a whole roll-out.
@@ -81,6 +85,9 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
             dq: zeros(),
             ddq: zeros(),
             scratch: zeros(),
+            output: Output::new(&without_friction(&gains.command), n),
+            sent: zeros(),
+            is_slow: false,
             step,
             done: count,
             count,
@@ -99,8 +106,15 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         self.controller.rest_at_posture_of(gains);
     }
 
-    /// Begins a new one at the state of `robot`.
-    pub fn begin(&mut self, robot: &R) {
+    /// Begins a new one. Its model is the whole arm: what else acts is part of what is sent.
+    pub fn begin(&mut self, present: &Present<'_, R>) {
+        let Present { robot, sent, unknown } = *present;
+        self.is_slow = sent.is_some();
+        if let Some(sent) = sent {
+            self.scratch.copy_from_slice(sent);
+            self.scratch.iter_mut().zip(unknown).for_each(|(sent, unknown)| *sent += unknown);
+            self.sent.copy_from_slice(self.output.convert(robot, &self.scratch));
+        }
         self.q.copy_from_slice(robot.configuration());
         self.dq.copy_from_slice(robot.velocity());
         self.done = 0;
@@ -148,7 +162,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
                 self.stop();
                 return Some(Foreseen::Contact);
             }
-            self.controller.command(&reference(after));
+            self.command(&reference(after));
             let error = self.controller.gains().metric::<D>().norm(self.controller.error());
             self.strays |= error > self.most;
             self.advance();
@@ -156,6 +170,18 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
         }
         let strays = self.strays && !self.is_running();
         Some(if strays { Foreseen::Error } else { Foreseen::Nothing })
+    }
+
+    /// The torque of the law, as far as the drives can change it in a step (T170).
+    fn command(&mut self, reference: &Sample<R::Pose, M>) {
+        let Self { controller, output, sent, step, is_slow, .. } = self;
+        if *is_slow {
+            controller.expect(output, sent, *step);
+        }
+        controller.command(reference);
+        if *is_slow {
+            sent.copy_from_slice(output.convert(controller.robot(), &controller.torque().total));
+        }
     }
 
     /// One step of semi-implicit Euler.
@@ -169,11 +195,21 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> ClosedLoopRol
     }
 }
 
+/// What the drives of an arm without friction are sent: a roll-out has none, and what compensates it moves nothing.
+fn without_friction(command: &CommandSettings) -> CommandSettings {
+    let nothing = CommandSettings::default();
+    CommandSettings {
+        viscous_friction: nothing.viscous_friction,
+        coulomb_friction: nothing.coulomb_friction,
+        ..command.clone()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::control::{Avoidance, Controller, Settings};
-    use crate::math::{Noise, Vector};
+    use crate::math::{Noise, ScalarOrVec, Vector};
     use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
     use crate::world::Motion;
     use crate::world::plane::{Obstacle, Shape, World};
@@ -181,47 +217,70 @@ mod tests {
 
     const DURATION: f64 = 1.0;
 
-    /// The smallest distance of the same loop in steps of 1 ms, and whether its closed-loop rollout was hit.
-    fn both(q: &[f64; 4], discs: Vec<Obstacle>) -> (f64, bool) {
+    /// The smallest distance of the same loop in steps of 1 ms, and whether its closed-loop rollout was hit: where torque
+    /// can change at once, or at so many N·m/s; and whether one was in which it changes at once.
+    fn both(q: &[f64; 4], discs: Vec<Obstacle>, rate: Option<f64>) -> (f64, bool, bool) {
         let arm = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 4], Vector::<2>::zeros()));
         let mut state = arm.state();
         state.update(q, &[0.0; 4]);
         let reference = Sample::at_rest(Manipulator::<2, 2>::pose(&state));
-        let gains = Gains::<2>::new(&Settings { avoidance: Avoidance::Cbf, ..Settings::default() });
+        let torque_rate = rate.map(ScalarOrVec::Uniform);
+        let command = CommandSettings { torque_rate, ..CommandSettings::default() };
+        let settings = Settings { avoidance: Avoidance::Cbf, command, ..Settings::default() };
+        let gains = Gains::<2>::new(&settings);
+        let mut output = Output::new(&settings.command, 4);
         let world = World::new(discs);
         let obstacles: Vec<usize> = (0..world.len()).collect();
         let mut rollout =
             ClosedLoopRollout::<PlanarState, 2, 2>::new(&state, &gains, DURATION, None);
-        rollout.begin(&state);
-        let unlimited = Budget::of_simulation(None);
-        let foreseen = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference, &unlimited);
-        let hit = foreseen == Some(Foreseen::Contact);
+        let mut is_hit = |sent| {
+            rollout.begin(&Present { robot: &state, sent, unknown: &[] });
+            let unlimited = Budget::of_simulation(None);
+            let foreseen = rollout.go_on(1.0, 0.0, &world, &obstacles, &|_| reference, &unlimited);
+            foreseen == Some(Foreseen::Contact)
+        };
+        let hit = is_hit(rate.map(|_| &[0.0; 4][..]));
+        let hit_at_once = is_hit(None);
 
         let mut controller = Controller::new(state, gains);
         let mut world = world;
         let (mut q, mut dq) = (*q, [0.0; 4]);
-        let (mut ddq, mut scratch) = ([0.0; 4], [0.0; 4]);
+        let (mut ddq, mut scratch, mut torque) = ([0.0; 4], [0.0; 4], vec![0.0; 4]);
         let mut least = f64::INFINITY;
         for k in 0..1000 {
             world.update(1e-3 * f64::from(k));
             controller.observe(&q, &dq, &mut world);
             least = controller.forces().clearance().iter().copied().fold(least, f64::min);
-            let torque = controller.command(&reference).total.clone();
+            if rate.is_some() {
+                controller.expect(&mut output, &torque, 1e-3);
+            }
+            torque.copy_from_slice(&controller.command(&reference).total);
             controller.robot().accelerate(&torque, controller.bias(), &mut scratch, &mut ddq);
             for i in 0..4 {
                 dq[i] += 1e-3 * ddq[i];
                 q[i] += 1e-3 * dq[i];
             }
         }
-        (least, hit)
+        (least, hit, hit_at_once)
     }
 
     /// For two discs that close in on an arm, a roll-out predicts what the loop in ten times finer steps finds,
     /// wherever that is clear: a pinch is a contact, a distance of half the margin and 5 mm more is none.
     #[test]
     fn it_predicts_what_happens() {
+        predicts(None);
+    }
+
+    /// The same behind a torque rate (T170).
+    #[test]
+    fn it_predicts_what_happens_behind_a_torque_rate() {
+        predicts(Some(100.0));
+        predicts(Some(300.0));
+    }
+
+    fn predicts(rate: Option<f64>) {
         let mut noise = Noise::new(1, 0);
-        let (mut hits, mut free) = (0, 0);
+        let (mut hits, mut free, mut missed) = (0, 0, 0);
         for _ in 0..60 {
             let q = [0.4, 0.8, -1.0, 0.7].map(|q| q + 0.2 * noise.draw());
             let mut disc = |side: f64| Obstacle {
@@ -231,15 +290,17 @@ mod tests {
                 angular_velocity: 0.0,
                 motion: Motion::Linear { velocity: [0.0, -0.5 * side * noise.share()] },
             };
-            let (least, hit) = both(&q, vec![disc(1.0), disc(-1.0)]);
+            let (least, hit, hit_at_once) = both(&q, vec![disc(1.0), disc(-1.0)], rate);
             if least < 0.0 {
                 hits += 1;
-                assert!(hit, "{q:?}: {least}");
+                missed += usize::from(!hit_at_once);
+                assert!(hit, "{rate:?}: {q:?}: {least}");
             } else if least > 0.015 {
                 free += 1;
-                assert!(!hit, "{q:?}: {least}");
+                assert!(!hit, "{rate:?}: {q:?}: {least}");
             }
         }
         assert!(hits >= 5 && free >= 20, "{hits} {free}");
+        assert_eq!(missed > 0, rate.is_some(), "{rate:?}: {missed}");
     }
 }

@@ -21,6 +21,17 @@ mod self_motion;
 pub(crate) use closed_loop_rollout::fastest_rate;
 pub use planning_cycle::Preview;
 
+/// Where roll-outs begin.
+#[derive(Debug)]
+pub struct Present<'a, R> {
+    /// The arm at the observed state.
+    pub robot: &'a R,
+    /// Behind a limit of the torque rate the torque of the law that acts \[N·m, N\].
+    pub sent: Option<&'a [f64]>,
+    /// What acts beside it and the model does not know, as estimated \[N·m, N\]; empty if nobody does.
+    pub unknown: &'a [f64],
+}
+
 /// How many of `count` equal parts of a piece of work must be done after this share of its time: all of them if the
 /// share is infinite.
 #[expect(

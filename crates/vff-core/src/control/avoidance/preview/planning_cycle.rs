@@ -12,10 +12,10 @@ mod tests;
 
 use super::candidate::{Candidate, Forecast, cost};
 use super::closed_loop_rollout::{ClosedLoopRollout, Foreseen};
-use super::due;
 use super::prediction::Prediction;
 use super::rollout::{RATE, Rollout};
 use super::self_motion::SelfMotion;
+use super::{Present, due};
 use crate::control::PreviewSettings;
 use crate::control::deadline::{Budget, LeftOut};
 use crate::control::{Gains, OperationalSpace, Torque};
@@ -204,16 +204,16 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         }
     }
 
-    /// Begins a cycle at the state of `robot` if it is time, and does the work that is due as far as there is time for it;
+    /// Begins a cycle at `present` if it is time, and does the work that is due as far as there is time for it;
     /// `reference(s)` is that in s seconds.
     pub fn advance(
         &mut self,
-        robot: &R,
+        present: &Present<'_, R>,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
         budget: &Budget,
     ) {
-        let is_done = self.work(robot, surroundings, reference, budget).is_some();
+        let is_done = self.work(present, surroundings, reference, budget).is_some();
         if !is_done {
             self.left_out.cut += 1;
             self.give_up_what_is_old();
@@ -224,12 +224,13 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// None where the time of this control cycle is over before all that is due is done.
     fn work(
         &mut self,
-        robot: &R,
+        present: &Present<'_, R>,
         surroundings: &mut dyn Prediction<D>,
         reference: &dyn Fn(f64) -> Sample<R::Pose, M>,
         budget: &Budget,
     ) -> Option<()> {
         if let Some(search) = &mut self.self_motion {
+            let robot = present.robot;
             let velocity = if self.weight > 0.0 { &self.aim } else { robot.velocity() };
             search.advance(robot, surroundings, reference, velocity, budget)?;
             if search.has_path() && self.weight == 0.0 {
@@ -242,13 +243,13 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
         }
         if self.is_over() {
             budget.is_left().then_some(())?;
-            self.begin(robot, surroundings, reference);
+            self.begin(present.robot, surroundings, reference);
         }
         if self.is_judging() || self.closed_loop.is_running() || self.tried < self.count {
             if self.rollout.forget(surroundings.count()) {
                 self.rollout.begin();
             }
-            self.judge(robot, surroundings, budget)?;
+            self.judge(present, surroundings, budget)?;
             self.roll_out_closed_loop(surroundings, reference, budget)?;
             self.search(surroundings, budget)?;
         }
@@ -317,7 +318,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     /// does better than that.
     fn judge(
         &mut self,
-        robot: &R,
+        present: &Present<'_, R>,
         surroundings: &dyn Prediction<D>,
         budget: &Budget,
     ) -> Option<()> {
@@ -336,7 +337,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
             let contact = idle.distance < enough;
             let ahead = !rollout.obstacles.is_empty() && (contact || idle.worst > most);
             if !*active && ahead {
-                closed_loop.begin(robot);
+                closed_loop.begin(present);
                 self.begun = 0.0;
             }
             *active &= ahead;
@@ -345,24 +346,24 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
                 return Some(());
             }
             if self.weight == 0.0 {
-                self.aim.copy_from_slice(robot.velocity());
+                self.aim.copy_from_slice(present.robot.velocity());
             }
             rollout.begin();
             self.under_way = UnderWay::Present { of_idle: cost(settings, margin, idle, true) };
         }
         if let UnderWay::Present { of_idle } = self.under_way {
             let all = |_: Forecast, _: f64| false;
-            let present = rollout.go_on(best, surroundings, self.elapsed, &all, budget)?;
+            let followed = rollout.go_on(best, surroundings, self.elapsed, &all, budget)?;
             (self.under_way, self.judged) = (UnderWay::Nothing, self.elapsed);
             // The null space alone was not enough.
-            *holds &= present.distance >= margin;
-            self.cost = cost(settings, margin, present, best.holds);
+            *holds &= followed.distance >= margin;
+            self.cost = cost(settings, margin, followed, best.holds);
             if of_idle <= self.cost {
                 self.cost = of_idle;
                 best.make_idle();
             }
             // A candidate that keeps its distance needs little more than to be kept up to date.
-            let settled = present.distance >= settings.clearance;
+            let settled = followed.distance >= settings.clearance;
             self.count = if settled { settings.candidates / 8 } else { settings.candidates };
         }
         Some(())

@@ -7,6 +7,11 @@ use crate::math::{UnitQuaternion, Vector};
 use crate::world::{Feature, TOUCHING};
 use nalgebra::Matrix3;
 
+/// Gaps above this \[m\] are not due to rounding at any size that a scene has.
+const NEAR: f64 = 1e-6;
+/// Share of the largest coordinate by which a gap may be off.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
 /// A box around the obstacle's position.
 #[derive(Debug, Clone)]
 pub(in super::super) struct Cuboid {
@@ -141,7 +146,9 @@ impl Cuboid {
         let between = offset + towards * along;
         let sides = beyond.sum();
         let gap = between.norm();
-        if gap <= TOUCHING {
+        // Far coordinates are rounded more than that: an axis that pierces a plate would seem to touch it.
+        if gap <= TOUCHING || gap < NEAR && gap <= ROUNDING * (p.amax() + length + self.half.max())
+        {
             return self.way_out(axis);
         }
         if sides > 2.0 {
@@ -345,6 +352,65 @@ mod tests {
             let expected = searched_distance(&link, &obstacle);
             prop_assert!((found.distance.max(0.0) - expected).abs() < 1e-14, "{found:?} is not {expected}");
             prop_assert!((found.normal.norm() - 1.0).abs() < 1e-14);
+        }
+    }
+
+    /// From a millimetre to a hundred kilometres.
+    fn any_size() -> impl Strategy<Value = f64> {
+        (-3.0..5.0).prop_map(|exponent| f64::powf(10.0, exponent))
+    }
+
+    /// Signed, of an axis: by search along it outside, inside the most that a plane across a normal of either keeps. The
+    /// search ends at the border of an overlap, up to the rounding of coordinates of a `scale` \[m\].
+    fn expected_distance(link: &Probe, obstacle: &Obstacle, scale: f64) -> f64 {
+        let outside = searched_distance(link, obstacle);
+        let turn = rotation(obstacle);
+        let sides = [0, 1, 2].map(|k| turn.matrix().column(k).into_owned());
+        let crossed = sides.map(|edge| link.direction.cross(&edge));
+        let normals = sides.into_iter().chain(crossed).filter_map(|n| n.try_normalize(1e-12));
+        let gaps = normals
+            .flat_map(|n| [n, -n])
+            .map(|n| n.dot(&link.start).min(n.dot(&link.end())) - support(obstacle, &n));
+        let inside = gaps.fold(f64::NEG_INFINITY, f64::max);
+        if outside > 1e-14 * scale { outside } else { inside }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(3000))]
+
+        /// As exact as the coordinates are, whatever is how much larger than the other or than the gap.
+        #[test]
+        fn sizes_of_a_millimetre_and_of_a_hundred_kilometres_meet(
+            size in [any_size(), any_size(), any_size()], orientation in any_orientation(),
+            on_box in three(0.5), gap in any_size(), touching in prop::bool::ANY, way in direction(), aside in direction(),
+            length in any_size(), share in -0.2..1.2, radius in 0.0..0.3,
+        ) {
+            let obstacle = Obstacle { orientation, ..fixed(Shape::Box { size }, [0.0; 3]) };
+            let place = rotation(&obstacle) * Vec3::from(size).component_mul(&on_box);
+            let place = place + aside * if touching { 0.0 } else { gap };
+            let link = Probe { start: place - way * (share * length), direction: way, length, radius };
+            let found = contact(&link, &obstacle).distance + radius;
+            let scale = link.start.norm().max(link.end().norm()).max(Vec3::from(size).norm()).max(1.0);
+            let expected = expected_distance(&link, &obstacle, scale);
+            prop_assert!((found - expected).abs() < 1e-14 * scale, "{found} is not {expected}, of {scale} m");
+        }
+    }
+
+    /// A capsule of a kilometre passes a box of 0.3 m.
+    #[test]
+    fn a_kilometre_beside_a_box() {
+        let obstacle = fixed(Shape::Box { size: [0.3; 3] }, [0.0; 3]);
+        for aside in [1.0, 2.08, 500.0] {
+            let link = capsule([-500.0, aside, 0.1], [500.0, aside, -0.1], 0.05);
+            let found = contact(&link, &obstacle).distance;
+            assert!((found - (aside - 0.2)).abs() < 1e-13 * aside, "{found}");
+            // Askew: it comes nearest to a corner or an edge.
+            let link = capsule([-300.0, aside - 400.0, 0.1], [300.0, aside + 400.0, 0.3], 0.05);
+            let (found, expected) = (
+                contact(&link, &obstacle).distance + 0.05,
+                expected_distance(&link, &obstacle, 500.0),
+            );
+            assert!((found - expected).abs() < 1e-12, "{found} is not {expected}");
         }
     }
 

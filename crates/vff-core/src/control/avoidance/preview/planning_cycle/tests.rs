@@ -15,6 +15,10 @@ fn preview(robot: &PlanarState, settings: &PreviewSettings) -> Preview<PlanarSta
     Preview::new(robot, &Gains::new(&law).with_seed(7), settings)
 }
 
+fn at(robot: &PlanarState) -> Present<'_, PlanarState> {
+    Present { robot, sent: None, unknown: &[] }
+}
+
 fn unlimited() -> Budget {
     Budget::of_simulation(None)
 }
@@ -42,7 +46,7 @@ fn only_contacts_ahead_trigger() {
         let mut preview = preview(&robot, &settings);
         // The first step does the whole closed-loop rollout, but the next cycle begins after a period, not before.
         for half in 0..6 {
-            preview.advance(&robot, &mut world, &|_| reference, &unlimited());
+            preview.advance(&at(&robot), &mut world, &|_| reference, &unlimited());
             assert_eq!(preview.is_active(), expected && half >= 2, "{half}: {world:?}");
             preview.elapse(0.5 * settings.period);
         }
@@ -77,14 +81,14 @@ fn a_cycle_is_spread_over_its_period() {
     ] {
         let mut world = Asked { world: closing(), times: Cell::new(0) };
         let mut preview = preview(&robot, &settings);
-        preview.advance(&robot, &mut world, &|_| reference, &unlimited());
+        preview.advance(&at(&robot), &mut world, &|_| reference, &unlimited());
         assert_eq!(preview.foreseen, Foreseen::Contact);
         for step in 1..4 * steps {
             let begins = step % steps == 0;
             let before = if begins { 0 } else { preview.tried };
             world.times.set(0);
             preview.elapse(dt);
-            preview.advance(&robot, &mut world, &|_| reference, &unlimited());
+            preview.advance(&at(&robot), &mut world, &|_| reference, &unlimited());
             assert_eq!(preview.elapsed == 0.0, begins, "{dt}: {step}");
             assert_eq!(preview.is_active(), step >= steps, "{dt}: {step}");
             if step < steps {
@@ -98,7 +102,7 @@ fn a_cycle_is_spread_over_its_period() {
         }
         // Where no time passes, there is nothing to do.
         world.times.set(0);
-        preview.advance(&robot, &mut world, &|_| reference, &unlimited());
+        preview.advance(&at(&robot), &mut world, &|_| reference, &unlimited());
         assert_eq!(world.times.get(), 0);
     }
 }
@@ -119,7 +123,7 @@ fn timed(micros: Option<f64>, steps: u32, check: &mut Check<'_>) -> Preview<Plan
         world.update(1e-3 * f64::from(step));
         budget.begin();
         let before = interrupt::spent();
-        preview.advance(&robot, &mut world, &|_| reference, &budget);
+        preview.advance(&at(&robot), &mut world, &|_| reference, &budget);
         check(step, &preview, &world, interrupt::spent() - before);
         budget.reserve();
         budget.end();
@@ -179,7 +183,7 @@ fn what_is_old_is_given_up() {
     let reference = holding(&robot);
     let none = Budget::new(Measure::Work, Some(0.0));
     for step in 0..2100 {
-        preview.advance(&robot, &mut world, &|_| reference, &none);
+        preview.advance(&at(&robot), &mut world, &|_| reference, &none);
         preview.elapse(1e-3);
         if !preview.is_active() {
             left.get_or_insert(step);
@@ -200,13 +204,13 @@ fn a_closed_loop_rollout_is_spread_over_two_cycles() {
         // A roll-out touches this disc, the law does not.
         let mut world = World::new(vec![disc([1.4, 2.6], [0.0, -0.8])]);
         let mut preview = preview(&robot, &settings);
-        preview.advance(&robot, &mut world, &|_| reference, &unlimited());
+        preview.advance(&at(&robot), &mut world, &|_| reference, &unlimited());
         assert_eq!(preview.foreseen, Foreseen::Nothing);
         assert!(!preview.closed_loop.is_running());
         for step in 1..=6 * steps {
             let before = preview.closed_loop.done();
             preview.elapse(dt);
-            preview.advance(&robot, &mut world, &|_| reference, &unlimited());
+            preview.advance(&at(&robot), &mut world, &|_| reference, &unlimited());
             let done = preview.closed_loop.done();
             let done = if done < before { done } else { done - before };
             assert!(done <= share, "{dt}: {done}");
