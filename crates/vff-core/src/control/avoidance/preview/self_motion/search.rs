@@ -396,7 +396,7 @@ mod tests {
     fn searched(robot: &SpatialState, balls: Vec<Obstacle>) -> SelfMotion<SpatialState, 3, 6> {
         let settings = SelfMotionSettings::default();
         let mut search = SelfMotion::new(robot, &Gains::new(&Settings::default()), &settings, 1.2);
-        let reference = Sample::at_rest(robot.pose());
+        let reference = Sample::at_rest(Manipulator::<3, 6>::pose(robot));
         let unlimited = Budget::of_simulation(None);
         let mut world = World::new(balls);
         search.advance(robot, &mut world, &|_| reference, &[0.0; 7], &unlimited).unwrap();
