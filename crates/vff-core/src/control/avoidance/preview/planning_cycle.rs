@@ -231,6 +231,7 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Preview<R, D,
     ) -> Option<()> {
         let robot = present.robot;
         if let Some(search) = &mut self.self_motion {
+            let robot = present.robot;
             let velocity = if self.weight > 0.0 { &self.aim } else { robot.velocity() };
             search.advance(robot, surroundings, reference, velocity, budget)?;
             if search.has_path() && self.weight == 0.0 {

@@ -65,7 +65,7 @@ impl CheapestPath {
     /// Begins at `place` after a step of `speed` places.
     pub fn begin(&mut self, place: usize, speed: isize) {
         let speed = speed.clamp(-self.largest.cast_signed(), self.largest.cast_signed());
-        let state = place * self.width() + self.largest.strict_add_signed(speed);
+        let state = place * self.width() + self.largest.wrapping_add_signed(speed);
         self.values.fill(f64::INFINITY);
         self.values[state] = 0.0;
         (self.done, self.reached) = (0, [place, place]);
@@ -105,7 +105,7 @@ impl CheapestPath {
                     if !passage.is_open(from, to, k) {
                         continue;
                     }
-                    let step = largest.strict_add_signed(by);
+                    let step = largest.wrapping_add_signed(by);
                     let lowest = step.saturating_sub(self.change);
                     let highest = (step + self.change).min(width - 1);
                     let mut least = f64::INFINITY;

@@ -78,12 +78,7 @@ pub struct Grid<R: Manipulator<D, M>, const D: usize, const M: usize> {
 
 impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> Grid<R, D, M> {
     /// For `robot`, with errors of the task measured by `metric`.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "few places and instants"
-    )]
+    #[expect(clippy::cast_precision_loss, reason = "few places and instants")]
     pub fn new(
         robot: &R,
         yielding: &Yielding,
@@ -387,9 +382,10 @@ mod tests {
     use crate::robot::{Robot, SpatialState, models};
     use crate::world::space::{Obstacle, Shape, World};
     use crate::world::{CollisionQuery, Motion};
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
     use std::sync::Arc;
 
-    const PANDA: [f64; 7] = [0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854];
+    const PANDA: [f64; 7] = [0.0, -FRAC_PI_4, 0.0, -2.3562, 0.0, FRAC_PI_2, FRAC_PI_4];
 
     fn arm(name: &str, q: &[f64; 7]) -> SpatialState {
         let mut robot = Arc::new(models::named(name).unwrap().build().unwrap()).state();

@@ -11,4 +11,4 @@ mod grid;
 mod search;
 mod task_projection;
 
-pub use search::SelfMotion;
+pub(super) use search::SelfMotion;

@@ -120,7 +120,6 @@ impl<R: Manipulator<D, M> + Clone, const D: usize, const M: usize> SelfMotion<R,
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
         reason = "few places and instants"
     )]
     pub fn new(robot: &R, gains: &Gains<M>, settings: &SelfMotionSettings, trigger: f64) -> Self {
@@ -374,11 +373,12 @@ mod tests {
     use crate::robot::{Robot, SpatialState, models};
     use crate::world::Motion;
     use crate::world::space::{Obstacle, Shape, World};
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
     use std::sync::Arc;
 
     fn panda() -> SpatialState {
         let mut robot = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
-        robot.update(&[0.0, -0.7854, 0.0, -2.3562, 0.0, 1.5708, 0.7854], &[0.0; 7]);
+        robot.update(&[0.0, -FRAC_PI_4, 0.0, -2.3562, 0.0, FRAC_PI_2, FRAC_PI_4], &[0.0; 7]);
         robot
     }
 
