@@ -41,10 +41,10 @@ at their torque limits, and behind the rate joints that brake at the same time a
 is.
 
 `priority` hands its distances to the program where limits act, behind a rate at all times: it collides no
-more often there than without. One crowd of other seeds with a joint 1.5 % too fast was looked into: two
-joints are braked at the rate's limit after the arm was hit, and one couples into the other. Hands are back
-later behind the rate: they give way as far as without, and come back as slowly as drives can be asked to
-(T133).
+more often there than without. One crowd of other seeds with a joint of `cbf` 1.5 % too fast was looked
+into: two joints are braked at the rate's limit after the arm was hit, and one couples into the other. Hands
+are back later behind the rate: they give way as far as without, and come back as slowly as drives can be
+asked to (T133).
 """
 HEAD = (
     "| family | controller | collisions | behind the rate | back | behind the rate | speed | behind the rate "

@@ -205,6 +205,12 @@ impl Barrier {
         self
     }
 
+    /// Keeps distances as a way does that reacts with `rate` \[1/s\].
+    pub fn reacting_with(mut self, rate: f64) -> Self {
+        self.rate = rate;
+        self
+    }
+
     /// Of the joints keeps what would be too fast or come to a stop.
     pub fn guarding<R: Robot<D>, const D: usize>(mut self, robot: &R) -> Self {
         self.joints.guard(robot);

@@ -108,7 +108,10 @@ struct Limiter<const M: usize> {
 impl<const M: usize> Limiter<M> {
     fn new<R: Robot<D>, const D: usize>(gains: &Gains<M>, robot: &R, is_fitted: bool) -> Self {
         let is_judged = gains.command.is_judged();
-        let barrier = Barrier::new(robot, gains);
+        let mut barrier = Barrier::new(robot, gains);
+        if gains.avoidance == Avoidance::Priority {
+            barrier = barrier.reacting_with(priority::rate(&gains.yielding));
+        }
         Self {
             weight: barrier::weight::<D, M>(&gains.yielding, &gains.metric::<D>()),
             barrier: if is_judged {

@@ -17,6 +17,11 @@ use crate::world::{CollisionQuery, Contact};
 /// k where it is not given \[1/s\]: the torque changes with k², and no QP limits it.
 pub const RATE: f64 = 20.0;
 
+/// k \[1/s\].
+pub fn rate(settings: &Yielding) -> f64 {
+    settings.rate.unwrap_or(RATE)
+}
+
 /// The pairs near the arm, and a workspace.
 #[derive(Debug, Clone)]
 pub(crate) struct Priority<const D: usize> {
@@ -110,7 +115,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
             let motion = DistanceRate::cautious(robot, pair);
             let (height, motion) = margins.above(pair.link, pair.distance, motion);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
-            let k = settings.rate.unwrap_or(RATE);
+            let k = rate(settings);
             let wanted = match range {
                 None => -2.0 * k * motion.rate - k * k * height,
                 Some(range) => {
