@@ -302,6 +302,18 @@ def test_an_arm_whose_links_touch_in_the_middle_of_its_ranges() -> None:
     assert not _core.overlapping_links(made, [_bent(made, arm_of(made))])[0]
 
 
+def test_shapes_that_touch_nothing_in_an_mjcf_are_told_of() -> None:
+    """MuJoCo lets what has neither contype nor conaffinity pass through everything: left out, and said."""
+    size = 'type="capsule" size="0.05" fromto="0 0 0 0 0 0.4" mass="1" conaffinity="0"'
+    upper = f'<body name="upper" pos="0 0 1"><joint name="b" axis="1 0 0"/><geom {size} contype="0"/></body>'
+    lower = f'<body name="lower"><joint name="a" axis="1 0 0"/><geom {size} contype="1"/>{upper}</body>'
+    xml = f"<mujoco><worldbody>{lower}</worldbody></mujoco>"
+    with pytest.warns(vff.errors.ScenarioWarning) as told:
+        vff.Arm.from_mjcf(xml)
+    (said,) = [str(each.message) for each in told if "touch nothing" in str(each.message)]
+    assert "all shapes of `upper` touch nothing" in said
+
+
 def test_an_mjcf_has_no_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What the scenario would not take is refused at once."""
     monkeypatch.chdir(tmp_path)

@@ -336,3 +336,10 @@ def test_the_last_port_is_taken() -> None:
         printed = vffnull("live", "--port", 65_535, "--no-browser", code=2).stderr
     assert "--port: 65535 is taken" in printed
     assert "from 1024 to 65535" in vffnull("live", "--port", 70_000, code=2).stderr
+
+
+def test_an_empty_file_is_told_of(tmp_path: Path) -> None:
+    """As `vffnull arms new robot.urdf > mine.toml` leaves one where it refuses the robot."""
+    (tmp_path / "mine.toml").write_text("\n")
+    with pytest.raises(vff.errors.ScenarioError, match=r"mine.toml: the file is empty"):
+        vff.Scenario.load(tmp_path / "mine.toml")

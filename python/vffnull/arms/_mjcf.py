@@ -18,6 +18,7 @@ from vffnull.arms._frames import frame, matrix, six
 from vffnull.arms._read import Collision, finish, options, tell
 from vffnull.arms._report import Report
 from vffnull.arms._urdf import text_of
+from vffnull.model.arm import listed
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -335,6 +336,13 @@ class _Reader:
     def _odd(self) -> None:
         """What a chain of rigid links cannot say."""
         model = self._model
+        touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        shown = sorted(set(model.geom_bodyid[~touches]) - set(model.geom_bodyid[touches]) - {0})
+        if shown:
+            names = listed([f"`{self._body(int(body))}`" for body in shown])
+            self._warnings.append(
+                f"all shapes of {names} touch nothing (their contype and conaffinity are 0): left out"
+            )
         if model.neq:
             self._warnings.append(
                 f"{model.neq} equality constraints are left out: joints that they couple are locked apart"

@@ -297,13 +297,16 @@ def read(source: str | os.PathLike[str]) -> str:
         )
     if name.endswith(".toml"):
         try:
-            return Path(name).read_text(encoding="utf-8")
+            text = Path(name).read_text(encoding="utf-8")
         except UnicodeDecodeError:
             raise ScenarioError(f"{shown(name)}: not a TOML file, the text is not UTF-8") from None
         except (OSError, ValueError) as error:  # a ValueError if the path holds a null character
             encoding = isinstance(error, UnicodeEncodeError)
             reason = "no path of this system" if encoding else getattr(error, "strerror", None) or str(error)
             raise ScenarioError(f"{shown(name)}: cannot be read: {reason.lower()}") from None
+        if not text.strip():
+            raise ScenarioError(f"{shown(name)}: the file is empty")
+        return text
     bundled = scenarios()
     if name in bundled:
         return (_BUNDLED / f"{name}.toml").read_text(encoding="utf-8")
