@@ -4,7 +4,7 @@
 //! velocities have brought it: from the last that was believed, or from those before it that were not. So an arm that is thrown is known
 //! after a few cycles, and a single wild reading is no arm.
 
-use super::clock::Clock;
+use super::Clock;
 
 /// A joint that may have any speed is taken for one of this limit \[rad/s, m/s\].
 const NO_LIMIT: f64 = 25.0;

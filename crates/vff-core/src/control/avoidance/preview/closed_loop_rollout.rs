@@ -24,6 +24,7 @@ const MAX_STEPS: f64 = 4096.0;
 
 /// The fastest rate \[1/s\] that a closed-loop rollout over `duration` \[s\] has steps enough for; none if it is too long
 /// for any.
+#[cfg(feature = "scenario")]
 pub fn fastest_rate(duration: f64) -> Option<f64> {
     (duration <= MAX_STEPS * STEP).then(|| STEP_TIMES_RATE * MAX_STEPS / duration)
 }

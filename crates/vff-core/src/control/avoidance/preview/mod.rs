@@ -18,6 +18,7 @@ mod prediction;
 mod rollout;
 mod self_motion;
 
+#[cfg(feature = "scenario")] // which validates by it
 pub(crate) use closed_loop_rollout::fastest_rate;
 pub use planning_cycle::Preview;
 
