@@ -438,7 +438,7 @@ mod tests {
                 if let Some(before) = before {
                     let way =
                         q.iter().zip(&before).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-                    assert!((way - 0.05).abs() < 2e-3, "{name}: {way}");
+                    assert!((way - settings.spacing).abs() < 2e-3, "{name}: {way}");
                 }
                 before = Some(q);
             }
