@@ -17,7 +17,8 @@ def with_task(scenario: Scenario, settings: Mapping[str, Any], task: str) -> Sce
     """The scenario with other settings of the controller and another task.
 
     A reference without orientations keeps the one of the tool at the start. Gains that are given per axis of
-    the task are cut to their number or repeat the last one.
+    the task are cut to their number or repeat the last one. Where the task leaves more or less than one
+    degree of freedom, the look-ahead does without the search of the self-motion.
 
     Raises
     ------
@@ -30,6 +31,9 @@ def with_task(scenario: Scenario, settings: Mapping[str, Any], task: str) -> Sce
         given = controller.get(key)
         if isinstance(given, list):
             controller[key] = (given + given[-1:] * _SIZES[task])[: _SIZES[task]]
+    preview = controller.get("yielding", {}).get("preview")
+    if preview and len(document["q0"]) - _SIZES[task] != 1:
+        preview.pop("self_motion", None)
     reference = dict(document["reference"])
     if task == "position":
         for key in _ORIENTATIONS:
