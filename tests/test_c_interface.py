@@ -139,8 +139,9 @@ def test_the_loop_of_libfranka(prefix: Path, tmp_path: Path) -> None:
     """As the page has it, against stand-ins of libfranka's names; it never met libfranka."""
     page = (ROOT / "docs" / "c.md").read_text(encoding="utf-8")
     examples = re.findall(r"^```cpp\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
-    (loop,) = (example for example in examples if "franka::" in example)
+    loop, touch = (example for example in examples if "franka::" in example)
     (tmp_path / "page.inc").write_text(loop, encoding="utf-8")
+    (tmp_path / "touch.inc").write_text(touch, encoding="utf-8")
     run([compiled(prefix, ROOT / "tests" / "c" / "libfranka_loop.cpp", tmp_path / "loop", f"-I{tmp_path}")])
 
 

@@ -1,5 +1,5 @@
-// The loop of docs/c.md, compiled against stand-ins of what it takes from libfranka (franka/robot.h, control_types.h, duration.h).
-// The test writes the page's program to page.inc.
+// The loops of docs/c.md, compiled against stand-ins of what it takes from libfranka (franka/robot.h, control_types.h, duration.h).
+// The test writes the page's program to page.inc, and what a loop does that feels contacts to touch.inc.
 
 #include <array>
 #include <functional>
@@ -7,7 +7,7 @@
 
 namespace franka {
 struct RobotState {
-    std::array<double, 7> q{}, dq{};
+    std::array<double, 7> q{}, dq{}, tau_ext_hat_filtered{};
 };
 struct Duration {
     double toSec() const noexcept { return 0.001; }
@@ -28,7 +28,7 @@ struct Robot {
     void control(const std::function<Torques(const RobotState&, Duration)>& callback) {
         for (bool finished = false; !finished; ++cycles) {
             during(cycles);
-            const Torques command = callback(RobotState{q, {}}, Duration{});
+            const Torques command = callback(RobotState{q, {}, {}}, Duration{});
             finished = command.motion_finished || cycles == 10000;
         }
     }
@@ -46,6 +46,14 @@ int main() {
     franka::Robot robot;
     robot.q = {0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785};
     bool well = static_cast<bool>(controller.set_reference(panda.pose(robot.q)));
+    const auto feels = [&controller](const franka::RobotState& state, franka::Duration since) -> franka::Torques {
+        double t = 0.0;
+        vff_phase phase{};
+        std::array<double, 7> tau{}, tau_ext{};
+#include "touch.inc"
+        return franka::Torques(tau);
+    };
+    static_cast<void>(feels);
     robot.during = [&](int cycle) { well = well && (cycle != 100 || controller.stop()); };
 #include "page.inc"
     return well && robot.cycles > 100 && robot.cycles < 10000 ? 0 : 1;
