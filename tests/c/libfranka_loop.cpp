@@ -43,9 +43,6 @@ int main() {
         damping = 60
         command = { gravity = "robot", torque_rate = 1000 }
     )");
-    franka::Robot robot;
-    robot.q = {0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785};
-    bool well = static_cast<bool>(controller.set_reference(panda.pose(robot.q)));
     const auto feels = [&controller](const franka::RobotState& state, franka::Duration since) -> franka::Torques {
         double t = 0.0;
         vff_phase phase{};
@@ -54,6 +51,9 @@ int main() {
         return franka::Torques(tau);
     };
     static_cast<void>(feels);
+    franka::Robot robot;
+    robot.q = {0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785};
+    bool well = static_cast<bool>(controller.set_reference(panda.pose(robot.q)));
     robot.during = [&](int cycle) { well = well && (cycle != 100 || controller.stop()); };
 #include "page.inc"
     return well && robot.cycles > 100 && robot.cycles < 10000 ? 0 : 1;
