@@ -3,7 +3,7 @@
     python benches/instructions.py             fails if a step costs 5 % more than the baseline
     python benches/instructions.py --update    writes the baseline, benches/instructions.json, anew
     python benches/instructions.py --profile   writes where the instructions go into docs/speed.md
-    python benches/instructions.py --observer  fails if an observer that rejects costs a Panda 15 % more
+    python benches/instructions.py --observer  says what it adds to know of touch
 
 Two runs of different length under callgrind; their difference leaves only steps. Needs valgrind.
 """
@@ -36,7 +36,6 @@ SCENES = {
     "Panda, position": panda(LONG * DT, "position"),
 }
 ALLOWED = 0.05  # relative growth
-OBSERVER = 0.15  # what an observer may add
 TOUCHES = {
     "observer": {"observer": {}, "touch": {"task": "reject", "null_space": "reject"}},
     "observer, detection, reaction": {"observer": {"detection": {}}, "touch": {"reaction": {"stop": 30.0}}},
@@ -133,15 +132,14 @@ def update(counts: dict[str, float]) -> None:
     print(f"{BASELINE.relative_to(ROOT)}: {content['instructions']}")
 
 
-def observer(program: Path) -> bool:
-    """Print what knowing of touch adds to a step; whether the observer alone adds no more than is allowed."""
+def observer(program: Path) -> None:
+    """Print what knowing of touch adds to a step."""
     plain = panda(LONG * DT)
-    before, added = sum(per_step(program, plain).values()), {}
+    before = sum(per_step(program, plain).values())
     for name, settings in TOUCHES.items():
         document = plain | {"controller": plain["controller"] | settings}
-        added[name] = sum(per_step(program, document).values()) / before - 1
-        print(f"{name:>30}: {added[name]:+.1%} of {before:.0f} instructions a step")
-    return added["observer"] <= OBSERVER
+        added = sum(per_step(program, document).values()) / before - 1
+        print(f"{name:>30}: {added:+.1%} of {before:.0f} instructions a step")
 
 
 def short(function: str) -> str:
@@ -196,7 +194,7 @@ def main() -> None:
         sys.exit("valgrind is not installed; on Debian and Ubuntu: sudo apt-get install valgrind")
     program = build()
     if arguments.observer:
-        sys.exit(not observer(program))
+        return observer(program)
     costs = {name: per_step(program, document) for name, document in SCENES.items()}
     counts = {n: sum(by_function.values()) for n, by_function in costs.items()}
     if arguments.update:
