@@ -161,8 +161,9 @@ proptest! {
         let (apart, hand) = (difference(&thinned, &whole, near), difference(&x, &y, |x| *x));
         let begin = least(&whole[..LINKS]);
         println!("kind {kind} {task}: begin {begin:.4}, least {:.4} {:.4}, apart {apart:.6}, hand {hand:.6}", least(&thinned), least(&whole));
-        prop_assert!((least(&thinned) - least(&whole)).abs() < 1e-3);
-        // An arm that begins nearer than what is kept violates both what is needed and what that implies, and leaves by ways that differ.
+        // An arm that begins nearer than what is kept violates both what is needed and what that implies, and leaves by ways that differ:
+        // from centimetres inside to places that are millimetres apart.
+        prop_assert!((least(&thinned) - least(&whole)).abs() < 1e-3 || begin < 0.0);
         prop_assert!(apart < 1e-3 || begin < MARGIN, "{apart}");
     }
 }
