@@ -594,7 +594,8 @@ is lost in a quarter of the scenes in which a motion holds it, with look-ahead i
 joints are slow, 1.3 to 2.4 rad/s: the planner starts before anything is near, and with half as much speed
 again two of three of these are held. With the
 [search of the self-motion](evaluation-self-motion.md) it holds 86 % of them, 67 without. At the goal in
-clutter: a UR5e that holds a pose has no joint to spare, so that whatever stands in its way holds it up, whatever the margin; that is a matter for
+clutter: a UR5e that holds a pose has no joint to spare, so that whatever
+stands in its way holds it up, whatever the margin; that is a matter for
 [plans](plans.md), which find a way around in advance. Everything else is reached, by one set of defaults
 for all arms, tasks and families. Tried on training scenes of the plane and not better: the acceleration of
 obstacles in roll-outs, an alarm on a foreseen error of the hand, letting go only shortly before contact,
