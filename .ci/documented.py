@@ -31,7 +31,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.request import urlopen
-from zlib import crc32
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1500.0  # s: only for what hangs
@@ -299,17 +298,22 @@ def label(task: Task) -> str:
 
 
 def share(pages: list[Path], parts: int) -> list[Path]:
-    """One of so many parts of the pages, by the state of the files."""
+    """One of so many parts of the pages with about as many tasks each, by the state of the files."""
     command = ["git", "rev-parse", "HEAD^{tree}"]
     tree = subprocess.run(command, cwd=ROOT, check=False, capture_output=True, text=True).stdout
     part = int(tree[:8] or "0", 16) % parts  # a source distribution has no history
-    return [page for page in pages if crc32(page.name.encode()) % parts == part]
+    counts = {page: sum(not is_left_out(task) for task in tasks(page)) for page in pages}
+    shares: list[list[Path]] = [[] for _ in range(parts)]
+    for page in sorted(pages, key=lambda page: -counts[page]):
+        min(shares, key=lambda each: sum(counts[page] for page in each)).append(page)
+    return [page for page in pages if page in shares[part]]
 
 
-def left_out(task: Task) -> bool:
-    """Whether it needs something that `.ci/check` does without, and says so at its end."""
+def is_left_out(task: Task) -> bool:
+    """Whether it is not for here, or needs something that `.ci/check` does without, and says so at its end."""
     without = os.environ.get("VFFNULL_LEFT_OUT", "").split()
-    return "valgrind" in without and "benches/instructions.py" in task.code
+    lacks = "valgrind" in without and "benches/instructions.py" in task.code
+    return task.code in LEFT_OUT or task.code.startswith(ELSEWHERE) or lacks
 
 
 def main(words: list[str]) -> int:
@@ -330,7 +334,7 @@ def main(words: list[str]) -> int:
     chosen: dict[tuple[str, frozenset[str]], Task] = {}
     shown = share(pages, parts) if parts else pages
     for task in (task for page in shown for task in tasks(page)):
-        if task.code in LEFT_OUT or task.code.startswith(ELSEWHERE) or left_out(task):
+        if is_left_out(task):
             continue
         if task.inline and task.code.startswith(written):
             continue

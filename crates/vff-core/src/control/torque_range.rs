@@ -26,7 +26,7 @@ const SHARPNESS: f64 = 1.4;
 const CLOSING: f64 = 1.0;
 /// How much faster the three poles of (T131) are than the two of (T67), which react as early.
 const THREE_POLES: f64 = 1.5;
-/// Share of the torque rate that braking before a speed limit takes up (T132).
+/// Share of the torque rate that braking one speed before its limit takes up (T132).
 const BRAKING: f64 = 0.125;
 /// In parts of j/k³: a height that is farther below 0 asks for no more than this one.
 const DEEPEST: f64 = 0.3;
@@ -87,10 +87,30 @@ impl TorqueRange {
         [self.least_behind(k, now, jerk), share.clamp(LEAST_SHARE, 1.0)]
     }
 
+    /// What of the `jerk` that drives have for one speed alone brakes it before its limit (T132).
+    pub fn braking_jerk(jerk: f64) -> f64 {
+        BRAKING * jerk
+    }
+
+    /// How fast every joint can lose acceleration while all of them do \[rad/s³\] (T176), of the masses M, row by row, and the
+    /// largest speeds; infinite where a joint has none.
+    pub fn jerks_together(&self, mass: &[f64], speeds: &[f64], jerks: &mut [f64]) {
+        let n = speeds.len();
+        for (i, (jerk, speed)) in jerks.iter_mut().zip(speeds).enumerate() {
+            *jerk = speed / mass[i * n + i].sqrt();
+        }
+        let mut share = f64::INFINITY;
+        for (row, rate) in mass.chunks_exact(n).zip(&self.rate) {
+            let limited = row.iter().zip(&*jerks).filter(|(_, jerk)| jerk.is_finite());
+            let torque: f64 = limited.map(|(m, jerk)| m.abs() * jerk).sum();
+            share = share.min(rate / torque);
+        }
+        jerks.iter_mut().for_each(|jerk| *jerk *= share);
+    }
+
     /// The largest acceleration with `left` to go to the largest speed: in proportion near it, and farther away as much
-    /// as can be taken back at a share of `jerk` (T132).
+    /// as can be taken back at `jerk` (T132).
     pub fn most_acceleration(left: f64, jerk: f64, rate: f64) -> f64 {
-        let jerk = BRAKING * jerk;
         let near = jerk / (rate * rate);
         match left.abs() {
             distance if distance <= near => rate * left,
@@ -160,6 +180,7 @@ mod tests {
             let (mut v, mut a) = (0.0, 0.0);
             let step = PERIOD * jerk;
             for _ in 0..4000 {
+                let jerk = TorqueRange::braking_jerk(jerk);
                 let bound = TorqueRange::most_acceleration(most - v - PERIOD * a, jerk, 40.0);
                 a = bound.min(torque).clamp(a - step, a + step);
                 v += PERIOD * a;
@@ -169,11 +190,51 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Joints that couple by whatever masses, all of them on their way to their largest speeds, brake at the same time:
+        /// (T176) asks for no more than the rate, and no speed is passed.
+        #[test]
+        fn coupled_joints_are_braked_together(
+            factor in prop::collection::vec(-1.0..1.0, 16),
+            most in prop::collection::vec(0.5..5.0, 4),
+            begun in prop::collection::vec(-1.0..0.9, 4),
+            rate in 100.0..2000.0,
+        ) {
+            let n = most.len();
+            let mass: Vec<f64> = (0..n * n)
+                .map(|at| {
+                    let [i, k] = [at / n, at % n];
+                    let inner: f64 = (0..n).map(|l| factor[n * i + l] * factor[n * k + l]).sum();
+                    inner + if i == k { 0.05 } else { 0.0 }
+                })
+                .collect();
+            let range = TorqueRange::new(vec![rate; n]);
+            let mut jerks = vec![0.0; n];
+            range.jerks_together(&mass, &most, &mut jerks);
+            let bound =
+                |i: usize, v: f64| TorqueRange::most_acceleration(most[i] - v, jerks[i], 40.0);
+            let mut v: Vec<f64> = (0..n).map(|i| begun[i] * most[i]).collect();
+            let mut a: Vec<f64> = (0..n).map(|i| bound(i, v[i])).collect();
+            for _ in 0..3000 {
+                let next: Vec<f64> = (0..n).map(|i| bound(i, v[i] + PERIOD * a[i])).collect();
+                for row in mass.chunks_exact(n) {
+                    let change: f64 = (0..n).map(|k| row[k] * (next[k] - a[k])).sum();
+                    prop_assert!(change.abs() <= 1.001 * PERIOD * rate, "{change}");
+                }
+                a = next;
+                for i in 0..n {
+                    v[i] += PERIOD * a[i];
+                    prop_assert!(v[i] <= most[i] * (1.0 + 1e-9));
+                }
+            }
+        }
+    }
+
     /// The bound is the same from both sides of where its two parts meet, and so is its slope.
     #[test]
     fn the_bound_of_a_speed_has_no_corner() {
-        let (jerk, rate) = (400.0, 40.0);
-        let near = BRAKING * jerk / (rate * rate);
+        let (jerk, rate) = (50.0, 40.0);
+        let near = jerk / (rate * rate);
         let at = |left: f64| TorqueRange::most_acceleration(left, jerk, rate);
         let h = 1e-6 * near;
         assert!((at(near + h) - at(near) - rate * h).abs() < 1e-5 * rate * h);

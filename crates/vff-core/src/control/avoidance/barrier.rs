@@ -272,6 +272,7 @@ impl Barrier {
         self.softness.clear();
         if let Some(range) = kept.range {
             robot.accelerate(&range.present, bias, &mut self.scratch, &mut self.present);
+            self.find_masses(robot);
         }
         self.keep_distances(robot, kept);
         self.keep_joints(robot, bias, kept.range);
@@ -291,6 +292,9 @@ impl Barrier {
             return 0.0;
         }
         // Damped, or the smallest of motions would cost next to nothing close to a singularity, and rounding decide (T25).
+        if kept.range.is_none() {
+            self.find_masses(robot);
+        }
         self.weigh(&(weight - space.lambda_damped), robot);
         self.keep_torques(&torque.total);
         let outcome = self.program.solve(&Problem {
@@ -383,8 +387,11 @@ impl Barrier {
         bias: &[f64],
         range: Option<&TorqueRange>,
     ) {
-        let Self { joints, nominal, present, normals, bounds, scratch, hessian, .. } = self;
+        let Self { joints, nominal, present, normals, bounds, scratch, hessian, mass, .. } = self;
         let n = nominal.len();
+        if let Some(range) = range {
+            joints.brake_together(range, mass);
+        }
         let acting = Acting { bias, range: range.map(|range| (range, present.as_slice())) };
         for i in 0..n {
             interrupt::checkpoint(2 * n);
@@ -431,13 +438,25 @@ impl Barrier {
             None => *rate * left,
             Some(range) => {
                 robot.mass_solve(normal, scratch);
-                let jerk = range.jerk(normal, scratch);
+                let jerk = TorqueRange::braking_jerk(range.jerk(normal, scratch));
                 let next = range.period * (dot(normal, present) + drift);
                 TorqueRange::most_acceleration(left - next, jerk, *rate)
             }
         };
         bounds.push(dot(normal, nominal) + drift - upper);
         normal.iter_mut().for_each(|x| *x = -*x);
+    }
+
+    /// M, row by row.
+    fn find_masses<R: Robot<D>, const D: usize>(&mut self, robot: &R) {
+        let n = self.nominal.len();
+        self.scratch.fill(0.0);
+        for i in 0..n {
+            interrupt::checkpoint(16 * n);
+            self.scratch[i] = 1.0;
+            robot.mass_mul(&self.scratch, &mut self.mass[i * n..(i + 1) * n]);
+            self.scratch[i] = 0.0;
+        }
     }
 
     /// H = JᵀW_xJ + NᵀMN = M + Jᵀ(W_x − Λ)J (T69); `difference` is W_x − Λ, close to a singularity with the damped Λ.
@@ -447,13 +466,9 @@ impl Barrier {
         robot: &R,
     ) {
         let n = self.nominal.len();
-        self.scratch.fill(0.0);
         for i in 0..n {
             interrupt::checkpoint(16 * n);
             let row = i * n..(i + 1) * n;
-            self.scratch[i] = 1.0;
-            robot.mass_mul(&self.scratch, &mut self.mass[row.clone()]);
-            self.scratch[i] = 0.0;
             let weighted = difference * robot.jacobian_column::<M>(i);
             let (hessian, mass) = (&mut self.hessian[row.clone()], &self.mass[row]);
             for k in 0..=i {

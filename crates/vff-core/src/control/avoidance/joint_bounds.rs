@@ -84,6 +84,8 @@ pub struct JointBounds {
     share: f64,
     /// How every joint comes to its stops; empty if `rate` alone says it.
     braking: Vec<Braking>,
+    /// How fast every joint can lose acceleration behind a rate while all of them do (T176) \[rad/s³\].
+    together: Vec<f64>,
 }
 
 impl JointBounds {
@@ -100,6 +102,7 @@ impl JointBounds {
             angle,
             share,
             braking: Braking::of(&gains.command, robot.dof()),
+            together: vec![f64::INFINITY; robot.dof()],
         }
     }
 
@@ -152,6 +155,11 @@ impl JointBounds {
         })
     }
 
+    /// Reckons with joints that all brake at the same time behind this limit of the torque rate, with the masses M row by row.
+    pub fn brake_together(&mut self, range: &TorqueRange, mass: &[f64]) {
+        range.jerks_together(mass, &self.speed, &mut self.together);
+    }
+
     /// The least and the largest q̈ of joint `i`; `work` has twice as many numbers as there are joints.
     pub fn accelerations<R: Robot<D>, const D: usize>(
         &self,
@@ -175,7 +183,7 @@ impl JointBounds {
         bias: &[f64],
         work: [&mut [f64]; 2],
     ) -> [f64; 2] {
-        let Self { rate: k, speed, joints, angle, share, braking } = self;
+        let Self { rate: k, speed, joints, angle, share, braking, .. } = self;
         let (q, dq, most) = (robot.configuration()[i], robot.velocity()[i], speed[i]);
         let [mut lower, mut upper] = match joints {
             Joints::All => [-k * (share * most + dq), k * (share * most - dq)],
@@ -234,7 +242,7 @@ impl JointBounds {
         present: &[f64],
         [unit, response]: [&mut [f64]; 2],
     ) -> [f64; 2] {
-        let Self { rate: k, speed, joints, angle, share, braking } = self;
+        let Self { rate: k, speed, joints, angle, share, braking, together } = self;
         let (q, dq, ddq, most) =
             (robot.configuration()[i], robot.velocity()[i], present[i], speed[i]);
         interrupt::checkpoint(8 * unit.len());
@@ -245,7 +253,8 @@ impl JointBounds {
         // For how long, and how, the joint goes on before anything can be changed.
         let period = range.period;
         let next = dq + period * ddq;
-        let faster = |left| TorqueRange::most_acceleration(left, jerk, *k);
+        let braking_jerk = TorqueRange::braking_jerk(jerk).min(together[i]);
+        let faster = |left| TorqueRange::most_acceleration(left, braking_jerk, *k);
         let [mut lower, mut upper] = [f64::NEG_INFINITY, f64::INFINITY];
         if *joints == Joints::All {
             let kept = share * most;
