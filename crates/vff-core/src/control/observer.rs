@@ -106,10 +106,12 @@ pub struct MomentumObserver {
     momentum: Vec<f64>,
     drift: Vec<f64>,
     has_begun: bool,
+    /// C q̇ + g of the last command.
+    bias: Vec<f64>,
     /// What has acted since then \[N·m, N\]; to be written before [`update`](Self::update).
     pub(super) acted: Vec<f64>,
     answer: Vec<f64>,
-    scratch: [Vec<f64>; 3],
+    scratch: [Vec<f64>; 2],
     /// What tells contacts from everything else, if anything does.
     detector: Option<Box<ContactDetector>>,
     /// The share of a contact that is not rejected.
@@ -130,9 +132,10 @@ impl MomentumObserver {
             momentum: zeros(),
             drift: zeros(),
             has_begun: false,
+            bias: zeros(),
             acted: zeros(),
             answer: zeros(),
-            scratch: [zeros(), zeros(), zeros()],
+            scratch: [zeros(), zeros()],
             detector: settings.detection.as_ref().map(|given| {
                 Box::new(ContactDetector::new(given, settings.bandwidth, &settings.threshold, n))
             }),
@@ -173,6 +176,17 @@ impl MomentumObserver {
     /// What the law adds because of it \[N·m, N\], (n).
     pub fn rejection(&self) -> &[f64] {
         &self.answer
+    }
+
+    /// Takes the estimate out of `bias`, C q̇ + g of the model \[N·m, N\], (n), which it remembers.
+    pub(super) fn correct(&mut self, bias: &mut [f64]) {
+        self.bias.copy_from_slice(bias);
+        bias.iter_mut().zip(&self.estimate).for_each(|(bias, r)| *bias -= r);
+    }
+
+    /// C q̇ + g of the model where it was corrected last \[N·m, N\], (n).
+    pub(super) fn model_bias(&self) -> &[f64] {
+        &self.bias
     }
 
     /// Knows of nothing any more.
@@ -238,11 +252,8 @@ impl MomentumObserver {
         if !*has_begun {
             estimate.copy_from_slice(measured);
         }
-        let [momentum_now, drift_now, gravity] = scratch;
-        robot.mass_mul(robot.velocity(), momentum_now);
-        robot.coriolis_tr_mul(robot.velocity(), drift_now);
-        robot.gravity_torque(gravity);
-        drift_now.iter_mut().zip(&*gravity).for_each(|(drift, gravity)| *drift -= gravity);
+        let [momentum_now, drift_now] = scratch;
+        robot.momentum_and_drift(momentum_now, drift_now);
         if let Some(elapsed) = elapsed.filter(|elapsed| *has_begun && *elapsed > 0.0) {
             let gain = lag_share(*bandwidth, elapsed);
             for i in 0..estimate.len() {

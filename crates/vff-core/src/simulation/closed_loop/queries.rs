@@ -156,11 +156,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.stack.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
     }
 
-    /// Whether the controller stands at the state of the plant, with a model that is the plant and nothing beside it.
+    /// Whether the controller stands at the state of the plant, with a model that is the plant.
     pub(super) fn is_ideal(&self) -> bool {
-        self.truth.is_none()
-            && Arc::ptr_eq(self.plant.arm(), &self.arm)
-            && self.controller().external_torque().is_none()
+        self.truth.is_none() && Arc::ptr_eq(self.plant.arm(), &self.arm)
     }
 
     /// The state and everything that the law made of it, at the present instant.
