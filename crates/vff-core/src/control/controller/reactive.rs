@@ -289,7 +289,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         Some(detector.link().unwrap_or(self.robot.dof()))
     }
 
-    /// What an estimate has to be to be felt \[N·m, N\], (n); None where nothing tells.
+    /// What the estimate is beyond what it has been of late \[N·m, N\], (n); None where nothing tells.
+    pub fn contact_deviation(&self) -> Option<&[f64]> {
+        Some(self.observer.as_ref()?.detector()?.deviation())
+    }
+
+    /// What that has to be to be felt \[N·m, N\], (n); None where nothing tells.
     pub fn contact_threshold(&self) -> Option<&[f64]> {
         Some(self.observer.as_ref()?.detector()?.threshold())
     }

@@ -207,6 +207,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             tau_ext_estimate: controller.external_torque(),
             wrench_estimate: controller.external_wrench(),
             touched_link: controller.touched_link(),
+            contact_deviation: controller.contact_deviation(),
             contact_threshold: controller.contact_threshold(),
             yielded: controller.yielded(),
             is_stopped: controller.is_stopped(),
