@@ -42,7 +42,7 @@ def setting(document: Mapping[str, Any], path: str) -> Any:
 
 @functools.cache
 def default(path: str) -> Any:
-    """The core's default of a key, by its dotted path; ``obstacles.contact.stiffness`` is that of each obstacle.
+    """The core's default of a key, by its dotted path, which leads through lists to the key of each entry.
 
     Raises
     ------
