@@ -279,15 +279,18 @@ impl MomentumObserver {
         let Self { estimate, threshold, answer, wrench, detector, yielding, .. } = self;
         wrench.as_mut_slice()[..M].copy_from_slice(space.pinv_tr_mul(estimate).as_slice());
         write_resisted(estimate, detector.as_deref(), *yielding, answer);
-        for (beyond, most) in answer.iter_mut().zip(threshold) {
-            *beyond -= beyond.max(-*most).min(*most);
+        // The opposite of what is beyond friction.
+        for (answer, most) in answer.iter_mut().zip(threshold) {
+            *answer = answer.max(-*most).min(*most) - *answer;
         }
-        let sign = |answer| if answer == Answer::Reject { -1.0 } else { 0.0 };
-        let (task, null) = (sign(touch.task), sign(touch.null_space));
-        // J#ᵀ r, whose Jᵀ is the part that moves the end effector (T142).
+        let rejects = |answer| f64::from(u8::from(answer == Answer::Reject));
+        let (task, null) = (rejects(touch.task), rejects(touch.null_space));
+        // Its J#ᵀ, whose Jᵀ is the part that moves the end effector (T142).
         let moving = (touch.task != touch.null_space || pressed.is_some())
             .then(|| space.pinv_tr_mul(answer));
-        answer.iter_mut().for_each(|answer| *answer *= null);
+        if touch.null_space == Answer::Comply {
+            answer.fill(0.0);
+        }
         if let Some(moving) = moving {
             let mut force = moving * (task - null);
             if let Some(u) = pressed {
