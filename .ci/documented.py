@@ -74,7 +74,7 @@ SHORTER = {
 LEFT_OUT = {
     ".ci/check": "runs this script's neighbours, and ran before it",
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
-    "python benches/instructions.py --observer": "as the step of .ci/check, with an observer",
+    "python benches/instructions.py --observer": "is a step of .ci/check",
     "python benches/instructions.py --profile": "as the step of .ci/check, with a table",
     "python docs/evaluate.py": "runs for a quarter of an hour; `vffnull evaluate` does the same in short",
     "python docs/evaluate.py --space": "as the one of the plane",

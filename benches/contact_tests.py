@@ -2,9 +2,9 @@
 
     python benches/contact_tests.py
 
-Scenes, arms and noise are those of `false_alarms.py`. The test of (T166) is evaluated from records of runs
-with nothing in the way, and the sum gets the bound that leaves it as far from the largest value there. Then
-somebody pushes. At several bandwidths of the observer.
+Scenes, arms and noise are those of `false_alarms.py`. Both tests are evaluated from what the detection has
+recorded. In runs with nothing in the way the sum gets the bound that leaves it as far from the largest value
+there. Then somebody pushes. At several bandwidths of the observer.
 """
 
 from __future__ import annotations
@@ -18,36 +18,14 @@ import numpy as np
 import vffnull as vff
 from false_alarms import runs
 
-PERIOD = 1e-3  # s, of all scenes
-LEAST, MODEL_ERROR, NOISE, MEMORY = 0.2, 0.1, 7.0, 1.0  # the defaults of [controller.observer.detection]
-
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
 
-def shares(result: vff.Result, bandwidth: float) -> Array:
-    """|δ| / h of every joint at every instant (T, n), as `control/detection.rs` has them."""
-    assert result.tau_ext_estimate is not None
-    estimate, acted = result.tau_ext_estimate, np.vstack([result.tau[:1], result.tau[:-1]])
-    lag, smoothing = (1.0 - np.exp(-rate * PERIOD) for rate in (bandwidth, 0.5 * bandwidth))
-    mean, smooth, model = estimate[0].copy(), estimate[0].copy(), acted[0].copy()
-    mean_model, variance = model.copy(), np.zeros_like(mean)
-    found = np.zeros_like(estimate)
-    for k, r in enumerate(estimate):
-        begun = PERIOD * (k + 1) - 5.0 / bandwidth
-        memory, scatter = (
-            min(PERIOD / min(begun, time), 1.0) if begun > PERIOD else 1.0 for time in (MEMORY, 5.0)
-        )
-        model = model + lag * (acted[k] - model)
-        threshold = LEAST + MODEL_ERROR * np.abs(model - mean_model) + NOISE * np.sqrt(variance)
-        off = np.abs(r - mean) / threshold
-        if begun >= 10.0 / bandwidth:
-            found[k] = off
-        if not (found[k] > 1.0).any():
-            mean = mean + memory * (r - mean)
-            mean_model = mean_model + memory * (model - mean_model)
-            smooth = smooth + smoothing * (r - smooth)
-            variance = variance + scatter * ((r - smooth) ** 2 - variance)
-    return found
+def shares(result: vff.Result) -> Array:
+    """|δ| / h of every joint at every instant (T, n)."""
+    assert result.contact_deviation is not None
+    assert result.contact_threshold is not None
+    return np.abs(result.contact_deviation) / result.contact_threshold
 
 
 def both(found: Array) -> Array:
@@ -62,17 +40,17 @@ def main() -> None:
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     for bandwidth in (80.0, 150.0, 300.0):
-        observer = {"bandwidth": bandwidth}
+        observer = {"bandwidth": bandwidth, "detection": {}}
         most, cycles = np.zeros(2), 0
         for result, _ in runs(np.random.default_rng(1), 0.05, 0.0, observer):
-            most = np.maximum(most, both(shares(result, bandwidth)).max(axis=0))
+            most = np.maximum(most, both(shares(result)).max(axis=0))
             cycles += len(result.t)
             if cycles >= given.cycles // 2:
                 break
         bounds, waits, cycles = np.array([1.0, most[1] / most[0]]), [], 0
         for result, start in runs(np.random.default_rng(2), 0.05, given.push, observer):
             begins = int(np.searchsorted(result.t, start)) + 1
-            felt = both(shares(result, bandwidth))[begins:] > bounds
+            felt = both(shares(result))[begins:] > bounds
             waits.append([1.0 + np.argmax(each) if each.any() else np.inf for each in felt.T])
             cycles += len(result.t)
             if cycles >= given.cycles:

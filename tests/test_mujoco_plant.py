@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 from pathlib import Path
@@ -201,6 +202,25 @@ def test_contact_pushes_the_arm(name: str, depth: float, told: str) -> None:
     assert 0 < pushed.metrics.intrusion_depth < 0.02
     assert pushed.status == "collided" and told in str(pushed.headline)
     assert pushed.metrics.collision_time == pytest.approx(through.metrics.collision_time, abs=1e-3)
+
+
+def test_what_a_contact_does_not_say_is_the_default_of_the_core() -> None:
+    document = vff.Scenario.load("sweep-through").to_dict()
+    table = json.loads(_core.schema_json())["else"]["properties"]["obstacles"]["items"]["properties"][
+        "contact"
+    ]
+    said = {key: table["properties"][key]["default"] for key in ("stiffness", "damping", "friction")}
+
+    def felt(contact: dict[str, float]) -> Any:
+        document["obstacles"][0]["contact"] = contact
+        model = MuJoCoPlant(document).model
+        return np.concatenate(
+            [each.ravel() for each in (model.geom_solref, model.geom_friction, model.body_invweight0)]
+        )
+
+    assert np.array_equal(felt({}), felt(said))
+    for key, value in said.items():
+        assert not np.array_equal(felt({}), felt({key: 2.0 * value})), key
 
 
 def test_contacts_are_counted() -> None:

@@ -68,6 +68,7 @@ def test_what_is_not_said_is_the_default_of_the_core() -> None:
     assert setting(document, "simulation.dt") == 0.002
     assert setting(document, "simulation.integrator") == "rk4"
     assert default("controller.yielding.margin") == 0.02
+    assert default("obstacles.contact.friction") == 0.5
     with pytest.raises(KeyError):
         default("controller.stifness")
     # The core runs with what it says: the run with every default written down is the run without.

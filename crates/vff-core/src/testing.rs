@@ -1,9 +1,10 @@
 //! Random arms and states for the unit tests.
 
-use crate::math::Vector;
 pub use crate::math::close::assert_close;
+use crate::math::{Vector, dot};
 use crate::robot::{Model, PlanarArm, PlanarState, Robot, planar::Link};
 use proptest::prelude::*;
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_4};
 use std::sync::Arc;
 
 /// A random arm at a random state, and two more random joint vectors.
@@ -59,4 +60,32 @@ pub fn case(joints: impl Strategy<Value = usize>) -> impl Strategy<Value = Case>
             u,
             v,
         })
+}
+
+/// ∂L/∂q of the kinetic energy less that of gravity, which in an angle is a trigonometric polynomial of the second degree and
+/// in a length a polynomial of the second degree: these two differences are exact for either (T186).
+pub fn lagrangian_gradient<R: Robot<D>, const D: usize>(
+    robot: &mut R,
+    slides: impl Fn(usize) -> bool,
+) -> Vec<f64> {
+    let (mut q, dq) = (robot.configuration().to_vec(), robot.velocity().to_vec());
+    let mut momentum = vec![0.0; q.len()];
+    let mut difference = |i: usize, h: f64| {
+        let at = q[i];
+        let [after, before] = [h, -h].map(|h| {
+            q[i] = at + h;
+            robot.update(&q, &dq);
+            robot.mass_mul(&dq, &mut momentum);
+            0.5 * dot(&momentum, &dq) - robot.potential_energy()
+        });
+        q[i] = at;
+        after - before
+    };
+    let slope = |i| {
+        if slides(i) {
+            return 0.5 * difference(i, 1.0);
+        }
+        difference(i, FRAC_PI_4) + difference(i, FRAC_PI_2) * (0.5 - FRAC_1_SQRT_2)
+    };
+    (0..dq.len()).map(slope).collect()
 }

@@ -573,6 +573,7 @@ fn no_operator_of_a_spatial_arm_allocates() {
         state.mass_solve(&v, &mut out);
         state.coriolis_mul(&v, &mut out);
         state.coriolis_tr_mul(&v, &mut out);
+        state.momentum_and_drift(&mut out, &mut scratch);
         state.gravity_torque(&mut out);
         state.bias_torque(&mut out);
         state.mobilities(&mut mobilities);

@@ -21,7 +21,7 @@ from vffnull._core import matrices, quaternions
 from vffnull._support.errors import InputError, ScenarioError
 from vffnull.engines.export import to_mjcf
 from vffnull.model.scenario import Scenario, ScenarioLike, prepare
-from vffnull.model.settings import setting
+from vffnull.model.settings import default, setting
 
 __all__ = ["MuJoCoPlant"]
 
@@ -29,7 +29,6 @@ Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], Array]
 
 _MAX_SPEED = 1e4  # rad/s; the core's bound, beyond which a run has diverged
-_CONTACT = {"stiffness": 1e5, "damping": 2.0, "friction": 0.5}  # of an obstacle, as the core has it
 _HARD = 0.9999  # the largest impedance that MuJoCo has
 _HIT = 0.1  # m/s
 _PATIENCE = 0.1  # s between two reports of progress
@@ -204,19 +203,22 @@ class MuJoCoPlant:
         over the stiffness, is one of that stiffness; what links weigh is next to nothing then. A hit at
         0.1 m/s loses as much as in ours.
         """
-        given = _CONTACT | dict(contact)
+        stiffness, damping, friction = (
+            contact.get(key, default(f"obstacles.contact.{key}"))
+            for key in ("stiffness", "damping", "friction")
+        )
         model, name = self.model, f"obstacle_{k}"
         spring = (0.5 / model.opt.timestep) ** 2
-        regular = spring / given["stiffness"]
-        ratio = 2.0 / 3.0 * given["damping"] * _HIT / np.pi  # of the damping to the critical one
+        regular = spring / stiffness
+        ratio = 2.0 / 3.0 * damping * _HIT / np.pi  # of the damping to the critical one
         mobility = model.body_invweight0[self._bodies[-1], 0]
-        damper = 2.0 * ratio * np.sqrt(given["stiffness"] / mobility) * regular
+        damper = 2.0 * ratio * np.sqrt(stiffness / mobility) * regular
         model.body_invweight0[model.body(name).id, 0] = regular * _HARD / (1.0 - _HARD)
         for geom in range(model.ngeom):
             called = model.geom(geom).name
             if called == name or called.startswith(f"{name}_"):
                 model.geom_priority[geom], model.geom_condim[geom] = 1, 3
-                model.geom_friction[geom, 0] = max(given["friction"], 1e-5)  # MuJoCo's least
+                model.geom_friction[geom, 0] = max(friction, 1e-5)  # MuJoCo's least
                 model.geom_solref[geom] = -spring * _HARD, -damper * _HARD
                 model.geom_solimp[geom, :2] = _HARD, _HARD
 

@@ -198,6 +198,7 @@ class Outcome:
     tau_ext_estimate: Array | None = None
     wrench_estimate: Array | None = None
     touched_link: Array | None = None
+    contact_deviation: Array | None = None
     contact_threshold: Array | None = None
     yielded: Array | None = None
     slack: Array | None = None

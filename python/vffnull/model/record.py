@@ -63,6 +63,9 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "wrench_estimate": Quantity("N", "estimated wrench at the end effector", ("task",), optional=True),
     "touched_link": Quantity("", "link on which a contact is felt", (), optional=True),
+    "contact_deviation": Quantity(
+        "N·m", "what the estimate has changed by of late", ("joint",), optional=True
+    ),
     "contact_threshold": Quantity(
         "N·m", "what the estimate has to change by to be felt", ("joint",), optional=True
     ),
@@ -121,6 +124,7 @@ _OF_JOINTS = (
     "tau_applied",
     "tau_ext",
     "tau_ext_estimate",
+    "contact_deviation",
     "contact_threshold",
 )
 

@@ -42,7 +42,7 @@ def setting(document: Mapping[str, Any], path: str) -> Any:
 
 @functools.cache
 def default(path: str) -> Any:
-    """The core's default of a key, by its dotted path.
+    """The core's default of a key, by its dotted path, which leads through lists to the key of each entry.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def default(path: str) -> Any:
     """
     found = _schema()
     for name in path.split("."):
-        found = found["properties"][name]
+        found = found.get("items", found)["properties"][name]
     return found["default"]
 
 

@@ -103,9 +103,10 @@ class Result(Outcome):
     touched_link : (T,) ndarray or None
         Link on which a contact is felt, counted from 0, or one beyond it; NaN while none is. None without a
         table ``[controller.observer.detection]``.
+    contact_deviation : (T, n) ndarray or None
+        What the estimate is beyond what it has been of late [N·m] (T166). None likewise.
     contact_threshold : (T, n) ndarray or None
-        What the estimate has to change by at once to be felt [N·m]; infinite in the first moments. None
-        likewise.
+        What that has to be for a contact to be felt [N·m]; infinite in the first moments. None likewise.
     yielded : (T,) ndarray or None
         How far the end effector gives way to a push [m]. None without a table
         ``[controller.touch.reaction]``.

@@ -17,7 +17,6 @@ use crate::robot::Robot;
 use crate::settings::settings;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
-use std::mem::take;
 
 settings! {
     /// `[controller.observer]`.
@@ -28,7 +27,7 @@ settings! {
         /// What is less is taken for friction and not answered.
         threshold: ScalarOrVec = ScalarOrVec::Uniform(0.0), "N·m", NOT_NEGATIVE;
         /// `momentum`: what changes the momentum of the arm beyond its model; `measured`: the torque from outside that the robot
-        /// measures, in a simulation that of `[[wrenches]]`.
+        /// measures, in a simulation that of `[[wrenches]]` and of obstacles with a `contact`.
         source: Source = Source::Momentum, "";
         /// What of the estimate is taken for a contact.
         detection: Option<DetectionSettings> = None;
@@ -106,10 +105,12 @@ pub struct MomentumObserver {
     momentum: Vec<f64>,
     drift: Vec<f64>,
     has_begun: bool,
+    /// C q̇ + g of the last command.
+    bias: Vec<f64>,
     /// What has acted since then \[N·m, N\]; to be written before [`update`](Self::update).
     pub(super) acted: Vec<f64>,
     answer: Vec<f64>,
-    scratch: [Vec<f64>; 3],
+    scratch: [Vec<f64>; 2],
     /// What tells contacts from everything else, if anything does.
     detector: Option<Box<ContactDetector>>,
     /// The share of a contact that is not rejected.
@@ -130,9 +131,10 @@ impl MomentumObserver {
             momentum: zeros(),
             drift: zeros(),
             has_begun: false,
+            bias: zeros(),
             acted: zeros(),
             answer: zeros(),
-            scratch: [zeros(), zeros(), zeros()],
+            scratch: [zeros(), zeros()],
             detector: settings.detection.as_ref().map(|given| {
                 Box::new(ContactDetector::new(given, settings.bandwidth, &settings.threshold, n))
             }),
@@ -152,12 +154,7 @@ impl MomentumObserver {
 
     /// Writes what there is to be rejected of the estimate \[N·m, N\], (n).
     pub fn write_resisted(&self, out: &mut [f64]) {
-        out.copy_from_slice(&self.estimate);
-        if let Some(detector) = &self.detector {
-            for (out, deviation) in out.iter_mut().zip(detector.deviation()) {
-                *out -= self.yielding * deviation;
-            }
-        }
+        write_resisted(&self.estimate, self.detector.as_deref(), self.yielding, out);
     }
 
     /// r, the torque that the model does not know \[N·m, N\], (n).
@@ -173,6 +170,19 @@ impl MomentumObserver {
     /// What the law adds because of it \[N·m, N\], (n).
     pub fn rejection(&self) -> &[f64] {
         &self.answer
+    }
+
+    /// Takes the estimate out of `bias`, C q̇ + g of the model \[N·m, N\], (n), which it remembers.
+    pub(super) fn correct(&mut self, bias: &mut [f64]) {
+        for ((own, bias), r) in self.bias.iter_mut().zip(bias).zip(&self.estimate) {
+            *own = *bias;
+            *bias -= r;
+        }
+    }
+
+    /// C q̇ + g of the model where it was corrected last \[N·m, N\], (n).
+    pub(super) fn model_bias(&self) -> &[f64] {
+        &self.bias
     }
 
     /// Knows of nothing any more.
@@ -238,14 +248,14 @@ impl MomentumObserver {
         if !*has_begun {
             estimate.copy_from_slice(measured);
         }
-        let [momentum_now, drift_now, gravity] = scratch;
-        robot.mass_mul(robot.velocity(), momentum_now);
-        robot.coriolis_tr_mul(robot.velocity(), drift_now);
-        robot.gravity_torque(gravity);
-        drift_now.iter_mut().zip(&*gravity).for_each(|(drift, gravity)| *drift -= gravity);
+        let [momentum_now, drift_now] = scratch;
+        robot.momentum_and_drift(momentum_now, drift_now);
         if let Some(elapsed) = elapsed.filter(|elapsed| *has_begun && *elapsed > 0.0) {
-            let gain = lag_share(*bandwidth, elapsed);
-            for i in 0..estimate.len() {
+            let (gain, n) = (lag_share(*bandwidth, elapsed), estimate.len());
+            // All of one length: spares the loop its bounds checks.
+            let (momentum_now, drift_now) = (&momentum_now[..n], &drift_now[..n]);
+            let (momentum, drift, acted) = (&momentum[..n], &drift[..n], &acted[..n]);
+            for i in 0..n {
                 let force = (momentum_now[i] - momentum[i]) / elapsed;
                 let known = acted[i] + 0.5 * (drift[i] + drift_now[i]);
                 estimate[i] += gain * (force - known - estimate[i]);
@@ -266,19 +276,22 @@ impl MomentumObserver {
         touch: &Touch,
         pressed: Option<&SVector<f64, M>>,
     ) {
-        let mut beyond = take(&mut self.scratch[0]);
-        self.write_resisted(&mut beyond);
-        let Self { estimate, threshold, answer, wrench, .. } = self;
+        let Self { estimate, threshold, answer, wrench, detector, yielding, .. } = self;
         wrench.as_mut_slice()[..M].copy_from_slice(space.pinv_tr_mul(estimate).as_slice());
-        for (beyond, most) in beyond.iter_mut().zip(threshold) {
-            *beyond -= beyond.clamp(-*most, *most);
+        write_resisted(estimate, detector.as_deref(), *yielding, answer);
+        // The opposite of what is beyond friction.
+        for (answer, most) in answer.iter_mut().zip(threshold) {
+            *answer = answer.max(-*most).min(*most) - *answer;
         }
-        let sign = |answer| if answer == Answer::Reject { -1.0 } else { 0.0 };
-        let (task, null) = (sign(touch.task), sign(touch.null_space));
-        answer.iter_mut().zip(&*beyond).for_each(|(answer, r)| *answer = null * r);
-        if touch.task != touch.null_space || pressed.is_some() {
-            // Jᵀ J#ᵀ r is the part that moves the end effector (T142).
-            let moving = space.pinv_tr_mul(&beyond);
+        let rejects = |answer| f64::from(u8::from(answer == Answer::Reject));
+        let (task, null) = (rejects(touch.task), rejects(touch.null_space));
+        // Its J#ᵀ, whose Jᵀ is the part that moves the end effector (T142).
+        let moving = (touch.task != touch.null_space || pressed.is_some())
+            .then(|| space.pinv_tr_mul(answer));
+        if touch.null_space == Answer::Comply {
+            answer.fill(0.0);
+        }
+        if let Some(moving) = moving {
             let mut force = moving * (task - null);
             if let Some(u) = pressed {
                 force -= u * (task * u.dot(&moving));
@@ -287,7 +300,21 @@ impl MomentumObserver {
                 *answer += robot.jacobian_column::<M>(i).dot(&force);
             }
         }
-        self.scratch[0] = beyond;
+    }
+}
+
+/// r − a δ, the estimate without the share that is yielded to of what is taken for a contact \[N·m, N\], (n).
+fn write_resisted(
+    estimate: &[f64],
+    detector: Option<&ContactDetector>,
+    yielding: f64,
+    out: &mut [f64],
+) {
+    out.copy_from_slice(estimate);
+    if let Some(detector) = detector {
+        for (out, deviation) in out.iter_mut().zip(detector.deviation()) {
+            *out -= yielding * deviation;
+        }
     }
 }
 

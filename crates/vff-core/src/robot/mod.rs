@@ -163,6 +163,14 @@ pub trait Robot<const D: usize> {
             *momentum -= p.dot(&self.jacobian_column(i));
         }
     }
+    /// `momentum = M q̇` and `drift = ∂L/∂q = Cᵀq̇ − g`, by which it changes beside the torque: d(M q̇)/dt = τ + ∂L/∂q
+    /// (T186).
+    fn momentum_and_drift(&self, momentum: &mut [f64], drift: &mut [f64]) {
+        self.gravity_torque(momentum);
+        self.coriolis_tr_mul(self.velocity(), drift);
+        drift.iter_mut().zip(&*momentum).for_each(|(drift, gravity)| *drift -= gravity);
+        self.mass_mul(self.velocity(), momentum);
+    }
     /// `out = J̇ᵀ p − Cᵀ u`. With u = J#ẋ and p = Λẋ it is what couples the null space to the task.
     fn coupling_torque<const M: usize>(&self, p: &SVector<f64, M>, u: &[f64], out: &mut [f64]) {
         self.coriolis_tr_mul(u, out);

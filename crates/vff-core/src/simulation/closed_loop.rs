@@ -356,7 +356,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
                     }
                 };
                 if ideal && (continuous || begins) {
-                    plant.accelerate_as(controller.robot(), tau, controller.bias(), ddq);
+                    plant.accelerate_as(controller.robot(), tau, controller.model_bias(), ddq);
                 } else {
                     plant.accelerate(q, dq, tau, ddq);
                 }

@@ -147,6 +147,8 @@ pub struct Record {
     /// (T), or empty.
     pub touched_link: Vec<f64>,
     /// (T, n), or empty.
+    pub contact_deviation: Vec<f64>,
+    /// (T, n), or empty.
     pub contact_threshold: Vec<f64>,
     /// (T), or empty.
     pub yielded: Vec<f64>,
@@ -294,6 +296,9 @@ impl Record {
                 s.wrench_estimate.is_some()
             }),
             optional("touched_link", &mut self.touched_link, &[], |s| s.touched_link.is_some()),
+            optional("contact_deviation", &mut self.contact_deviation, &[n], |s| {
+                s.contact_deviation.is_some()
+            }),
             optional("contact_threshold", &mut self.contact_threshold, &[n], |s| {
                 s.contact_threshold.is_some()
             }),
@@ -374,6 +379,7 @@ impl Record {
         #[expect(clippy::cast_precision_loss, reason = "few links")]
         let touched = |link| if link < s.q.len() { link as f64 } else { f64::NAN };
         self.touched_link.extend(s.touched_link.map(touched));
+        self.contact_deviation.extend_from_slice(s.contact_deviation.unwrap_or_default());
         self.contact_threshold.extend_from_slice(s.contact_threshold.unwrap_or_default());
         self.yielded.extend(s.yielded);
         self.slack.extend(s.slack);

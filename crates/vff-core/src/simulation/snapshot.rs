@@ -97,6 +97,8 @@ pub struct Snapshot<'a> {
     pub wrench_estimate: Option<&'a [f64]>,
     /// The link on which a contact is felt, counted from 0, or n where none is; `None` without detection.
     pub touched_link: Option<usize>,
+    /// What the estimate is beyond what it has been of late \[N·m, N\], (n); `None` without detection.
+    pub contact_deviation: Option<&'a [f64]>,
     /// What the estimate has to change by to be felt \[N·m, N\], (n), infinite at first; `None` without detection.
     pub contact_threshold: Option<&'a [f64]>,
     /// By how much the end effector gives way to a push \[m\]; `None` without a reaction.

@@ -75,6 +75,11 @@ trait Way<const D: usize, const M: usize> {
         None
     }
 
+    /// The rate at which it keeps those \[1/s\]; None if they are kept as barriers are.
+    fn rate(&self) -> Option<f64> {
+        None
+    }
+
     /// The program, if it is one.
     fn program(&self) -> Option<&Barrier> {
         None
@@ -106,11 +111,17 @@ struct Limiter<const M: usize> {
 }
 
 impl<const M: usize> Limiter<M> {
-    fn new<R: Robot<D>, const D: usize>(gains: &Gains<M>, robot: &R, is_fitted: bool) -> Self {
+    /// Beside a way that keeps its distances at `rate` \[1/s\], if it has one.
+    fn new<R: Robot<D>, const D: usize>(
+        gains: &Gains<M>,
+        robot: &R,
+        rate: Option<f64>,
+        is_fitted: bool,
+    ) -> Self {
         let is_judged = gains.command.is_judged();
         let mut barrier = Barrier::new(robot, gains);
-        if gains.avoidance == Avoidance::Priority {
-            barrier = barrier.reacting_with(priority::rate(&gains.yielding));
+        if let Some(rate) = rate {
+            barrier = barrier.reacting_with(rate);
         }
         Self {
             weight: barrier::weight::<D, M>(&gains.yielding, &gains.metric::<D>()),
@@ -187,7 +198,8 @@ impl<const D: usize, const M: usize> Avoider<D, M> {
         };
         let keeps_limits = matches!(way, Ways::Cbf(_)) || !(is_limited || is_judged);
         let is_fitted = matches!(way, Ways::TaskWins(_)) && gains.enforce_limits;
-        let limiter = (!keeps_limits).then(|| Limiter::new(gains, robot, is_fitted));
+        let rate = each!(&way, way => Way::<D, M>::rate(way));
+        let limiter = (!keeps_limits).then(|| Limiter::new(gains, robot, rate, is_fitted));
         Some(Box::new(Self { way, limiter }))
     }
 

@@ -17,15 +17,12 @@ use crate::world::{CollisionQuery, Contact};
 /// k where it is not given \[1/s\]: the torque changes with k², and no QP limits it.
 pub const RATE: f64 = 20.0;
 
-/// k \[1/s\].
-pub fn rate(settings: &Yielding) -> f64 {
-    settings.rate.unwrap_or(RATE)
-}
-
 /// The pairs near the arm, and a workspace.
 #[derive(Debug, Clone)]
 pub(crate) struct Priority<const D: usize> {
     settings: Yielding,
+    /// k \[1/s\].
+    rate: f64,
     margins: Margins,
     pairs: Vec<Contact<D>>,
     gradient: Vec<f64>,
@@ -45,6 +42,7 @@ impl<const D: usize> Priority<D> {
         Self {
             margins: Margins::new(robot.dof(), &gains.yielding),
             settings: gains.yielding.clone(),
+            rate: gains.yielding.rate.unwrap_or(RATE),
             pairs: vec![],
             gradient: zeros(),
             response: zeros(),
@@ -86,10 +84,15 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
         Some(&self.pairs)
     }
 
+    fn rate(&self) -> Option<f64> {
+        Some(self.rate)
+    }
+
     /// Pair by pair, from the base outwards: what d̈ is short of is added along n̂, with everything across it
     /// left as it was. The order is fixed, so that nothing jumps when another pair becomes nearest.
     fn act<R: Robot<D>>(&mut self, situation: &Situation<'_, R, D, M>, torque: &mut Torque) {
         let Situation { robot, bias, range, .. } = *situation;
+        let k = self.rate;
         let Self {
             settings,
             margins,
@@ -100,6 +103,7 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
             present,
             scratch,
             threshold,
+            ..
         } = self;
         if pairs.is_empty() {
             return;
@@ -115,7 +119,6 @@ impl<const D: usize, const M: usize> Way<D, M> for Priority<D> {
             let motion = DistanceRate::cautious(robot, pair);
             let (height, motion) = margins.above(pair.link, pair.distance, motion);
             robot.point_jacobian_tr_mul(pair.link, &pair.point, &pair.normal, gradient);
-            let k = rate(settings);
             let wanted = match range {
                 None => -2.0 * k * motion.rate - k * k * height,
                 Some(range) => {

@@ -40,7 +40,7 @@ pub struct ReactiveController<R: Manipulator<D, M>, const D: usize, const M: usi
     parts: Parts,
     pub(super) objective_scale: ObjectiveScale,
     /// What knows of torques that the model does not know.
-    observer: Option<Box<MomentumObserver>>,
+    pub(super) observer: Option<Box<MomentumObserver>>,
     /// What presses on a surface, if anything does.
     force: Option<Box<ForceControl<D>>>,
     /// What gives way to a push, if anything does.
@@ -289,7 +289,12 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         Some(detector.link().unwrap_or(self.robot.dof()))
     }
 
-    /// What an estimate has to be to be felt \[N·m, N\], (n); None where nothing tells.
+    /// What the estimate is beyond what it has been of late \[N·m, N\], (n); None where nothing tells.
+    pub fn contact_deviation(&self) -> Option<&[f64]> {
+        Some(self.observer.as_ref()?.detector()?.deviation())
+    }
+
+    /// What that has to be to be felt \[N·m, N\], (n); None where nothing tells.
     pub fn contact_threshold(&self) -> Option<&[f64]> {
         Some(self.observer.as_ref()?.detector()?.threshold())
     }
@@ -358,9 +363,9 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
                 &mut self.law,
             ),
         }
-        if let Some(observer) = &self.observer {
+        if let Some(observer) = &mut self.observer {
             let Law { bias, torque, .. } = &mut self.law;
-            bias.iter_mut().zip(observer.estimate()).for_each(|(bias, r)| *bias -= r);
+            observer.correct(bias);
             let answer = observer.rejection();
             torque.add_to_task(|i| answer[i]);
         }

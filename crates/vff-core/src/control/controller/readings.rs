@@ -39,6 +39,11 @@ impl<R: Manipulator<D, M>, const D: usize, const M: usize> ReactiveController<R,
         &self.law.bias
     }
 
+    /// C q̇ + g at the state of the last command \[N·m\].
+    pub fn model_bias(&self) -> &[f64] {
+        self.observer.as_ref().map_or(&self.law.bias, |observer| observer.model_bias())
+    }
+
     /// ‖J M⁻¹ τ_null‖ of the last command: what leaks into the task \[m/s²\] (T4).
     pub fn null_acceleration(&self) -> f64 {
         self.gains.metric::<D>().norm(&self.space.response(&self.law.torque.null))

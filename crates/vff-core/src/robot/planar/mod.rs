@@ -355,6 +355,20 @@ impl Robot<2> for PlanarState {
         }
     }
 
+    /// In one sweep, which has the same sums.
+    fn momentum_and_drift(&self, momentum: &mut [f64], drift: &mut [f64]) {
+        let (joints, _, drift) = self.with(&self.dq, drift);
+        let momentum = &mut momentum[..joints.len()];
+        let (mut sum, mut change, mut outer) = (0.0, 0.0, Vector::<2>::zeros());
+        for i in (0..joints.len()).rev() {
+            let Joint { rate, velocity, l, b, diagonal, .. } = joints[i];
+            sum += diagonal * rate + cross(b, velocity) + l.dot(&outer);
+            change += cross(b, self.arm.gravity) - rate * (b.dot(&velocity) - cross(l, outer));
+            (momentum[i], drift[i]) = (sum, change);
+            outer += b * rate;
+        }
+    }
+
     /// As [`coriolis_tr_mul`](Self::coriolis_tr_mul): J̇ᵀp is what a force at the tip adds to the sum
     /// from there.
     fn coupling_torque<const M: usize>(&self, p: &SVector<f64, M>, u: &[f64], out: &mut [f64]) {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::testing::{assert_close, case};
+use crate::testing::{assert_close, case, lagrangian_gradient};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 
@@ -36,6 +36,10 @@ proptest! {
         state.momentum_and_coriolis(&f, &mut momentum, &mut coriolis);
         check(&momentum, (&dense.mass * &dq - j.transpose() * f).as_slice());
         check(&coriolis, (&dense.coriolis * &dq).as_slice());
+        let (mut momentum, mut drift) = (vec![f64::NAN; n], vec![f64::NAN; n]);
+        state.momentum_and_drift(&mut momentum, &mut drift);
+        check(&momentum, (&dense.mass * &dq).as_slice());
+        check(&drift, (dense.coriolis.transpose() * &dq - &dense.gravity).as_slice());
         check(
             &apply(n, |out| state.coupling_torque(&f, &c.u, out)),
             (dense.jacobian_dot.transpose() * f - dense.coriolis.transpose() * &u).as_slice(),
@@ -79,6 +83,14 @@ proptest! {
         assert_close((&now.coriolis + now.coriolis.transpose()).as_slice(), rate.as_slice(), 1e-6);
         prop_assert!((&now.mass - now.mass.transpose()).norm() < 1e-12 * now.mass.norm());
         prop_assert!(now.mass.cholesky().is_some());
+    }
+
+    /// What changes the momentum beside the torque is ∂L/∂q (T186).
+    #[test]
+    fn drift_is_the_gradient_of_the_lagrangian(c in case(1usize..9)) {
+        let (mut state, [mut momentum, mut drift]) = (c.state(), [(); 2].map(|()| vec![f64::NAN; c.q.len()]));
+        state.momentum_and_drift(&mut momentum, &mut drift);
+        assert_close(&drift, &lagrangian_gradient(&mut state, |_| false), 1e-11);
     }
 
     /// J = ∂x/∂q, J̇ = dJ/dt and g = ∂V/∂q by central differences.

@@ -267,6 +267,25 @@ impl Robot<3> for SpatialState {
         }
     }
 
+    /// In one sweep: Cᵀq̇ needs nothing but the momentum of what is beyond a joint (T187).
+    fn momentum_and_drift(&self, momentum: &mut [f64], drift: &mut [f64]) {
+        let (joints, dq, drift) = self.with(&self.dq, drift);
+        let gravity = self.arm.gravity();
+        let (mut carried, mut mass, mut moment) = (Spatial::ZERO, 0.0, Vector::<3>::zeros());
+        let rows = joints.iter().zip(&self.arm.fixed).zip(dq);
+        for (((joint, fixed), dq), (momentum, drift)) in
+            rows.zip(momentum.iter_mut().zip(drift)).rev()
+        {
+            let Joint { s, s_rate, velocity, inertia, .. } = joint;
+            carried += inertia.mul(velocity);
+            mass += inertia.mass;
+            moment += inertia.moment;
+            let weight = Spatial::new(moment.cross(&gravity), gravity * mass);
+            *momentum = s.dot(&carried) + fixed.armature * dq;
+            *drift = s_rate.dot(&carried) + s.dot(&weight);
+        }
+    }
+
     /// As [`coriolis_tr_mul`](Self::coriolis_tr_mul): J̇ᵀp is what a force at the tip adds to the
     /// sums from there.
     fn coupling_torque<const M: usize>(&self, p: &SVector<f64, M>, u: &[f64], out: &mut [f64]) {

@@ -156,11 +156,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
         self.stack.controller.gains().enforce_limits && !(velocity.is_empty() && torque.is_empty())
     }
 
-    /// Whether the controller stands at the state of the plant, with a model that is the plant and nothing beside it.
+    /// Whether the controller stands at the state of the plant, with a model that is the plant.
     pub(super) fn is_ideal(&self) -> bool {
-        self.truth.is_none()
-            && Arc::ptr_eq(self.plant.arm(), &self.arm)
-            && self.controller().external_torque().is_none()
+        self.truth.is_none() && Arc::ptr_eq(self.plant.arm(), &self.arm)
     }
 
     /// The state and everything that the law made of it, at the present instant.
@@ -209,6 +207,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
             tau_ext_estimate: controller.external_torque(),
             wrench_estimate: controller.external_wrench(),
             touched_link: controller.touched_link(),
+            contact_deviation: controller.contact_deviation(),
             contact_threshold: controller.contact_threshold(),
             yielded: controller.yielded(),
             is_stopped: controller.is_stopped(),

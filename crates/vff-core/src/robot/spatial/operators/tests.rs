@@ -2,7 +2,7 @@ use super::*;
 use crate::robot::description::Frame;
 use crate::robot::spatial::cases::{Case, case, planar_twin};
 use crate::robot::spatial::{Mobility, SpatialArm};
-use crate::testing::assert_close;
+use crate::testing::{assert_close, lagrangian_gradient};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -108,6 +108,14 @@ proptest! {
         for (rest, expected) in rest.iter().zip(&(&dense.coriolis * &dense.velocity)) {
             prop_assert!((rest - expected).abs() <= 1e-11 * scale);
         }
+        let (mut momentum, mut drift) = (vec![f64::NAN; n], vec![f64::NAN; n]);
+        state.momentum_and_drift(&mut momentum, &mut drift);
+        check(&momentum, &dense.mass, &dense.velocity);
+        let expected = dense.coriolis.tr_mul(&dense.velocity) - &dense.gravity;
+        let scale = (dense.coriolis.transpose().abs() * dense.velocity.abs()).max() + dense.gravity.abs().max();
+        for (drift, expected) in drift.iter().zip(&expected) {
+            prop_assert!((drift - expected).abs() <= 1e-11 * scale, "{drift} against {expected} of {scale}");
+        }
         check_task::<3>(&c);
         check_task::<5>(&c);
         check_task::<6>(&c);
@@ -168,6 +176,15 @@ proptest! {
         let twice: f64 = c.v.iter().zip(&product).map(|(v, s)| 2.0 * v * s).sum();
         let terms: f64 = c.v.iter().zip(&product).map(|(v, s)| (v * s).abs()).sum();
         prop_assert!((quadratic - twice).abs() <= 1e-11 * (1.0 + terms));
+    }
+
+    /// What changes the momentum beside the torque is ∂L/∂q (T186).
+    #[test]
+    fn drift_is_the_gradient_of_the_lagrangian(c in case(1usize..9)) {
+        let (mut state, [mut momentum, mut drift]) = (c.state(), [(); 2].map(|()| vec![f64::NAN; c.q.len()]));
+        state.momentum_and_drift(&mut momentum, &mut drift);
+        let gradient = lagrangian_gradient(&mut state, |i| c.arm.slides(i));
+        assert_close(&drift, &gradient, 1e-11);
     }
 
     /// J = ∂x/∂q, J̇ = dJ/dt and g = ∂V/∂q by central differences; the power of the bias is the
