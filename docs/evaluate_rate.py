@@ -27,7 +27,7 @@ TEXT = """# Behind a torque rate
 {scenes} scenes of [evaluation-spatial.md](evaluation-spatial.md), without a limit of the torque rate
 and with one of {rate:g} N·m/s for every joint, made by `python docs/evaluate_rate.py{count}`, vffnull
 {version}. That is a Franka's limit; makers of the other two arms publish none. What changes behind it is in
-[theory.md](theory.md), T130 to T134, T161 and T171; its numbers were settled on other seeds.
+[theory.md](theory.md), T130 to T134, T161, T171 and T176; its numbers were settled on other seeds.
 
 **Collision**: an overlap of more than 1 mm, in all scenes, feasible or not, in per cent with 95 % confidence
 intervals (Wilson score). **Back**: no collision, and the tip within 1 cm of its reference at the end. Speed
@@ -36,15 +36,13 @@ and torque are the largest of any joint in any of the scenes, in parts of the ma
 {rows}
 
 Every controller keeps the speeds of joints, which weigh more than distances: without a rate only where one
-would be too fast (T153) or come to its stop (T162), behind a rate always. What is left above 1 are joints
-at their torque limits, and behind the rate joints that brake at the same time and want more of it than there
-is.
+would be too fast (T153) or come to its stop (T162), behind a rate always, 0.98 of them. What is above 1 are
+joints at their torque limits. Behind the rate joints are braked as fast as all of them can be at the same
+time (T176).
 
 `priority` hands its distances to the program where limits act, behind a rate at all times: it collides no
-more often there than without. One crowd of other seeds with a joint of `cbf` 1.5 % too fast was looked
-into: two joints are braked at the rate's limit after the arm was hit, and one couples into the other. Hands
-are back later behind the rate: they give way as far as without, and come back as slowly as drives can be
-asked to (T133).
+more often there than without. Hands are back later behind the rate: they give way as far as without, and
+come back as slowly as drives can be asked to (T133).
 """
 HEAD = (
     "| family | controller | collisions | behind the rate | back | behind the rate | speed | behind the rate "
