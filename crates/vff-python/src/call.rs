@@ -1,10 +1,13 @@
 //! What a call in somebody else's loop is given: a time, a reference, obstacles.
 
-use crate::convert::{instead, named_document, number, read_vector, wrong_type};
+use crate::convert::{
+    count, instead, misshapen, named_document, number, points, read_vector, wrong_type,
+};
 use crate::errors::{self, InputError};
 use pyo3::prelude::*;
 use pyo3::types::PySequence;
 use toml::Table;
+use vff_core::runtime::points::PointUpdate;
 use vff_core::runtime::{AnyObstacles, Target};
 use vff_core::scenario::ScenarioError;
 

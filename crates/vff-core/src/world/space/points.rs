@@ -132,7 +132,8 @@ impl World {
         placed.since = points.since.replace(placed.since).unwrap_or(time);
         let stands_still = placed.stands_still();
         let was_static = replace(&mut placed.is_static, stands_still);
-        (placed.state, placed.time) = (placed.moved_to(time), time);
+        placed.move_to(time);
+        placed.state.elapsed = time - placed.since;
         if stands_still == was_static {
             self.reshaped();
         } else {
