@@ -605,7 +605,9 @@ class Controller:
     ) -> Terms:
         """The torque of the law with its parts, whatever `command` makes of it; parameters as in `torque`."""
 
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Put other points in place of those of a cloud, one of the obstacles of the last call.
 
         They stay as long as calls are given the very same obstacles. The cloud keeps its place, its motion
@@ -1048,7 +1050,9 @@ class Live:
         """Turn an obstacle in space to an orientation (4,) on the short way, at 4 rad/s."""
     def turn_target(self, orientation: ArrayLike) -> None:
         """Turn the reference to an orientation (4,) on the short way, smoothly, at 1 rad/s at most."""
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Replace the points (k, 3) of a cloud [m]. They are made ready beside the loop, and taken in between
         two of its steps.
         """
@@ -1067,6 +1071,39 @@ class Live:
     @property
     def notes(self) -> list[str]:
         """What was changed for the clock or is odd, in sentences."""
+
+@final
+class Perceiver:
+    """From pictures of depth cameras to a cloud of points that move: what is there that nobody has said."""
+
+    def __new__(
+        cls,
+        arm: Arm,
+        cameras: Iterable[_Document],
+        settings: _Document | None = None,
+        known: Iterable[_Document] = (),
+    ) -> Self: ...
+    def observe(self, t: float, q: ArrayLike, dq: ArrayLike) -> None:
+        """Take in a state of the arm."""
+    def see(self, depth: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
+        """Take in a picture."""
+    def see_points(self, cloud: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
+        """Take in a cloud of points."""
+    @property
+    def points(self) -> _Array:
+        """What is there."""
+    @property
+    def velocities(self) -> _Array:
+        """At which velocities."""
+    @property
+    def t(self) -> float | None:
+        """When the last picture was taken."""
+    @property
+    def radius(self) -> float:
+        """A radius for the balls."""
+    @property
+    def tracks(self) -> list[dict[str, Any]]:
+        """The bodies that are followed."""
 
 @final
 class Simulation:
@@ -1104,7 +1141,9 @@ class Simulation:
             The state after the period.
         """
 
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> State:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> State:
         """Put other points in place of those of a cloud, from now on.
 
         It keeps its place, its motion and its radius; `reset` gives it back the points of the scenario.
@@ -1446,7 +1485,9 @@ class DriveLoop:
         """Another controller takes over within `blend` [s], among the obstacles of the drive."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Other points in place of those of a cloud."""
     def stop(self) -> None:
         """Ask it to end, by a damped stop. In a fork there is nothing to end."""

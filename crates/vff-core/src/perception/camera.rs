@@ -202,6 +202,30 @@ impl Camera {
         (open < OPEN && ray.iter().all(|x| x.is_finite())).then_some(ray)
     }
 
+    /// A picture of points in the frame of the camera \[m\]: in every pixel the depth of the nearest, 0 without one.
+    pub(super) fn picture(&self, points: &[[f64; 3]]) -> Vec<f32> {
+        let mut depths = vec![0.0_f32; self.rays.len()];
+        for point in points {
+            let Some(Sight { column, row, depth }) = self.sight_of(&Vector::from(*point)) else {
+                continue;
+            };
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "within the picture"
+            )]
+            let pixel =
+                row.round().max(0.0) as usize * self.columns() + column.round().max(0.0) as usize;
+            #[expect(clippy::cast_possible_truncation, reason = "a depth")]
+            if let Some(nearest) = depths.get_mut(pixel)
+                && (*nearest == 0.0 || (depth as f32) < *nearest)
+            {
+                *nearest = depth as f32;
+            }
+        }
+        depths
+    }
+
     /// The point at this depth \[m\] in a pixel \[m\], in the world.
     #[inline]
     pub(super) fn point(&self, pixel: usize, depth: f64) -> Vector<3> {
@@ -211,10 +235,15 @@ impl Camera {
 
     /// Where a point of the world is seen; none behind the camera and outside of its picture.
     #[inline]
-    #[expect(clippy::cast_precision_loss, reason = "counts of pixels")]
     pub(super) fn sight(&self, point: &Vector<3>) -> Option<Sight> {
+        self.sight_of(&self.rotation.tr_mul(&(point - self.origin)))
+    }
+
+    /// The same of a point in the frame of the camera.
+    #[inline]
+    #[expect(clippy::cast_precision_loss, reason = "counts of pixels")]
+    fn sight_of(&self, seen: &Vector<3>) -> Option<Sight> {
         let DepthCamera { columns, rows, focal, centre, .. } = &self.model;
-        let seen = self.rotation.tr_mul(&(point - self.origin));
         if seen.z <= 0.0 {
             return None;
         }

@@ -259,6 +259,38 @@ impl Perceiver {
         if depth.len() != expected {
             return Err(PerceptionError::Size { expected, given: depth.len() });
         }
+        self.take(camera, t, depth, self.settings.stride)
+    }
+
+    /// The same of a cloud of points \[m\] in the frame of the camera, as far as they are in its picture: of those in one pixel
+    /// the nearest.
+    ///
+    /// # Errors
+    /// As of [`see`](Self::see).
+    pub fn see_points(
+        &mut self,
+        camera: usize,
+        t: f64,
+        points: &[[f64; 3]],
+    ) -> Result<Counts, PerceptionError> {
+        let count = self.cameras.len();
+        let Some(eye) = self.cameras.get(camera) else {
+            return Err(PerceptionError::NotThere { given: camera, count });
+        };
+        interrupt::checkpoint(64 * points.len());
+        let picture = eye.picture(points);
+        self.take(camera, t, Depth::Metres(&picture), 1)
+    }
+
+    /// Takes in a picture of a camera that is there, of which every so manieth pixel is looked at.
+    fn take(
+        &mut self,
+        camera: usize,
+        t: f64,
+        depth: Depth<'_>,
+        stride: usize,
+    ) -> Result<Counts, PerceptionError> {
+        let eye = &self.cameras[camera];
         let t = t + self.settings.time_offset;
         let last = self.last[camera];
         if !t.is_finite() || last.is_some_and(|last| t <= last) {
@@ -273,22 +305,26 @@ impl Perceiver {
         self.robot.update(&self.q, &self.dq);
         let uncertainty = self.settings.time_error + missing;
         let filter = SelfFilter::new(&self.robot, self.settings.margin, uncertainty);
-        let mut counts = hit(&mut self.map, eye, &filter, &depth, &self.settings);
+        let mut counts = hit(&mut self.map, eye, &filter, &depth, stride, self.settings.range);
         counts.left_out = self.map.left_out;
         let look = Look::new(eye, &depth, &self.map, &self.settings);
         let PerceiverSettings { least_points, memory, .. } = self.settings;
         interrupt::checkpoint(64 * self.map.voxels().len());
         #[expect(clippy::cast_possible_truncation, reason = "checked to be small")]
-        self.map.finish(t, least_points as u32, memory, |middle| look.is_through(middle));
+        self.map.finish(camera, t, least_points as u32, memory, |middle| look.is_through(middle));
         self.tracks.update(&mut self.map, camera, t, &self.settings);
         counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
         Ok(counts)
     }
 
-    /// The cloud: points \[m\], each with the velocity at which it goes on from the time of the last picture \[m/s\]. What is
-    /// remembered stays where it was.
+    /// The cloud at the time of the [`last`](Self::last) picture: points \[m\], each with the velocity at which it goes on from
+    /// there \[m/s\]. What is remembered stays where it was.
     pub fn points(&self) -> impl Iterator<Item = (Vector<3>, Vector<3>)> + '_ {
-        self.map.voxels().iter().map(|voxel| (voxel.point, voxel.velocity))
+        let t = self.last().unwrap_or_default();
+        self.map
+            .voxels()
+            .iter()
+            .map(move |voxel| (voxel.point + voxel.velocity * (t - voxel.last), voxel.velocity))
     }
 
     /// The bodies that are followed.
@@ -301,9 +337,9 @@ impl Perceiver {
         self.map.half_diagonal()
     }
 
-    /// When the last picture of a camera was taken \[s\], on the clock of the states; none before the first.
-    pub fn last(&self, camera: usize) -> Option<f64> {
-        self.last.get(camera).copied().flatten()
+    /// When the last picture was taken \[s\], on the clock of the states; none before the first.
+    pub fn last(&self) -> Option<f64> {
+        self.last.iter().copied().flatten().reduce(f64::max)
     }
 
     /// How many cameras there are.
@@ -323,7 +359,8 @@ fn hit(
     eye: &Camera,
     filter: &SelfFilter<'_>,
     depth: &Depth<'_>,
-    settings: &PerceiverSettings,
+    stride: usize,
+    range: f64,
 ) -> Counts {
     map.begin();
     let mut counts = Counts::default();
@@ -333,11 +370,11 @@ fn hit(
         clearance if clearance <= -half => Arm::Inside,
         _ => Arm::Across,
     };
-    for row in (0..eye.rows()).step_by(settings.stride) {
+    for row in (0..eye.rows()).step_by(stride) {
         interrupt::checkpoint(16 * eye.columns());
-        for column in (0..eye.columns()).step_by(settings.stride) {
+        for column in (0..eye.columns()).step_by(stride) {
             let pixel = row * eye.columns() + column;
-            let Some(depth) = depth.metres(pixel).filter(|depth| *depth <= settings.range) else {
+            let Some(depth) = depth.metres(pixel).filter(|depth| *depth <= range) else {
                 continue;
             };
             counts.measured += 1;

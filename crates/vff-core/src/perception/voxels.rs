@@ -38,6 +38,8 @@ pub(super) struct Voxel {
     pub(super) point: Vector<3>,
     /// At which velocity that goes on \[m/s\].
     pub(super) velocity: Vector<3>,
+    /// Which camera hit it last.
+    camera: usize,
     /// Of the present picture: whether it was asked for, the points in it, their sum, and what of it is the arm.
     picture: u32,
     pub(super) hits: u32,
@@ -151,6 +153,7 @@ impl VoxelMap {
                     last: f64::NEG_INFINITY,
                     point: Vector::zeros(),
                     velocity: Vector::zeros(),
+                    camera: 0,
                     picture: self.picture.wrapping_sub(1),
                     hits: 0,
                     sum: Vector::zeros(),
@@ -170,12 +173,13 @@ impl VoxelMap {
         Some(&mut self.voxels[place])
     }
 
-    /// Takes in what the present picture, of time `t` \[s\], says of all cells: those with so many points or more are hit, of
+    /// Takes in what the present picture, of a camera at time `t` \[s\], says of all cells: those with so many points or more are hit, of
     /// the others those are seen through of which `is_seen_through` says so. What is not taken any more, and what was hit
     /// last longer ago than `memory` \[s\], is forgotten.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     pub(super) fn finish(
         &mut self,
+        camera: usize,
         t: f64,
         least: u32,
         memory: f64,
@@ -194,9 +198,13 @@ impl VoxelMap {
                 voxel.point = voxel.sum / f64::from(voxel.hits);
                 voxel.since = voxel.since.min(t);
                 voxel.last = voxel.last.max(t);
+                voxel.camera = camera;
             } else {
                 voxel.hits = 0;
-                voxel.velocity = Vector::zeros();
+                // Whoever saw it move sees it there no longer.
+                if voxel.camera == camera {
+                    voxel.velocity = Vector::zeros();
+                }
                 if voxel.odds > 0.0 && is_seen_through(&middle) {
                     voxel.odds += MISS;
                 }
