@@ -19,7 +19,7 @@ settings! {
         /// The side of a cell.
         voxel: f64 = 0.02, "m", POSITIVE;
         /// Cells that are remembered at most: points of the cloud, up to 50 000.
-        most_voxels: usize = 20_000, "", AT_LEAST_ONE;
+        most_voxels: usize = 40_000, "", AT_LEAST_ONE;
         /// Every how manieth row and column of a picture is looked at.
         stride: usize = 2, "", AT_LEAST_ONE;
         /// What is deeper in the picture is not looked at.
