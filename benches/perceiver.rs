@@ -82,8 +82,7 @@ fn perceiver(c: &mut Criterion) {
         .collect();
     for stride in [1, 2] {
         let settings = PerceiverSettings { stride, ..PerceiverSettings::default() };
-        let mut perceiver =
-            Perceiver::new(&panda, vec![camera.clone()], settings, vec![]).unwrap();
+        let mut perceiver = Perceiver::new(&panda, vec![camera.clone()], settings, vec![]).unwrap();
         let mut k = 0;
         let mut see = || {
             let t = PERIOD * f64::from(k);

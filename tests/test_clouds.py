@@ -157,7 +157,7 @@ def on_a_sphere(centre: Any, radius: float, count: int) -> np.ndarray:
 
 
 def test_a_cloud_that_samples_a_moving_sphere_does_what_it_does() -> None:
-    """Clearance within what lies between the points, and the torque of `cbf` within a few percent, at any time."""
+    """Clearance within what lies between the points, and the torque of `cbf` within a few percent."""
     start, velocity, radius, ball = np.array([0.45, -0.5, 0.55]), np.array([0.1, 0.9, 0.0]), 0.06, 0.01
     cloud = on_a_sphere(start, radius - ball, 800)
     # Without a field, which sums over points.
@@ -201,9 +201,7 @@ def reach_at(velocities: bool, way: np.ndarray) -> float:
 
 def test_velocities_avoid_what_points_at_rest_do_not() -> None:
     """Balls that come from all sides at 1 m/s towards the hand of an arm that holds it where it is."""
-    ways = np.array(
-        [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [-0.7, 0.7, 0.0], [0.0, 0.7, -0.7]]
-    )
+    ways = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [-0.7, 0.7, 0.0], [0.0, 0.7, -0.7]])
     least = np.array([[reach_at(moving, way) for moving in (False, True)] for way in ways])
     hit = (least < 0.0).sum(axis=0)
     assert hit.tolist() == [5, 0], least
@@ -296,6 +294,7 @@ def test_a_simulation_goes_on_among_other_points() -> None:
     again, fresh = changed.reset(), vff.Simulation(SCENARIO).state
     np.testing.assert_array_equal(again.clearance, fresh.clearance)
     assert changed.update_points([ARM.forward_kinematics(Q)[4]]).clearance.min() < 0.0
+    assert changed.status == "collided"
 
 
 def test_points_of_a_simulation_go_on() -> None:
@@ -311,7 +310,6 @@ def test_points_of_a_simulation_go_on() -> None:
         found, expected = points.step(), whole.step()
         np.testing.assert_allclose(found.q, expected.q, atol=1e-12)
         np.testing.assert_allclose(found.clearance, expected.clearance, atol=1e-12)
-    assert changed.status == "collided"
 
 
 def test_a_loop_goes_on_while_points_are_replaced() -> None:

@@ -123,7 +123,10 @@ def camera(**changed: Any) -> dict[str, Any]:
         (lambda: perceiver().see(np.ones((3, 3)), 0.0), r"depth: expected shape \(240, 320\), got \(3, 3\)"),
         (lambda: perceiver().see(np.ones((240, 320)), 0.0, camera=1), "there is no camera 1"),
         (lambda: perceiver().see(np.ones((240, 320)), np.inf), "t must be finite"),
-        (lambda: perceiver().see(np.ones((240, 320)), 1.0), "no state of the arm is known within 0.05 s of 1 s"),
+        (
+            lambda: perceiver().see(np.ones((240, 320)), 1.0),
+            "no state of the arm is known within 0.05 s of 1 s",
+        ),
         (lambda: perceiver().see_points([[0.0, np.nan, 1.0]], 0.0), r"cloud\[0\]\[1\] must be finite"),
         (lambda: perceiver().observe(0.0, AWAY, STILL), r"after the last one \(0 s\)"),
         (lambda: perceiver().observe(1.0, [np.nan] * 7, STILL), "q: expected 7 finite numbers"),
@@ -143,7 +146,7 @@ JUDGED = """
     arm = vff.Arm.named("panda")
     ball = vff.Obstacle.sphere([0.3, 0.4, 0.4], 0.04)
     text = to_mjcf(arm, obstacles=[ball])
-    eye = '<camera name="eye" pos="0.4 0.0 1.6" fovy="50"/><geom type="plane" size="3 3 0.1" pos="0 0 -0.05"/>'
+    eye = '<camera name="eye" pos="0.4 0 1.6" fovy="50"/><geom type="plane" size="3 3 0.1" pos="0 0 -0.05"/>'
     model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", "<worldbody>" + eye, 1))
     data = mujoco.MjData(model)
     renderer = mujoco.Renderer(model, 240, 320)
@@ -155,7 +158,8 @@ JUDGED = """
     ball = model.body("obstacle_1").mocapid[0]
     floor = vff.Obstacle.half_space([0.0, 0.0, -0.05], [0.0, 0.0, 1.0])
     perceiver = vff.Perceiver(arm, [camera], {"room": [[-1.0, -1.0, -0.3], [1.0, 1.0, 1.4]]}, known=[floor])
-    mean, swing, rate = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.6, 0.8]), np.array([0.6, 0.2, 0.2, 0.3, 0.4, 0.3, 0.5]), 2.0
+    mean = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.6, 0.8])
+    swing, rate = np.array([0.6, 0.2, 0.2, 0.3, 0.4, 0.3, 0.5]), 2.0
     left = 0
     for k in range(30):
         t = k / 30.0
@@ -180,10 +184,14 @@ JUDGED = """
 
 
 def test_what_a_renderer_of_others_shows() -> None:
-    """MuJoCo draws a Panda that swings and a ball; a clock is off by 20 ms: of the arm nothing is left, of the ball its velocity."""
+    """MuJoCo draws a Panda that swings and a ball; a clock is off by 20 ms. Of the arm nothing is left, and
+    the ball has its velocity.
+    """
     pytest.importorskip("mujoco")
     code = "import os\nos.environ.setdefault('MUJOCO_GL', 'egl')\n" + textwrap.dedent(JUDGED)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False
+    )
     if done.returncode and "mujoco.Renderer" in done.stderr:
         pytest.skip("nothing renders here")
     assert done.returncode == 0, done.stderr

@@ -21,6 +21,7 @@ __all__ = [
     "ExtendedJacobian",
     "ExternalRun",
     "Live",
+    "Perceiver",
     "SimulatedRobot",
     "Simulation",
     "State",
@@ -1082,7 +1083,7 @@ class Perceiver:
         cameras: Iterable[_Document],
         settings: _Document | None = None,
         known: Iterable[_Document] = (),
-    ) -> Self: ...
+    ) -> Perceiver: ...
     def observe(self, t: float, q: ArrayLike, dq: ArrayLike) -> None:
         """Take in a state of the arm."""
     def see(self, depth: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
