@@ -158,11 +158,12 @@ def on_a_sphere(centre: Any, radius: float, count: int) -> np.ndarray:
 
 def test_a_cloud_that_samples_a_moving_sphere_does_what_it_does() -> None:
     """Clearance within what lies between the points, and the torque of `cbf` within a few percent."""
-    start, velocity, radius, ball = np.array([0.45, -0.5, 0.55]), np.array([0.1, 0.9, 0.0]), 0.06, 0.01
+    start, velocity = ARM.forward_kinematics(Q)[-1] - [0.0, 0.5, 0.0], np.array([0.1, 0.9, 0.0])
+    radius, ball = 0.06, 0.01
     cloud = on_a_sphere(start, radius - ball, 800)
     # Without a field, which sums over points.
     settings = vff.ControlSettings(avoidance="cbf", field=vff.Field.bounded(gain=0.0, influence=0.3))
-    for t in (0.0, 0.2, 0.35):
+    for t in (0.0, 0.35, 0.4):
         law, one = vff.Controller(ARM, settings), [vff.Obstacle.points(cloud, ball)]
         law.torque(Q, [0.0] * 7, TARGET, obstacles=one, t=t)
         law.update_points(cloud, velocities=np.tile(velocity, (len(cloud), 1)), t=0.0)

@@ -152,8 +152,7 @@ fn the_velocity_of_a_ball_is_known_after_four_pictures() {
             let t = PERIOD * f64::from(k);
             show(&mut perceiver, &eye, t, &[ball(at(t).into(), 0.04)]);
         }
-        let moving: Vec<&Track> =
-            perceiver.tracks().iter().filter(|track| track.is_moving()).collect();
+        let moving: Vec<Track> = perceiver.tracks().into_iter().filter(Track::is_moving).collect();
         assert_eq!(moving.len(), 1, "{number}: {:?}", perceiver.tracks());
         let off = (moving[0].velocity - velocity).norm();
         println!("way {number}: off by {off:.4} m/s");
@@ -175,6 +174,32 @@ fn the_velocity_of_a_ball_is_known_after_four_pictures() {
             off.norm() > 0.1
         });
         assert_eq!(behind.count(), 0, "{number}: a trail is left");
+    }
+}
+
+/// A forearm that reaches into the picture grows as it comes: it moves with its hand, not with its middle, which is half as fast.
+#[test]
+fn what_comes_into_the_picture_is_as_fast_as_its_tip() {
+    let eye = camera(2);
+    let mut perceiver =
+        Perceiver::new(&panda(), vec![eye.clone()], PerceiverSettings::default(), table()).unwrap();
+    let velocity = V::new(0.0, -0.8, 0.0);
+    for k in 0..16 {
+        let t = PERIOD * f64::from(k);
+        let hand = V::new(0.4, 0.55, 0.5) + velocity * t;
+        let arm = Capsule { a: hand, b: hand + V::new(0.05, 0.4, 0.1), radius: 0.05 };
+        show(&mut perceiver, &eye, t, &[arm]);
+        if k >= 5 {
+            let tracks = perceiver.tracks();
+            let best = tracks.iter().max_by_key(|track| track.points).unwrap();
+            println!(
+                "{k} {} {:?} {:?}",
+                best.is_cut,
+                best.velocity.as_slice(),
+                best.position.as_slice()
+            );
+            assert!((best.velocity.y + 0.8).abs() < 0.16, "{k}: {best:?}");
+        }
     }
 }
 

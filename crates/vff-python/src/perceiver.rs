@@ -297,10 +297,11 @@ impl Perceiver {
 
     /// The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it, ``position`` [m] and
     /// ``velocity`` [m/s] at time ``t`` [s], ``covariance`` of place and velocity (2, 2), the same for each
-    /// coordinate, in how many pictures it was ``seen``, and whether it ``moves`` for certain.
+    /// coordinate, in how many pictures it was ``seen``, whether it ``moves`` for certain, and whether it goes on
+    /// where the picture or the room ends, ``cut``, so that its velocity is that of its sides.
     #[getter]
     fn tracks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let tracks = self.inner.take(py)?.tracks().to_vec();
+        let tracks = self.inner.take(py)?.tracks();
         let told = |track: vff_core::perception::Track| {
             let found = PyDict::new(py);
             found.set_item("number", track.number)?;
@@ -312,6 +313,7 @@ impl Perceiver {
             found.set_item("t", track.time)?;
             found.set_item("seen", track.seen)?;
             found.set_item("moves", track.is_moving())?;
+            found.set_item("cut", track.is_cut)?;
             Ok(found)
         };
         attended(|| tracks.into_iter().map(told).collect())?

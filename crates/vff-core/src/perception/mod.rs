@@ -328,8 +328,8 @@ impl Perceiver {
     }
 
     /// The bodies that are followed.
-    pub fn tracks(&self) -> &[Track] {
-        self.tracks.tracks()
+    pub fn tracks(&self) -> Vec<Track> {
+        self.tracks.tracks().collect()
     }
 
     /// A radius with which balls at the points cover what is seen \[m\]: half the diagonal of a cell.
@@ -385,7 +385,13 @@ fn hit(
                 Arm::Outside => false,
                 Arm::Across => filter.clearance(&point, half) < 0.0,
             };
-            if is_own { counts.own += 1 } else { voxel.add(&point) }
+            if is_own {
+                counts.own += 1;
+            } else {
+                let [down, aside] = [eye.rows() - row, eye.columns() - column];
+                let at_the_end = row.min(column) < stride || down.min(aside) <= stride;
+                voxel.add(&point, at_the_end);
+            }
         }
     }
     counts

@@ -1,6 +1,6 @@
 //! Bodies that are seen, and how they move (T184): cells that hang together, followed from picture to picture by a Kalman filter.
 //!
-//! What is followed is the mean of the points of a body. The noise of all three coordinates is taken for the same, so that one
+//! What is followed is the mean of the points of a body, and where it is cut off at the end of the picture the box around it. The noise of all three coordinates is taken for the same, so that one
 //! symmetric matrix of 2 × 2 is the covariance of each.
 
 use super::PerceiverSettings;
@@ -15,6 +15,9 @@ const LEAST: usize = 3;
 const GATE: f64 = 4.0;
 /// A velocity of less than so many standard deviations is none.
 const SIGNIFICANT: f64 = 2.0;
+
+/// The standard deviation of a corner, by that of a mean: it is a matter of few points.
+const CORNER: f64 = 3.0;
 
 /// A body that is followed.
 ///
@@ -32,6 +35,7 @@ const SIGNIFICANT: f64 = 2.0;
 ///     time: 0.0,
 ///     seen: 4,
 ///     points: 120,
+///     is_cut: false,
 /// };
 /// assert!(track.is_moving());
 /// ```
@@ -53,6 +57,8 @@ pub struct Track {
     pub seen: usize,
     /// Of how many points it consisted.
     pub points: usize,
+    /// Whether it goes on where the picture or the room ends: its velocity is then that of its sides, not of its mean.
+    pub is_cut: bool,
 }
 
 impl Track {
@@ -60,10 +66,25 @@ impl Track {
     pub fn is_moving(&self) -> bool {
         self.seen > 2 && self.velocity.norm() > SIGNIFICANT * self.covariance[2].sqrt()
     }
+}
 
-    /// Goes on to a time \[s\] at constant velocity, while an acceleration that nobody knows acts on it.
-    fn predict(&mut self, t: f64, acceleration: f64) {
-        let h = (t - self.time).max(0.0);
+/// Place and velocity of something, as far as they are known.
+#[derive(Debug, Clone)]
+struct Estimate {
+    position: Vector<3>,
+    velocity: Vector<3>,
+    /// As of a [`Track`].
+    covariance: [f64; 3],
+}
+
+impl Estimate {
+    /// Of something seen for the first time.
+    fn new(position: Vector<3>, variance: f64, speed: f64) -> Self {
+        Self { position, velocity: Vector::zeros(), covariance: [variance, 0.0, speed * speed] }
+    }
+
+    /// Goes on for a time \[s\] at constant velocity, while an acceleration that nobody knows acts on it.
+    fn predict(&mut self, h: f64, acceleration: f64) {
         let [a, b, c] = self.covariance;
         let noise = acceleration * acceleration * h * h;
         self.position += self.velocity * h;
@@ -72,10 +93,9 @@ impl Track {
             b + h * c + 0.5 * noise * h,
             c + noise,
         ];
-        self.time = self.time.max(t);
     }
 
-    /// Takes in where its mean is seen \[m\], with this variance \[m²\].
+    /// Takes in where it is seen \[m\], with this variance \[m²\].
     fn correct(&mut self, position: &Vector<3>, variance: f64) {
         let [a, b, c] = self.covariance;
         let [of_place, of_velocity] = [a, b].map(|x| x / (a + variance));
@@ -83,7 +103,47 @@ impl Track {
         self.position += off * of_place;
         self.velocity += off * of_velocity;
         self.covariance = [a * (1.0 - of_place), b * (1.0 - of_place), c - of_velocity * b];
-        self.seen += 1;
+    }
+}
+
+/// A body, with the mean and the corners of a box around it.
+#[derive(Debug, Clone)]
+struct Body {
+    number: u64,
+    camera: usize,
+    time: f64,
+    seen: usize,
+    points: usize,
+    is_cut: bool,
+    mean: Estimate,
+    corners: [Estimate; 2],
+}
+
+impl Body {
+    /// Goes on to a time \[s\].
+    fn predict(&mut self, t: f64, acceleration: f64) {
+        let h = (t - self.time).max(0.0);
+        self.mean.predict(h, acceleration);
+        self.corners.iter_mut().for_each(|corner| corner.predict(h, acceleration));
+        self.time = self.time.max(t);
+    }
+
+    fn track(&self) -> Track {
+        let Self { number, camera, time, seen, points, is_cut, mean, corners } = self;
+        let [low, high] = corners.each_ref().map(|corner| corner.velocity);
+        // What is cut off stands still where it is: of both sides that which is faster moves with the body.
+        let of_sides = low.zip_map(&high, |a, b| if a.abs() > b.abs() { a } else { b });
+        Track {
+            number: *number,
+            camera: *camera,
+            position: mean.position,
+            velocity: if *is_cut { of_sides } else { mean.velocity },
+            covariance: if *is_cut { corners[0].covariance } else { mean.covariance },
+            time: *time,
+            seen: *seen,
+            points: *points,
+            is_cut: *is_cut,
+        }
     }
 }
 
@@ -91,6 +151,8 @@ impl Track {
 #[derive(Debug, Clone, Copy)]
 struct Cluster {
     sum: Vector<3>,
+    corners: [Vector<3>; 2],
+    is_cut: bool,
     points: u32,
     cells: usize,
 }
@@ -98,15 +160,15 @@ struct Cluster {
 /// The bodies, and room to find them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tracks {
-    tracks: Vec<Track>,
+    bodies: Vec<Body>,
     clusters: Vec<Cluster>,
     queue: Vec<usize>,
     count: u64,
 }
 
 impl Tracks {
-    pub(super) fn tracks(&self) -> &[Track] {
-        &self.tracks
+    pub(super) fn tracks(&self) -> impl Iterator<Item = Track> + '_ {
+        self.bodies.iter().map(Body::track)
     }
 
     /// Finds the bodies in the picture of a camera at time `t` \[s\], follows them, and tells the cells that it has hit at which
@@ -121,53 +183,60 @@ impl Tracks {
         self.find(map, t, settings.settling);
         let PerceiverSettings { acceleration, memory, track_error, .. } = settings;
         let variance = track_error * track_error;
-        self.tracks.retain(|track| (t - track.time).abs() <= *memory);
-        let own = |track: &&mut Track| track.camera == camera;
-        self.tracks.iter_mut().filter(own).for_each(|track| track.predict(t, *acceleration));
+        let of_corner = CORNER * CORNER * variance;
+        self.bodies.retain(|body| (t - body.time).abs() <= *memory);
+        let own = |body: &&mut Body| body.camera == camera;
+        self.bodies.iter_mut().filter(own).for_each(|body| body.predict(t, *acceleration));
         // The largest first.
         let mut order: Vec<usize> = (0..self.clusters.len()).collect();
         order.sort_unstable_by_key(|k| std::cmp::Reverse(self.clusters[*k].points));
         let mut velocities = vec![Vector::<3>::zeros(); self.clusters.len()];
-        let mut is_taken = vec![false; self.tracks.len()];
+        let mut is_taken = vec![false; self.bodies.len()];
         for k in order {
-            let Cluster { sum, points, cells } = self.clusters[k];
+            let Cluster { sum, corners, is_cut, points, cells } = self.clusters[k];
             if cells < LEAST {
                 continue;
             }
-            let mean = sum / f64::from(points);
-            let off = |track: &Track| {
-                let square = (mean - track.position).norm_squared();
-                square / (track.covariance[0] + variance)
+            let seen = sum / f64::from(points);
+            let off = |i: &usize| {
+                let Estimate { position, covariance, .. } = &self.bodies[*i].mean;
+                (seen - position).norm_squared() / (covariance[0] + variance)
             };
-            let free = (0..self.tracks.len())
-                .filter(|i| !is_taken[*i] && self.tracks[*i].camera == camera);
-            let nearest =
-                free.min_by(|i, j| off(&self.tracks[*i]).total_cmp(&off(&self.tracks[*j])));
-            let place = match nearest.filter(|i| off(&self.tracks[*i]) < GATE * GATE) {
-                Some(i) => {
-                    self.tracks[i].correct(&mean, variance);
-                    i
-                }
-                None if self.tracks.len() == MAX_TRACKS => continue,
+            let is_free = |i: &usize| !is_taken[*i] && self.bodies[*i].camera == camera;
+            let nearest = (0..self.bodies.len())
+                .filter(is_free)
+                .min_by(|i, j| off(i).total_cmp(&off(j)))
+                .filter(|i| off(i) < GATE * GATE);
+            let place = match nearest {
+                Some(place) => place,
+                None if self.bodies.len() == MAX_TRACKS => continue,
                 None => {
-                    self.tracks.push(Track {
+                    self.bodies.push(Body {
                         number: self.count,
                         camera,
-                        position: mean,
-                        velocity: Vector::zeros(),
-                        covariance: [variance, 0.0, settings.speed * settings.speed],
                         time: t,
-                        seen: 1,
+                        seen: 0,
                         points: 0,
+                        is_cut,
+                        mean: Estimate::new(seen, variance, settings.speed),
+                        corners: corners.map(|at| Estimate::new(at, of_corner, settings.speed)),
                     });
                     is_taken.push(false);
                     self.count += 1;
-                    self.tracks.len() - 1
+                    self.bodies.len() - 1
                 }
             };
             is_taken[place] = true;
-            let track = &mut self.tracks[place];
-            track.points = points as usize;
+            let body = &mut self.bodies[place];
+            if body.seen > 0 {
+                body.mean.correct(&seen, variance);
+                for (corner, at) in body.corners.iter_mut().zip(&corners) {
+                    corner.correct(at, of_corner);
+                }
+            }
+            body.seen += 1;
+            (body.points, body.is_cut) = (points as usize, is_cut);
+            let track = body.track();
             if track.is_moving() {
                 velocities[k] = track.velocity;
             }
@@ -188,7 +257,13 @@ impl Tracks {
         };
         for start in 0..map.voxels().len() {
             let number = self.clusters.len() as u32;
-            let mut cluster = Cluster { sum: Vector::zeros(), points: 0, cells: 0 };
+            let mut cluster = Cluster {
+                sum: Vector::zeros(),
+                corners: [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)],
+                is_cut: false,
+                points: 0,
+                cells: 0,
+            };
             self.queue.clear();
             self.queue.push(start);
             while let Some(place) = self.queue.pop() {
@@ -202,6 +277,9 @@ impl Tracks {
                     continue;
                 }
                 cluster.sum += voxel.point * f64::from(voxel.hits);
+                let ([low, high], [bottom, top]) = (cluster.corners, &voxel.corners);
+                cluster.corners = [low.inf(bottom), high.sup(top)];
+                cluster.is_cut |= voxel.is_cut;
                 cluster.points += voxel.hits;
                 cluster.cells += 1;
                 map.voxels_mut()[place].cluster = number;
@@ -223,21 +301,12 @@ mod tests {
     #[test]
     fn velocities_come_of_places() {
         let velocity = Vector::<3>::new(0.3, -0.4, 0.0);
-        let mut track = Track {
-            number: 0,
-            camera: 0,
-            position: Vector::zeros(),
-            velocity: Vector::zeros(),
-            covariance: [1e-6, 0.0, 1.0],
-            time: 0.0,
-            seen: 1,
-            points: 0,
-        };
+        let mut track = Estimate::new(Vector::zeros(), 1e-6, 1.0);
         let mut p = nalgebra::Matrix2::new(1e-6, 0.0, 0.0, 1.0);
         let (h, a) = (1.0 / 30.0, 3.0);
         for k in 1..4 {
             let t = h * f64::from(k);
-            track.predict(t, a);
+            track.predict(h, a);
             track.correct(&(velocity * t), 1e-6);
             let f = nalgebra::Matrix2::new(1.0, h, 0.0, 1.0);
             let g = nalgebra::Vector2::new(0.5 * h * h, h) * a;
@@ -248,6 +317,6 @@ mod tests {
             let found = nalgebra::Matrix2::new(place, both, both, speed);
             assert!((found - p).norm() < 1e-12, "{found} {p}");
         }
-        assert!((track.velocity - velocity).norm() < 0.01 && track.is_moving());
+        assert!((track.velocity - velocity).norm() < 0.01);
     }
 }

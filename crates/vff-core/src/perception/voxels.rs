@@ -44,6 +44,10 @@ pub(super) struct Voxel {
     picture: u32,
     pub(super) hits: u32,
     sum: Vector<3>,
+    /// Opposite corners of a box around the points.
+    pub(super) corners: [Vector<3>; 2],
+    /// Whether more of it may be where the picture or the room ends.
+    pub(super) is_cut: bool,
     pub(super) arm: Arm,
     /// Of the present picture: which cluster it belongs to.
     pub(super) cluster: u32,
@@ -111,6 +115,13 @@ impl VoxelMap {
         (inside && x < nx && y < ny && z < nz).then(|| x + nx * (y + ny * z))
     }
 
+    /// Whether the room ends with a cell.
+    fn is_at_the_end(&self, cell: usize) -> bool {
+        let [nx, ny, nz] = self.counts;
+        let at = [cell % nx, cell / nx % ny, cell / nx / ny];
+        at.iter().zip([nx, ny, nz]).any(|(i, n)| *i == 0 || i + 1 == n)
+    }
+
     /// Leaves out all cells that come within a distance \[m\] of what is known.
     #[expect(clippy::cast_possible_truncation, reason = "the number of cells is bounded")]
     pub(super) fn subtract(&mut self, mut is_known: impl FnMut(&Vector<3>) -> bool) {
@@ -157,6 +168,8 @@ impl VoxelMap {
                     picture: self.picture.wrapping_sub(1),
                     hits: 0,
                     sum: Vector::zeros(),
+                    corners: [Vector::zeros(); 2],
+                    is_cut: false,
                     arm: Arm::Outside,
                     cluster: NONE,
                 });
@@ -166,9 +179,11 @@ impl VoxelMap {
         };
         if self.voxels[place].picture != self.picture {
             let arm = arm(&self.middle(cell as u32));
-            let picture = self.picture;
+            let (picture, is_cut) = (self.picture, self.is_at_the_end(cell));
             let voxel = &mut self.voxels[place];
             (voxel.picture, voxel.hits, voxel.sum, voxel.arm) = (picture, 0, Vector::zeros(), arm);
+            voxel.corners = [Vector::repeat(f64::INFINITY), Vector::repeat(f64::NEG_INFINITY)];
+            voxel.is_cut = is_cut;
         }
         Some(&mut self.voxels[place])
     }
@@ -241,10 +256,13 @@ impl VoxelMap {
 }
 
 impl Voxel {
-    /// Takes in a point that is in it \[m\].
+    /// Takes in a point that is in it \[m\], which may be one at the end of the picture.
     #[inline]
-    pub(super) fn add(&mut self, point: &Vector<3>) {
+    pub(super) fn add(&mut self, point: &Vector<3>, at_the_end: bool) {
         self.hits += 1;
         self.sum += point;
+        let [low, high] = &mut self.corners;
+        (*low, *high) = (low.inf(point), high.sup(point));
+        self.is_cut |= at_the_end;
     }
 }
