@@ -3,7 +3,7 @@
 use crate::arm::Arm;
 use crate::call::{finite_time, read_obstacles, sequence};
 use crate::convert::{
-    any_vector, array2, count, document, float_array, misshapen, named_document, number, points,
+    any_vector, array2, count, float_array, misshapen, number, points, read_matrix, read_vector,
     wrong_type,
 };
 use crate::errors::InputError;
@@ -17,6 +17,7 @@ use vff_core::perception::{
     Counts, Depth, DepthCamera, Perceiver as Core, PerceiverSettings, PerceptionError,
 };
 use vff_core::runtime::{AnyArm, AnyObstacles};
+use vff_core::settings::Table;
 
 type Array2<'py> = Bound<'py, PyArray2<f64>>;
 
@@ -90,6 +91,78 @@ fn number_of(camera: Option<&Bound<'_, PyAny>>) -> PyResult<usize> {
     Ok(usize::try_from(camera).unwrap_or(usize::MAX))
 }
 
+/// A camera as it is described.
+fn eye(number: usize, given: &Bound<'_, PyAny>) -> PyResult<DepthCamera> {
+    const KEYS: [&str; 7] =
+        ["columns", "rows", "focal", "centre", "distortion", "position", "orientation"];
+    let of = |key: &str| format!("cameras[{number}].{key}");
+    let given = given
+        .cast::<PyDict>()
+        .map_err(|_| wrong_type(&format!("cameras[{number}]: expected a dict"), given))?;
+    for key in given.keys() {
+        let key: String = key.extract()?;
+        if !KEYS.contains(&key.as_str()) {
+            let sentence = format!("{}: unknown, expected {}", of(&key), KEYS.join(", "));
+            return Err(InputError::new_err(sentence));
+        }
+    }
+    let required = |key: &str| {
+        given.get_item(key)?.ok_or_else(|| InputError::new_err(format!("{}: missing", of(key))))
+    };
+    let pixels = |key: &str| {
+        Ok::<_, PyErr>(usize::try_from(count(&of(key), &required(key)?)?).unwrap_or(usize::MAX))
+    };
+    let mut camera = DepthCamera {
+        columns: pixels("columns")?,
+        rows: pixels("rows")?,
+        focal: [0.0; 2],
+        centre: [0.0; 2],
+        distortion: [0.0; 5],
+        position: [0.0; 3],
+        orientation: [1.0, 0.0, 0.0, 0.0],
+    };
+    read_vector(&of("focal"), &required("focal")?, &mut camera.focal)?;
+    read_vector(&of("centre"), &required("centre")?, &mut camera.centre)?;
+    let optional = [
+        ("distortion", &mut camera.distortion[..]),
+        ("position", &mut camera.position[..]),
+        ("orientation", &mut camera.orientation[..]),
+    ];
+    for (key, out) in optional {
+        if let Some(value) = given.get_item(key)? {
+            read_vector(&of(key), &value, out)?;
+        }
+    }
+    Ok(camera)
+}
+
+/// Settings, each by its name.
+fn read_settings(given: &Bound<'_, PyAny>) -> PyResult<PerceiverSettings> {
+    let given =
+        given.cast::<PyDict>().map_err(|_| wrong_type("settings: expected a dict", given))?;
+    let mut settings = PerceiverSettings::default();
+    for (key, value) in given {
+        let key: String = key.extract()?;
+        let name = format!("settings.{key}");
+        if key == "room" {
+            let corners = read_matrix(&name, &value, [2, 3])?;
+            let (corners, _) = corners.as_chunks::<3>();
+            settings.room = [corners[0], corners[1]];
+        } else if !PerceiverSettings::KEYS.iter().any(|known| known.name == key) {
+            let known: Vec<_> = PerceiverSettings::KEYS.iter().map(|known| known.name).collect();
+            let sentence = format!("{name}: unknown, expected {}", known.join(", "));
+            return Err(InputError::new_err(sentence));
+        } else {
+            let number = number(&name, &value)?;
+            if !settings.set(&key, number) {
+                let sentence = format!("{name}: must be a whole number, got {number}");
+                return Err(InputError::new_err(sentence));
+            }
+        }
+    }
+    Ok(settings)
+}
+
 fn told(py: Python<'_>, counts: Counts) -> PyResult<Bound<'_, PyDict>> {
     let Counts { measured, own, left_out, remembered } = counts;
     let found = PyDict::new(py);
@@ -118,21 +191,12 @@ impl Perceiver {
             let sentence = "arm: cameras look at arms in space, and this one is in the plane";
             return Err(InputError::new_err(sentence));
         };
-        let mut eyes = vec![];
-        for (number, camera) in cameras.try_iter()?.enumerate() {
-            let name = format!("cameras[{number}]");
-            let table = named_document(&name, &camera?)?;
-            let camera: DepthCamera = table
-                .try_into()
-                .map_err(|error| InputError::new_err(format!("{name}: {error}")))?;
-            eyes.push(camera);
-        }
-        let settings: PerceiverSettings = settings
-            .map(document)
-            .transpose()?
-            .unwrap_or_default()
-            .try_into()
-            .map_err(|error| InputError::new_err(format!("settings: {error}")))?;
+        let eyes = cameras
+            .try_iter()?
+            .enumerate()
+            .map(|(number, camera)| eye(number, &camera?))
+            .collect::<PyResult<_>>()?;
+        let settings = settings.map_or_else(|| Ok(PerceiverSettings::default()), read_settings)?;
         let known = known.map(sequence).transpose()?.unwrap_or_default();
         let nothing = AnyObstacles::Space(vec![]);
         let AnyObstacles::Space(known) = read_obstacles(nothing, &known, AnyObstacles::read)?

@@ -119,10 +119,10 @@ pub(super) struct Sight {
 }
 
 impl Camera {
-    pub(super) fn new(model: DepthCamera, number: usize) -> Result<Self, PerceptionError> {
+    pub(super) fn new(model: &DepthCamera, number: usize) -> Result<Self, PerceptionError> {
         let fault = |problem: String| PerceptionError::Camera { number, problem };
         let DepthCamera { columns, rows, focal, centre, distortion, position, orientation } =
-            &model;
+            model;
         if !(1..=MAX_PIXELS).contains(&columns.saturating_mul(*rows)) {
             let problem =
                 format!("columns × rows must be 1 to {MAX_PIXELS}, got {columns} × {rows}");
@@ -189,7 +189,7 @@ impl Camera {
         let DepthCamera { columns, focal, centre, distortion, .. } = &self.model;
         let at = [(pixel % columns) as f64, (pixel / columns) as f64];
         let seen: [f64; 2] = std::array::from_fn(|k| (at[k] - centre[k]) / focal[k]);
-        if *distortion == [0.0; 5] {
+        if distortion.iter().all(|k| *k == 0.0) {
             return Some(seen);
         }
         let mut ray = seen;
@@ -279,7 +279,7 @@ mod tests {
     /// What a pixel sees at a depth is seen in its middle, at that depth.
     #[test]
     fn points_are_seen_where_they_come_from() {
-        let camera = Camera::new(wide(), 0).unwrap();
+        let camera = Camera::new(&wide(), 0).unwrap();
         for pixel in 0..64 * 48 {
             for depth in [0.3, 2.7] {
                 let Sight { column, row, depth: found } =
@@ -305,7 +305,7 @@ mod tests {
         for (spoil, expected) in cases {
             let mut model = wide();
             spoil(&mut model);
-            let fault = Camera::new(model, 3).unwrap_err().to_string();
+            let fault = Camera::new(&model, 3).unwrap_err().to_string();
             assert!(fault.contains(expected) && fault.contains("cameras[3]"), "{fault}");
         }
     }

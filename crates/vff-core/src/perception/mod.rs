@@ -177,6 +177,7 @@ impl Perceiver {
     ///
     /// # Errors
     /// If there is no camera, one is unusable, or a setting is out of its range. Nothing large is allocated before.
+    #[expect(clippy::needless_pass_by_value, reason = "as all that it is made of")]
     pub fn new(
         arm: &Arc<SpatialArm>,
         cameras: Vec<DepthCamera>,
@@ -188,7 +189,7 @@ impl Perceiver {
             return Err(PerceptionError::NoCamera);
         }
         let cameras: Vec<Camera> = cameras
-            .into_iter()
+            .iter()
             .enumerate()
             .map(|(number, model)| Camera::new(model, number))
             .collect::<Result<_, _>>()?;
@@ -208,7 +209,7 @@ impl Perceiver {
                 };
                 let mut least = f64::INFINITY;
                 world.for_each_pair([Body::new(0, point)], |found| {
-                    least = least.min(found.distance)
+                    least = least.min(found.distance);
                 });
                 least < reach
             });

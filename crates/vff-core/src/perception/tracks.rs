@@ -187,16 +187,15 @@ impl Tracks {
         self.bodies.retain(|body| (t - body.time).abs() <= *memory);
         let own = |body: &&mut Body| body.camera == camera;
         self.bodies.iter_mut().filter(own).for_each(|body| body.predict(t, *acceleration));
-        // The largest first.
-        let mut order: Vec<usize> = (0..self.clusters.len()).collect();
-        order.sort_unstable_by_key(|k| std::cmp::Reverse(self.clusters[*k].points));
         let mut velocities = vec![Vector::<3>::zeros(); self.clusters.len()];
         let mut is_taken = vec![false; self.bodies.len()];
-        for k in order {
-            let Cluster { sum, corners, is_cut, points, cells } = self.clusters[k];
-            if cells < LEAST {
-                continue;
-            }
+        let mut left: Vec<usize> =
+            (0..self.clusters.len()).filter(|k| self.clusters[*k].cells >= LEAST).collect();
+        // The largest first, as many as there can be.
+        for _ in 0..MAX_TRACKS {
+            let largest = (0..left.len()).max_by_key(|i| self.clusters[left[*i]].points);
+            let Some(k) = largest.map(|i| left.swap_remove(i)) else { break };
+            let Cluster { sum, corners, is_cut, points, .. } = self.clusters[k];
             let seen = sum / f64::from(points);
             let off = |i: &usize| {
                 let Estimate { position, covariance, .. } = &self.bodies[*i].mean;
