@@ -122,7 +122,10 @@ def camera(**changed: Any) -> dict[str, Any]:
         (lambda: vff.Perceiver(ARM, [camera(lens=1)]), r"cameras\[0\].lens: unknown, expected columns"),
         (lambda: vff.Perceiver(ARM, [camera(focal=[1.0])]), r"cameras\[0\].focal: expected shape \(2,\)"),
         (lambda: vff.Perceiver(ARM, [camera(rows=10**9)]), r"cameras\[0\]: columns × rows must be"),
-        (lambda: vff.Perceiver(ARM, [CAMERA], {"voxels": 1.0}), "settings.voxels: unknown, expected room, voxel"),
+        (
+            lambda: vff.Perceiver(ARM, [CAMERA], {"voxels": 1.0}),
+            "settings.voxels: unknown, expected room, voxel",
+        ),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"stride": 1.5}), "settings.stride: must be a whole number"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"room": [1.0]}), r"settings.room: expected shape \(2, 3\)"),
         (lambda: vff.Perceiver(ARM, [CAMERA], {"memory": -1.0}), "settings.memory: must be 0 or more"),

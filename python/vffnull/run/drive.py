@@ -1,6 +1,4 @@
-"""A controller in the loop of a robot: a thread with a deadline in the core, targets and obstacles from
-anywhere.
-"""
+"""A controller in the loop of a robot: a thread with a deadline in the core, targets from anywhere."""
 
 from __future__ import annotations
 
