@@ -1082,28 +1082,30 @@ class Live:
 class Perceiver:
     """From pictures of depth cameras to a cloud of points that move: what is there that nobody has said.
 
-    One call for each picture, beside the control cycle, in a thread of its own. What a picture shows of the arm is cut
-    away, what is left is remembered in cells of a grid until it is seen through or its time is up, and cells that hang
-    together are followed, so that each point has a velocity (docs/theory-spatial.md, T181 to T184).
+    One call for each picture, beside the control cycle, in a thread of its own. What a picture shows of the
+    arm is cut away, what is left is remembered in cells of a grid until it is seen through or its time is
+    up, and cells that hang together are followed, so that each point has a velocity
+    (docs/theory-spatial.md, T181 to T184).
 
     Parameters
     ----------
     arm : Arm
         An arm in space, with its tool and what it carries among its ``collision`` shapes.
     cameras : sequence of dict
-        ``columns``, ``rows``, ``focal`` and ``centre`` (2,) [pixels], ``distortion`` k1, k2, p1, p2, k3 in the
-        order of OpenCV, none by default, ``position`` (3,) [m] and ``orientation`` (4,): a quaternion
+        ``columns``, ``rows``, ``focal`` and ``centre`` (2,) [pixels], ``distortion`` k1, k2, p1, p2, k3 in
+        the order of OpenCV, none by default, ``position`` (3,) [m] and ``orientation`` (4,): a quaternion
         [w, x, y, z] of its frame in the world, z forward, x to the right of the picture, y down.
     settings : dict, optional
         ``room``: opposite corners of what is looked at (2, 3) [m], from (-1, -1, -0.2) to (1, 1, 1.4);
-        ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 40000 of them are remembered at most; ``stride``:
-        every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in a cell or more
-        count; ``memory``: for 2 s what is hidden is remembered; ``margin``: 0.02 m around the arm are cut away,
-        and as much more as it moves in ``time_error``, 0.02 s; ``time_offset``: 0 s are added to times of
-        pictures; ``latest_state``: one of the arm is known within 0.05 s; ``depth_error``: 0.005 m at 1 m;
-        ``known_margin``: 0.02 m around what is known are left out; ``settling``: what is in its place for 1 s
-        counts as standing; ``acceleration``, 3 m/s^2, ``speed``, 1 m/s, and ``track_error``, 0.002 m: standard
-        deviations of bodies that are followed. The numbers are the defaults.
+        ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 40000 of them are remembered at most;
+        ``stride``: every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in
+        a cell or more count; ``memory``: for 2 s what is hidden is remembered; ``margin``: 0.02 m around
+        the arm are cut away, and as much more as it moves in ``time_error``, 0.02 s; ``time_offset``: 0 s
+        are added to times of pictures; ``latest_state``: one of the arm is known within 0.05 s;
+        ``depth_error``: 0.005 m at 1 m; ``known_margin``: 0.02 m around what is known are left out;
+        ``settling``: what is in its place for 1 s counts as standing; ``acceleration``, 3 m/s^2, ``speed``,
+        1 m/s, and ``track_error``, 0.002 m: standard deviations of bodies that are followed. The numbers
+        are the defaults.
     known : sequence of Obstacle or dict, optional
         What stands around and the controller knows of: it is not seen again.
 
@@ -1162,14 +1164,14 @@ class Perceiver:
         Returns
         -------
         dict
-            Counts of pixels that were looked at and have a depth, ``measured``; of those of the arm, ``own``; of those
-            that there was no room for, ``left_out``; and of cells that are ``remembered`` but not seen.
+            Counts of pixels that were looked at and have a depth, ``measured``; of those of the arm, ``own``;
+            of those that there was no room for, ``left_out``; and of cells that are ``remembered``, not seen.
 
         Raises
         ------
         vffnull.errors.InputError
-            If there is no such camera, the picture has another shape or is not later than its last one, or no state
-            of the arm is near its time. Nothing has changed then.
+            If there is no such camera, the picture has another shape or is not later than its last one, or no
+            state of the arm is near its time. Nothing has changed then.
         """
     def see_points(self, cloud: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
         """Take in a cloud of points that a camera saw, as far as they are in its picture.
@@ -1204,13 +1206,14 @@ class Perceiver:
         """When the last picture was taken [s], on the clock of the states; None before the first."""
     @property
     def radius(self) -> float:
-        """A radius for the balls of the cloud [m] with which they cover what is seen: half the diagonal of a cell."""
+        """A radius with which balls at the points cover what is seen [m]: half a cell's diagonal."""
     @property
     def tracks(self) -> list[dict[str, Any]]:
-        """The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it, ``position`` [m] and
-        ``velocity`` [m/s] at time ``t`` [s], ``covariance`` of place and velocity (2, 2), the same for each
-        coordinate, in how many pictures it was ``seen``, whether it ``moves`` for certain, and whether it goes on
-        where the picture or the room ends, ``cut``, so that its velocity is that of its sides.
+        """The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it,
+        ``position`` [m] and ``velocity`` [m/s] at time ``t`` [s], ``covariance`` of place and velocity
+        (2, 2), the same for each coordinate, in how many pictures it was ``seen``, whether it ``moves`` for
+        certain, and whether it goes on where the picture or the room ends, ``cut``: its velocity is then
+        that of its sides.
         """
 
 @final
@@ -1601,7 +1604,7 @@ class DriveLoop:
     def update_points(
         self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
     ) -> None:
-        """Other points in place of those of a cloud, with velocities (k, 3) [m/s] from where they were at time `t` [s]."""
+        """Other points in place of those of a cloud, which go on at velocities (k, 3) from time `t`."""
     def stop(self) -> None:
         """Ask it to end, by a damped stop. In a fork there is nothing to end."""
     def wait(self, seconds: float | None, attentive: bool) -> bool:

@@ -415,7 +415,7 @@ impl DriveLoop {
         done.map_err(|error| InputError::new_err(error.to_string()))
     }
 
-    /// Other points in place of those of a cloud, with velocities (k, 3) [m/s] from where they were at time `t` [s].
+    /// Other points in place of those of a cloud, which go on at velocities (k, 3) from time `t`.
     #[pyo3(
         signature = (cloud, obstacle=None, velocities=None, t=None),
         text_signature = "($self, cloud, obstacle=0, velocities=None, t=None)"
