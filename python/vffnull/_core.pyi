@@ -1136,6 +1136,9 @@ class Perceiver:
     def observe(self, t: float, q: ArrayLike, dq: ArrayLike) -> None:
         """Take in a state of the arm. The last 512 are kept; a picture needs one near its time.
 
+        Waits while a picture is taken in: call it in the thread of the pictures, with the states that a loop
+        hands over.
+
         Parameters
         ----------
         t : float
