@@ -121,8 +121,7 @@ pub(super) struct Sight {
 impl Camera {
     pub(super) fn new(model: &DepthCamera, number: usize) -> Result<Self, PerceptionError> {
         let fault = |problem: String| PerceptionError::Camera { number, problem };
-        let DepthCamera { columns, rows, focal, centre, distortion, position, orientation } =
-            model;
+        let DepthCamera { columns, rows, focal, centre, distortion, position, orientation } = model;
         if !(1..=MAX_PIXELS).contains(&columns.saturating_mul(*rows)) {
             let problem =
                 format!("columns × rows must be 1 to {MAX_PIXELS}, got {columns} × {rows}");
