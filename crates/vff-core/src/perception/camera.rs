@@ -294,7 +294,8 @@ mod tests {
 
     #[test]
     fn unusable_cameras_are_refused() {
-        let cases: [(fn(&mut DepthCamera), &str); 5] = [
+        type Spoil = fn(&mut DepthCamera);
+        let cases: [(Spoil, &str); 5] = [
             (|it| it.columns = 0, "columns × rows"),
             (|it| it.focal[1] = -1.0, "focal"),
             (|it| it.position[2] = f64::NAN, "finite"),
