@@ -203,6 +203,34 @@ fn what_comes_into_the_picture_is_as_fast_as_its_tip() {
     }
 }
 
+/// Two cameras take turns: each follows the ball by itself, and at the time of the last picture the points of both are on it.
+#[test]
+fn two_cameras_see_one_ball() {
+    let eyes = [camera(1), DepthCamera { position: [0.3, 0.3, 1.8], ..camera(1) }];
+    let mut perceiver =
+        Perceiver::new(&panda(), eyes.to_vec(), PerceiverSettings::default(), table()).unwrap();
+    let velocity = V::new(0.3, 0.4, 0.0);
+    let at = |t: f64| V::new(0.45, -0.1, 0.5) + velocity * t;
+    for k in 0..10 {
+        let (t, turn) = (0.5 * PERIOD * f64::from(k), k as usize % 2);
+        perceiver.observe(t, &AWAY, &STILL).unwrap();
+        let picture = looking_down(&eyes[turn], eyes[turn].position, &[ball(at(t).into(), 0.05)]);
+        perceiver.see(turn, t, Depth::Millimetres(&picture)).unwrap();
+    }
+    let tracks = perceiver.tracks();
+    assert_eq!(tracks.iter().map(|track| track.camera).collect::<Vec<_>>(), [0, 1]);
+    for track in &tracks {
+        assert!(track.seen == 5 && (track.velocity - velocity).norm() < 0.05, "{track:?}");
+    }
+    let there = at(perceiver.last().unwrap());
+    let moving: Vec<V> =
+        perceiver.points().filter(|(_, v)| v.norm() > 0.0).map(|(point, _)| point).collect();
+    assert!(moving.len() > 10);
+    for point in moving {
+        assert!(((point - there).norm() - 0.05).abs() < 0.012, "{point} {there}");
+    }
+}
+
 /// What stands is seen where it is, at rest; the table, which is known, is not.
 #[test]
 fn what_stands_rests() {
