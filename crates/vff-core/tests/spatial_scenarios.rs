@@ -283,7 +283,7 @@ fn replaced_points_are_those_of_a_new_controller() {
                 fault(make(vec![[0.0; 3]; 50_001].into(), orientation).unwrap_err())
                     .contains("50001")
             );
-            let mut others = make(vec![], [1.0, 0.0, 0.0, 0.0]).unwrap();
+            let mut others = make(vec![].into(), [1.0, 0.0, 0.0, 0.0]).unwrap();
             assert_eq!(controller.swap_points(1, &mut others), Err(PointsError::NotACloud(1)));
             assert_eq!(controller.torque(&q, &dq, &target, t).unwrap(), found);
         }
