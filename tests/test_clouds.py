@@ -126,6 +126,88 @@ def test_replaced_points_are_those_of_a_new_controller(
     same(terms(law, obstacles), before)
 
 
+@pytest.mark.parametrize("avoidance", ["null_space", "relaxed", "priority", "cbf"])
+@given(cloud=clouds, data=st.data(), t=st.floats(0.0, 1.0))
+@settings(max_examples=20, deadline=None)
+def test_points_that_move_are_spheres_that_do(
+    avoidance: str, cloud: np.ndarray, data: st.DataObject, t: float
+) -> None:
+    """To the last bit, each at a velocity of its own."""
+    velocities = data.draw(hnp.arrays(float, cloud.shape, elements=st.floats(-1.0, 1.0)))
+    law, one = controller(avoidance), [vff.Obstacle.points(cloud, 0.02)]
+    terms(law, one)
+    law.update_points(cloud, velocities=velocities, t=0.0)
+    many = [
+        vff.Obstacle.sphere(point, 0.02, vff.Motion.linear(v))
+        for point, v in zip(cloud, velocities, strict=True)
+    ]
+    same(terms(law, one, t), terms(controller(avoidance), many, t))
+    law.update_points(cloud)
+    same(terms(law, one, t), terms(controller(avoidance), one, t))
+
+
+def on_a_sphere(centre: Any, radius: float, count: int) -> np.ndarray:
+    """Points that are spread evenly over it (a spiral of golden angles)."""
+    k = np.arange(count) + 0.5
+    z = 1.0 - 2.0 * k / count
+    turn = np.pi * (1.0 + 5.0**0.5) * k
+    across = np.sqrt(1.0 - z * z)
+    unit = np.column_stack([across * np.cos(turn), across * np.sin(turn), z])
+    return np.asarray(centre + radius * unit)
+
+
+def test_a_cloud_that_samples_a_moving_sphere_does_what_it_does() -> None:
+    """Clearance within what lies between the points, and the torque of `cbf` within a few percent."""
+    start, velocity = ARM.forward_kinematics(Q)[-1] - [0.0, 0.5, 0.0], np.array([0.1, 0.9, 0.0])
+    radius, ball = 0.06, 0.01
+    cloud = on_a_sphere(start, radius - ball, 800)
+    # Without a field, which sums over points.
+    settings = vff.ControlSettings(avoidance="cbf", field=vff.Field.bounded(gain=0.0, influence=0.3))
+    for t in (0.0, 0.35, 0.4):
+        law, one = vff.Controller(ARM, settings), [vff.Obstacle.points(cloud, ball)]
+        law.torque(Q, [0.0] * 7, TARGET, obstacles=one, t=t)
+        law.update_points(cloud, velocities=np.tile(velocity, (len(cloud), 1)), t=0.0)
+        whole = [vff.Obstacle.sphere(start, radius, vff.Motion.linear(velocity))]
+        found = law.terms(Q, [0.0] * 7, TARGET, obstacles=one, t=t)
+        expected = vff.Controller(ARM, settings).terms(Q, [0.0] * 7, TARGET, obstacles=whole, t=t)
+        np.testing.assert_allclose(found.clearance, expected.clearance, atol=2e-3)
+        free = vff.Controller(ARM, settings).torque(Q, [0.0] * 7, TARGET)
+        avoids = np.linalg.norm(expected.tau - free)
+        assert np.linalg.norm(found.tau - expected.tau) < 0.05 * avoids + 0.05, t
+    assert avoids > 1.0, "at the end it is in the way"
+
+
+def reach_at(velocities: bool, way: np.ndarray) -> float:
+    """How near a ball comes that a camera sees every 33 ms, without or with its velocity [m]."""
+    settings = vff.ControlSettings(
+        stiffness=100.0, damping=20.0, null_damping=4.0, avoidance="cbf",
+        field=vff.Field.bounded(gain=0.0, influence=0.3),
+    )  # fmt: skip
+    law, one = vff.Controller(ARM, settings), [vff.Obstacle.points(np.empty((0, 3)), 0.01)]
+    tip = ARM.forward_kinematics(Q)[-1]
+    radius, begin = 0.06, tip - 0.8 * way / np.linalg.norm(way)
+    ball = vff.Obstacle.sphere(begin, radius, vff.Motion.linear(way))
+    q, dq, dt, least = np.array(Q), np.zeros(7), 0.002, np.inf
+    rates = np.tile(way, (200, 1)) if velocities else None
+    for k in range(round(1.6 / np.linalg.norm(way) / dt)):
+        t = k * dt
+        if k % 16 == 1:
+            law.update_points(on_a_sphere(begin + way * t, radius - 0.01, 200), velocities=rates, t=t)
+        tau = law.torque(q, dq, tip, obstacles=one, t=t)
+        dq = dq + dt * ARM.forward_dynamics(q, dq, tau)
+        q = q + dt * dq
+        least = min(least, vff.distances(ARM, q, dq, [ball], t=t).distance.min())
+    return float(least)
+
+
+def test_velocities_avoid_what_points_at_rest_do_not() -> None:
+    """Balls that come from all sides at 1 m/s towards the hand of an arm that holds it where it is."""
+    ways = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [-0.7, 0.7, 0.0], [0.0, 0.7, -0.7]])
+    least = np.array([[reach_at(moving, way) for moving in (False, True)] for way in ways])
+    hit = (least < 0.0).sum(axis=0)
+    assert hit.tolist() == [5, 0], least
+
+
 REFUSED: list[tuple[Any, int, type[Exception], str]] = [
     (np.zeros((3, 2)), 0, InputError, r"cloud: expected shape \(k, 3\), got \(3, 2\)"),
     (np.zeros(3), 0, InputError, r"cloud: expected shape \(k, 3\), got \(3,\)"),
@@ -152,6 +234,24 @@ def test_unusable_points_change_nothing(
     same(terms(law, obstacles), before)
     fresh = vff.Simulation(SCENARIO)
     np.testing.assert_array_equal(simulation.step().q, fresh.step().q)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "sentence"),
+    [
+        ({"velocities": np.zeros((4, 3))}, r"velocities: expected shape \(5, 3\), like cloud, got \(4, 3\)"),
+        ({"velocities": np.zeros(3)}, r"velocities: expected shape \(k, 3\), got \(3,\)"),
+        ({"velocities": np.full((5, 3), np.inf)}, r"velocities\[0\]\[0\] must be finite"),
+        ({"velocities": np.zeros((5, 3)), "t": np.nan}, "t must be finite"),
+    ],
+)
+def test_unusable_velocities_change_nothing(keywords: dict[str, Any], sentence: str) -> None:
+    law, obstacles = controller(), [vff.Obstacle.points(BESIDE, 0.02)]
+    before = terms(law, obstacles)
+    for each in (law, vff.Simulation(SCENARIO)):
+        with pytest.raises(InputError, match=sentence):
+            each.update_points(BESIDE + 0.1, **keywords)
+    same(terms(law, obstacles), before)
 
 
 def test_what_has_no_points() -> None:
@@ -196,6 +296,21 @@ def test_a_simulation_goes_on_among_other_points() -> None:
     np.testing.assert_array_equal(again.clearance, fresh.clearance)
     assert changed.update_points([ARM.forward_kinematics(Q)[4]]).clearance.min() < 0.0
     assert changed.status == "collided"
+
+
+def test_points_of_a_simulation_go_on() -> None:
+    """As those of a cloud that moves as a whole."""
+    velocity = [0.2, 0.3, -0.1]
+    moving = with_points(BESIDE)
+    moving["obstacles"][0] |= {"angular_velocity": [0.0] * 3, "motion": vff.Motion.linear(velocity).to_dict()}
+    still = with_points([[9.0, 9.0, 9.0]])
+    still["obstacles"][0] |= {"angular_velocity": [0.0] * 3}
+    points, whole = vff.Simulation(still), vff.Simulation(moving)
+    points.update_points(BESIDE, velocities=np.tile(velocity, (len(BESIDE), 1)))
+    while not points.done:
+        found, expected = points.step(), whole.step()
+        np.testing.assert_allclose(found.q, expected.q, atol=1e-12)
+        np.testing.assert_allclose(found.clearance, expected.clearance, atol=1e-12)
 
 
 def test_a_loop_goes_on_while_points_are_replaced() -> None:

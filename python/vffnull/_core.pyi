@@ -21,6 +21,7 @@ __all__ = [
     "ExtendedJacobian",
     "ExternalRun",
     "Live",
+    "Perceiver",
     "SimulatedRobot",
     "Simulation",
     "State",
@@ -605,7 +606,9 @@ class Controller:
     ) -> Terms:
         """The torque of the law with its parts, whatever `command` makes of it; parameters as in `torque`."""
 
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Put other points in place of those of a cloud, one of the obstacles of the last call.
 
         They stay as long as calls are given the very same obstacles. The cloud keeps its place, its motion
@@ -618,12 +621,17 @@ class Controller:
             The points [m], relative to the obstacle's position: at most 50 000, maybe none.
         obstacle : int, optional
             Which of the obstacles it is; the first by default.
+        velocities : (k, 3) array_like, optional
+            At which velocities the points go on by themselves [m/s], in the same frame, until others take
+            their place (docs/theory-spatial.md, T180). Without, they rest.
+        t : float, optional
+            When they were there [s], on the clock of the calls: that of the image. Without, the last call's.
 
         Raises
         ------
         vffnull.errors.InputError
-            If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
-            points are those of before then.
+            If they are not points in space, not finite or too many, if there is not one velocity to each, or
+            if the obstacle is no cloud. The points are those of before then.
 
         Examples
         --------
@@ -1048,9 +1056,11 @@ class Live:
         """Turn an obstacle in space to an orientation (4,) on the short way, at 4 rad/s."""
     def turn_target(self, orientation: ArrayLike) -> None:
         """Turn the reference to an orientation (4,) on the short way, smoothly, at 1 rad/s at most."""
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Replace the points (k, 3) of a cloud [m]. They are made ready beside the loop, and taken in between
-        two of its steps.
+        two of its steps; with `velocities` (k, 3) [m/s] they go on from where they were at time `t` [s].
         """
     def add(self, obstacle: _Document) -> None:
         """Add an obstacle, the last one from now on. Ends a recording."""
@@ -1067,6 +1077,147 @@ class Live:
     @property
     def notes(self) -> list[str]:
         """What was changed for the clock or is odd, in sentences."""
+
+@final
+class Perceiver:
+    """From pictures of depth cameras to a cloud of points that move: what is there that nobody has said.
+
+    One call for each picture, beside the control cycle, in a thread of its own. What a picture shows of the
+    arm is cut away, what is left is remembered in cells of a grid until it is seen through or its time is
+    up, and cells that hang together are followed, so that each point has a velocity
+    (docs/theory-spatial.md, T181 to T184).
+
+    Parameters
+    ----------
+    arm : Arm
+        An arm in space, with its tool and what it carries among its ``collision`` shapes.
+    cameras : sequence of dict
+        ``columns``, ``rows``, ``focal`` and ``centre`` (2,) [pixels], ``distortion`` k1, k2, p1, p2, k3 in
+        the order of OpenCV, none by default, ``position`` (3,) [m] and ``orientation`` (4,): a quaternion
+        [w, x, y, z] of its frame in the world, z forward, x to the right of the picture, y down.
+    settings : dict, optional
+        ``room``: opposite corners of what is looked at (2, 3) [m], from (-1, -1, -0.2) to (1, 1, 1.4);
+        ``voxel``: the side of a cell, 0.02 m; ``most_voxels``: 40000 of them are remembered at most;
+        ``stride``: every 2nd row and column is looked at; ``range``: up to 3 m deep; ``least_points``: 2 in
+        a cell or more count; ``memory``: for 2 s what is hidden is remembered; ``margin``: 0.02 m around
+        the arm are cut away, and as much more as it moves in ``time_error``, 0.02 s; ``time_offset``: 0 s
+        are added to times of pictures; ``latest_state``: one of the arm is known within 0.05 s;
+        ``depth_error``: 0.005 m at 1 m; ``known_margin``: 0.02 m around what is known are left out;
+        ``settling``: what is in its place for 1 s counts as standing; ``acceleration``, 3 m/s^2, ``speed``,
+        1 m/s, and ``track_error``, 0.002 m: standard deviations of bodies that are followed. The numbers
+        are the defaults.
+    known : sequence of Obstacle or dict, optional
+        What stands around and the controller knows of: it is not seen again.
+
+    Raises
+    ------
+    vffnull.errors.InputError
+        If a camera or a setting is of no use, or the arm is in the plane.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> camera = {"columns": 80, "rows": 60, "focal": [75, 75], "centre": [39.5, 29.5],
+    ...           "position": [0.6, 0.0, 1.5], "orientation": [0, 1, 0, 0]}
+    >>> perceiver = Perceiver(Arm.named("panda"), [camera], {"stride": 1})
+    >>> perceiver.observe(0.0, [0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], [0.0] * 7)
+    >>> counts = perceiver.see(np.full((60, 80), 1000, dtype=np.uint16), t=0.0)  # a board at 0.5 m
+    >>> counts["measured"], counts["own"] > 0, float(perceiver.points[:, 2].min())
+    (4800, True, 0.5)
+    """
+
+    def __new__(
+        cls,
+        arm: Arm,
+        cameras: Iterable[_Document],
+        settings: _Document | None = None,
+        known: Iterable[_Document] = (),
+    ) -> Perceiver: ...
+    def observe(self, t: float, q: ArrayLike, dq: ArrayLike) -> None:
+        """Take in a state of the arm. The last 512 are kept; a picture needs one near its time.
+
+        Waits while a picture is taken in: call it in the thread of the pictures, with the states that a loop
+        hands over.
+
+        Parameters
+        ----------
+        t : float
+            When it was measured [s], later than the last.
+        q, dq : (n,) array_like
+            Joint angles [rad] and velocities [rad/s].
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If the time is not later than the last, or an array has the wrong shape or is not finite.
+        """
+    def see(self, depth: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
+        """Take in a picture, with the GIL released.
+
+        Parameters
+        ----------
+        depth : (rows, columns) array_like
+            Depths along the optical axis: uint16 are millimetres, all else metres. What is 0 or no positive
+            number was not measured.
+        t : float
+            When it was taken [s]; with ``time_offset`` added, on the clock of the states.
+        camera : int, optional
+            Which camera took it; the first by default.
+
+        Returns
+        -------
+        dict
+            Counts of pixels that were looked at and have a depth, ``measured``; of those of the arm, ``own``;
+            of those that there was no room for, ``left_out``; and of cells that are ``remembered``, not seen.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            If there is no such camera, the picture has another shape or is not later than its last one, or no
+            state of the arm is near its time. Nothing has changed then.
+        """
+    def see_points(self, cloud: ArrayLike, t: float, camera: int = 0) -> dict[str, int]:
+        """Take in a cloud of points that a camera saw, as far as they are in its picture.
+
+        Parameters
+        ----------
+        cloud : (k, 3) array_like
+            Points in the frame of the camera [m]: z forward, x to the right, y down.
+        t : float
+            When they were seen [s]; with ``time_offset`` added, on the clock of the states.
+        camera : int, optional
+            Which camera saw them; the first by default.
+
+        Returns
+        -------
+        dict
+            Counts, as of `see`.
+
+        Raises
+        ------
+        vffnull.errors.InputError
+            As of `see`; if they are not points in space, or not finite.
+        """
+    @property
+    def points(self) -> _Array:
+        """What is there, (k, 3) [m], at time `t`: the cloud for `Controller.update_points`."""
+    @property
+    def velocities(self) -> _Array:
+        """At which velocities the points go on, (k, 3) [m/s]."""
+    @property
+    def t(self) -> float | None:
+        """When the last picture was taken [s], on the clock of the states; None before the first."""
+    @property
+    def radius(self) -> float:
+        """A radius with which balls at the points cover what is seen [m]: half a cell's diagonal."""
+    @property
+    def tracks(self) -> list[dict[str, Any]]:
+        """The bodies that are followed, each a dict: its ``number``, the ``camera`` that follows it,
+        ``position`` [m] and ``velocity`` [m/s] at time ``t`` [s], ``covariance`` of place and velocity
+        (2, 2), the same for each coordinate, in how many pictures it was ``seen``, whether it ``moves`` for
+        certain, and whether it goes on where the picture or the room ends, ``cut``: its velocity is then
+        that of its sides.
+        """
 
 @final
 class Simulation:
@@ -1104,7 +1255,9 @@ class Simulation:
             The state after the period.
         """
 
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> State:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> State:
         """Put other points in place of those of a cloud, from now on.
 
         It keeps its place, its motion and its radius; `reset` gives it back the points of the scenario.
@@ -1115,6 +1268,11 @@ class Simulation:
             The points [m], relative to the obstacle's position: at most 50 000, maybe none.
         obstacle : int, optional
             Which of the scenario's obstacles it is; the first by default.
+        velocities : (k, 3) array_like, optional
+            At which velocities the points go on by themselves [m/s], in the same frame, until others take
+            their place (docs/theory-spatial.md, T180). Without, they rest.
+        t : float, optional
+            When they were there [s], on the clock of the simulation: that of the image. Without, now.
 
         Returns
         -------
@@ -1124,8 +1282,8 @@ class Simulation:
         Raises
         ------
         vffnull.errors.InputError
-            If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
-            points are those of before then.
+            If they are not points in space, not finite or too many, if there is not one velocity to each, or
+            if the obstacle is no cloud. The points are those of before then.
         """
 
     def push(self, wrench: _Document) -> State:
@@ -1446,8 +1604,10 @@ class DriveLoop:
         """Another controller takes over within `blend` [s], among the obstacles of the drive."""
     def move_obstacle(self, obstacle: int, position: ArrayLike, velocity: ArrayLike | None = None) -> None:
         """Obstacle `obstacle` is at a position (D,) [m] now and goes on at a velocity (D,) [m/s]."""
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
-        """Other points in place of those of a cloud."""
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
+        """Other points in place of those of a cloud, which go on at velocities (k, 3) from time `t`."""
     def stop(self) -> None:
         """Ask it to end, by a damped stop. In a fork there is nothing to end."""
     def wait(self, seconds: float | None, attentive: bool) -> bool:

@@ -524,6 +524,14 @@ vff_status vff_cloud_update(const struct vff_cloud *cloud,
                             const double *points,
                             size_t count);
 
+// The same of points that were there at time `t` [s], on the clock of `vff_controller_observe`, and go on from there at
+// `velocities`, `count` times (x, y, z) [m/s], until others take their place.
+vff_status vff_cloud_update_moving(const struct vff_cloud *cloud,
+                                   const double *points,
+                                   const double *velocities,
+                                   size_t count,
+                                   double t);
+
 // Frees the handle, not the cloud. NULL is nothing.
 void vff_cloud_free(struct vff_cloud *cloud);
 

@@ -197,6 +197,14 @@ public:
         }
         detail::check(vff_cloud_update(handle_.get(), xyz.data(), xyz.size() / 3));
     }
+    /// The same of points that were there at time `t` [s] and go on at velocities: x, y, z of each [m/s].
+    void update(Input xyz, Input velocities, double t) {
+        if (xyz.size() % 3 != 0 || velocities.size() != xyz.size()) {
+            throw std::invalid_argument("points, velocities: expected three numbers each, and as many");
+        }
+        detail::check(
+            vff_cloud_update_moving(handle_.get(), xyz.data(), velocities.data(), xyz.size() / 3, t));
+    }
 
 private:
     friend class Controller;

@@ -6,7 +6,7 @@ use crate::mailbox::Mailbox;
 use crate::status::{Fault, Status};
 use std::slice;
 use std::sync::Arc;
-use vff_core::runtime::points::make;
+use vff_core::runtime::points::{PointUpdate, make};
 use vff_core::world::space::Points;
 
 /// Where the points of a cloud come from. Any thread may use it, also while another is in a call with the controller.
@@ -59,25 +59,73 @@ pub unsafe extern "C" fn vff_cloud_update(
 ) -> Status {
     // SAFETY: pointers as C has them.
     guarded(|| unsafe {
-        let Cloud { mailbox, orientation, most } = object("cloud", cloud)?;
-        if mailbox.is_closed() {
-            return Err(Fault::Gone);
-        }
-        if count > *most {
-            return Err(Fault::Room { most: *most, given: count });
-        }
-        let given: &[[f64; 3]] = match (points.is_null(), count) {
-            (_, 0) => &[],
-            (true, _) => return Err(Fault::Null("points")),
-            (false, _) => slice::from_raw_parts(points.cast(), count),
-        };
-        if let Some(index) = given.as_flattened().iter().position(|x| !x.is_finite()) {
-            let value = given.as_flattened()[index];
-            return Err(Fault::NotFinite { name: "points", index, value });
-        }
-        mailbox.send(make(given.to_vec(), *orientation)?);
-        Ok(())
+        let cloud = open(cloud, count)?;
+        send(cloud, PointUpdate::from(vectors("points", points, count)?))
     })
+}
+
+/// The same of points that were there at time `t` [s], on the clock of `vff_controller_observe`, and go on from there at
+/// `velocities`, `count` times (x, y, z) [m/s], until others take their place.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vff_cloud_update_moving(
+    cloud: *const Cloud,
+    points: *const f64,
+    velocities: *const f64,
+    count: usize,
+    t: f64,
+) -> Status {
+    // SAFETY: pointers as C has them.
+    guarded(|| unsafe {
+        let cloud = open(cloud, count)?;
+        let points = vectors("points", points, count)?;
+        let velocities = vectors("velocities", velocities, count)?;
+        if !t.is_finite() {
+            return Err(Fault::NotFinite { name: "t", index: 0, value: t });
+        }
+        send(cloud, PointUpdate { points, velocities, time: Some(t) })
+    })
+}
+
+/// The cloud, where there is room in it for so many points.
+///
+/// # Safety
+/// The pointer is NULL or that of a cloud that lives as long as the call.
+unsafe fn open<'a>(cloud: *const Cloud, count: usize) -> Result<&'a Cloud, Fault> {
+    // SAFETY: as the caller promises.
+    let cloud = unsafe { object("cloud", cloud) }?;
+    if cloud.mailbox.is_closed() {
+        return Err(Fault::Gone);
+    }
+    match count > cloud.most {
+        true => Err(Fault::Room { most: cloud.most, given: count }),
+        false => Ok(cloud),
+    }
+}
+
+/// So many vectors, all of them finite.
+///
+/// # Safety
+/// The pointer is NULL or that of three numbers each.
+unsafe fn vectors(
+    name: &'static str,
+    given: *const f64,
+    count: usize,
+) -> Result<Vec<[f64; 3]>, Fault> {
+    let given: &[[f64; 3]] = match (given.is_null(), count) {
+        (_, 0) => &[],
+        (true, _) => return Err(Fault::Null(name)),
+        // SAFETY: as the caller promises.
+        (false, _) => unsafe { slice::from_raw_parts(given.cast(), count) },
+    };
+    match given.as_flattened().iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(Fault::NotFinite { name, index, value: given.as_flattened()[index] }),
+        None => Ok(given.to_vec()),
+    }
+}
+
+fn send(Cloud { mailbox, orientation, .. }: &Cloud, update: PointUpdate) -> Result<(), Fault> {
+    mailbox.send(make(update, *orientation)?);
+    Ok(())
 }
 
 /// Frees the handle, not the cloud. NULL is nothing.

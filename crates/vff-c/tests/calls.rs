@@ -148,6 +148,13 @@ impl Sender {
         // SAFETY: so many points are there.
         unsafe { vff_cloud_update(self.0, points.as_ptr().cast(), points.len()) }
     }
+
+    fn send_moving(&self, points: &[[f64; 3]], velocities: &[[f64; 3]], t: f64) -> Status {
+        let [points, velocities] = [points, velocities].map(|all| (all.as_ptr().cast(), all.len()));
+        assert_eq!(points.1, velocities.1);
+        // SAFETY: so many points and velocities are there.
+        unsafe { vff_cloud_update_moving(self.0, points.0, velocities.0, points.1, t) }
+    }
 }
 
 impl Drop for Sender {
@@ -804,6 +811,38 @@ fn clouds_arrive() {
         drop(owned);
         assert_eq!(last.send(&[]), Status::NotACloud);
     }
+}
+
+/// Points that were seen a while ago are, at the time of a state, where they have gone to since.
+#[test]
+fn moving_points_go_on() {
+    let settings = format!("{FIELD}\navoidance = 'cbf'");
+    let owned = Owned::new("model = 'panda'", &settings);
+    let cloud = owned.cloud(owned.add(CLOUD), 9).unwrap();
+    let points = [[0.0, 0.02, -0.1], [0.02, 0.0, -0.1], [0.0; 3]];
+    let velocity = [0.1, -0.3, 0.2];
+    assert_eq!(cloud.send_moving(&points, &[[f64::NAN; 3]; 3], 0.0), Status::NotFinite);
+    assert_eq!(cloud.send_moving(&points, &[velocity; 3], f64::NAN), Status::NotFinite);
+    // SAFETY: so many points are there.
+    let without = unsafe {
+        vff_cloud_update_moving(cloud.0, points.as_ptr().cast(), null(), points.len(), 0.0)
+    };
+    assert_eq!(without, Status::Null);
+    assert_eq!(owned.refer(&[0.4, 0.1, 0.5], &[], &[]), Status::Ok);
+    let mut found = vec![];
+    for (since, shift) in [(1.75, 0.0), (2.0, 0.25)] {
+        let there = points.map(|p| [0, 1, 2].map(|k| p[k] + velocity[k] * shift));
+        assert_eq!(cloud.send_moving(&there, &[velocity; 3], since), Status::Ok);
+        assert_eq!(owned.observe(2.0, &READY, &[0.0; 7]), Status::Ok);
+        found.push(owned.torque(7).unwrap());
+    }
+    assert_eq!(cloud.send(&points), Status::Ok);
+    assert_eq!(owned.observe(2.0, &READY, &[0.0; 7]), Status::Ok);
+    let resting = owned.torque(7).unwrap();
+    let apart =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart(&found[0], &found[1]) < 1e-9, "{found:?}");
+    assert!(apart(&found[0], &resting) > 1e-3, "{found:?} {resting:?}");
 }
 
 /// Two threads with one controller: calls that meet come to `Busy`, nothing else, and torques stay what they are.

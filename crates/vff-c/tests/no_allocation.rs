@@ -125,9 +125,21 @@ fn no_cycle_touches_the_heap() {
                     let k = sent.fetch_add(1, Ordering::Relaxed);
                     let points: Vec<f64> =
                         (0..3 * (k % (MOST + 1))).map(|i| 0.002 * ((i + k) % 50) as f64).collect();
-                    // SAFETY: so many points are there, and the handle lives.
-                    let done =
-                        unsafe { vff_cloud_update(cloud, points.as_ptr(), points.len() / 3) };
+                    let count = points.len() / 3;
+                    let velocities = vec![0.1; points.len()];
+                    // At rest, and moving. SAFETY: so many points are there, and the handle lives.
+                    let done = unsafe {
+                        match k % 2 {
+                            0 => vff_cloud_update(cloud, points.as_ptr(), count),
+                            _ => vff_cloud_update_moving(
+                                cloud,
+                                points.as_ptr(),
+                                velocities.as_ptr(),
+                                count,
+                                0.0,
+                            ),
+                        }
+                    };
                     assert_eq!(done, Status::Ok);
                 }
             });

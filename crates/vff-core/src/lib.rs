@@ -82,6 +82,7 @@ pub mod geometry;
 pub mod interrupt;
 pub mod inverse_kinematics;
 pub mod math;
+pub mod perception;
 pub mod planned_reference;
 #[cfg(feature = "scenario")]
 pub mod planning;

@@ -99,17 +99,40 @@ pub trait Ranged {
 
     /// The numbers.
     fn numbers(&self) -> Numbers<'_>;
+
+    /// Puts a number in its place; false where it is not one of this kind.
+    fn set(&mut self, _number: f64) -> bool {
+        false
+    }
 }
 
 impl Ranged for f64 {
     fn numbers(&self) -> Numbers<'_> {
         Numbers::One(*self)
     }
+
+    fn set(&mut self, number: f64) -> bool {
+        *self = number;
+        true
+    }
 }
 
 impl Ranged for usize {
     fn numbers(&self) -> Numbers<'_> {
         Numbers::Whole(*self)
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "whole, and bounded"
+    )]
+    fn set(&mut self, number: f64) -> bool {
+        let is_whole = (0.0..1e15).contains(&number) && number.fract() == 0.0;
+        if is_whole {
+            *self = number as usize;
+        }
+        is_whole
     }
 }
 
@@ -153,6 +176,18 @@ pub trait Table {
         &self,
         check: impl FnMut(&'static str, Numbers<'_>, &'static Requirement) -> Result<(), E>,
     ) -> Result<(), E>;
+
+    /// Puts a number at a key that has a range; false where there is none, or it is not one of this kind.
+    ///
+    /// ```
+    /// use vff_core::perception::PerceiverSettings;
+    /// use vff_core::settings::Table;
+    ///
+    /// let mut settings = PerceiverSettings::default();
+    /// assert!(settings.set("voxel", 0.03) && settings.voxel == 0.03);
+    /// assert!(!settings.set("stride", 0.5) && !settings.set("room", 1.0) && !settings.set("voxels", 1.0));
+    /// ```
+    fn set(&mut self, key: &str, number: f64) -> bool;
 }
 
 /// Makes a table of settings of a list of its keys:
@@ -233,6 +268,17 @@ macro_rules! settings {
                 )?)?)+
                 let _ = &mut check; // a table may be without numbers
                 Ok(())
+            }
+
+            fn set(&mut self, key: &str, number: f64) -> bool {
+                $($($(
+                    if key == stringify!($key) {
+                        let _ = &$crate::settings::$range;
+                        return $crate::settings::Ranged::set(&mut self.$key, number);
+                    }
+                )?)?)+
+                let _ = (key, number); // a table may be without numbers
+                false
             }
         }
     };

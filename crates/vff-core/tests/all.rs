@@ -10,6 +10,7 @@ mod governor;
 mod loops;
 mod needed_points;
 mod output;
+mod perceiver;
 mod placed_obstacles;
 mod quadratic_program;
 mod spatial_scenarios;

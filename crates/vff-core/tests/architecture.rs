@@ -9,7 +9,7 @@ const FLOORS: &[&[&str]] = &[
     &["settings"],
     &["field", "geometry", "trajectory"],
     &["robot", "testing", "world"],
-    &["inverse_kinematics", "planned_reference"],
+    &["inverse_kinematics", "perception", "planned_reference"],
     &["control"],
     &["simulation"],
     &["scenario"],

@@ -263,7 +263,7 @@ fn replaced_points_are_those_of_a_new_controller() {
             let new: Vec<_> =
                 sheet().into_iter().skip(7 * k as usize).map(|[x, y, z]| [y, x, z - t]).collect();
             let orientation = controller.orientation_of_points(1).unwrap();
-            let mut points = make(new.clone(), orientation).unwrap();
+            let mut points = make(new.clone().into(), orientation).unwrap();
             controller.swap_points(1, &mut points).unwrap();
             let found = controller.torque(&q, &dq, &target, t).unwrap().to_vec();
             let (arm, mut fresh) = panda(settings);
@@ -280,9 +280,10 @@ fn replaced_points_are_those_of_a_new_controller() {
                 fault(controller.orientation_of_points(2).unwrap_err()).contains("there are 2")
             );
             assert!(
-                fault(make(vec![[0.0; 3]; 50_001], orientation).unwrap_err()).contains("50001")
+                fault(make(vec![[0.0; 3]; 50_001].into(), orientation).unwrap_err())
+                    .contains("50001")
             );
-            let mut others = make(vec![], [1.0, 0.0, 0.0, 0.0]).unwrap();
+            let mut others = make(vec![].into(), [1.0, 0.0, 0.0, 0.0]).unwrap();
             assert_eq!(controller.swap_points(1, &mut others), Err(PointsError::NotACloud(1)));
             assert_eq!(controller.torque(&q, &dq, &target, t).unwrap(), found);
         }
@@ -308,7 +309,7 @@ fn replaced_points_of_a_run_are_those_of_another() {
             (scenario.prepare_recorded(false).unwrap().run, scenario.controller)
         });
         let orientation = run.0.orientation_of_points(0).unwrap();
-        let points = make(new, orientation).unwrap();
+        let points = make(new.into(), orientation).unwrap();
         run.0.update_points(0, &points, &run.1).unwrap();
         for _ in 0..50 {
             assert!(run.0.advance(None) && other.0.advance(None));

@@ -1,10 +1,13 @@
 //! What a call in somebody else's loop is given: a time, a reference, obstacles.
 
-use crate::convert::{instead, named_document, number, read_vector, wrong_type};
+use crate::convert::{
+    count, instead, misshapen, named_document, number, points, read_vector, wrong_type,
+};
 use crate::errors::{self, InputError};
 use pyo3::prelude::*;
 use pyo3::types::PySequence;
 use toml::Table;
+use vff_core::runtime::points::PointUpdate;
 use vff_core::runtime::{AnyObstacles, Target};
 use vff_core::scenario::ScenarioError;
 
@@ -50,6 +53,26 @@ pub fn finite_time(t: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
         true => Ok(t),
         false => Err(InputError::new_err(format!("t must be finite, got {t}"))),
     }
+}
+
+/// The points that replace those of an obstacle, how they move and since when, and which one it is: the first where nothing is
+/// said.
+pub fn new_points(
+    cloud: &Bound<'_, PyAny>,
+    obstacle: Option<&Bound<'_, PyAny>>,
+    velocities: Option<&Bound<'_, PyAny>>,
+    t: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(PointUpdate, usize)> {
+    let given = points("cloud", cloud)?;
+    let rates = velocities.map(|it| points("velocities", it)).transpose()?.unwrap_or_default();
+    if velocities.is_some() && rates.len() != given.len() {
+        let expected = format!("({}, 3), like cloud", given.len());
+        return Err(misshapen("velocities", &[rates.len(), 3], &expected));
+    }
+    let j = obstacle.map_or(Ok(0), |j| count("obstacle", j))?;
+    let time = t.map(|t| finite_time(Some(t))).transpose()?;
+    let update = PointUpdate { points: given, velocities: rates, time };
+    Ok((update, usize::try_from(j).unwrap_or(usize::MAX)))
 }
 
 /// A reference: one vector or, of a pose in space, position and quaternion.

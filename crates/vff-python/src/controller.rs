@@ -1,8 +1,8 @@
 //! `Controller`: the torque law in somebody else's loop.
 
 use crate::arm::Arm;
-use crate::call::{Reference, finite_time, read_obstacles, sequence};
-use crate::convert::{any_vector, array1, document, new_points, number, vector, wrong_type};
+use crate::call::{Reference, finite_time, new_points, read_obstacles, sequence};
+use crate::convert::{any_vector, array1, document, number, vector, wrong_type};
 use crate::errors::{self, InputError};
 use crate::exclusive::Exclusive;
 use crate::loading::load_numpy;
@@ -513,12 +513,17 @@ impl Controller {
     ///     The points [m], relative to the obstacle's position: at most 50 000, maybe none.
     /// obstacle : int, optional
     ///     Which of the obstacles it is; the first by default.
+    /// velocities : (k, 3) array_like, optional
+    ///     At which velocities the points go on by themselves [m/s], in the same frame, until others take
+    ///     their place (docs/theory-spatial.md, T180). Without, they rest.
+    /// t : float, optional
+    ///     When they were there [s], on the clock of the calls: that of the image. Without, the last call's.
     ///
     /// Raises
     /// ------
     /// vffnull.errors.InputError
-    ///     If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
-    ///     points are those of before then.
+    ///     If they are not points in space, not finite or too many, if there is not one velocity to each, or
+    ///     if the obstacle is no cloud. The points are those of before then.
     ///
     /// Examples
     /// --------
@@ -528,14 +533,19 @@ impl Controller {
     /// >>> far = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
     /// >>> controller.update_points([[0.45, 0.0, 0.45], [0.45, 0.1, 0.45]])
     /// >>> near = controller.torque(rest, [0.0] * 7, there, obstacles=[cloud])
-    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    #[pyo3(
+        signature = (cloud, obstacle=None, velocities=None, t=None),
+        text_signature = "($self, cloud, obstacle=0, velocities=None, t=None)"
+    )]
     fn update_points(
         &self,
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
         obstacle: Option<&Bound<'_, PyAny>>,
+        velocities: Option<&Bound<'_, PyAny>>,
+        t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let (given, j) = new_points(cloud, obstacle)?;
+        let (given, j) = new_points(cloud, obstacle, velocities, t)?;
         let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
         let mut inner = self.inner.take(py)?;
         if inner.obstacles.get(j).is_some_and(|given| given.bind(py).is_instance_of::<PyDict>()) {

@@ -405,7 +405,7 @@ pub fn values(name: &str, array: &Bound<'_, PyArrayDyn<f64>>) -> PyResult<Vec<f6
 }
 
 /// Points in space, (k, 3).
-fn points(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
+pub fn points(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
     let array = float_array(name, value)?;
     match array.shape() {
         [_, 3] | [0] => {}
@@ -417,16 +417,6 @@ fn points(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<[f64; 3]>> {
         Some(i) => finite(&format!("{name}[{i}]"), &points[i]).map(|()| vec![]),
         None => Ok(points.to_vec()),
     }
-}
-
-/// The points that replace those of an obstacle, and which one it is: the first where nothing is said.
-pub fn new_points(
-    cloud: &Bound<'_, PyAny>,
-    obstacle: Option<&Bound<'_, PyAny>>,
-) -> PyResult<(Vec<[f64; 3]>, usize)> {
-    let given = points("cloud", cloud)?;
-    let j = obstacle.map_or(Ok(0), |j| count("obstacle", j))?;
-    Ok((given, usize::try_from(j).unwrap_or(usize::MAX)))
 }
 
 /// Refuses what is not a number or infinite.

@@ -1,9 +1,9 @@
 //! `DriveLoop`: a controller in the loop of a robot, on a thread of its own.
 
-use crate::call::{read_obstacles, read_pose, sequence};
+use crate::call::{new_points, read_obstacles, read_pose, sequence};
 use crate::controller::Controller;
 use crate::convert::{
-    self, array1, array2, copy_vector, count, new_points, number, read_vector, vector, wrong_type,
+    self, array1, array2, copy_vector, count, number, read_vector, vector, wrong_type,
 };
 use crate::errors::{self, InputError};
 use crate::loading::load_numpy;
@@ -415,16 +415,21 @@ impl DriveLoop {
         done.map_err(|error| InputError::new_err(error.to_string()))
     }
 
-    /// Other points in place of those of a cloud.
-    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    /// Other points in place of those of a cloud, which go on at velocities (k, 3) from time `t`.
+    #[pyo3(
+        signature = (cloud, obstacle=None, velocities=None, t=None),
+        text_signature = "($self, cloud, obstacle=0, velocities=None, t=None)"
+    )]
     fn update_points(
         &self,
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
         obstacle: Option<&Bound<'_, PyAny>>,
+        velocities: Option<&Bound<'_, PyAny>>,
+        t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         self.is_here()?;
-        let (given, j) = new_points(cloud, obstacle)?;
+        let (given, j) = new_points(cloud, obstacle, velocities, t)?;
         let done = py.detach(|| self.exchange.update_points(j, given));
         done.map_err(|error| InputError::new_err(error.to_string()))
     }

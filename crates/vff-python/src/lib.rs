@@ -14,6 +14,7 @@ mod external;
 mod live;
 mod loading;
 mod models;
+mod perceiver;
 mod planning;
 mod real_time;
 mod rotations;
@@ -50,6 +51,8 @@ mod _core {
     use crate::models::{
         arm_model, arm_text, check_arm, overlapping_links, read_urdf, reduce_tree,
     };
+    #[pymodule_export]
+    use crate::perceiver::Perceiver;
     #[pymodule_export]
     use crate::planning::{joints_at, plan};
     #[pymodule_export]

@@ -1,5 +1,6 @@
 //! `Live`: a scenario that runs against the wall clock on a thread of its own, under people's hands.
 
+use crate::call::new_points;
 use crate::convert::{self, array2, keywords, named_document, read_vector};
 use crate::errors::{self, InputError};
 use crate::run::{arrays, measured, prepared};
@@ -294,15 +295,20 @@ impl Live {
     }
 
     /// Replace the points (k, 3) of a cloud [m]. They are made ready beside the loop, and taken in between
-    /// two of its steps.
-    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    /// two of its steps; with `velocities` (k, 3) [m/s] they go on from where they were at time `t` [s].
+    #[pyo3(
+        signature = (cloud, obstacle=None, velocities=None, t=None),
+        text_signature = "($self, cloud, obstacle=0, velocities=None, t=None)"
+    )]
     fn update_points(
         &self,
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
         obstacle: Option<&Bound<'_, PyAny>>,
+        velocities: Option<&Bound<'_, PyAny>>,
+        t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let (given, j) = convert::new_points(cloud, obstacle)?;
+        let (given, j) = new_points(cloud, obstacle, velocities, t)?;
         let fault = |error: PointsError| InputError::new_err(error.to_string());
         let orientation = self.with(py, |live| live.orientation_of_points(j))?.map_err(fault)?;
         let made = interruptible(py, || make(given, orientation))?.map_err(fault)?;

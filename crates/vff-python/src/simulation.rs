@@ -1,5 +1,6 @@
 //! `Simulation`: a scenario one control period at a time.
 
+use crate::call::new_points;
 use crate::convert::{self, array1, array2, vector};
 use crate::errors::{self, InputError};
 use crate::exclusive::Exclusive;
@@ -144,6 +145,11 @@ impl Simulation {
     ///     The points [m], relative to the obstacle's position: at most 50 000, maybe none.
     /// obstacle : int, optional
     ///     Which of the scenario's obstacles it is; the first by default.
+    /// velocities : (k, 3) array_like, optional
+    ///     At which velocities the points go on by themselves [m/s], in the same frame, until others take
+    ///     their place (docs/theory-spatial.md, T180). Without, they rest.
+    /// t : float, optional
+    ///     When they were there [s], on the clock of the simulation: that of the image. Without, now.
     ///
     /// Returns
     /// -------
@@ -153,16 +159,21 @@ impl Simulation {
     /// Raises
     /// ------
     /// vffnull.errors.InputError
-    ///     If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
-    ///     points are those of before then.
-    #[pyo3(signature = (cloud, obstacle=None), text_signature = "($self, cloud, obstacle=0)")]
+    ///     If they are not points in space, not finite or too many, if there is not one velocity to each, or
+    ///     if the obstacle is no cloud. The points are those of before then.
+    #[pyo3(
+        signature = (cloud, obstacle=None, velocities=None, t=None),
+        text_signature = "($self, cloud, obstacle=0, velocities=None, t=None)"
+    )]
     fn update_points(
         &self,
         py: Python<'_>,
         cloud: &Bound<'_, PyAny>,
         obstacle: Option<&Bound<'_, PyAny>>,
+        velocities: Option<&Bound<'_, PyAny>>,
+        t: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<State> {
-        let (given, j) = convert::new_points(cloud, obstacle)?;
+        let (given, j) = new_points(cloud, obstacle, velocities, t)?;
         let fault = |error: &dyn ToString| InputError::new_err(error.to_string());
         let inner = self.inner.take(py)?;
         inner.present()?;

@@ -341,7 +341,9 @@ class LivePage:
         for live in self._loops():
             live.let_go()
 
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Replace the points of a cloud while the loop runs, as often as a camera sees new ones.
 
         Parameters
@@ -350,16 +352,21 @@ class LivePage:
             The points [m], relative to the cloud's position, in its frame.
         obstacle : int, optional
             Which obstacle the cloud is.
+        velocities : (k, 3) array_like, optional
+            At which velocities the points go on by themselves [m/s], for the law; they are shown where they
+            were given.
+        t : float, optional
+            When they were there [s], by the loop's time; without, now.
 
         Raises
         ------
         vffnull.errors.InputError
-            If they are not points in space, not finite or too many, or if the obstacle is no cloud. The
-            points are those of before then.
+            If they are not points in space, not finite or too many, if there is not one velocity to each, or
+            if the obstacle is no cloud. The points are those of before then.
         """
         with self._lock:
             for live in self._loops():
-                live.update_points(cloud, obstacle)
+                live.update_points(cloud, obstacle, velocities, t)
             self._scene.show_points(np.asarray(cloud, dtype=float), obstacle)
 
     def start_recording(self) -> Path:

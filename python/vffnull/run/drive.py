@@ -1,6 +1,4 @@
-"""A controller in the loop of a robot: a thread with a deadline in the core, targets and obstacles from
-anywhere.
-"""
+"""A controller in the loop of a robot: a thread with a deadline in the core, targets from anywhere."""
 
 from __future__ import annotations
 
@@ -287,9 +285,11 @@ class Drive:
             raise InputTypeError(f"controller: expected a Controller, not a {type(controller).__name__}")
         self._loop.set_controller(controller, positive("blend", blend))
 
-    def update_points(self, cloud: ArrayLike, obstacle: int = 0) -> None:
+    def update_points(
+        self, cloud: ArrayLike, obstacle: int = 0, velocities: ArrayLike | None = None, t: float | None = None
+    ) -> None:
         """Put other points in place of those of a cloud; as `Controller.update_points`."""
-        self._loop.update_points(cloud, obstacle)
+        self._loop.update_points(cloud, obstacle, velocities, t)
 
     @property
     def state(self) -> DriveState:

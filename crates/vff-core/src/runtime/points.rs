@@ -1,5 +1,5 @@
 //! Clouds of points that are replaced while a loop runs. New points are made ready beside it, and take the place of the old
-//! ones between two steps.
+//! ones between two steps, from where they go on at the velocities that they were given.
 
 use crate::control::Settings;
 use crate::scenario::{self, ScenarioError};
@@ -10,11 +10,12 @@ use crate::world::space::{MAX_POINTS, Points, Shape, World};
 ///
 /// # Example
 /// ```
-/// use vff_core::runtime::{PointsError, points};
+/// use vff_core::runtime::points::{PointUpdate, make};
+/// use vff_core::runtime::PointsError;
 ///
 /// let upright = [1.0, 0.0, 0.0, 0.0];
-/// assert_eq!(points::make(vec![[0.0; 3]; 5], upright).unwrap().len(), 5);
-/// let refused = points::make(vec![[0.0; 3]; 50_001], upright).unwrap_err();
+/// assert_eq!(make(vec![[0.0; 3]; 5].into(), upright).unwrap().len(), 5);
+/// let refused = make(vec![[0.0; 3]; 50_001].into(), upright).unwrap_err();
 /// assert!(matches!(refused, PointsError::TooMany(50_001)));
 /// ```
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -38,6 +39,14 @@ pub enum PointsError {
         "cloud: expected at most {MAX_POINTS} points, got {0}; leave some out where they are dense"
     )]
     TooMany(usize),
+    /// There is not one velocity to each point.
+    #[error("velocities: expected one for each of the {points} points, got {velocities}")]
+    Velocities {
+        /// How many points there are.
+        points: usize,
+        /// How many velocities.
+        velocities: usize,
+    },
     /// The controller has no room for them.
     #[error("{0}")]
     NoRoom(#[from] ScenarioError),
@@ -51,15 +60,53 @@ fn there_are(count: usize) -> String {
     }
 }
 
+/// What takes the place of the points of a cloud.
+///
+/// # Example
+/// ```
+/// use vff_core::runtime::points::{PointUpdate, make};
+///
+/// let seen = PointUpdate {
+///     points: vec![[0.4, 0.0, 0.3]],
+///     velocities: vec![[0.0, -0.5, 0.0]],
+///     time: Some(12.3),
+/// };
+/// let upright = [1.0, 0.0, 0.0, 0.0];
+/// assert_eq!(make(seen.clone(), upright).unwrap().since(), Some(12.3));
+/// let torn = PointUpdate { points: vec![], ..seen };
+/// assert!(make(torn, upright).is_err());
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PointUpdate {
+    /// The points \[m\], relative to the position of the obstacle; finite.
+    pub points: Vec<[f64; 3]>,
+    /// Their velocities in the same frame \[m/s\], finite; empty where all rest.
+    pub velocities: Vec<[f64; 3]>,
+    /// When they were there \[s\], on the clock of the loop; none for when they are taken in.
+    pub time: Option<f64>,
+}
+
+impl From<Vec<[f64; 3]>> for PointUpdate {
+    /// Of points that rest.
+    fn from(points: Vec<[f64; 3]>) -> Self {
+        Self { points, ..Self::default() }
+    }
+}
+
 /// Points for a cloud of this `orientation`.
 ///
 /// # Errors
-/// If they are too many.
-pub fn make(given: Vec<[f64; 3]>, orientation: [f64; 4]) -> Result<Points, PointsError> {
-    match given.len() <= MAX_POINTS {
-        true => Ok(Points::new(given, orientation)),
-        false => Err(PointsError::TooMany(given.len())),
+/// If they are too many, or their velocities not as many.
+pub fn make(update: PointUpdate, orientation: [f64; 4]) -> Result<Points, PointsError> {
+    let PointUpdate { points, velocities, time } = update;
+    if points.len() > MAX_POINTS {
+        return Err(PointsError::TooMany(points.len()));
     }
+    if !velocities.is_empty() && velocities.len() != points.len() {
+        let (points, velocities) = (points.len(), velocities.len());
+        return Err(PointsError::Velocities { points, velocities });
+    }
+    Ok(Points::moving(points, &velocities, time, orientation))
 }
 
 /// The orientation in which the points of cloud `j` stand.

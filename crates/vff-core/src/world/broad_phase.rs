@@ -157,7 +157,7 @@ pub(super) fn box_of<S: Solid<D>, const D: usize>(
 ) -> [Vector<D>; 2] {
     let description = &obstacle.description;
     let [low, high] = description.motion().extent(t0, t1, description.position());
-    let [rear, front] = obstacle.extent();
+    let [rear, front] = obstacle.extent([t0, t1]);
     let (low, high) = (low + rear, high + front);
     let one = Vector::repeat(1.0);
     let size = [low, high, rear, front].iter().fold(one, |a, b| a + b.abs());

@@ -206,6 +206,11 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.obstacles[j].is_static
     }
 
+    /// A speed that no obstacle exceeds until a time \[s\], with all points of its surface \[m/s\].
+    pub fn top_speed(&self, until: f64) -> f64 {
+        self.obstacles.iter().map(|obstacle| obstacle.top_speed(until)).fold(0.0, f64::max)
+    }
+
     /// Whether obstacle `j` is one convex body, which has one contact with another.
     pub fn is_convex(&self, j: usize) -> bool {
         self.obstacles[j].solid.contacts() == 1
@@ -234,7 +239,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// then on every obstacle is asked.
     pub fn carry(&mut self, j: usize, goal: Vector<D>, rate: f64) {
         let obstacle = &mut self.obstacles[j];
-        let MotionState { position, velocity, acceleration } = obstacle.state_at(self.time);
+        let MotionState { position, velocity, acceleration, .. } = obstacle.state_at(self.time);
         let now = [position, velocity, acceleration];
         let filter = ThirdOrderFilter::new(self.time, now, goal, rate);
         obstacle.description.set_motion(Motion::Carried(filter));

@@ -72,18 +72,30 @@ pub struct MotionState<const D: usize> {
     pub velocity: Vector<D>,
     /// Acceleration \[m/s²\]; zero where the velocity jumps.
     pub acceleration: Vector<D>,
+    /// For how long parts of it have gone on by themselves \[s\]: 0, but of clouds whose points move (T180).
+    pub elapsed: f64,
 }
 
 impl<const D: usize> MotionState<D> {
     /// At rest at `position` \[m\].
     pub(super) fn at_rest(position: Vector<D>) -> Self {
-        Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros() }
+        Self { position, velocity: Vector::zeros(), acceleration: Vector::zeros(), elapsed: 0.0 }
+    }
+
+    /// At rest at the origin, with parts that have gone on for as long as those of this one.
+    #[inline(always)]
+    pub(super) fn own_frame(&self) -> Self {
+        Self { elapsed: self.elapsed, ..Self::at_rest(Vector::zeros()) }
     }
 
     /// Carried on for `time` \[s\] at its velocity.
     #[inline(always)]
     pub(super) fn after(&self, time: f64) -> Self {
-        Self { position: self.position + self.velocity * time, ..*self }
+        Self {
+            position: self.position + self.velocity * time,
+            elapsed: self.elapsed + time,
+            ..*self
+        }
     }
 }
 
@@ -143,6 +155,7 @@ impl<const D: usize> Motion<D> {
                     position: position0 + velocity * t,
                     velocity,
                     acceleration: Vector::zeros(),
+                    elapsed: 0.0,
                 }
             }
             Self::Sinusoid { amplitude, angular_frequency: omega, phase } => {
@@ -152,12 +165,13 @@ impl<const D: usize> Motion<D> {
                     position: position0 + amplitude * sin,
                     velocity: amplitude * (omega * cos),
                     acceleration: amplitude * (-omega * omega * sin),
+                    elapsed: 0.0,
                 }
             }
             Self::Waypoints { times, points, .. } => along(times, points, t, position0),
             Self::Carried(filter) => {
                 let [position, velocity, acceleration] = filter.at(t);
-                MotionState { position, velocity, acceleration }
+                MotionState { position, velocity, acceleration, elapsed: 0.0 }
             }
         }
     }
@@ -235,6 +249,7 @@ fn leg<const D: usize>(times: &[f64], points: &[[f64; D]], next: usize, t: f64) 
         position: previous + velocity * (t - start),
         velocity,
         acceleration: Vector::zeros(),
+        elapsed: 0.0,
     }
 }
 

@@ -23,6 +23,7 @@ const UNHARMED_UP_TO: f64 = 160.0;
 /// let outlook = Outlook { rate: 10.0, kept: 0.02, velocity: &still, coarsened: &coarsened };
 /// let ahead = Ahead::<3> {
 ///     kept: outlook.kept,
+///     horizon: 2.0 / outlook.rate,
 ///     shift: [Vector::<3>::zeros(); 2],
 ///     implied: 0.3,
 ///     unharmed: 3.0,
@@ -47,6 +48,8 @@ pub struct Outlook<'a, const D: usize> {
 pub struct Ahead<'a, const D: usize> {
     /// What is kept of a distance at most \[m\].
     pub kept: f64,
+    /// 2/k \[s\].
+    pub horizon: f64,
     /// 2u/k of both ends of the axis: by how much they go on \[m\].
     pub shift: [Vector<D>; 2],
     /// How far off that the ends may come so that what is left out is implied \[m\].
@@ -74,7 +77,7 @@ impl<const D: usize> Outlook<'_, D> {
             turn.rotation.tr_mul(&(seen - carried)) * (2.0 / rate)
         });
         let [implied, unharmed] = [IMPLIED_UP_TO, UNHARMED_UP_TO].map(|most| most / (rate * rate));
-        Ahead { kept, shift, implied, unharmed, coarsened }
+        Ahead { kept, horizon: 2.0 / rate, shift, implied, unharmed, coarsened }
     }
 }
 

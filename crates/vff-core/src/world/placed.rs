@@ -12,7 +12,9 @@ pub(super) struct Placed<S: Solid<D>, const D: usize> {
     pub(super) state: MotionState<D>,
     /// The instant that the state belongs to \[s\]; any, if the obstacle is static.
     pub(super) time: f64,
-    /// Whether it neither moves nor turns.
+    /// Since when parts of the solid go on by themselves \[s\].
+    pub(super) since: f64,
+    /// Whether it neither moves nor turns, nor any part of it.
     pub(super) is_static: bool,
     /// How it turns, if it does.
     pub(super) turned: Option<Box<Turned<D>>>,
@@ -33,16 +35,24 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     pub(super) fn new(description: S::Obstacle) -> Self {
         let turned =
             description.turning().map(|turning| Box::new(Turned { now: turning.at(0.0), turning }));
-        Self {
+        let mut this = Self {
             solid: S::new(&description),
             state: description.motion().at(0.0, description.position()),
             time: 0.0,
-            is_static: description.motion().is_static() && turned.is_none(),
+            since: 0.0,
+            is_static: false,
             turned,
             room: 0,
             is_hidden: false,
             description,
-        }
+        };
+        this.is_static = this.stands_still();
+        this
+    }
+
+    /// Whether it neither moves nor turns, nor any part of it.
+    pub(super) fn stands_still(&self) -> bool {
+        self.description.motion().is_static() && self.turned.is_none() && self.solid.speed() == 0.0
     }
 
     /// Whether the state is that at time `t` \[s\]. Compared as bits: only the very same instant is.
@@ -89,7 +99,8 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
 
     #[inline(never)]
     pub(super) fn moved_to(&self, t: f64) -> MotionState<D> {
-        self.description.motion().at(t, self.description.position())
+        let state = self.description.motion().at(t, self.description.position());
+        MotionState { elapsed: t - self.since, ..state }
     }
 
     /// The distance between the surfaces of obstacle and link \[m\], bit for bit that of their contact.
@@ -101,12 +112,11 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     /// The same where it is less than `limit` \[m\]; otherwise anything that is not.
     #[inline(always)]
     pub(super) fn distance_below(&self, link: &S::Probe, limit: f64) -> f64 {
-        let position = &self.state.position;
         match self.turn() {
-            None => self.solid.distance_below(link, position, limit),
+            None => self.solid.distance_below(link, &self.state, limit),
             Some(turn) => {
-                let seen = Self::seen(link, position, turn);
-                self.solid.distance_below(&seen, &Vector::zeros(), limit)
+                let seen = Self::seen(link, &self.state.position, turn);
+                self.solid.distance_below(&seen, &self.state.own_frame(), limit)
             }
         }
     }
@@ -128,7 +138,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     ) -> Contact<D> {
         let Some(turn) = turn else { return self.solid.contact(pair, link, state) };
         let seen = Self::seen(link, &state.position, turn);
-        let found = self.solid.contact(pair, &seen, &MotionState::at_rest(Vector::zeros()));
+        let found = self.solid.contact(pair, &seen, &state.own_frame());
         turn.place(&found, state)
     }
 
@@ -155,8 +165,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         let rotation = turn.rotation.tr_mul(hull.rotation);
         let position = turn.rotation.tr_mul(&(hull.position - state.position));
         let hull = Carried { hull: hull.hull, rotation: &rotation, position };
-        let (around, rest) =
-            (Self::seen(around, &state.position, turn), MotionState::at_rest(Vector::zeros()));
+        let (around, rest) = (Self::seen(around, &state.position, turn), state.own_frame());
         let visit = &mut |found: &Contact<D>| visit(&turn.place(found, state));
         self.solid.meet_hull(pair, &hull, &around, &rest, asked, visit);
     }
@@ -192,7 +201,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
             return self.solid.for_each_contact(pair, link, state, reach, visit);
         };
         let seen = Self::seen(link, &state.position, turn);
-        let rest = MotionState::at_rest(Vector::zeros());
+        let rest = state.own_frame();
         let visit = |found: &Contact<D>| visit(&turn.place(found, state));
         self.solid.for_each_contact(pair, &seen, &rest, reach, visit);
     }
@@ -213,8 +222,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
                 solid.for_each_barrier(contact, link, state, &mut visit);
             });
         };
-        let (seen, rest) =
-            (Self::seen(link, &state.position, turn), MotionState::at_rest(Vector::zeros()));
+        let (seen, rest) = (Self::seen(link, &state.position, turn), state.own_frame());
         let mut visit = |row: &Contact<D>| visit(&turn.place(row, state));
         solid.for_each_contact(pair, &seen, &rest, reach, |contact| {
             solid.for_each_barrier(contact, &seen, &rest, &mut visit);
@@ -243,18 +251,32 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
             return self.solid.for_each_needed(pair, link, state, reach, &ahead, visit);
         };
         let seen = Self::seen(link, &state.position, turn);
-        let rest = MotionState::at_rest(Vector::zeros());
+        let rest = state.own_frame();
         let visit = |found: &Contact<D>| visit(&turn.place(found, state));
         self.solid.for_each_needed(pair, &seen, &rest, reach, &ahead, visit);
     }
 
-    /// Opposite corners of a box that holds it however it is turned, relative to its position \[m\].
-    pub(super) fn extent(&self) -> [Vector<D>; 2] {
+    /// Opposite corners of a box that holds it from `t0` to `t1` \[s\] however it is turned, relative to its position \[m\].
+    pub(super) fn extent(&self, [t0, t1]: [f64; 2]) -> [Vector<D>; 2] {
+        let speed = self.solid.speed();
+        let longest = (t0 - self.since).abs().max((t1 - self.since).abs());
+        let gone = if speed > 0.0 { speed * longest } else { 0.0 };
         if self.turned.is_some() {
-            let reach = Vector::repeat(self.solid.reach());
+            let reach = Vector::repeat(self.solid.reach() + gone);
             [-reach, reach]
         } else {
-            self.solid.extent()
+            let [low, high] = self.solid.extent();
+            if gone > 0.0 { [low.add_scalar(-gone), high.add_scalar(gone)] } else { [low, high] }
         }
+    }
+
+    /// A speed that no point of its surface exceeds until it has moved by itself for so long \[m/s\]; that of its position, if the
+    /// surface has no end.
+    pub(super) fn top_speed(&self, until: f64) -> f64 {
+        let own = self.solid.speed();
+        let speed = self.description.motion().top_speed() + own;
+        let Some(turned) = &self.turned else { return speed };
+        let reach = self.solid.reach() + own * (until - self.since).max(0.0);
+        if reach.is_finite() { speed + turned.turning.top_rate() * reach } else { speed }
     }
 }

@@ -1,7 +1,7 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
 use super::hull_query::near_hull;
-use super::{Asked, Contact, Named, Outlook, Pair, Placed, Solid, Turn, World};
+use super::{Asked, Contact, MotionState, Named, Outlook, Pair, Placed, Solid, Turn, World};
 use crate::geometry::{Body, Carried};
 use crate::interrupt;
 use crate::math::{Capsule, Vector};
@@ -204,12 +204,13 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     /// `range` \[m\]; 0 inside one. The obstacles stand where the last [`update`](Self::update) put them.
     pub fn cast(&self, origin: Vector<D>, direction: Vector<D>, range: f64) -> Option<f64> {
         let hit = |obstacle: &Placed<S, D>| {
-            let offset = origin - obstacle.state_at(self.time).position;
+            let MotionState { position, elapsed, .. } = obstacle.state_at(self.time);
+            let offset = origin - position;
             match obstacle.turn_at(self.time) {
-                None => obstacle.solid.cast(&offset, &direction, range),
+                None => obstacle.solid.cast(&offset, &direction, range, elapsed),
                 Some(turn) => {
                     let [offset, along] = [offset, direction].map(|v| turn.rotation.tr_mul(&v));
-                    obstacle.solid.cast(&offset, &along, range)
+                    obstacle.solid.cast(&offset, &along, range, elapsed)
                 }
             }
         };
@@ -281,7 +282,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                     continue;
                 }
                 let least = least_distance(obstacles.iter(), |obstacle| {
-                    obstacle.solid.distance_below(&probe, &obstacle.state.position, limit)
+                    obstacle.solid.distance_below(&probe, &obstacle.state, limit)
                 });
                 distance(link, least);
                 if least < reach {

@@ -34,7 +34,8 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
 }
 
 /// The shape of an obstacle made ready for queries, relative to its position and in the orientation that is described. It
-/// never changes: where an obstacle turns, it is the body that is turned for the query ([`Turn`](super::Turn)).
+/// never changes: where an obstacle turns, it is the body that is turned for the query ([`Turn`](super::Turn)). How long parts
+/// that move by themselves have done so, the state of the obstacle says.
 ///
 /// # Example
 /// What is said of obstacles, and what is made of them to be asked, for any space:
@@ -82,15 +83,15 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
     /// The body that was made ready.
     fn body(probe: &Self::Probe) -> Capsule<D>;
 
-    /// The signed distance between the surfaces of an obstacle at `position` and a body \[m\], bit for bit
+    /// The signed distance between the surfaces of an obstacle in this state and a body \[m\], bit for bit
     /// that of their [`contact`](Self::contact).
-    fn distance(&self, body: &Self::Probe, position: &Vector<D>) -> f64;
+    fn distance(&self, body: &Self::Probe, state: &MotionState<D>) -> f64;
 
     /// The same where it is less than `limit` \[m\]; otherwise anything that is not.
     #[inline(always)]
-    fn distance_below(&self, body: &Self::Probe, position: &Vector<D>, limit: f64) -> f64 {
+    fn distance_below(&self, body: &Self::Probe, state: &MotionState<D>, limit: f64) -> f64 {
         let _ = limit;
-        self.distance(body, position)
+        self.distance(body, state)
     }
 
     /// Where this solid, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
@@ -178,9 +179,20 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
     /// How far its surface reaches from its position \[m\].
     fn reach(&self) -> f64;
 
+    /// A speed that none of its parts exceeds by itself, as seen from it \[m/s\]: 0, but of clouds whose points move.
+    fn speed(&self) -> f64 {
+        0.0
+    }
+
     /// The distance \[m\] from `origin` along the unit vector `direction` to its surface, if that is within
-    /// `range`; 0 inside.
-    fn cast(&self, origin: &Vector<D>, direction: &Vector<D>, range: f64) -> Option<f64>;
+    /// `range`; 0 inside. Parts that move have gone on for `elapsed` \[s\].
+    fn cast(
+        &self,
+        origin: &Vector<D>,
+        direction: &Vector<D>,
+        range: f64,
+        elapsed: f64,
+    ) -> Option<f64>;
 }
 
 /// What is asked of a hull.

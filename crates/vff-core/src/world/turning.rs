@@ -96,17 +96,19 @@ impl<const D: usize> Turn<D> {
     /// A contact with that obstacle as it is in the world, where the obstacle is in this state.
     #[inline]
     pub(super) fn place(&self, seen: &Contact<D>, state: &MotionState<D>) -> Contact<D> {
-        let MotionState { position, velocity, acceleration } = state;
+        let MotionState { position, velocity, acceleration, .. } = state;
         let turned = |v: &Vector<D>| self.rotation * v;
         let arm = turned(&seen.witness);
         let moving = self.spin.rate_of(&arm);
+        // What goes on within the frame that turns, by itself (T180).
+        let own = turned(&seen.velocity);
         Contact {
             normal: turned(&seen.normal),
             point: position + turned(&seen.point),
             axis: turned(&seen.axis),
             witness: position + arm,
-            velocity: velocity + moving,
-            acceleration: acceleration + self.spin.rate_of(&moving),
+            velocity: velocity + moving + own,
+            acceleration: acceleration + self.spin.rate_of(&moving) + self.spin.rate_of(&own) * 2.0,
             spin: self.spin,
             feature: match seen.feature {
                 Feature::Edge { edge, distance } => Feature::Edge { edge: turned(&edge), distance },

@@ -8,7 +8,7 @@ use crate::robot::Robot;
 use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
 use crate::robot::spatial::SpatialState;
 use crate::robot::spatial::cases::{Case, case, link};
-use crate::world::space::{Obstacle, Shape, World, check_hull};
+use crate::world::space::{Obstacle, Points, Shape, World, check_hull};
 use crate::world::{CollisionQuery, Contact, Feature, Motion};
 use proptest::prelude::*;
 use std::cell::RefCell;
@@ -72,14 +72,26 @@ fn shape() -> impl Strategy<Value = (usize, Shape)> {
 }
 
 /// Near the link of `c`, so that penetration occurs, too.
-fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Moving) -> Obstacle {
+fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Moving) -> World {
     let body = body_of(&c.state()).shape;
     let middle = body.start + body.direction * (0.5 * body.length);
     let position = middle + Vector::from(offset);
     let orientation = UnitQuaternion::exp(&turn.into()).to_array();
-    let Moving { motion, angular_velocity } = moving;
+    let Moving { motion, angular_velocity, own } = moving;
     let motion = motion.shifted(&position);
-    Obstacle { shape, position: position.into(), orientation, angular_velocity, motion }
+    let position = position.into();
+    let seen = match &shape {
+        Shape::Points { points, .. } => Some(points.clone()),
+        _ => None,
+    };
+    let mut world =
+        World::new(vec![Obstacle { shape, position, orientation, angular_velocity, motion }]);
+    if let Some(points) = seen {
+        let velocities: Vec<_> = own.iter().copied().cycle().take(points.len()).collect();
+        let mut points = Points::moving(points, &velocities, Some(-0.2), orientation);
+        assert!(world.swap_points(0, &mut points));
+    }
+    world
 }
 
 /// How an obstacle moves and turns.
@@ -87,6 +99,8 @@ fn placed(c: &Case, shape: Shape, offset: [f64; 3], turn: [f64; 3], moving: Movi
 struct Moving {
     motion: Motion<3>,
     angular_velocity: [f64; 3],
+    /// At which velocities points of a cloud go on by themselves, one after the other.
+    own: [[f64; 3]; 2],
 }
 
 fn moving() -> impl Strategy<Value = Moving> {
@@ -105,8 +119,12 @@ fn moving() -> impl Strategy<Value = Moving> {
         }),
     ];
     let angular_velocity = prop_oneof![1 => Just([0.0; 3]), 2 => three(2.0)];
-    (motion, angular_velocity)
-        .prop_map(|(motion, angular_velocity)| Moving { motion, angular_velocity })
+    let own = prop_oneof![1 => Just([[0.0; 3]; 2]), 2 => [three(1.0), three(1.0)]];
+    (motion, angular_velocity, own).prop_map(|(motion, angular_velocity, own)| Moving {
+        motion,
+        angular_velocity,
+        own,
+    })
 }
 
 /// The arm at time t of the motion q + q̇t + ½q̈t² (`u` is q̈).
@@ -157,7 +175,7 @@ fn rates_are_derivatives_of_the_distance() {
     let config =
         ProptestConfig { max_global_rejects: 200_000, ..ProptestConfig::with_cases(10_000) };
     proptest!(config, |(c in armed(), (kind, shape) in shape(), offset in three(1.0), turn in three(2.0), moving in moving())| {
-        let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
+        let mut world = placed(&c, shape, offset, turn, moving);
         let h = 4e-4;
         let samples: Vec<_> =
             (-2..=2).map(|k| contact_at(&c, &mut world, h * f64::from(k)).1).collect();
@@ -233,7 +251,9 @@ proptest! {
     fn rates_are_integrals_through_feature_changes(
         c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), moving in moving(),
     ) {
-        let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
+        // Where points pass each other, the nearest is another one at a jump of the rate.
+        let moving = Moving { own: [moving.own[0]; 2], ..moving };
+        let mut world = placed(&c, shape, offset, turn, moving);
         let steps = 1500;
         let h = 0.3 / f64::from(steps);
         let (mut integral, mut bound, mut farthest, mut changes) = (0.0, 0.0, 0.0_f64, 0);
@@ -268,7 +288,7 @@ proptest! {
     fn cautious_is_exact_away_from_ends(
         c in armed(), (_, shape) in shape(), offset in three(1.5), turn in three(2.0), moving in moving(),
     ) {
-        let mut world = World::new(vec![placed(&c, shape, offset, turn, moving)]);
+        let mut world = placed(&c, shape, offset, turn, moving);
         let (state, contact) = contact_at(&c, &mut world, 0.0);
         let axis = contact.axis;
         let [exact, cautious] =

@@ -10,7 +10,7 @@ use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
-use crate::world::{Boxes, Solid, World, top_speed};
+use crate::world::{Boxes, Solid, World};
 use std::collections::VecDeque;
 
 /// A part of a motion in which nothing goes farther than this is free for a link if its middle is: a share of its margin, from
@@ -85,9 +85,9 @@ impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
         margin: f64,
     ) -> Self {
         let [still, moving] = world.parted();
-        let speeds = (0..moving.len()).map(|j| top_speed::<S, D>(moving.obstacle(j)));
-        let speed = speeds.fold(0.0, f64::max);
-        let duration = window.map_or(0.0, |window| window.duration);
+        let [end, duration] =
+            window.map_or([0.0; 2], |Window { start, duration }| [start + duration, duration]);
+        let speed = moving.top_speed(end);
         let places = (duration * speed / STRIDE).ceil().clamp(1.0, MAX_PLACES);
         let stride = duration / places;
         let is_moving = |j: &usize| !world.stands_still(*j);

@@ -201,8 +201,10 @@ where
 
     fn swap_points(&mut self, j: usize, points: &mut Points) -> Result<(), PointsError> {
         let n = self.dof();
+        let since = points.since().map(|t| self.loop_time(t) - self.epoch);
         let world = in_space(&mut self.world)?;
         points::check(world, j, points, &self.settings, n)?;
+        points.set_since(since);
         world.swap_points(j, points);
         Ok(())
     }

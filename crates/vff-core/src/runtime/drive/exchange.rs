@@ -6,7 +6,7 @@ use crate::control::LeftOut;
 use crate::control::output::Phase;
 use crate::runtime::controller::{AnyController, SuccessionError, Surroundings, Target};
 use crate::runtime::obstacles::AnyObstacles;
-use crate::runtime::points::{PointsError, make};
+use crate::runtime::points::{PointUpdate, PointsError, make};
 use crate::scenario::{Problem, ScenarioError};
 use crate::world::space::Points;
 use std::fmt;
@@ -240,10 +240,11 @@ impl Exchange {
     /// Puts other points in place of those of obstacle `j`.
     ///
     /// # Errors
-    /// If it is no cloud, or the controller has no room for them; then nothing has changed.
-    pub fn update_points(&self, j: usize, points: Vec<[f64; 3]>) -> Result<(), PointsError> {
+    /// If it is no cloud, there is not one velocity to each point, or the controller has no room for them; then nothing has
+    /// changed.
+    pub fn update_points(&self, j: usize, update: PointUpdate) -> Result<(), PointsError> {
         let orientation = lock(&self.mirror).orientation_of_points(j)?;
-        let made = make(points, orientation)?;
+        let made = make(update, orientation)?;
         let mut mirror = lock(&self.mirror);
         mirror.swap_points(j, &mut made.clone())?;
         let mut made = Some(made);

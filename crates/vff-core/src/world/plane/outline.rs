@@ -113,8 +113,8 @@ impl Solid<2> for Outline {
     }
 
     #[inline(always)] // most links are too far from most obstacles for anything else
-    fn distance(&self, link: &Probe, position: &Vector<2>) -> f64 {
-        let axis = link.axis.seen_from(to_glam(*position));
+    fn distance(&self, link: &Probe, state: &MotionState<2>) -> f64 {
+        let axis = link.axis.seen_from(to_glam(state.position));
         let distance = match &self.core {
             Core::Point(point) => axis.distance_to_disc(*point),
             _ => self.nearest(axis).distance,
@@ -169,7 +169,13 @@ impl Solid<2> for Outline {
         farthest + self.radius
     }
 
-    fn cast(&self, origin: &Vector<2>, direction: &Vector<2>, range: f64) -> Option<f64> {
+    fn cast(
+        &self,
+        origin: &Vector<2>,
+        direction: &Vector<2>,
+        range: f64,
+        _elapsed: f64,
+    ) -> Option<f64> {
         self.meet_ray(to_glam(*origin), to_glam(*direction), range)
     }
 }

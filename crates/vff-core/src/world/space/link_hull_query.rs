@@ -61,7 +61,8 @@ impl Volume {
         let touch = |found: &Contact<3>| {
             // Its ball is at the point of the cloud, whatever of the capsule is nearest to it.
             let centre = found.witness - found.normal * self.radius - state.position;
-            place(&Point(centre).meet(&seen, asked))
+            let of_ball = MotionState { velocity: found.velocity, ..*state };
+            placed(pair, &Point(centre).meet(&seen, asked), self.radius, &of_ball)
         };
         if asked == Asked::Nearest {
             // No ball is nearer to the hull than to the capsule.

@@ -51,6 +51,8 @@ pub(super) struct NeededPoints<'a> {
     radii: f64,
     /// What is farther is not needed at all \[m\].
     reach: f64,
+    /// By how much a point goes on by itself at most until d + 2ḋ/k \[m\].
+    onward: f64,
     found: [Needed; MAX_NEEDED],
     count: usize,
     least: f64,
@@ -58,12 +60,13 @@ pub(super) struct NeededPoints<'a> {
 }
 
 impl<'a> NeededPoints<'a> {
-    /// None as yet, of those nearer than `reach` \[m\].
-    pub(super) fn new(ahead: &'a Ahead<'a, 3>, radii: f64, reach: f64) -> Self {
+    /// None as yet, of those nearer than `reach` \[m\] that go on at no more than this speed \[m/s\].
+    pub(super) fn new(ahead: &'a Ahead<'a, 3>, radii: f64, reach: f64, speed: f64) -> Self {
         Self {
             ahead,
             radii,
             reach,
+            onward: ahead.horizon * speed,
             found: [Needed::default(); MAX_NEEDED],
             count: 0,
             least: ahead.unharmed,
@@ -77,12 +80,18 @@ impl<'a> NeededPoints<'a> {
     pub(super) fn limit(&self) -> f64 {
         let Self { ahead, least, .. } = self;
         let highest = (least + 2.0 * ahead.implied).min(ahead.unharmed);
-        self.reach.min(highest + ahead.kept + ahead.farthest()) + self.radii
+        self.reach.min(highest + ahead.kept + ahead.farthest() + self.onward) + self.radii
     }
 
-    /// Takes in the point at the origin, as `axis` is seen from there.
+    /// Takes in the point at the origin, as `axis` is seen from there, that goes on at a velocity \[m/s\] or rests.
     #[inline]
-    pub(super) fn add(&mut self, axis: &Probe, number: u32, place: u32) {
+    pub(super) fn add(
+        &mut self,
+        axis: &Probe,
+        velocity: Option<&Vector<3>>,
+        number: u32,
+        place: u32,
+    ) {
         let Self { ahead, radii, .. } = self;
         let (along, offset) = foot(axis, &Vector::zeros());
         let gap = offset.norm();
@@ -90,7 +99,8 @@ impl<'a> NeededPoints<'a> {
         let share = if axis.length > 0.0 { along / axis.length } else { 0.0 };
         let lever = [normal * (1.0 - share), normal * share];
         let onward = lever[0].dot(&ahead.shift[0]) + lever[1].dot(&ahead.shift[1]);
-        let height = gap - *radii + onward - ahead.kept;
+        let gone = velocity.map_or(0.0, |velocity| ahead.horizon * normal.dot(velocity));
+        let height = gap - *radii + (onward - gone) - ahead.kept;
         // False for what is not a number.
         let matters = gap - *radii < self.reach && height < ahead.unharmed;
         let point = Needed { height, lever, number, place };

@@ -82,17 +82,18 @@ impl Solid<3> for Volume {
     }
 
     #[inline(always)]
-    fn distance(&self, link: &Probe, position: &Vector<3>) -> f64 {
-        self.distance_below(link, position, f64::INFINITY)
+    fn distance(&self, link: &Probe, state: &MotionState<3>) -> f64 {
+        self.distance_below(link, state, f64::INFINITY)
     }
 
     #[inline(always)] // most links are too far from most obstacles for anything else
-    fn distance_below(&self, link: &Probe, position: &Vector<3>, limit: f64) -> f64 {
+    fn distance_below(&self, link: &Probe, state: &MotionState<3>, limit: f64) -> f64 {
+        let MotionState { position, elapsed, .. } = state;
         let limit = limit + (self.radius + link.radius);
         let distance = dispatch!(
             &self.core,
             shape => shape.distance_below(&seen_from(link, position), limit),
-            cloud => cloud.distance(link, position, limit)
+            cloud => cloud.distance(link, position, *elapsed, limit)
         );
         distance - self.radius - link.radius
     }
@@ -193,9 +194,24 @@ impl Solid<3> for Volume {
         dispatch!(&self.core, shape => shape.reach()) + self.radius
     }
 
-    fn cast(&self, origin: &Vector<3>, direction: &Vector<3>, range: f64) -> Option<f64> {
-        dispatch!(&self.core, shape => shape.cast(origin, direction, self.radius, range))
-            .filter(|end| *end <= range)
+    fn speed(&self) -> f64 {
+        if let Core::Cloud(cloud) = &self.core { cloud.speed() } else { 0.0 }
+    }
+
+    fn cast(
+        &self,
+        origin: &Vector<3>,
+        direction: &Vector<3>,
+        range: f64,
+        elapsed: f64,
+    ) -> Option<f64> {
+        let radius = self.radius;
+        dispatch!(
+            &self.core,
+            shape => shape.cast(origin, direction, radius, range),
+            cloud => cloud.cast(origin, direction, radius, range, elapsed)
+        )
+        .filter(|end| *end <= range)
     }
 }
 
@@ -241,7 +257,8 @@ mod tests {
             let before = contact(&link, &obstacle);
             let way: f64 = before.distance + depth;
             for link in [link, translated(&link, &(before.normal * -way))] {
-                let distance = solid.distance(&link, &obstacle.position());
+                let state = obstacle.motion().at(0.0, obstacle.position());
+                let distance = solid.distance(&link, &state);
                 prop_assert_eq!(distance.to_bits(), contact(&link, &obstacle).distance.to_bits());
             }
         }

@@ -3,7 +3,8 @@
 //! Every ball is to a link what a sphere at that place would be, to the last bit; the link has a contact with each. Which
 //! of them are near is found from boxes around few points each that lie side by side. The boxes are those of the cloud at
 //! rest, where it is described: as with every solid it is the link that is moved and turned for the query, so that a cloud
-//! that moves and turns costs no more than one that stands.
+//! that moves and turns costs no more than one that stands. Points may go on at velocities of their own within that frame
+//! (T180): their boxes grow by what these differ.
 
 use super::sphere::cast_at_ball;
 use crate::geometry::axis::{Nearest, Probe, perpendicular, seen_from};
@@ -12,7 +13,7 @@ use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::world::space::contact::{axis_of, contact_of};
 use crate::world::space::needed_points::{MAX_NEEDED, NeededPoints};
-use crate::world::space::point_bvh::{PointBvh, Sight, around};
+use crate::world::space::point_bvh::{PointBvh, Sight, around, farthest};
 use crate::world::{Ahead, Contact, Feature, MotionState, Pair};
 use std::fmt;
 use std::ops::Range;
@@ -25,6 +26,8 @@ const ROOM: usize = 256;
 pub(in super::super) struct Cloud {
     /// Those that lie side by side one after the other.
     points: Vec<Vector<3>>,
+    /// At which velocities they go on in that frame \[m/s\], place by place; none where all rest.
+    velocities: Vec<Vector<3>>,
     /// Where each stood in the list that was given.
     numbers: Vec<u32>,
     runs: PointBvh,
@@ -32,6 +35,8 @@ pub(in super::super) struct Cloud {
     extent: [Vector<3>; 2],
     /// How far the farthest is from the position \[m\].
     reach: f64,
+    /// A speed that none exceeds in that frame \[m/s\].
+    speed: f64,
 }
 
 impl fmt::Debug for Cloud {
@@ -44,6 +49,8 @@ impl fmt::Debug for Cloud {
 struct Query<'a> {
     link: &'a Probe,
     position: &'a Vector<3>,
+    /// For how long the points have gone on \[s\].
+    elapsed: f64,
     /// Where the axis is; none where all points must be asked.
     sight: Option<Sight>,
 }
@@ -63,12 +70,19 @@ impl Query<'_> {
 }
 
 impl Cloud {
-    /// Of these points, turned. Undefined numbers do not panic.
+    /// Of these points, turned, that go on at these velocities: one each, or none where all rest. Undefined numbers do not
+    /// panic.
     #[expect(clippy::cast_possible_truncation, reason = "fewer than 2³² points")]
-    pub(in super::super) fn new(points: &[[f64; 3]], turn: &UnitQuaternion) -> Self {
+    pub(in super::super) fn new(
+        points: &[[f64; 3]],
+        velocities: &[[f64; 3]],
+        turn: &UnitQuaternion,
+    ) -> Self {
         interrupt::checkpoint(64 * points.len());
-        let turned: Vec<Vector<3>> =
-            points.iter().map(|point| turn.rotate(&Vector::from(*point))).collect();
+        let all_turned = |vectors: &[[f64; 3]]| -> Vec<Vector<3>> {
+            vectors.iter().map(|vector| turn.rotate(&Vector::from(*vector))).collect()
+        };
+        let (turned, rates) = (all_turned(points), all_turned(velocities));
         let extent @ [low, high] = around(&turned);
         // The place on the curve above the number.
         let key = |(point, number)| u64::from(along_the_curve(point, &low, &high)) << 32 | number;
@@ -76,9 +90,15 @@ impl Cloud {
         order.sort_unstable();
         let numbers: Vec<u32> = order.iter().map(|key| *key as u32).collect();
         let points: Vec<Vector<3>> = numbers.iter().map(|i| turned[*i as usize]).collect();
+        let is_moving = rates.len() == points.len() && farthest(&rates) > 0.0;
+        let velocities: Vec<Vector<3>> =
+            if is_moving { numbers.iter().map(|i| rates[*i as usize]).collect() } else { vec![] };
+        let longest = |vectors: &[Vector<3>]| vectors.iter().map(Vector::norm).fold(0.0, f64::max);
         Self {
-            runs: PointBvh::new(&points),
-            reach: points.iter().map(Vector::norm).fold(0.0, f64::max),
+            runs: PointBvh::new(&points, &velocities),
+            reach: longest(&points),
+            speed: longest(&velocities),
+            velocities,
             extent,
             points,
             numbers,
@@ -101,6 +121,20 @@ impl Cloud {
         self.reach
     }
 
+    /// A speed that no point exceeds, as seen from the cloud \[m/s\]: 0 where all rest.
+    pub(in super::super) fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// Where the point at a place is after it has gone on for so long \[m\].
+    #[inline(always)]
+    fn point(&self, place: usize, elapsed: f64) -> Vector<3> {
+        match self.velocities.get(place) {
+            None => self.points[place],
+            Some(velocity) => self.points[place] + velocity * elapsed,
+        }
+    }
+
     /// How far a ray goes until it meets the first of the balls \[m\]; 0 inside.
     pub(in super::super) fn cast(
         &self,
@@ -108,18 +142,19 @@ impl Cloud {
         direction: &Vector<3>,
         radius: f64,
         range: f64,
+        elapsed: f64,
     ) -> Option<f64> {
         let mut first = None;
         let ray = Probe { start: *origin, direction: *direction, length: range, radius: 0.0 };
-        self.for_each_beside(&ray, radius, |point| {
+        self.for_each_beside(&ray, radius, elapsed, |point| {
             let met = cast_at_ball(&(origin - point), direction, radius);
             first = [first, met].into_iter().flatten().reduce(f64::min);
         });
         first
     }
 
-    fn query<'a>(&self, link: &'a Probe, position: &'a Vector<3>) -> Query<'a> {
-        Query { link, position, sight: self.runs.sight(link, position) }
+    fn query<'a>(&self, link: &'a Probe, position: &'a Vector<3>, elapsed: f64) -> Query<'a> {
+        Query { link, position, elapsed, sight: self.runs.sight(link, position, elapsed) }
     }
 
     /// Calls `measure` with the places of all points that may be within `limit` \[m\] of the axis of the link, and of others:
@@ -143,7 +178,8 @@ impl Cloud {
         let (mut least, mut first, mut nearest) = (f64::INFINITY, u32::MAX, 0);
         self.approach(query, limit, |places| {
             for place in places {
-                let (square, number) = (query.square(&self.points[place]), self.numbers[place]);
+                let point = self.point(place, query.elapsed);
+                let (square, number) = (query.square(&point), self.numbers[place]);
                 #[expect(clippy::float_cmp, reason = "whichever is first of the very same")]
                 if square < least || square == least && number < first {
                     (least, first, nearest) = (square, number, place);
@@ -156,10 +192,16 @@ impl Cloud {
 
     /// The distance of the nearest centre from the axis of a link \[m\], if that is less than `limit` \[m\], or else one that is
     /// not; ∞ in an empty cloud.
-    pub(in super::super) fn distance(&self, link: &Probe, position: &Vector<3>, limit: f64) -> f64 {
-        let query = self.query(link, position);
+    pub(in super::super) fn distance(
+        &self,
+        link: &Probe,
+        position: &Vector<3>,
+        elapsed: f64,
+        limit: f64,
+    ) -> f64 {
+        let query = self.query(link, position, elapsed);
         self.nearest(&query, limit)
-            .map_or(f64::INFINITY, |place| query.distance(&self.points[place]))
+            .map_or(f64::INFINITY, |place| query.distance(&self.point(place, elapsed)))
     }
 
     /// The contact with the nearest ball of this `radius` \[m\]. Of an empty cloud it is infinitely far.
@@ -170,7 +212,7 @@ impl Cloud {
         radius: f64,
         state: &MotionState<3>,
     ) -> Contact<3> {
-        match self.nearest(&self.query(link, &state.position), f64::INFINITY) {
+        match self.nearest(&self.query(link, &state.position, state.elapsed), f64::INFINITY) {
             Some(place) => self.touch(place, pair, link, radius, state),
             None => {
                 let (distance, normal) = (f64::INFINITY, perpendicular(&link.direction));
@@ -193,7 +235,11 @@ impl Cloud {
         radius: f64,
         state: &MotionState<3>,
     ) -> Contact<3> {
-        let centre = MotionState { position: state.position + self.points[place], ..*state };
+        let mut centre =
+            MotionState { position: state.position + self.point(place, state.elapsed), ..*state };
+        if let Some(velocity) = self.velocities.get(place) {
+            centre.velocity += velocity;
+        }
         let nearest = to_point(&seen_from(link, &centre.position), &Vector::zeros());
         contact_of(pair, &nearest, &axis_of(link), [radius, link.radius], &centre)
     }
@@ -208,7 +254,7 @@ impl Cloud {
         reach: f64,
         mut visit: impl FnMut(&Contact<3>),
     ) {
-        let query = self.query(link, &state.position);
+        let query = self.query(link, &state.position, state.elapsed);
         let mut room = [(0, 0); ROOM];
         let mut first = 0;
         // The first few at a time, since nothing may be allocated here.
@@ -241,14 +287,15 @@ impl Cloud {
         if self.points.len() <= MAX_NEEDED {
             return self.for_each_contact(pair, link, radius, state, reach, visit);
         }
-        let query = self.query(link, &state.position);
-        let mut needed = NeededPoints::new(ahead, radius + link.radius, reach);
+        let query = self.query(link, &state.position, state.elapsed);
+        let mut needed = NeededPoints::new(ahead, radius + link.radius, reach, self.speed);
         let limit = needed.limit();
         self.approach(&query, limit, |places| {
             interrupt::checkpoint(16 * places.len());
             for place in places {
-                let axis = seen_from(link, &(state.position + self.points[place]));
-                needed.add(&axis, self.numbers[place], place as u32);
+                let axis = seen_from(link, &(state.position + self.point(place, state.elapsed)));
+                let velocity = self.velocities.get(place);
+                needed.add(&axis, velocity, self.numbers[place], place as u32);
             }
             needed.limit()
         });
@@ -276,8 +323,8 @@ impl Cloud {
         self.approach(query, limit, |places| {
             for place in places {
                 let found = (self.numbers[place], place as u32);
-                let within =
-                    query.distance(&self.points[place]) - radius - query.link.radius < reach;
+                let point = self.point(place, query.elapsed);
+                let within = query.distance(&point) - radius - query.link.radius < reach;
                 if !within || found.0 < first {
                     continue;
                 }
@@ -303,9 +350,15 @@ impl Cloud {
     }
 
     /// Calls `visit` with the points within `radius` \[m\] of a segment, and others.
-    fn for_each_beside(&self, segment: &Probe, radius: f64, mut visit: impl FnMut(&Vector<3>)) {
-        self.approach(&self.query(segment, &Vector::zeros()), radius, |places| {
-            self.points[places].iter().for_each(&mut visit);
+    fn for_each_beside(
+        &self,
+        segment: &Probe,
+        radius: f64,
+        elapsed: f64,
+        mut visit: impl FnMut(&Vector<3>),
+    ) {
+        self.approach(&self.query(segment, &Vector::zeros(), elapsed), radius, |places| {
+            places.for_each(|place| visit(&self.point(place, elapsed)));
             radius
         });
     }

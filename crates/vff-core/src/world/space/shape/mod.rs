@@ -33,7 +33,7 @@ impl Shape {
             Self::Convex { vertices } => (convex::around(vertices, turn), 0.0),
             Self::HalfSpace { normal } => (Core::HalfSpace(HalfSpace::new(normal, turn)), 0.0),
             Self::Points { points, radius } => {
-                (Core::Cloud(Arc::new(Cloud::new(points, turn))), *radius)
+                (Core::Cloud(Arc::new(Cloud::new(points, &[], turn))), *radius)
             }
         }
     }

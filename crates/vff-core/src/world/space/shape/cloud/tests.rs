@@ -151,6 +151,61 @@ proptest! {
         }
     }
 
+    /// Points that go on at velocities of their own are balls that do, to the last bit: from when they were seen on, before it,
+    /// and after others have taken their place. In a crowd or not, and however many go which way.
+    #[test]
+    fn moving_points_are_balls_that_move(
+        points in any_points(),
+        velocities in prop::collection::vec(three(1.5), 1..9),
+        rest in 0..3usize,
+        links in prop::collection::vec(any_link(), 1..4),
+        others in 0..25usize,
+        (reach, since, t) in (reach(), -0.5..0.5, -1.0..2.0),
+        (origin, along) in (three(3.0), direction()),
+    ) {
+        prop_assume!(!points.is_empty());
+        let velocity = |i: usize| match i % (velocities.len() + rest) {
+            k if k < velocities.len() => velocities[k].into(),
+            _ => [0.0; 3],
+        };
+        let rates: Vec<[f64; 3]> = (0..points.len()).map(velocity).collect();
+        let ball = |(point, velocity): (&[f64; 3], &[f64; 3])| Obstacle {
+            motion: Motion::Linear { velocity: *velocity },
+            ..fixed(Shape::Sphere { radius: 0.05 }, *point)
+        };
+        let balls: Vec<_> = points.iter().zip(&rates).map(ball).collect();
+        let far: Vec<_> = (0..others)
+            .map(|k| fixed(Shape::Sphere { radius: 0.1 }, [0.3 * k as f64 - 2.0, 1.5, -0.5]))
+            .collect();
+        let mut one = World::new([vec![cloud(vec![[9.0; 3]], 0.05)], far.clone()].concat());
+        one.update(t + since);
+        let mut seen = Points::moving(points.clone(), &rates, Some(since), [1.0, 0.0, 0.0, 0.0]);
+        prop_assert!(one.swap_points(0, &mut seen));
+        prop_assert_eq!(one.stands_still(0), rates.iter().flatten().all(|v| *v == 0.0));
+        let mut many = World::new([balls, far].concat());
+        for t in [t, 0.0, t + 0.01] {
+            // The same span of time to the last bit.
+            let elapsed = (t + since) - since;
+            one.update(t + since);
+            many.update(elapsed);
+            prop_assert_eq!(told(&mut one, &links, reach, 0.0), told(&mut many, &links, reach, 0.0));
+            let [found, expected] = [&one, &many].map(|world| world.cast(origin, along, 9.0));
+            prop_assert_eq!(found.is_some(), expected.is_some());
+            prop_assert!((found.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-12);
+            let body = Body::new(0, links[0]);
+            let later = one.contact_after(0, &body, 0, 0.3).distance;
+            let mut then = one.clone();
+            then.update(t + since + 0.3);
+            prop_assert!((later - then.contact(0, &body, 0).distance).abs() < 1e-12);
+        }
+        prop_assert!(one.swap_points(0, &mut seen));
+        let before = World::new(vec![cloud(vec![[9.0; 3]], 0.05)]);
+        prop_assert_eq!(
+            one.contact(0, &Body::new(0, links[0]), 0), before.contact(0, &Body::new(0, links[0]), 0)
+        );
+        prop_assert!(one.stands_still(0));
+    }
+
     /// A ray ends at the first ball.
     #[test]
     fn a_ray_ends_at_the_first_ball(

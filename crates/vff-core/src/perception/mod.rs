@@ -1,0 +1,452 @@
+//! From pictures of depth cameras to a cloud of points that move: what is there that nobody has said.
+//!
+//! One call for each picture, beside the control cycle: the arm is where it was when the picture was taken ([`history`]), what the
+//! picture shows of it is cut away ([`self_filter`]), what is left is remembered in cells until it is seen through ([`voxels`]), and
+//! cells that hang together are followed ([`tracks`]). Work and memory are bounded by the settings before anything begins.
+
+mod camera;
+mod history;
+mod self_filter;
+mod settings;
+mod tracks;
+mod voxels;
+
+pub use camera::{Depth, DepthCamera};
+pub use settings::PerceiverSettings;
+pub use tracks::Track;
+
+use crate::geometry::Body;
+use crate::interrupt;
+use crate::math::{Capsule, Vector};
+use crate::robot::{Model, Robot, SpatialArm, SpatialState};
+use crate::world::space::{MAX_POINTS, Obstacle, World};
+use camera::{Camera, Sight};
+use history::History;
+use self_filter::SelfFilter;
+use std::sync::Arc;
+use tracks::Tracks;
+use voxels::{Arm, VoxelMap};
+
+/// The most cells of a room, whatever its size.
+pub const MAX_CELLS: usize = 1 << 24;
+
+/// What is wrong with a perceiver, or with a picture.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::perception::{Perceiver, PerceiverSettings, PerceptionError};
+/// use vff_core::robot::models;
+///
+/// let panda = Arc::new(models::named("panda").unwrap().build().unwrap());
+/// let blind = Perceiver::new(&panda, vec![], PerceiverSettings::default(), vec![]).unwrap_err();
+/// assert_eq!(blind, PerceptionError::NoCamera);
+/// ```
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PerceptionError {
+    /// There is no camera.
+    #[error("cameras: expected one at least")]
+    NoCamera,
+    /// A camera is none.
+    #[error("cameras[{number}]: {problem}")]
+    Camera {
+        /// Which one.
+        number: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A setting is out of its range.
+    #[error("settings.{key}: {problem}")]
+    Setting {
+        /// Its key.
+        key: &'static str,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// There is no such camera.
+    #[error("camera: there is no camera {given}, there are {count}")]
+    NotThere {
+        /// What was asked for.
+        given: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A picture has another size.
+    #[error("depth: expected {expected} pixels, as the camera has, got {given}")]
+    Size {
+        /// How many pixels the camera has.
+        expected: usize,
+        /// How many were given.
+        given: usize,
+    },
+    /// A state or a picture is no later than the last.
+    #[error("t: expected a finite time after the last one ({}), got {given}", last.map_or("none yet".into(), |t| format!("{t} s")))]
+    NotLater {
+        /// What was given \[s\].
+        given: f64,
+        /// The time of the last one \[s\].
+        last: Option<f64>,
+    },
+    /// Nobody knows where the arm was.
+    #[error(
+        "t: no state of the arm is known within {within} s of {given} s; call `observe` more often, and before the picture"
+    )]
+    NoState {
+        /// The time of the picture, on the clock of the states \[s\].
+        given: f64,
+        /// How far off a state may be \[s\].
+        within: f64,
+    },
+    /// An array of the state has another length, or is not finite.
+    #[error("{name}: expected {expected} finite numbers")]
+    State {
+        /// Which one.
+        name: &'static str,
+        /// How many joints there are.
+        expected: usize,
+    },
+}
+
+/// What became of the points of a picture.
+///
+/// # Example
+/// ```
+/// use vff_core::perception::Counts;
+///
+/// let Counts { measured, own, left_out, .. } = Counts::default();
+/// assert_eq!(measured + own + left_out, 0);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Pixels that were looked at and had a depth.
+    pub measured: usize,
+    /// Of these those that were cut away as the arm.
+    pub own: usize,
+    /// Of these those that there was no room for.
+    pub left_out: usize,
+    /// Cells that are remembered, and not seen in this picture.
+    pub remembered: usize,
+}
+
+/// Makes a cloud of moving points of what depth cameras see around an arm.
+///
+/// # Example
+/// ```
+/// use std::sync::Arc;
+/// use vff_core::perception::{Depth, DepthCamera, Perceiver, PerceiverSettings};
+/// use vff_core::robot::models;
+///
+/// let panda = Arc::new(models::named("panda").unwrap().build().unwrap());
+/// // At a height of 1.5 m, looking down.
+/// let camera = DepthCamera {
+///     columns: 80,
+///     rows: 60,
+///     focal: [75.0, 75.0],
+///     centre: [39.5, 29.5],
+///     distortion: [0.0; 5],
+///     position: [0.6, 0.0, 1.5],
+///     orientation: [0.0, 1.0, 0.0, 0.0],
+/// };
+/// let settings = PerceiverSettings { stride: 1, ..PerceiverSettings::default() };
+/// let mut perceiver = Perceiver::new(&panda, vec![camera], settings, vec![]).unwrap();
+/// perceiver.observe(0.0, &[0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8], &[0.0; 7]).unwrap();
+/// let depth = [1.0_f32; 80 * 60]; // a board half a metre above the floor
+/// let counts = perceiver.see(0, 0.0, Depth::Metres(&depth)).unwrap();
+/// assert!(counts.own > 0 && counts.own < counts.measured);
+/// assert!(perceiver.points().all(|(point, velocity)| (point.z - 0.5).abs() < 1e-6 && velocity.norm() == 0.0));
+/// ```
+#[derive(Debug, Clone)]
+pub struct Perceiver {
+    robot: SpatialState,
+    cameras: Vec<Camera>,
+    /// When the last picture of each was taken \[s\].
+    last: Vec<Option<f64>>,
+    settings: PerceiverSettings,
+    history: History,
+    map: VoxelMap,
+    tracks: Tracks,
+    q: Vec<f64>,
+    dq: Vec<f64>,
+}
+
+impl Perceiver {
+    /// Around an arm, of these cameras, in a room that the settings say.
+    ///
+    /// # Arguments
+    /// * `known`: what stands around and is known, which the cloud does not repeat: it is taken at t = 0.
+    ///
+    /// # Errors
+    /// If there is no camera, one is unusable, or a setting is out of its range. Nothing large is allocated before.
+    #[expect(clippy::needless_pass_by_value, reason = "as all that it is made of")]
+    pub fn new(
+        arm: &Arc<SpatialArm>,
+        cameras: Vec<DepthCamera>,
+        settings: PerceiverSettings,
+        known: Vec<Obstacle>,
+    ) -> Result<Self, PerceptionError> {
+        let counts = settings.check()?;
+        if cameras.is_empty() {
+            return Err(PerceptionError::NoCamera);
+        }
+        let cameras: Vec<Camera> = cameras
+            .iter()
+            .enumerate()
+            .map(|(number, model)| Camera::new(model, number))
+            .collect::<Result<_, _>>()?;
+        let n = arm.dof();
+        let low = Vector::from(settings.room[0]);
+        let mut map = VoxelMap::new(low, settings.voxel, counts, settings.most_voxels);
+        if !known.is_empty() {
+            let world = World::new(known);
+            let reach = settings.known_margin + map.half_diagonal();
+            map.subtract(|middle| {
+                interrupt::checkpoint(64 * world.len());
+                let point = Capsule {
+                    start: *middle,
+                    direction: Vector::<3>::x(),
+                    length: 0.0,
+                    radius: 0.0,
+                };
+                let mut least = f64::INFINITY;
+                world.for_each_pair([Body::new(0, point)], |found| {
+                    least = least.min(found.distance);
+                });
+                least < reach
+            });
+        }
+        Ok(Self {
+            robot: Model::state(arm),
+            last: vec![None; cameras.len()],
+            cameras,
+            settings,
+            history: History::new(n),
+            map,
+            tracks: Tracks::default(),
+            q: vec![0.0; n],
+            dq: vec![0.0; n],
+        })
+    }
+
+    /// Takes in a state of the arm: angles \[rad, m\] and velocities \[rad/s, m/s\] at time `t` \[s\], (n) each. The last 512 are kept.
+    ///
+    /// # Errors
+    /// If it is not later than the last one, has another length, or is not finite.
+    pub fn observe(&mut self, t: f64, q: &[f64], dq: &[f64]) -> Result<(), PerceptionError> {
+        let expected = self.q.len();
+        for (name, given) in [("q", q), ("dq", dq)] {
+            if given.len() != expected || !given.iter().all(|x| x.is_finite()) {
+                return Err(PerceptionError::State { name, expected });
+            }
+        }
+        self.history.add(t, q, dq)
+    }
+
+    /// Takes in a picture that a camera took at time `t` \[s\], on its own clock.
+    ///
+    /// # Errors
+    /// If there is no such camera, the picture has another size or is not later than the last one of this camera, or where
+    /// the arm was then is not known. Then nothing has changed.
+    pub fn see(
+        &mut self,
+        camera: usize,
+        t: f64,
+        depth: Depth<'_>,
+    ) -> Result<Counts, PerceptionError> {
+        let count = self.cameras.len();
+        let Some(eye) = self.cameras.get(camera) else {
+            return Err(PerceptionError::NotThere { given: camera, count });
+        };
+        let expected = eye.columns() * eye.rows();
+        if depth.len() != expected {
+            return Err(PerceptionError::Size { expected, given: depth.len() });
+        }
+        self.take(camera, t, depth, self.settings.stride)
+    }
+
+    /// The same of a cloud of points \[m\] in the frame of the camera, as far as they are in its picture: of those in one pixel
+    /// the nearest.
+    ///
+    /// # Errors
+    /// As of [`see`](Self::see).
+    pub fn see_points(
+        &mut self,
+        camera: usize,
+        t: f64,
+        points: &[[f64; 3]],
+    ) -> Result<Counts, PerceptionError> {
+        let count = self.cameras.len();
+        let Some(eye) = self.cameras.get(camera) else {
+            return Err(PerceptionError::NotThere { given: camera, count });
+        };
+        interrupt::checkpoint(64 * points.len());
+        let picture = eye.picture(points);
+        self.take(camera, t, Depth::Metres(&picture), 1)
+    }
+
+    /// Takes in a picture of a camera that is there, of which every so manieth pixel is looked at.
+    fn take(
+        &mut self,
+        camera: usize,
+        t: f64,
+        depth: Depth<'_>,
+        stride: usize,
+    ) -> Result<Counts, PerceptionError> {
+        let eye = &self.cameras[camera];
+        let t = t + self.settings.time_offset;
+        let last = self.last[camera];
+        if !t.is_finite() || last.is_some_and(|last| t <= last) {
+            return Err(PerceptionError::NotLater { given: t, last });
+        }
+        let within = self.settings.latest_state;
+        let missing = self.history.at(t, &mut self.q, &mut self.dq);
+        let Some(missing) = missing.filter(|missing| *missing <= within) else {
+            return Err(PerceptionError::NoState { given: t, within });
+        };
+        self.last[camera] = Some(t);
+        self.robot.update(&self.q, &self.dq);
+        let uncertainty = self.settings.time_error + missing;
+        let filter = SelfFilter::new(&self.robot, self.settings.margin, uncertainty);
+        let mut counts = hit(&mut self.map, eye, &filter, &depth, stride, self.settings.range);
+        counts.left_out = self.map.left_out;
+        let look = Look::new(eye, &depth, &self.map, &self.settings);
+        let PerceiverSettings { least_points, memory, .. } = self.settings;
+        interrupt::checkpoint(64 * self.map.voxels().len());
+        #[expect(clippy::cast_possible_truncation, reason = "checked to be small")]
+        self.map.finish(camera, t, least_points as u32, memory, |middle| look.is_through(middle));
+        self.tracks.update(&mut self.map, camera, t, &self.settings);
+        counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
+        Ok(counts)
+    }
+
+    /// The cloud at the time of the [`last`](Self::last) picture: points \[m\], each with the velocity at which it goes on from
+    /// there \[m/s\]. What is remembered stays where it was.
+    pub fn points(&self) -> impl Iterator<Item = (Vector<3>, Vector<3>)> + '_ {
+        let t = self.last().unwrap_or_default();
+        self.map
+            .voxels()
+            .iter()
+            .map(move |voxel| (voxel.point + voxel.velocity * (t - voxel.last), voxel.velocity))
+    }
+
+    /// The bodies that are followed.
+    pub fn tracks(&self) -> Vec<Track> {
+        self.tracks.tracks().collect()
+    }
+
+    /// A radius with which balls at the points cover what is seen \[m\]: half the diagonal of a cell.
+    pub fn radius(&self) -> f64 {
+        self.map.half_diagonal()
+    }
+
+    /// When the last picture was taken \[s\], on the clock of the states; none before the first.
+    pub fn last(&self) -> Option<f64> {
+        self.last.iter().copied().flatten().reduce(f64::max)
+    }
+
+    /// How many cameras there are.
+    pub fn cameras(&self) -> usize {
+        self.cameras.len()
+    }
+
+    /// How many pixels a camera has, row by row: rows and columns.
+    pub fn size(&self, camera: usize) -> Option<[usize; 2]> {
+        self.cameras.get(camera).map(|eye| [eye.rows(), eye.columns()])
+    }
+}
+
+/// Finds the cells that are hit, without the arm.
+fn hit(
+    map: &mut VoxelMap,
+    eye: &Camera,
+    filter: &SelfFilter<'_>,
+    depth: &Depth<'_>,
+    stride: usize,
+    range: f64,
+) -> Counts {
+    map.begin();
+    let mut counts = Counts::default();
+    let half = map.half_diagonal();
+    let of_cell = |middle: &Vector<3>| match filter.clearance(middle, half) {
+        clearance if clearance >= half => Arm::Outside,
+        clearance if clearance <= -half => Arm::Inside,
+        _ => Arm::Across,
+    };
+    for row in (0..eye.rows()).step_by(stride) {
+        interrupt::checkpoint(16 * eye.columns());
+        for column in (0..eye.columns()).step_by(stride) {
+            let pixel = row * eye.columns() + column;
+            let Some(depth) = depth.metres(pixel).filter(|depth| *depth <= range) else {
+                continue;
+            };
+            counts.measured += 1;
+            let point = eye.point(pixel, depth);
+            let Some(voxel) = map.touch(&point, of_cell) else { continue };
+            let is_own = match voxel.arm {
+                Arm::Inside => true,
+                Arm::Outside => false,
+                Arm::Across => filter.clearance(&point, half) < 0.0,
+            };
+            if is_own {
+                counts.own += 1;
+            } else {
+                let [down, aside] = [eye.rows() - row, eye.columns() - column];
+                let at_the_end = row.min(column) < stride || down.min(aside) <= stride;
+                voxel.add(&point, at_the_end);
+            }
+        }
+    }
+    counts
+}
+
+/// Whether a picture looks through a cell.
+struct Look<'a> {
+    eye: &'a Camera,
+    depth: &'a Depth<'a>,
+    half: f64,
+    depth_error: f64,
+    range: f64,
+}
+
+impl<'a> Look<'a> {
+    fn new(
+        eye: &'a Camera,
+        depth: &'a Depth<'a>,
+        map: &VoxelMap,
+        settings: &PerceiverSettings,
+    ) -> Self {
+        let PerceiverSettings { depth_error, range, .. } = *settings;
+        Self { eye, depth, half: map.half_diagonal(), depth_error, range }
+    }
+
+    /// Whether all that is measured where the cell is in the picture lies behind it, at five of nine places or more.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "within the picture"
+    )]
+    fn is_through(&self, middle: &Vector<3>) -> bool {
+        let Some(Sight { column, row, depth }) = self.eye.sight(middle) else { return false };
+        let behind = depth + self.half + self.depth_error * depth * depth;
+        if depth <= self.half || behind > self.range {
+            return false;
+        }
+        let spread = self.eye.focal() * self.half / depth;
+        let last = [self.eye.columns() - 1, self.eye.rows() - 1].map(|last| last as f64);
+        let mut through = 0;
+        for down in [-spread, 0.0, spread] {
+            for aside in [-spread, 0.0, spread] {
+                let [u, v] = [(column + aside).round(), (row + down).round()];
+                if !(0.0..=last[0]).contains(&u) || !(0.0..=last[1]).contains(&v) {
+                    continue;
+                }
+                match self.depth.metres(v as usize * self.eye.columns() + u as usize) {
+                    Some(measured) if measured <= behind => return false,
+                    Some(_) => through += 1,
+                    None => {}
+                }
+            }
+        }
+        through >= 5
+    }
+}
