@@ -310,7 +310,7 @@ def share(pages: list[Path], parts: int) -> list[Path]:
 
 
 def is_left_out(task: Task) -> bool:
-    """Whether it is not for here, or needs something that `.ci/check` does without, and says so at its end."""
+    """Whether it is not for here, or needs something that `.ci/check` does without and tells of."""
     without = os.environ.get("VFFNULL_LEFT_OUT", "").split()
     lacks = "valgrind" in without and "benches/instructions.py" in task.code
     return task.code in LEFT_OUT or task.code.startswith(ELSEWHERE) or lacks

@@ -1,4 +1,4 @@
-"""What is sent changes no faster than drives allow, and all other limits hold behind that (T130 to T134, T176)."""
+"""What is sent changes no faster than drives allow, and other limits hold behind that (T130–T134, T176)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def behind_a_rate(scene: str | vff.Scenario, rate: float, changes: dict[str, Any
 )
 @pytest.mark.parametrize("way", ["priority", "cbf"])
 def test_joints_brake_at_the_same_time(arm: str, task: str, seed: int, way: str) -> None:
-    """Where an arm is hit all joints come to their largest speeds at once: (T132) alone passes them by up to 16 %."""
+    """All joints of an arm that is hit come to their largest speeds at once, one to 1.16 without (T176)."""
     scene = scenes.in_space("crowd", arm, task, seed)
     behind_a_rate(scene, 1000.0, {"controller.avoidance": way})
 
