@@ -1,8 +1,8 @@
 //! From pictures of depth cameras to a cloud of points that move: what is there that nobody has said.
 //!
-//! One call for each picture, beside the control cycle: the arm is where it was when the picture was taken ([`history`]), what the
-//! picture shows of it is cut away ([`self_filter`]), what is left is remembered in cells until it is seen through ([`voxels`]), and
-//! cells that hang together are followed ([`tracks`]). Work and memory are bounded by the settings before anything begins.
+//! One call for each picture, beside the control cycle: the arm is where it was when the picture was taken (`history`), what the
+//! picture shows of it is cut away (`self_filter`), what is left is remembered in cells until it is seen through (`voxels`), and
+//! cells that hang together are followed (`tracks`). Work and memory are bounded by the settings before anything begins.
 
 mod camera;
 mod history;
