@@ -51,8 +51,6 @@ SHORTER = {
     "sphinx-build -b html docs docs/_build/html": "sphinx-build -W -q -b html docs docs/_build/html",
     "cargo bench && python benches/table.py": "cargo bench --locked --bench closed_loop --bench operators"
     " -- --quick && python benches/table.py",
-    "cargo bench --bench closed_loop": "cargo bench --locked --bench closed_loop -- --test",
-    "cargo bench --bench single_steps": "cargo bench --locked --bench single_steps -- --test",
     "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
     "python benches/drive.py": "python benches/drive.py --quick",
     "python benches/gym.py": "python benches/gym.py 8 20",
@@ -72,6 +70,11 @@ SHORTER = {
 }
 # What is not run, and why.
 LEFT_OUT = {
+    "cargo bench --bench closed_loop": "is run by .ci/check, which runs every benchmark in short",
+    "cargo bench --bench cloud": "is run by .ci/check, which runs every benchmark in short",
+    "cargo bench --bench cycles": "is run by .ci/check, which runs every benchmark in short",
+    "cargo bench --bench perceiver": "is run by .ci/check, which runs every benchmark in short",
+    "cargo bench --bench single_steps": "is run by .ci/check, which runs every benchmark in short",
     ".ci/check": "runs this script's neighbours, and ran before it",
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
     "python benches/instructions.py --observer": "is a step of .ci/check",

@@ -23,6 +23,7 @@ use vff_core::simulation::Status;
 use vff_core::trajectory::GovernorSettings;
 use vff_core::world::Motion;
 use vff_core::world::plane::{Obstacle, Shape};
+use vff_core::world::space;
 
 struct Counting;
 
@@ -585,6 +586,39 @@ fn no_operator_of_a_spatial_arm_allocates() {
         assert!(state.potential_energy() > 0.0);
     });
     assert_eq!(count, 0);
+}
+
+/// Points that take the place of others, be they one, several or none, and rest or move.
+#[test]
+fn no_exchange_of_points_allocates() {
+    let upright = [1.0, 0.0, 0.0, 0.0];
+    let stands = |shape| space::Obstacle {
+        shape,
+        position: [0.0; 3],
+        orientation: upright,
+        angular_velocity: [0.0; 3],
+        motion: Motion::Static {},
+    };
+    let points = |count| (0..count).map(|i| [f64::from(i), 0.0, 0.0]).collect::<Vec<_>>();
+    for first in [0, 1, 2] {
+        let cloud = space::Shape::Points { points: points(first), radius: 0.01 };
+        let sphere = space::Shape::Sphere { radius: 0.1 };
+        let mut world = space::World::new(vec![stands(cloud), stands(sphere)]);
+        let sent = [(1, 0.5), (3, 0.0), (1, 0.0), (4, 0.5), (0, 0.0), (1, 0.5), (5, 0.5)];
+        let mut made = sent.map(|(count, speed)| {
+            let given = points(count);
+            let velocities = vec![[0.0, speed, 0.0]; given.len()];
+            space::Points::moving(given, &velocities, None, upright)
+        });
+        let count = allocations(|| {
+            for (k, points) in made.iter_mut().enumerate() {
+                world.place(1, world.time(), Vector::repeat(0.1), Vector::zeros());
+                assert!(world.swap_points(0, points));
+                world.update(0.1 * k as f64);
+            }
+        });
+        assert_eq!(count, 0, "{first} points at first");
+    }
 }
 
 /// The test can fail: the explicit form of the law, which is dense, does allocate.

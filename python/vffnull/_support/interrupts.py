@@ -29,16 +29,18 @@ def heard() -> Iterator[None]:
     if not callable(previous) or threading.current_thread() is not threading.main_thread():
         yield
         return
-    came, ended, reminded = False, threading.Event(), False
+    reminder: threading.Thread | None = None
+    ended, reminded = threading.Event(), False
 
     def remind() -> None:
         nonlocal reminded
         while not ended.wait(AGAIN):
-            reminded = True
-            _thread.interrupt_main()
+            if not reminded:  # or the last one is on its way still, and two would come as one
+                reminded = True
+                _thread.interrupt_main()
 
     def handler(number: int, frame: object) -> None:
-        nonlocal came, reminded
+        nonlocal reminder, reminded
         if reminded:
             reminded = False
             if ended.is_set() or _in_flight():
@@ -47,19 +49,19 @@ def heard() -> Iterator[None]:
         try:
             previous(number, frame)  # type: ignore[arg-type]
         except KeyboardInterrupt:
-            if not came:
-                came = True
-                threading.Thread(target=remind, daemon=True).start()
+            if reminder is None:
+                reminder = threading.Thread(target=remind, daemon=True)
+                reminder.start()
             raise
 
     before = set(sys.modules)
     signal.signal(signal.SIGINT, handler)
     try:
         yield
-        if came:
+        if reminder:
             raise KeyboardInterrupt
     except BaseException as error:
-        if not came:
+        if not reminder:
             raise
         _forget(_importing(error.__traceback__), before)
         if isinstance(error, KeyboardInterrupt):
@@ -67,7 +69,11 @@ def heard() -> Iterator[None]:
         raise KeyboardInterrupt from error  # what an interrupt that was dropped has left undone
     finally:
         ended.set()
-        signal.signal(signal.SIGINT, previous)  # what waits to be handled goes to our handler first
+        try:
+            if reminder:
+                reminder.join()  # it may be just about to interrupt
+        finally:
+            signal.signal(signal.SIGINT, previous)  # what waits to be handled goes to our handler first
 
 
 def _in_flight() -> bool:

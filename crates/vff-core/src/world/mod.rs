@@ -101,11 +101,11 @@ enum Named<S: Solid<D>, const D: usize> {
 }
 
 impl<S: Solid<D>, const D: usize> Named<S, D> {
-    /// All of these, with `room` for their numbers.
+    /// All of these, with `room` for their numbers. Room that is there is not given back: a loop may be running.
     fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
         let is_plain =
             |it: &Placed<S, D>| it.turned.is_none() && it.solid.contacts() == 1 && !it.is_hidden;
-        if obstacles.iter().all(is_plain) {
+        if room.capacity() == 0 && obstacles.iter().all(is_plain) {
             return Self::All;
         }
         room.clear();
@@ -348,11 +348,23 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         };
         self.named = Named::each(&self.obstacles, room);
         [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
-        self.moving.clear();
-        self.moving.extend((0..self.obstacles.len()).filter(|&j| !self.obstacles[j].is_static));
+        self.list_moving();
         for obstacle in &mut self.obstacles {
             obstacle.move_to(self.time);
         }
+    }
+
+    /// Does what has to be done when some obstacle moves that stood, or stands that moved, and is where it is at this time.
+    fn moves_otherwise(&mut self) {
+        match self.named {
+            Named::BroadPhase(_) => self.rearrange(),
+            _ => self.list_moving(),
+        }
+    }
+
+    fn list_moving(&mut self) {
+        self.moving.clear();
+        self.moving.extend((0..self.obstacles.len()).filter(|&j| !self.obstacles[j].is_static));
     }
 
     /// Velocity of obstacle `j` \[m/s\].

@@ -134,11 +134,10 @@ impl World {
         let was_static = replace(&mut placed.is_static, stands_still);
         placed.move_to(time);
         placed.state.elapsed = time - placed.since;
-        if stands_still == was_static {
-            self.reshaped();
-        } else {
-            self.rearrange();
+        if stands_still != was_static {
+            self.moves_otherwise();
         }
+        self.reshaped();
         true
     }
 }
