@@ -219,7 +219,9 @@ mod tests {
                 let next: Vec<f64> = (0..n).map(|i| bound(i, v[i] + PERIOD * a[i])).collect();
                 for row in mass.chunks_exact(n) {
                     let change: f64 = (0..n).map(|k| row[k] * (next[k] - a[k])).sum();
-                    prop_assert!(change.abs() <= 1.001 * PERIOD * rate, "{change}");
+                    // A bound that curves down is steeper at the end of a period than at its beginning.
+                    let most = PERIOD * rate / (1.0 - 40.0 * PERIOD);
+                    prop_assert!(change.abs() <= most * (1.0 + 1e-9), "{change} of {most}");
                 }
                 a = next;
                 for i in 0..n {

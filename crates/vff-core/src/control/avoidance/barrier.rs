@@ -452,7 +452,7 @@ impl Barrier {
         let n = self.nominal.len();
         self.scratch.fill(0.0);
         for i in 0..n {
-            interrupt::checkpoint(16 * n);
+            interrupt::checkpoint(8 * n);
             self.scratch[i] = 1.0;
             robot.mass_mul(&self.scratch, &mut self.mass[i * n..(i + 1) * n]);
             self.scratch[i] = 0.0;
@@ -467,7 +467,7 @@ impl Barrier {
     ) {
         let n = self.nominal.len();
         for i in 0..n {
-            interrupt::checkpoint(16 * n);
+            interrupt::checkpoint(8 * n);
             let row = i * n..(i + 1) * n;
             let weighted = difference * robot.jacobian_column::<M>(i);
             let (hessian, mass) = (&mut self.hessian[row.clone()], &self.mass[row]);
