@@ -45,7 +45,8 @@ SHOWN += ("{toctree}", "{button-ref}", "{rst-class}", "{literalinclude}", "{warn
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
-ELSEWHERE = ("ssh ",)  # needs another machine
+# Needs another machine; and what .ci/check runs, every benchmark in short.
+ELSEWHERE = ("ssh ", "cargo bench --bench ")
 # What takes long, and the same in short; and the documentation, with warnings as errors.
 SHORTER = {
     "sphinx-build -b html docs docs/_build/html": "sphinx-build -W -q -b html docs docs/_build/html",
@@ -70,11 +71,6 @@ SHORTER = {
 }
 # What is not run, and why.
 LEFT_OUT = {
-    "cargo bench --bench closed_loop": "is run by .ci/check, which runs every benchmark in short",
-    "cargo bench --bench cloud": "is run by .ci/check, which runs every benchmark in short",
-    "cargo bench --bench cycles": "is run by .ci/check, which runs every benchmark in short",
-    "cargo bench --bench perceiver": "is run by .ci/check, which runs every benchmark in short",
-    "cargo bench --bench single_steps": "is run by .ci/check, which runs every benchmark in short",
     ".ci/check": "runs this script's neighbours, and ran before it",
     "python benches/instructions.py --update": "is for those who mean to change the baseline",
     "python benches/instructions.py --observer": "is a step of .ci/check",

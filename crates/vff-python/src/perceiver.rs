@@ -13,6 +13,7 @@ use crate::watch::{attended, interruptible};
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use vff_core::math::Vector;
 use vff_core::perception::{
     Counts, Depth, DepthCamera, Perceiver as Core, PerceiverSettings, PerceptionError,
 };
@@ -85,6 +86,20 @@ impl Perceiver {
         let mut inner = self.inner.take(py)?;
         let core = &mut *inner;
         py.detach(|| work(core)).map_err(|error| fault(&error))
+    }
+
+    /// A vector of each point of the cloud, (k, 3).
+    fn of_points<'py>(
+        &self,
+        py: Python<'py>,
+        which: impl Fn((Vector<3>, Vector<3>)) -> Vector<3>,
+    ) -> PyResult<Array2<'py>> {
+        let inner = self.inner.take(py)?;
+        let numbers: Vec<f64> =
+            inner.points().flat_map(|point| <[f64; 3]>::from(which(point))).collect();
+        drop(inner);
+        let rows = numbers.len() / 3;
+        array2(py, numbers, [rows, 3])
     }
 }
 
@@ -333,23 +348,13 @@ impl Perceiver {
     /// What is there, (k, 3) [m], at time `t`: the cloud for `Controller.update_points`.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        let inner = self.inner.take(py)?;
-        let numbers: Vec<f64> =
-            inner.points().flat_map(|(point, _)| <[f64; 3]>::from(point)).collect();
-        drop(inner);
-        let rows = numbers.len() / 3;
-        array2(py, numbers, [rows, 3])
+        self.of_points(py, |(point, _)| point)
     }
 
     /// At which velocities the points go on, (k, 3) [m/s].
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py>> {
-        let inner = self.inner.take(py)?;
-        let numbers: Vec<f64> =
-            inner.points().flat_map(|(_, velocity)| <[f64; 3]>::from(velocity)).collect();
-        drop(inner);
-        let rows = numbers.len() / 3;
-        array2(py, numbers, [rows, 3])
+        self.of_points(py, |(_, velocity)| velocity)
     }
 
     /// When the last picture was taken [s], on the clock of the states; None before the first.

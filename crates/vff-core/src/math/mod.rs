@@ -23,6 +23,7 @@ pub use noise::Noise;
 pub use point::Point;
 pub use pose::{PlanarPose, Pose};
 pub use rotation::UnitQuaternion;
+pub(crate) use rotation::upright;
 pub use scalar_or_vec::ScalarOrVec;
 pub use sincos::{sin_cos, unit_vectors};
 pub use spatial_pose::{Pointing, SpatialPose};

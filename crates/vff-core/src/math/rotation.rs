@@ -10,6 +10,11 @@ use std::ops::Mul;
 /// How far from 1 the norm of a given quaternion or axis may be, which is then normalised: digits that a file left out.
 pub const UNIT_TOLERANCE: f64 = 0.01;
 
+/// No rotation as \[w, x, y, z\], where an orientation is not given.
+pub(crate) fn upright() -> [f64; 4] {
+    [1.0, 0.0, 0.0, 0.0]
+}
+
 /// A rotation in space as a quaternion w + x i + y j + z k of norm 1.
 ///
 /// q and −q are the same rotation; [`to_array`](Self::to_array) writes the one with w ≥ 0.

@@ -1,7 +1,7 @@
 //! A depth camera: the ray that every pixel looks along, and the pixel in which a point is seen (T181).
 
 use super::PerceptionError;
-use crate::math::{UnitQuaternion, Vector};
+use crate::math::{UnitQuaternion, Vector, upright};
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 
@@ -47,12 +47,8 @@ pub struct DepthCamera {
     #[serde(default)]
     pub position: [f64; 3],
     /// The quaternion \[w, x, y, z\] of its frame in the world. Default: that of the world.
-    #[serde(default = "identity")]
+    #[serde(default = "upright")]
     pub orientation: [f64; 4],
-}
-
-fn identity() -> [f64; 4] {
-    [1.0, 0.0, 0.0, 0.0]
 }
 
 /// Depths, row by row.

@@ -1,7 +1,7 @@
 //! Bodies that are seen, and how they move (T184): cells that hang together, followed from picture to picture by a Kalman filter.
 //!
-//! What is followed is the mean of the points of a body, and where it is cut off at the end of the picture the box around it. The noise of all three coordinates is taken for the same, so that one
-//! symmetric matrix of 2 × 2 is the covariance of each.
+//! What is followed is the mean of the points of a body, and where it is cut off at the end of the picture the box around it. The
+//! noise of all three coordinates is taken for the same, so that one symmetric matrix of 2 × 2 is the covariance of each.
 
 use super::PerceiverSettings;
 use super::voxels::VoxelMap;

@@ -5,9 +5,9 @@
 //! joint. Units are SI, angles radians, quaternions `[w, x, y, z]`.
 
 use super::description_error::{Checked, fault, finite, require, unit};
-use super::frame::identity;
 use super::inertia::{self, tensor};
 use super::spatial::SpatialArm;
+use crate::math::upright;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -161,7 +161,7 @@ pub struct Joint {
     #[serde(default)]
     pub position: [f64; 3],
     /// Orientation at q = 0 in the frame of the link before.
-    #[serde(default = "identity")]
+    #[serde(default = "upright")]
     pub orientation: [f64; 4],
     /// Unit vector in the joint's frame.
     #[serde(default = "z")]

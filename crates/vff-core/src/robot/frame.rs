@@ -1,6 +1,7 @@
 //! Where a frame is in another.
 
 use super::description_error::{Checked, fault, finite, unit};
+use crate::math::upright;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -12,17 +13,13 @@ pub struct Frame {
     #[serde(default)]
     pub position: [f64; 3],
     /// A unit quaternion `[w, x, y, z]`.
-    #[serde(default = "identity")]
+    #[serde(default = "upright")]
     pub orientation: [f64; 4],
-}
-
-pub(super) fn identity() -> [f64; 4] {
-    [1.0, 0.0, 0.0, 0.0]
 }
 
 impl Default for Frame {
     fn default() -> Self {
-        Self { position: [0.0; 3], orientation: identity() }
+        Self { position: [0.0; 3], orientation: upright() }
     }
 }
 

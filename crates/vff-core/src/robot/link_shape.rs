@@ -1,9 +1,9 @@
 //! What a link of an arm in space looks like to obstacles and to other links.
 
 use super::description_error::{DescriptionError, DescriptionProblem, fault, finite, unit};
-use super::frame::{Frame, identity};
+use super::frame::Frame;
 use crate::geometry::{Hull, Shape, ShapeFault, WithKind};
-use crate::math::{Capsule, Vector};
+use crate::math::{Capsule, Vector, upright};
 use crate::settings::POSITIVE;
 use nalgebra::{Isometry3, Point3};
 use serde::{Deserialize, Serialize};
@@ -80,7 +80,7 @@ impl PlacedShape {
             finite(&at("center"), self.center.get_or_insert_default())?;
         }
         if own > 1 {
-            let orientation = self.orientation.get_or_insert_with(identity);
+            let orientation = self.orientation.get_or_insert_with(upright);
             unit(orientation).map_err(|problem| fault(at("orientation"), problem))?;
         }
         if let Shape::Capsule { radius, .. } = self.shape {
@@ -100,7 +100,7 @@ impl PlacedShape {
     ) -> Result<(Capsule<3>, Option<Hull>), DescriptionError> {
         let frame = Isometry3::from(Frame {
             position: self.center.unwrap_or_default(),
-            orientation: self.orientation.unwrap_or_else(identity),
+            orientation: self.orientation.unwrap_or_else(upright),
         });
         let round = |[a, b]: [[f64; 3]; 2], radius: f64| {
             (swept(placed(a.into()), placed(b.into()), radius), None)

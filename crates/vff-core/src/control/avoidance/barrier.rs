@@ -291,10 +291,10 @@ impl Barrier {
         {
             return 0.0;
         }
-        // Damped, or the smallest of motions would cost next to nothing close to a singularity, and rounding decide (T25).
         if kept.range.is_none() {
             self.find_masses(robot);
         }
+        // Damped, or the smallest of motions would cost next to nothing close to a singularity, and rounding decide (T25).
         self.weigh(&(weight - space.lambda_damped), robot);
         self.keep_torques(&torque.total);
         let outcome = self.program.solve(&Problem {

@@ -1,6 +1,7 @@
 //! One obstacle in space, as it is described in a scenario.
 
 use super::Shape;
+use crate::math::upright;
 use crate::world::Motion;
 use serde::Deserialize;
 
@@ -14,7 +15,7 @@ pub struct Obstacle {
     #[serde(default)]
     pub position: [f64; 3],
     /// Orientation of the own frame at t = 0: a quaternion \[w, x, y, z\] of norm 1 within 1 %. Default: none.
-    #[serde(default = "identity")]
+    #[serde(default = "upright")]
     pub orientation: [f64; 4],
     /// Angular velocity with which it turns about its position \[rad/s\], world axes. Default: none.
     #[serde(default)]
@@ -22,10 +23,6 @@ pub struct Obstacle {
     /// Motion from the initial position. Default: none.
     #[serde(default)]
     pub motion: Motion<3>,
-}
-
-fn identity() -> [f64; 4] {
-    [1.0, 0.0, 0.0, 0.0]
 }
 
 #[cfg(test)]
