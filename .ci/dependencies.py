@@ -1,5 +1,7 @@
 """Checks the crates of Cargo.lock against deny.toml: licences, duplicates, sources, and yanked versions.
 
+And that tests and the Python module build what the core needs with the same features: otherwise it is compiled twice.
+
 cargo-deny does the same and knows security advisories too, but compiling it takes longer than all other
 checks together, and its advisories come from a server that not every machine reaches. So it runs in the
 release workflow, where it is ready-made, and this script runs in every check. Both read deny.toml.
@@ -114,6 +116,26 @@ def yanked(packages: list[dict[str, Any]], lock: Path) -> list[str] | None:
     return re.findall(r"package `([^`]+)` in Cargo.lock is yanked", done.stderr)
 
 
+def features(*selection: str) -> dict[str, str]:
+    """The features of every crate that is built for a selection of `cargo tree`."""
+    command = ["cargo", "tree", "--locked", "--prefix=none", "--no-dedupe", "--format={p}\t{f}", *selection]
+    told = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    lines = (line.removesuffix(" (*)").split("\t") for line in told.splitlines() if line)
+    return {crate.removesuffix(" (proc-macro)"): given for crate, given in lines}
+
+
+def compiled_twice() -> list[str]:
+    """One line for every crate below the core that tests build with other features than the Python module does."""
+    core = features("-p", "vff-core", "-e", "normal,build")
+    module = features("-p", "vff-python", "-e", "normal,build")
+    tests = features("--workspace", "-e", "normal,build,dev")
+    return [
+        f"{crate} has the features {tests[crate]} in tests, {module[crate]} in the Python module"
+        for crate in sorted(core)
+        if module[crate] != tests[crate]
+    ]
+
+
 def main() -> int:
     """Print what is wrong; 1 if anything is."""
     command = ["cargo", "metadata", "--locked", "--format-version=1"]
@@ -122,6 +144,7 @@ def main() -> int:
     found = faults(packages, tomllib.loads((ROOT / "deny.toml").read_text(encoding="utf-8")))
     withdrawn = yanked(packages, ROOT / "Cargo.lock")
     found += [f"{each} has been yanked" for each in withdrawn or ()]
+    found += compiled_twice()
     print(*found, sep="\n", end="\n" if found else "")
     without = " Yanked versions: not checked, crates.io cannot be reached." if withdrawn is None else ""
     print(f"{len(packages)} crates, {len(found)} faults.{without}")

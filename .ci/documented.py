@@ -45,14 +45,15 @@ SHOWN += ("{toctree}", "{button-ref}", "{rst-class}", "{literalinclude}", "{warn
 
 # What begins like this ends when somebody ends it; and what it prints when it is ready.
 UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
-# Needs another machine; and what .ci/check runs, every benchmark in short.
-ELSEWHERE = ("ssh ", "cargo bench --bench ")
-# What takes long, and the same in short; and the documentation, with warnings as errors.
+# Needs another machine; and what .ci/check runs: every benchmark in short, the core's documentation and its examples.
+ELSEWHERE = ("ssh ", "cargo bench --bench ", "cargo doc ", "cargo test --doc ")
+# What takes long, and the same in short; the documentation, with warnings as errors; and of the whole workspace what is
+# compiled so already.
 SHORTER = {
     "sphinx-build -b html docs docs/_build/html": "sphinx-build -W -q -b html docs docs/_build/html",
-    "cargo bench && python benches/table.py": "cargo bench --locked --bench closed_loop --bench operators"
-    " -- --quick && python benches/table.py",
-    "cargo doc --workspace --no-deps --open": "cargo doc --locked --workspace --no-deps",
+    "cargo bench && python benches/table.py": "cargo bench --workspace --locked --bench closed_loop"
+    " --bench operators -- --quick && python benches/table.py",
+    "cargo build -p vff-c --release": "cargo build --workspace --release --locked",
     "python benches/drive.py": "python benches/drive.py --quick",
     "python benches/gym.py": "python benches/gym.py 8 20",
     "python benches/interrupt.py": "python benches/interrupt.py --tries 51",

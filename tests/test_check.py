@@ -8,17 +8,18 @@ from pathlib import Path
 
 import pytest
 
-CHECK = Path(__file__).parents[1] / ".ci" / "check"
+FOLDER = Path(__file__).parents[1] / ".ci"
 
 
 @pytest.fixture
 def run(tmp_path: Path):  # type: ignore[no-untyped-def]
     """Runs the script where every tool does nothing, and those that root installs are not there."""
-    if not CHECK.is_file() or shutil.which("bash") is None:
+    if not FOLDER.is_dir() or shutil.which("bash") is None:
         pytest.skip("no source tree, or no bash")
     (tmp_path / "bin").mkdir()
     (tmp_path / ".ci").mkdir()
-    shutil.copy(CHECK, tmp_path / ".ci" / "check")
+    for script in ("check", "cargo-lints"):
+        shutil.copy(FOLDER / script, tmp_path / ".ci" / script)
     for tool in ("ruff", "mypy", "cargo", "python", "pytest", "sphinx-build"):
         written = tmp_path / "bin" / tool
         written.write_text(f'#!/bin/sh\necho "{tool} $* [$VFFNULL_LEFT_OUT]" >> "{tmp_path}/did"\n')
@@ -48,7 +49,7 @@ def test_without_tools_the_rest_is_checked_and_that_is_said(run) -> None:  # typ
     assert "Left out without valgrind" in said and "Left out without chromium" in said
     assert said.rstrip().endswith("Everything else holds.")
     assert "benches/instructions.py" not in did
-    for command in ("ruff check", "mypy", "cargo test", "cargo bench", "pytest -n auto", "sphinx-build"):
+    for command in ("ruff check", "mypy", "cargo clippy", "cargo doc", "cargo test", "cargo bench", "pytest -n auto", "sphinx-build"):
         assert command in did, did
     assert "[valgrind chromium]" in did
 
