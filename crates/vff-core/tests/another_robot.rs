@@ -19,7 +19,7 @@ use vff_core::simulation::{
     PerceptionSettings, Physics, Reality, Run, SpaceTypes, Status, System, Value,
 };
 use vff_core::trajectory::{Reference, Sample, Trajectory};
-use vff_core::world::plane::{Obstacle, Outline, Shape, World};
+use vff_core::world::plane::{Obstacle, PlanarGeometry, Shape, World};
 use vff_core::world::{CollisionQuery, Motion};
 
 type V = Vector<2>;
@@ -530,7 +530,7 @@ struct Sliding;
 impl SpaceTypes<2> for Sliding {
     type State = ChainState;
     type Arm = Chain;
-    type Solid = Outline;
+    type Geometry = PlanarGeometry;
     type Perception = Perception;
 }
 

@@ -9,12 +9,12 @@ use nalgebra::SMatrix;
 /// # Example
 /// ```
 /// use nalgebra::Matrix3;
-/// use vff_core::geometry::{Body, Carried, Hull};
+/// use vff_core::geometry::{Body, PlacedHull, Hull};
 /// use vff_core::math::Vector;
 ///
 /// let hull = Hull::new(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
 /// let rotation = Matrix3::identity();
-/// let carried = Carried { hull: &hull, rotation: &rotation, position: Vector::<3>::zeros() };
+/// let carried = PlacedHull { hull: &hull, rotation: &rotation, position: Vector::<3>::zeros() };
 /// let body = Body { hull: Some(carried), ..Body::new(2, hull.enclosing()) };
 /// assert_eq!(body.reach_from(&Vector::<3>::zeros()), 1.0);
 /// ```
@@ -29,7 +29,7 @@ pub struct Body<'a, const D: usize> {
     /// length 0 and any unit vector as its direction.
     pub shape: Capsule<D>,
     /// The hull, if it is one.
-    pub hull: Option<Carried<'a, D>>,
+    pub hull: Option<PlacedHull<'a, D>>,
 }
 
 impl<const D: usize> Body<'_, D> {
@@ -64,7 +64,7 @@ impl<const D: usize> Body<'_, D> {
 /// use vff_core::math::{Capsule, Vector};
 ///
 /// let pedestal = Capsule::new(Vector::<3>::zeros(), Vector::<3>::new(0.0, 0.0, 0.3), 0.1);
-/// assert!(StillBody { shape: pedestal, hull: None }.carried().is_none());
+/// assert!(StillBody { shape: pedestal, hull: None }.placed_hull().is_none());
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct StillBody<const D: usize> {
@@ -77,15 +77,15 @@ pub struct StillBody<const D: usize> {
 impl<const D: usize> StillBody<D> {
     /// The hull where it is.
     #[inline]
-    pub fn carried(&self) -> Option<Carried<'_, D>> {
+    pub fn placed_hull(&self) -> Option<PlacedHull<'_, D>> {
         let (hull, rotation, position) = self.hull.as_ref()?;
-        Some(Carried { hull, rotation, position: *position })
+        Some(PlacedHull { hull, rotation, position: *position })
     }
 }
 
 /// A hull where it is now.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Carried<'a, const D: usize> {
+pub struct PlacedHull<'a, const D: usize> {
     /// In its own frame.
     pub hull: &'a Hull<D>,
     /// The axes of that frame, one per column.
@@ -94,7 +94,7 @@ pub struct Carried<'a, const D: usize> {
     pub position: Vector<D>,
 }
 
-impl<const D: usize> Carried<'_, D> {
+impl<const D: usize> PlacedHull<'_, D> {
     /// Where a point of its frame is \[m\].
     #[inline]
     pub(crate) fn placed(&self, point: &Vector<D>) -> Vector<D> {

@@ -5,7 +5,7 @@
 
 use super::axis::{Nearest, PARALLEL, to_edge, within};
 use super::hull::{Edge, Hull, MAX_CORNERS};
-use super::{Carried, Probe};
+use super::{PlacedHull, Probe};
 use crate::math::{Feature, RELIEF, TOUCHING, Vector};
 
 /// The most contact features of a hull and something else: the nearest ones.
@@ -64,14 +64,14 @@ pub(crate) fn averted(nearest: &Nearest, onward: Onward<'_>) -> f64 {
 
 /// Where a hull and something convex come nearest, in the frame of the latter.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Meeting {
+pub(crate) struct HullContact {
     /// With the point on the hull; the other one is `point − distance · normal`.
     pub nearest: Nearest,
     /// Unit vector along the edge of the hull on which that point lies; zero where it is none.
     pub axis: Vector<3>,
 }
 
-impl Meeting {
+impl HullContact {
     const NOWHERE: Self = Self {
         nearest: Nearest {
             distance: f64::INFINITY,
@@ -116,7 +116,7 @@ struct Heights {
 }
 
 impl Heights {
-    fn above(plane: &Plane, Carried { hull, rotation, position }: &Carried<'_, 3>) -> Self {
+    fn above(plane: &Plane, PlacedHull { hull, rotation, position }: &PlacedHull<'_, 3>) -> Self {
         let normal = rotation.tr_mul(&plane.normal);
         let offset = plane.normal.dot(position) - plane.offset;
         let mut of_corner = [0.0; MAX_CORNERS];
@@ -138,10 +138,10 @@ impl Heights {
     }
 }
 
-impl Carried<'_, 3> {
+impl PlacedHull<'_, 3> {
     /// Where it comes nearest to `other`, overlapping or not; NaN where something is undefined.
-    pub(crate) fn meet(&self, other: &impl Convex) -> Meeting {
-        let mut best = Meeting::NOWHERE;
+    pub(crate) fn meet(&self, other: &impl Convex) -> HullContact {
+        let mut best = HullContact::NOWHERE;
         // The edge that begins where the hull comes farthest towards the other's middle is likely to be near.
         let (mut sum, mut count) = (Vector::zeros(), 0.0);
         other.for_each_corner(|corner, _| (sum, count) = (sum + corner, count + 1.0));
@@ -160,7 +160,7 @@ impl Carried<'_, 3> {
             // False where it is undefined, which then is what is found.
             let is_farther = nearest.distance >= best.nearest.distance;
             if !is_farther {
-                best = Meeting { nearest, axis: line.direction };
+                best = HullContact { nearest, axis: line.direction };
                 plane = Plane::beside(other, nearest.normal);
                 heights = Heights::above(&plane, self);
             }
@@ -171,7 +171,7 @@ impl Carried<'_, 3> {
                 && let Some((face, height)) = self.hull.face_below(&self.seen(corner))
                 && height < best.nearest.distance
             {
-                best = Meeting::above(corner, &(self.rotation * face.normal), height);
+                best = HullContact::above(corner, &(self.rotation * face.normal), height);
             }
         });
         let Nearest { distance, normal, .. } = best.nearest;
@@ -199,28 +199,28 @@ impl Carried<'_, 3> {
     }
 
     /// Where it comes nearest to a point, outside and inside.
-    pub(crate) fn meet_point(&self, point: &Vector<3>) -> Meeting {
+    pub(crate) fn meet_point(&self, point: &Vector<3>) -> HullContact {
         let seen = self.seen(point);
         if let Some((face, height)) =
             self.hull.face_below(&seen).or_else(|| self.hull.way_out_of(&seen))
         {
-            return Meeting::above(point, &(self.rotation * face.normal), height);
+            return HullContact::above(point, &(self.rotation * face.normal), height);
         }
         let gap = |edge: &Probe| (edge.clamp(&seen) - seen).norm_squared();
         let lines = self.hull.edges.iter().map(|edge| &edge.line);
         let Some(line) = lines.min_by(|a, b| gap(a).total_cmp(&gap(b))) else {
-            return Meeting::NOWHERE;
+            return HullContact::NOWHERE;
         };
         let edge = self.edge(line);
-        Meeting { nearest: super::point::to_point(&edge, point), axis: edge.direction }
+        HullContact { nearest: super::point::to_point(&edge, point), axis: edge.direction }
     }
 
     /// Where it comes nearest to a point outside, as if that were above a face: that the normal turns about an edge or a corner
     /// is left out, which is the safe side (T77).
-    pub(crate) fn above_face(&self, point: &Vector<3>) -> Meeting {
+    pub(crate) fn above_face(&self, point: &Vector<3>) -> HullContact {
         let offset = self.rotation * self.hull.offset(&self.seen(point));
         let distance = offset.norm();
-        Meeting::above(point, &(offset / distance), distance)
+        HullContact::above(point, &(offset / distance), distance)
     }
 
     /// Calls `visit` with every pair of features nearer than `reach` \[m\] that may be the nearest when these change hands, and
@@ -232,15 +232,15 @@ impl Carried<'_, 3> {
         other: &impl Convex,
         nearest: &Nearest,
         reach: f64,
-        mut visit: impl FnMut(&Meeting, f64),
+        mut visit: impl FnMut(&HullContact, f64),
     ) {
         let farthest = reach;
         let reach = reach.min(nearest.distance + WINDOW);
-        let mut visit = |meeting: &Meeting, distance: f64| {
+        let mut visit = |contact: &HullContact, distance: f64| {
             if distance < reach {
                 let distance = distance + fading(distance - nearest.distance);
                 if distance < farthest {
-                    visit(meeting, distance);
+                    visit(contact, distance);
                 }
             }
         };
@@ -258,12 +258,12 @@ impl Carried<'_, 3> {
             let distance = offset.norm();
             let normal = offset / distance;
             let nearest = Nearest { distance, normal, point, feature: Feature::Face };
-            visit(&Meeting { nearest, axis: Vector::zeros() }, distance);
+            visit(&HullContact { nearest, axis: Vector::zeros() }, distance);
         }
         other.for_each_corner(|corner, _| {
             if is_opposite(corner) {
-                let meeting = self.above_face(corner);
-                visit(&meeting, meeting.nearest.distance);
+                let contact = self.above_face(corner);
+                visit(&contact, contact.nearest.distance);
             }
         });
         for own in &self.hull.edges {
@@ -279,8 +279,8 @@ impl Carried<'_, 3> {
                 {
                     let own = Onward::Along(&into).most_along(&-nearest.normal);
                     let beyond = beyond + nearest.distance * own + averted(&nearest, onward);
-                    let meeting = Meeting { nearest, axis: line.direction };
-                    visit(&meeting, nearest.distance + RELIEF * beyond);
+                    let contact = HullContact { nearest, axis: line.direction };
+                    visit(&contact, nearest.distance + RELIEF * beyond);
                 }
             });
         }
@@ -288,8 +288,8 @@ impl Carried<'_, 3> {
 
     /// The shortest translation that frees it from `other`: of all the faces that the difference of the two bodies has, those
     /// of either and one for each two edges that cross seen from within, that to which the way is shortest.
-    fn way_out(&self, other: &impl Convex) -> Meeting {
-        let mut best = Meeting::NOWHERE;
+    fn way_out(&self, other: &impl Convex) -> HullContact {
+        let mut best = HullContact::NOWHERE;
         best.nearest.distance = f64::NEG_INFINITY;
         for face in &self.hull.faces {
             let outward = self.rotation * face.normal;
@@ -302,7 +302,7 @@ impl Carried<'_, 3> {
                 }
             });
             if lowest.0 > best.nearest.distance {
-                best = Meeting::above(&lowest.1, &outward, lowest.0);
+                best = HullContact::above(&lowest.1, &outward, lowest.0);
             }
         }
         other.for_each_face(|normal, offset| {
@@ -310,7 +310,7 @@ impl Carried<'_, 3> {
             let lowest = heights.reduce(|a, b| if b.0 < a.0 { b } else { a });
             if let Some((distance, point)) = lowest.filter(|low| low.0 > best.nearest.distance) {
                 let nearest = Nearest { distance, normal: *normal, point, feature: Feature::Face };
-                best = Meeting { nearest, axis: Vector::zeros() };
+                best = HullContact { nearest, axis: Vector::zeros() };
             }
         });
         for own in &self.hull.edges {
@@ -341,7 +341,7 @@ impl Carried<'_, 3> {
                         let point = line.start + line.direction * within(along, line.length);
                         let feature = Feature::Crossing { edge: edge.direction, distance };
                         let nearest = Nearest { distance, normal, point, feature };
-                        best = Meeting { nearest, axis: line.direction };
+                        best = HullContact { nearest, axis: line.direction };
                     }
                 }
             });

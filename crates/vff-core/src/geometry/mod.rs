@@ -19,9 +19,9 @@ mod shape;
 mod shape_fault;
 
 pub use axis::{Probe, perpendicular};
-pub use body::{Body, Carried, StillBody};
-pub use contact_features::{Encounter, encounter};
-pub(crate) use convex_hull_query::{Convex, MAX_FEATURES, Meeting, Onward, averted};
+pub use body::{Body, PlacedHull, StillBody};
+pub use contact_features::{ContactFeature, contact_features};
+pub(crate) use convex_hull_query::{Convex, HullContact, MAX_FEATURES, Onward, averted};
 pub use hull::{Hull, HullError, MAX_CORNERS, check_hull, faces_of_hull};
 pub(crate) use k_smallest::KSmallest;
 pub(crate) use shape::WithKind;

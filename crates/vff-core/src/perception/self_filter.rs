@@ -18,7 +18,7 @@ impl<'a> SelfFilter<'a> {
             (body, margin + speed * uncertainty)
         });
         let still = robot.still_bodies().iter().map(|still| {
-            let body = Body { hull: still.carried(), ..Body::new(0, still.shape) };
+            let body = Body { hull: still.placed_hull(), ..Body::new(0, still.shape) };
             (body, margin)
         });
         Self { bodies: moving.chain(still).collect() }

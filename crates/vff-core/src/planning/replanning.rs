@@ -92,7 +92,7 @@ where
     pub fn new(
         settings: &ReplanSettings,
         scenario: &Scenario,
-        (arm, world): (&Arc<S::Arm>, &World<S::Solid, D>),
+        (arm, world): (&Arc<S::Arm>, &World<S::Geometry, D>),
         plan: &JointSpline,
     ) -> Result<Self, ScenarioError> {
         let mut state = arm.state();
@@ -303,7 +303,7 @@ where
 struct Ahead<S: System<D, M>, const D: usize, const M: usize> {
     robot: S::State,
     /// What stands still and what moves, as they were known when this look through the plan began.
-    worlds: [World<S::Solid, D>; 2],
+    worlds: [World<S::Geometry, D>; 2],
     /// From now on \[s\]; none before the first look.
     next: Option<f64>,
     /// When the last look was \[s\].
@@ -314,7 +314,7 @@ struct Ahead<S: System<D, M>, const D: usize, const M: usize> {
 }
 
 impl<S: System<D, M>, const D: usize, const M: usize> Ahead<S, D, M> {
-    fn new(robot: S::State, world: &World<S::Solid, D>) -> Self {
+    fn new(robot: S::State, world: &World<S::Geometry, D>) -> Self {
         let n = robot.dof();
         let q = [0; 3].map(|_| vec![0.0; n]);
         let margins = vec![[0.0; 3]; n];

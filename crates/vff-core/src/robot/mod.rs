@@ -21,7 +21,7 @@ pub mod spatial;
 #[cfg(feature = "models")]
 pub mod urdf;
 
-use crate::geometry::{Body, Encounter, StillBody};
+use crate::geometry::{Body, ContactFeature, StillBody};
 use crate::math::{Pose, Vector};
 use nalgebra::{SMatrix, SVector};
 use std::fmt::Debug;
@@ -280,7 +280,7 @@ pub trait Robot<const D: usize> {
         &self,
         _pair: [usize; 2],
         _features: Option<f64>,
-        _visit: &mut dyn FnMut(&Encounter<D>),
+        _visit: &mut dyn FnMut(&ContactFeature<D>),
     ) {
     }
     /// The velocity `J_c q̇` of the material point of link `i` that is now at `point` \[m/s\].

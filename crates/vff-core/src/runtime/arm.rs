@@ -11,7 +11,7 @@ use crate::robot::{
 };
 use crate::scenario::{self, AnyScene, Scenario, ScenarioError};
 use crate::simulation::Physics;
-use crate::world::{Contact, Solid, World, plane, space};
+use crate::world::{Contact, ObstacleGeometry, World, plane, space};
 use nalgebra::DMatrix;
 use std::sync::Arc;
 use toml::{Table, Value};
@@ -511,7 +511,7 @@ impl DistanceTable {
         states.saturating_mul(pairs).saturating_mul(one).saturating_add(2 * pairs)
     }
 
-    fn new<A: Model<D>, S: Solid<D>, const D: usize>(
+    fn new<A: Model<D>, S: ObstacleGeometry<D>, const D: usize>(
         arm: &Arc<A>,
         world: &mut World<S, D>,
         [q, dq, t]: [&[f64]; 3],

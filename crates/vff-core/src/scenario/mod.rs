@@ -45,7 +45,7 @@ use crate::simulation::{
     ActuatorSettings, ContactSettings, Control, MeasurementSettings, Options, PerceptionKind,
     PerceptionSettings, Plane, Pull, ReplanSettings, Space, Wrench,
 };
-use crate::world::Solid;
+use crate::world::ObstacleGeometry;
 use any_scene::on_scene;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -454,7 +454,7 @@ impl Scenario {
         for (j, obstacle) in scene.obstacles.iter().enumerate() {
             S::validate_obstacle(obstacle)
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
-            barriers += S::Solid::new(obstacle).barriers();
+            barriers += S::Geometry::new(obstacle).barriers();
         }
         validate::wrenches(&scene.wrenches)?;
         scene.wrenches_on(&model)?;

@@ -6,17 +6,18 @@ use crate::simulation::{
     Options, PerceptionSettings, Physics, SpaceTypes, System, Wrench, Wrenches,
 };
 use crate::trajectory::{Guided, Trajectory};
-use crate::world::Solid;
+use crate::world::ObstacleGeometry;
 use serde::de::DeserializeOwned;
 use std::fmt::Debug;
 use std::sync::Arc;
 
 /// What obstacles are described by.
-pub type ObstacleOf<S, const D: usize> = <<S as SpaceTypes<D>>::Solid as Solid<D>>::Obstacle;
+pub type ObstacleOf<S, const D: usize> =
+    <<S as SpaceTypes<D>>::Geometry as ObstacleGeometry<D>>::Obstacle;
 
 /// How people describe what meets in `D` dimensions: the tables of a scenario that depend on it, and what is made of them.
 pub trait FromDocument<const D: usize>:
-    SpaceTypes<D, Solid: Solid<D, Obstacle: DeserializeOwned + PartialEq>> + PartialEq
+    SpaceTypes<D, Geometry: ObstacleGeometry<D, Obstacle: DeserializeOwned + PartialEq>> + PartialEq
 {
     /// `[arm]`.
     type ArmTable: DeserializeOwned + Clone + Debug + PartialEq;

@@ -20,7 +20,7 @@ use crate::interrupt;
 use crate::math::{Pose, Vector, keep_least};
 use crate::robot::{Limits, Manipulator, Model, Robot};
 use crate::trajectory::{Governor, JointSpline, Pace, Trajectory};
-use crate::world::{CollisionQuery, Contact, Positions, Solid, World};
+use crate::world::{CollisionQuery, Contact, ObstacleGeometry, Positions, World};
 use std::iter;
 use std::sync::Arc;
 
@@ -84,7 +84,7 @@ pub struct ClosedLoop<S: System<D, M>, const D: usize, const M: usize> {
     stack: ControlStack<S, D, M>,
     /// Evaluates it at the predicted state, in predictor mode.
     foresight: Option<ControlStack<S, D, M>>,
-    plant: Plant<S::Arm, S::Solid, D>,
+    plant: Plant<S::Arm, S::Geometry, D>,
     measurement: Option<Measurement>,
     perception: Option<S::Perception>,
     actuator: Option<Actuator>,
@@ -132,7 +132,7 @@ impl<const M: usize> Truth<M> {
         &mut self,
         plant: &R,
         reference: &R::Pose,
-        world: &mut World<impl Solid<D>, D>,
+        world: &mut World<impl ObstacleGeometry<D>, D>,
     ) {
         self.dx = plant.task_velocity();
         self.error = plant.pose().error(reference);
@@ -158,7 +158,7 @@ fn is_finite(values: &[f64]) -> bool {
 #[derive(Debug, Clone)]
 struct ControlStack<S: System<D, M>, const D: usize, const M: usize> {
     controller: Controller<S::State, D, M>,
-    world: World<S::Solid, D>,
+    world: World<S::Geometry, D>,
     trajectory: Trajectory<S::Pose, M>,
 }
 
@@ -209,7 +209,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     pub fn new(
         arm: &Arc<S::Arm>,
         gains: Gains<M>,
-        mut world: World<S::Solid, D>,
+        mut world: World<S::Geometry, D>,
         trajectory: Trajectory<S::Pose, M>,
         options: Options,
         reality: Reality<S::Arm, S::Perception, D>,

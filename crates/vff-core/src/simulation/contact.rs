@@ -5,7 +5,7 @@ use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 use crate::robot::Robot;
 use crate::settings::settings;
-use crate::world::{CollisionQuery, Contact, Solid, World};
+use crate::world::{CollisionQuery, Contact, ObstacleGeometry, World};
 
 /// The speed below which friction is that of a viscous fluid \[m/s\].
 const SLIP: f64 = 1e-3;
@@ -57,7 +57,7 @@ impl ContactSettings {
 }
 
 /// Hides from whoever asks `world` what is not to be seen by these `settings` of its first obstacles.
-pub fn hide_unseen<S: Solid<D>, const D: usize>(
+pub fn hide_unseen<S: ObstacleGeometry<D>, const D: usize>(
     world: &mut World<S, D>,
     settings: &[Option<ContactSettings>],
 ) {
@@ -71,7 +71,7 @@ pub fn hide_unseen<S: Solid<D>, const D: usize>(
 /// The obstacles of a scenario, and the torque that those of them that are felt are for the joints. Nothing allocates but
 /// what changes which there are.
 #[derive(Debug, Clone)]
-pub struct Contacts<R: Robot<D>, S: Solid<D>, const D: usize> {
+pub struct Contacts<R: Robot<D>, S: ObstacleGeometry<D>, const D: usize> {
     world: World<S, D>,
     /// How each obstacle resists, if it does.
     settings: Vec<Option<ContactSettings>>,
@@ -86,7 +86,7 @@ pub struct Contacts<R: Robot<D>, S: Solid<D>, const D: usize> {
     forces: Vec<f64>,
 }
 
-impl<R: Robot<D>, S: Solid<D>, const D: usize> Contacts<R, S, D> {
+impl<R: Robot<D>, S: ObstacleGeometry<D>, const D: usize> Contacts<R, S, D> {
     /// Those of `robot` in a world; none if no obstacle resists.
     pub fn new(
         world: &World<S, D>,
@@ -221,7 +221,7 @@ impl<R: Robot<D>, S: Solid<D>, const D: usize> Contacts<R, S, D> {
 ///
 /// Of a body with an axis the ends count beside the nearest point, each by how far along the axis it is from that. So the
 /// force does not jump where the nearest point goes from one end to the other, and a link that lies on a face has two feet.
-fn visit<R: Robot<D>, S: Solid<D>, const D: usize>(
+fn visit<R: Robot<D>, S: ObstacleGeometry<D>, const D: usize>(
     world: &mut World<S, D>,
     settings: &[Option<ContactSettings>],
     long: &mut Vec<Contact<D>>,

@@ -4,7 +4,7 @@ use super::actuator::Actuator;
 use super::plant::Plant;
 use crate::control::{Controller, Gains, Output};
 use crate::robot::{Manipulator, Model};
-use crate::world::Solid;
+use crate::world::ObstacleGeometry;
 
 /// What stands between the law and the simulated robot. Nothing allocates after construction.
 #[derive(Debug, Clone)]
@@ -31,7 +31,7 @@ impl OutputStage {
     }
 
     /// The robot has held its arm still where `plant` is.
-    pub(super) fn start<A: Model<D>, S: Solid<D>, const D: usize>(
+    pub(super) fn start<A: Model<D>, S: ObstacleGeometry<D>, const D: usize>(
         &mut self,
         plant: &Plant<A, S, D>,
     ) {
@@ -87,7 +87,7 @@ impl OutputStage {
     }
 
     /// Looks at what acts on the joints at (q, q̇).
-    pub(super) fn look<A: Model<D>, S: Solid<D>, const D: usize>(
+    pub(super) fn look<A: Model<D>, S: ObstacleGeometry<D>, const D: usize>(
         &mut self,
         actuator: Option<&Actuator>,
         plant: &mut Plant<A, S, D>,

@@ -5,7 +5,7 @@ use crate::math::{PlanarPose, Vector};
 use crate::robot::planar::{Annulus, Reach};
 use crate::robot::{PlanarArm, PlanarState};
 use crate::trajectory::{Guided, Reference};
-use crate::world::plane::Outline;
+use crate::world::plane::PlanarGeometry;
 
 /// Planar arms among planar obstacles.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,7 +14,7 @@ pub struct Plane;
 impl SpaceTypes<2> for Plane {
     type State = PlanarState;
     type Arm = PlanarArm;
-    type Solid = Outline;
+    type Geometry = PlanarGeometry;
     type Perception = Perception;
 }
 

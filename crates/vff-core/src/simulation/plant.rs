@@ -7,7 +7,7 @@ use super::wrench::{Acting, Wrench};
 use super::wrenches::Wrenches;
 use crate::math::{Vector, dot};
 use crate::robot::{Model, Robot};
-use crate::world::{Solid, World};
+use crate::world::{ObstacleGeometry, World};
 use std::sync::Arc;
 
 /// The parameters of the physical arm. A list is empty where there is none of it.
@@ -45,7 +45,7 @@ const MAX_PARTS: f64 = 1000.0;
 
 /// The physical arm with its workspace. Nothing allocates after construction.
 #[derive(Debug, Clone)]
-pub struct Plant<A: Model<D>, S: Solid<D>, const D: usize> {
+pub struct Plant<A: Model<D>, S: ObstacleGeometry<D>, const D: usize> {
     physics: Physics<A>,
     state: A::State,
     impulses: Impulses,
@@ -75,7 +75,7 @@ impl<A> Physics<A> {
     }
 }
 
-impl<A: Model<D>, S: Solid<D>, const D: usize> Plant<A, S, D> {
+impl<A: Model<D>, S: ObstacleGeometry<D>, const D: usize> Plant<A, S, D> {
     /// A plant at q = 0, at rest.
     pub fn new(physics: Physics<A>) -> Self {
         let n = physics.arm.dof();
@@ -424,7 +424,7 @@ fn carried<'a, R: Robot<D>, const D: usize>(
 }
 
 /// τ + τ_ext where `robot` is, if anything pushes.
-fn pushed<'a, R: Robot<D>, S: Solid<D>, const D: usize>(
+fn pushed<'a, R: Robot<D>, S: ObstacleGeometry<D>, const D: usize>(
     wrenches: &'a mut Option<Box<Wrenches<R, D>>>,
     contacts: &'a mut Option<Box<Contacts<R, S, D>>>,
     robot: &R,

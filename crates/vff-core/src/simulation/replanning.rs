@@ -104,7 +104,7 @@ pub struct Moment<'a, S: System<D, M>, const D: usize, const M: usize> {
     /// The plan.
     pub joints: &'a JointSpline,
     /// What is in the way.
-    pub world: &'a World<S::Solid, D>,
+    pub world: &'a World<S::Geometry, D>,
 }
 
 /// Somebody who makes another plan where one leads nowhere any more.

@@ -3,7 +3,7 @@
 use super::{SpaceTypes, SpatialPerception, System};
 use crate::math::{Pointing, SpatialPose, Vector};
 use crate::robot::{Model, SpatialArm, SpatialState};
-use crate::world::space::Volume;
+use crate::world::space::SpatialGeometry;
 
 /// Arms among obstacles in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub struct Space;
 impl SpaceTypes<3> for Space {
     type State = SpatialState;
     type Arm = SpatialArm;
-    type Solid = Volume;
+    type Geometry = SpatialGeometry;
     type Perception = SpatialPerception;
 }
 

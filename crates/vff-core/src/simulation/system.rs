@@ -4,7 +4,7 @@ use super::perception::Perceive;
 use crate::math::Vector;
 use crate::robot::{Manipulator, Model, Robot};
 use crate::trajectory::Guided;
-use crate::world::Solid;
+use crate::world::ObstacleGeometry;
 use std::fmt::Debug;
 
 /// Which arms and which obstacles meet in `D` dimensions.
@@ -14,9 +14,9 @@ pub trait SpaceTypes<const D: usize>: Debug + Clone {
     /// What is immutable of the arm.
     type Arm: Model<D, State = Self::State>;
     /// What obstacles are made of.
-    type Solid: Solid<D>;
+    type Geometry: ObstacleGeometry<D>;
     /// What the controller may see of the obstacles instead of knowing them.
-    type Perception: Perceive<Self::State, Self::Solid, D> + Clone + Debug;
+    type Perception: Perceive<Self::State, Self::Geometry, D> + Clone + Debug;
 }
 
 /// An arm in `D`-dimensional space, its task of dimension `M`, and the geometry around it.

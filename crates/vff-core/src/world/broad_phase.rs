@@ -8,13 +8,13 @@
 //! span finds its own length: wide boxes are measured in vain, narrow ones are renewed often, and
 //! the two should cost about the same.
 
-use super::{Description, Hierarchy, Placed, Solid};
+use super::{Description, Hierarchy, ObstacleGeometry, Placed};
 use crate::interrupt;
 use crate::math::Vector;
 
 /// The obstacles of a world, sorted by where they are.
 #[derive(Debug, Clone)]
-pub(super) struct BroadPhase<S: Solid<D>, const D: usize> {
+pub(super) struct BroadPhase<S: ObstacleGeometry<D>, const D: usize> {
     fixed: Tree<S::Hierarchy>,
     moving: Tree<S::Hierarchy>,
     /// When the boxes of the moving obstacles are valid \[s\].
@@ -40,7 +40,7 @@ const SPAN: [f64; 2] = [1e-6, 1e6];
 /// The obstacles drift apart; after so many renewals those that are neighbours now are grouped anew.
 pub(super) const REGROUP: usize = 16;
 
-impl<S: Solid<D>, const D: usize> BroadPhase<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> BroadPhase<S, D> {
     pub(super) fn new(obstacles: &[Placed<S, D>]) -> Self {
         let span = 1e-2;
         let valid = [0.0, span];
@@ -151,7 +151,7 @@ pub const HORIZON: f64 = 1e100;
 pub(super) const MARGIN: f64 = 1e-9;
 
 /// The box around an obstacle from `t0` to `t1` \[s\].
-pub(super) fn box_of<S: Solid<D>, const D: usize>(
+pub(super) fn box_of<S: ObstacleGeometry<D>, const D: usize>(
     obstacle: &Placed<S, D>,
     [t0, t1]: [f64; 2],
 ) -> [Vector<D>; 2] {
@@ -181,7 +181,7 @@ struct Tree<H> {
 }
 
 impl<H> Tree<H> {
-    fn new<S: Solid<D, Hierarchy = H>, const D: usize>(
+    fn new<S: ObstacleGeometry<D, Hierarchy = H>, const D: usize>(
         members: Vec<usize>,
         obstacles: &[Placed<S, D>],
         time: [f64; 2],
@@ -202,7 +202,7 @@ impl<H> Tree<H> {
     }
 
     /// Makes the boxes hold their obstacles over a time \[s\].
-    fn renew<S: Solid<D, Hierarchy = H>, const D: usize>(
+    fn renew<S: ObstacleGeometry<D, Hierarchy = H>, const D: usize>(
         &mut self,
         obstacles: &[Placed<S, D>],
         time: [f64; 2],
@@ -220,24 +220,24 @@ pub(super) mod tests {
     use super::*;
     use crate::geometry::Body;
     use crate::math::{Capsule, ThirdOrderFilter};
-    use crate::world::plane::{Obstacle, Outline, Shape};
+    use crate::world::plane::{Obstacle, PlanarGeometry, Shape};
     use crate::world::{CollisionQuery, Motion, Named, World};
     use proptest::prelude::*;
 
     /// The same obstacles, all of them measured for every link.
-    fn plain<S: Solid<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
+    fn plain<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
         let world = World::new(obstacles.to_vec());
         World { named: Named::each(&world.obstacles, vec![]), ..world }
     }
 
     /// The same obstacles in a hierarchy, however few they are.
-    fn crowded<S: Solid<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
+    fn crowded<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[S::Obstacle]) -> World<S, D> {
         let world = plain(obstacles);
         World { named: Named::BroadPhase(Box::new(BroadPhase::new(&world.obstacles))), ..world }
     }
 
     /// Everything that the world tells, to the last bit (the text of a number is unique).
-    fn told<S: Solid<D>, const D: usize>(
+    fn told<S: ObstacleGeometry<D>, const D: usize>(
         world: &mut World<S, D>,
         links: &[Capsule<D>],
         reach: f64,
@@ -254,7 +254,7 @@ pub(super) mod tests {
     }
 
     /// Both ways of asking agree, from time to time. Returns how often the boxes were renewed.
-    pub fn check<S: Solid<D>, const D: usize>(
+    pub fn check<S: ObstacleGeometry<D>, const D: usize>(
         obstacles: &[S::Obstacle],
         links: impl Fn(f64) -> Vec<Capsule<D>>,
         reach: f64,
@@ -338,7 +338,7 @@ pub(super) mod tests {
             prop::collection::vec(point(5.0), 4)
                 .prop_map(|points| Motion::waypoints(vec![-1.0, 0.5, 0.501, 3.0], points)),
             [vector(), vector()].prop_map(|[from, to]| {
-                Motion::Carried(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
+                Motion::Dragged(ThirdOrderFilter::new(0.5, [from, to, from], to, 3.0))
             }),
         ]
     }
@@ -390,7 +390,7 @@ pub(super) mod tests {
         ) {
             // Coincident obstacles are met in their order too.
             obstacles.extend(obstacles.get(..twice).unwrap_or_default().to_vec());
-            check::<Outline, 2>(&obstacles, |_| links.clone(), reach, times);
+            check::<PlanarGeometry, 2>(&obstacles, |_| links.clone(), reach, times);
         }
     }
 
@@ -421,7 +421,7 @@ pub(super) mod tests {
             vec![Capsule::new(Vector::zeros(), end, 0.05), Capsule::new(end, -end, 0.0)]
         };
         let times = (0..3000).map(|step| 0.002 * f64::from(step));
-        let renewals = check::<Outline, 2>(&obstacles, links, 0.6, times);
+        let renewals = check::<PlanarGeometry, 2>(&obstacles, links, 0.6, times);
         assert!(renewals > 2 * REGROUP && renewals < 2000, "{renewals}");
     }
 
@@ -440,7 +440,7 @@ pub(super) mod tests {
             for end in [Vector::<2>::zeros(), start] {
                 let link = Capsule::new(start, end, 0.1);
                 let times = [0.0, 0.5, f64::NAN, 1e300, f64::INFINITY, 0.1];
-                check::<Outline, 2>(&obstacles, |_| vec![link], 1.0, times);
+                check::<PlanarGeometry, 2>(&obstacles, |_| vec![link], 1.0, times);
             }
         }
     }

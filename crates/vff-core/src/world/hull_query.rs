@@ -1,7 +1,7 @@
 //! The nearest points of a body that is a hull to every obstacle.
 
-use super::{Named, Pair, Placed, Solid, Turn};
-use crate::geometry::Carried;
+use super::{Named, ObstacleGeometry, Pair, Placed, Turn};
+use crate::geometry::PlacedHull;
 use crate::math::keep_least;
 
 /// The distance between the surface of a hull, which the capsule of `around` holds, and the nearest obstacle \[m\], where it is
@@ -13,13 +13,13 @@ use crate::math::keep_least;
     reason = "the parts of a world that is borrowed, and a question"
 )]
 #[inline(never)]
-pub(super) fn near_hull<S: Solid<D>, const D: usize>(
+pub(super) fn near_hull<S: ObstacleGeometry<D>, const D: usize>(
     obstacles: &mut [Placed<S, D>],
     named: &mut Named<S, D>,
     time: f64,
     pair: Pair,
     around: &S::Probe,
-    hull: &Carried<'_, D>,
+    hull: &PlacedHull<'_, D>,
     [reach, limit]: [f64; 2],
     mut meet: impl FnMut(Pair, &Placed<S, D>, Option<&Turn<D>>),
 ) -> f64 {

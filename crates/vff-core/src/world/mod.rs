@@ -5,7 +5,7 @@
 //! [`World::new`]. Among many obstacles the cost of both grows with what is near, not with what
 //! exists; the results do not depend on it.
 //!
-//! Motion, the queries and the broad phase are the same in every space. What is not is a [`Solid`]: those of
+//! Motion, the queries and the broad phase are the same in every space. What is not is an [`ObstacleGeometry`]: those of
 //! the [`plane`] and of [`space`] live in directories of their own.
 
 mod broad_phase;
@@ -13,13 +13,13 @@ mod contact;
 mod hierarchy;
 mod hull_query;
 mod motion;
+mod obstacle_geometry;
 #[cfg(test)]
 mod oracle;
 mod outlook;
 mod placed;
 pub mod plane;
 mod query;
-mod solid;
 pub mod space;
 mod turning;
 mod within;
@@ -28,11 +28,11 @@ pub use crate::math::Feature;
 pub use broad_phase::HORIZON;
 pub use contact::{Contact, Pair};
 pub use motion::{Motion, MotionState};
+pub use obstacle_geometry::{Asked, Description, Hierarchy, ObstacleGeometry, top_speed};
 pub use outlook::{Ahead, Outlook};
 pub use query::{CollisionQuery, Positions};
-pub use solid::{Asked, Description, Hierarchy, Solid, top_speed};
 pub use turning::{Rotation, Spin, Turn, Turning};
-pub use within::Boxes;
+pub use within::ObstacleBoxes;
 
 use crate::interrupt;
 use crate::math::{ThirdOrderFilter, Vector};
@@ -67,7 +67,7 @@ pub(crate) use crate::math::RELIEF;
 /// # See also
 /// [`CollisionQuery`] is how it is asked.
 #[derive(Debug, Clone)]
-pub struct World<S: Solid<D>, const D: usize> {
+pub struct World<S: ObstacleGeometry<D>, const D: usize> {
     obstacles: Vec<Placed<S, D>>,
     /// Indices of the obstacles that are not static.
     moving: Vec<usize>,
@@ -90,7 +90,7 @@ const REMEMBERED: usize = 32;
 
 /// How it is known which obstacles are asked.
 #[derive(Debug, Clone, Default)]
-enum Named<S: Solid<D>, const D: usize> {
+enum Named<S: ObstacleGeometry<D>, const D: usize> {
     /// All of them; none turns.
     #[default]
     All,
@@ -100,11 +100,11 @@ enum Named<S: Solid<D>, const D: usize> {
     BroadPhase(Box<BroadPhase<S, D>>),
 }
 
-impl<S: Solid<D>, const D: usize> Named<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> Named<S, D> {
     /// All of these, with `room` for their numbers. Room that is there is not given back: a loop may be running.
     fn each(obstacles: &[Placed<S, D>], mut room: Vec<usize>) -> Self {
         let is_plain =
-            |it: &Placed<S, D>| it.turned.is_none() && it.solid.contacts() == 1 && !it.is_hidden;
+            |it: &Placed<S, D>| it.turned.is_none() && it.geometry.contacts() == 1 && !it.is_hidden;
         if room.capacity() == 0 && obstacles.iter().all(is_plain) {
             return Self::All;
         }
@@ -115,14 +115,18 @@ impl<S: Solid<D>, const D: usize> Named<S, D> {
 }
 
 /// The most contacts and the most barriers that one link can have.
-fn most_of<S: Solid<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> [usize; 3] {
+fn most_of<S: ObstacleGeometry<D>, const D: usize>(obstacles: &[Placed<S, D>]) -> [usize; 3] {
     let most = |of: fn(&S) -> usize| {
-        obstacles.iter().map(|obstacle| of(&obstacle.solid).max(obstacle.room)).sum()
+        obstacles.iter().map(|obstacle| of(&obstacle.geometry).max(obstacle.room)).sum()
     };
-    [most(Solid::contacts), most(Solid::barriers), most(Solid::hull_barriers)]
+    [
+        most(ObstacleGeometry::contacts),
+        most(ObstacleGeometry::barriers),
+        most(ObstacleGeometry::hull_barriers),
+    ]
 }
 
-impl<S: Solid<D>, const D: usize> World<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// The given obstacles at t = 0.
     ///
     /// Their values must have been validated before: unusable ones do not panic, but distances to
@@ -213,7 +217,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
 
     /// Whether obstacle `j` is one convex body, which has one contact with another.
     pub fn is_convex(&self, j: usize) -> bool {
-        self.obstacles[j].solid.contacts() == 1
+        self.obstacles[j].geometry.contacts() == 1
     }
 
     /// Position of obstacle `j` \[m\].
@@ -242,7 +246,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         let MotionState { position, velocity, acceleration, .. } = obstacle.state_at(self.time);
         let now = [position, velocity, acceleration];
         let filter = ThirdOrderFilter::new(self.time, now, goal, rate);
-        obstacle.description.set_motion(Motion::Carried(filter));
+        obstacle.description.set_motion(Motion::Dragged(filter));
         obstacle.is_static = false;
         self.rearrange();
     }
@@ -331,7 +335,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         self.rearrange();
     }
 
-    /// Does what has to be done when a solid is not what it was.
+    /// Does what has to be done when a geometry is not what it was.
     fn reshaped(&mut self) {
         [self.contacts, self.barriers, self.hull_barriers] = most_of(&self.obstacles);
         if let Named::BroadPhase(broad_phase) = &mut self.named {

@@ -58,9 +58,9 @@ pub enum Motion<const D: usize> {
         #[serde(default)]
         orientations: Vec<[f64; 4]>,
     },
-    /// Carried to a place by hand while the loop runs; no scenario says so.
+    /// Dragged to a place by hand while the loop runs; no scenario says so.
     #[serde(skip)]
-    Carried(ThirdOrderFilter<D>),
+    Dragged(ThirdOrderFilter<D>),
 }
 
 /// Where an obstacle is and how it moves at one instant.
@@ -88,7 +88,7 @@ impl<const D: usize> MotionState<D> {
         Self { elapsed: self.elapsed, ..Self::at_rest(Vector::zeros()) }
     }
 
-    /// Carried on for `time` \[s\] at its velocity.
+    /// Goes on for `time` \[s\] at its velocity.
     #[inline(always)]
     pub(super) fn after(&self, time: f64) -> Self {
         Self {
@@ -141,7 +141,7 @@ impl<const D: usize> Motion<D> {
                 };
                 (1..times.len().min(points.len())).map(leg).fold(0.0, f64::max)
             }
-            Self::Carried(filter) => filter.top_speed(),
+            Self::Dragged(filter) => filter.top_speed(),
         }
     }
 
@@ -169,7 +169,7 @@ impl<const D: usize> Motion<D> {
                 }
             }
             Self::Waypoints { times, points, .. } => along(times, points, t, position0),
-            Self::Carried(filter) => {
+            Self::Dragged(filter) => {
                 let [position, velocity, acceleration] = filter.at(t);
                 MotionState { position, velocity, acceleration, elapsed: 0.0 }
             }
@@ -207,7 +207,7 @@ impl<const D: usize> Motion<D> {
                     })
                     .fold(hull(ends), |[low, high], p| [low.inf(&p), high.sup(&p)])
             }
-            Self::Carried(filter) => {
+            Self::Dragged(filter) => {
                 let goal = filter.goal();
                 let span = filter.span() * (1.0 + 1e-12) + 1e-12 * goal.norm();
                 [goal.add_scalar(-span), goal.add_scalar(span)]
@@ -321,7 +321,7 @@ mod tests {
                 Motion::Sinusoid { amplitude, angular_frequency: numbers[0], phase: numbers[1] },
                 Motion::waypoints(vec![-3.0, -2.9, 0.5, 1.0, 2.5, 2.501], points),
                 Motion::waypoints(vec![], vec![]),
-                Motion::Carried(ThirdOrderFilter::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
+                Motion::Dragged(ThirdOrderFilter::new(t0, [position0, amplitude.into(), amplitude.into()], goal, 7.0)),
             ] {
                 let [low, high] = motion.extent(t0, t1, position0);
                 for t in [t0, t0 + fraction * duration, t1, 0.5f64.clamp(t0, t1)] {

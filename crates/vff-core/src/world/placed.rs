@@ -1,18 +1,20 @@
 //! An obstacle where it is at an instant, and what it is asked there.
 
-use super::{Asked, Contact, Description, MotionState, Outlook, Pair, Solid, Turn, Turning};
-use crate::geometry::Carried;
+use super::{
+    Asked, Contact, Description, MotionState, ObstacleGeometry, Outlook, Pair, Turn, Turning,
+};
+use crate::geometry::PlacedHull;
 use crate::math::Vector;
 
-/// An obstacle with what is computed once (`solid`) and when it is needed (`state`).
+/// An obstacle with what is computed once (`geometry`) and when it is needed (`state`).
 #[derive(Debug, Clone)]
-pub(super) struct Placed<S: Solid<D>, const D: usize> {
+pub(super) struct Placed<S: ObstacleGeometry<D>, const D: usize> {
     pub(super) description: S::Obstacle,
-    pub(super) solid: S,
+    pub(super) geometry: S,
     pub(super) state: MotionState<D>,
     /// The instant that the state belongs to \[s\]; any, if the obstacle is static.
     pub(super) time: f64,
-    /// Since when parts of the solid go on by themselves \[s\].
+    /// Since when parts of the geometry go on by themselves \[s\].
     pub(super) since: f64,
     /// Whether it neither moves nor turns, nor any part of it.
     pub(super) is_static: bool,
@@ -31,12 +33,12 @@ pub(super) struct Turned<const D: usize> {
     pub(super) now: Turn<D>,
 }
 
-impl<S: Solid<D>, const D: usize> Placed<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> Placed<S, D> {
     pub(super) fn new(description: S::Obstacle) -> Self {
         let turned =
             description.turning().map(|turning| Box::new(Turned { now: turning.at(0.0), turning }));
         let mut this = Self {
-            solid: S::new(&description),
+            geometry: S::new(&description),
             state: description.motion().at(0.0, description.position()),
             time: 0.0,
             since: 0.0,
@@ -52,7 +54,9 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
 
     /// Whether it neither moves nor turns, nor any part of it.
     pub(super) fn stands_still(&self) -> bool {
-        self.description.motion().is_static() && self.turned.is_none() && self.solid.speed() == 0.0
+        self.description.motion().is_static()
+            && self.turned.is_none()
+            && self.geometry.speed() == 0.0
     }
 
     /// Whether the state is that at time `t` \[s\]. Compared as bits: only the very same instant is.
@@ -113,10 +117,10 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     #[inline(always)]
     pub(super) fn distance_below(&self, link: &S::Probe, limit: f64) -> f64 {
         match self.turn() {
-            None => self.solid.distance_below(link, &self.state, limit),
+            None => self.geometry.distance_below(link, &self.state, limit),
             Some(turn) => {
                 let seen = Self::seen(link, &self.state.position, turn);
-                self.solid.distance_below(&seen, &self.state.own_frame(), limit)
+                self.geometry.distance_below(&seen, &self.state.own_frame(), limit)
             }
         }
     }
@@ -136,9 +140,9 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
     ) -> Contact<D> {
-        let Some(turn) = turn else { return self.solid.contact(pair, link, state) };
+        let Some(turn) = turn else { return self.geometry.contact(pair, link, state) };
         let seen = Self::seen(link, &state.position, turn);
-        let found = self.solid.contact(pair, &seen, &state.own_frame());
+        let found = self.geometry.contact(pair, &seen, &state.own_frame());
         turn.place(&found, state)
     }
 
@@ -152,7 +156,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     pub(super) fn meet_hull(
         &self,
         pair: Pair,
-        hull: &Carried<'_, D>,
+        hull: &PlacedHull<'_, D>,
         around: &S::Probe,
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
@@ -160,21 +164,21 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         visit: &mut dyn FnMut(&Contact<D>),
     ) {
         let Some(turn) = turn else {
-            return self.solid.meet_hull(pair, hull, around, state, asked, visit);
+            return self.geometry.meet_hull(pair, hull, around, state, asked, visit);
         };
         let rotation = turn.rotation.tr_mul(hull.rotation);
         let position = turn.rotation.tr_mul(&(hull.position - state.position));
-        let hull = Carried { hull: hull.hull, rotation: &rotation, position };
+        let hull = PlacedHull { hull: hull.hull, rotation: &rotation, position };
         let (around, rest) = (Self::seen(around, &state.position, turn), state.own_frame());
         let visit = &mut |found: &Contact<D>| visit(&turn.place(found, state));
-        self.solid.meet_hull(pair, &hull, &around, &rest, asked, visit);
+        self.geometry.meet_hull(pair, &hull, &around, &rest, asked, visit);
     }
 
     /// The contact with a hull that is nearest, the same way.
     pub(super) fn hull_contact(
         &self,
         pair: Pair,
-        hull: &Carried<'_, D>,
+        hull: &PlacedHull<'_, D>,
         around: &S::Probe,
         state: &MotionState<D>,
         turn: Option<&Turn<D>>,
@@ -182,7 +186,7 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         let mut nearest = None;
         let visit = &mut |found: &Contact<D>| nearest = Some(*found);
         self.meet_hull(pair, hull, around, state, turn, Asked::Nearest, visit);
-        // Every solid has one.
+        // Every geometry has one.
         nearest.unwrap_or_else(|| self.contact(pair, around, state, turn))
     }
 
@@ -198,12 +202,12 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         mut visit: impl FnMut(&Contact<D>),
     ) {
         let Some(turn) = turn else {
-            return self.solid.for_each_contact(pair, link, state, reach, visit);
+            return self.geometry.for_each_contact(pair, link, state, reach, visit);
         };
         let seen = Self::seen(link, &state.position, turn);
         let rest = state.own_frame();
         let visit = |found: &Contact<D>| visit(&turn.place(found, state));
-        self.solid.for_each_contact(pair, &seen, &rest, reach, visit);
+        self.geometry.for_each_contact(pair, &seen, &rest, reach, visit);
     }
 
     /// All distances that must be kept so that every contact nearer than `reach` \[m\] is, at the instant of the state.
@@ -216,16 +220,16 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
         reach: f64,
         mut visit: impl FnMut(&Contact<D>),
     ) {
-        let Self { solid, state, .. } = self;
+        let Self { geometry, state, .. } = self;
         let Some(turn) = turn else {
-            return solid.for_each_contact(pair, link, state, reach, |contact| {
-                solid.for_each_barrier(contact, link, state, &mut visit);
+            return geometry.for_each_contact(pair, link, state, reach, |contact| {
+                geometry.for_each_barrier(contact, link, state, &mut visit);
             });
         };
         let (seen, rest) = (Self::seen(link, &state.position, turn), state.own_frame());
         let mut visit = |row: &Contact<D>| visit(&turn.place(row, state));
-        solid.for_each_contact(pair, &seen, &rest, reach, |contact| {
-            solid.for_each_barrier(contact, &seen, &rest, &mut visit);
+        geometry.for_each_contact(pair, &seen, &rest, reach, |contact| {
+            geometry.for_each_barrier(contact, &seen, &rest, &mut visit);
         });
     }
 
@@ -248,24 +252,24 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     ) {
         let ahead = outlook.ahead(pair.link, &S::body(link), state, turn);
         let Some(turn) = turn else {
-            return self.solid.for_each_needed(pair, link, state, reach, &ahead, visit);
+            return self.geometry.for_each_needed(pair, link, state, reach, &ahead, visit);
         };
         let seen = Self::seen(link, &state.position, turn);
         let rest = state.own_frame();
         let visit = |found: &Contact<D>| visit(&turn.place(found, state));
-        self.solid.for_each_needed(pair, &seen, &rest, reach, &ahead, visit);
+        self.geometry.for_each_needed(pair, &seen, &rest, reach, &ahead, visit);
     }
 
     /// Opposite corners of a box that holds it from `t0` to `t1` \[s\] however it is turned, relative to its position \[m\].
     pub(super) fn extent(&self, [t0, t1]: [f64; 2]) -> [Vector<D>; 2] {
-        let speed = self.solid.speed();
+        let speed = self.geometry.speed();
         let longest = (t0 - self.since).abs().max((t1 - self.since).abs());
         let gone = if speed > 0.0 { speed * longest } else { 0.0 };
         if self.turned.is_some() {
-            let reach = Vector::repeat(self.solid.reach() + gone);
+            let reach = Vector::repeat(self.geometry.reach() + gone);
             [-reach, reach]
         } else {
-            let [low, high] = self.solid.extent();
+            let [low, high] = self.geometry.extent();
             if gone > 0.0 { [low.add_scalar(-gone), high.add_scalar(gone)] } else { [low, high] }
         }
     }
@@ -273,10 +277,10 @@ impl<S: Solid<D>, const D: usize> Placed<S, D> {
     /// A speed that no point of its surface exceeds until it has moved by itself for so long \[m/s\]; that of its position, if the
     /// surface has no end.
     pub(super) fn top_speed(&self, until: f64) -> f64 {
-        let own = self.solid.speed();
+        let own = self.geometry.speed();
         let speed = self.description.motion().top_speed() + own;
         let Some(turned) = &self.turned else { return speed };
-        let reach = self.solid.reach() + own * (until - self.since).max(0.0);
+        let reach = self.geometry.reach() + own * (until - self.since).max(0.0);
         if reach.is_finite() { speed + turned.turning.top_rate() * reach } else { speed }
     }
 }

@@ -1,8 +1,10 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
 use super::hull_query::near_hull;
-use super::{Asked, Contact, MotionState, Named, Outlook, Pair, Placed, Solid, Turn, World};
-use crate::geometry::{Body, Carried};
+use super::{
+    Asked, Contact, MotionState, Named, ObstacleGeometry, Outlook, Pair, Placed, Turn, World,
+};
+use crate::geometry::{Body, PlacedHull};
 use crate::interrupt;
 use crate::math::{Capsule, Vector};
 
@@ -170,7 +172,7 @@ pub trait Positions {
     fn append_to(&self, out: &mut Vec<f64>);
 }
 
-impl<S: Solid<D>, const D: usize> World<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// The nearest points between `body`, which is number `index` of the robot, and obstacle `j`.
     ///
     /// Where several pairs are nearest (the axis of a body through the centre of a circle, parallel
@@ -207,10 +209,10 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
             let MotionState { position, elapsed, .. } = obstacle.state_at(self.time);
             let offset = origin - position;
             match obstacle.turn_at(self.time) {
-                None => obstacle.solid.cast(&offset, &direction, range, elapsed),
+                None => obstacle.geometry.cast(&offset, &direction, range, elapsed),
                 Some(turn) => {
                     let [offset, along] = [offset, direction].map(|v| turn.rotation.tr_mul(&v));
-                    obstacle.solid.cast(&offset, &along, range, elapsed)
+                    obstacle.geometry.cast(&offset, &along, range, elapsed)
                 }
             }
         };
@@ -256,7 +258,13 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
         reach: f64,
         limit: f64,
         mut distance: impl FnMut(usize, f64),
-        mut meet: impl FnMut(Pair, &S::Probe, Option<&Carried<'_, D>>, &Placed<S, D>, Option<&Turn<D>>),
+        mut meet: impl FnMut(
+            Pair,
+            &S::Probe,
+            Option<&PlacedHull<'_, D>>,
+            &Placed<S, D>,
+            Option<&Turn<D>>,
+        ),
     ) {
         if self.obstacles.is_empty() {
             return;
@@ -282,7 +290,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                     continue;
                 }
                 let least = least_distance(obstacles.iter(), |obstacle| {
-                    obstacle.solid.distance_below(&probe, &obstacle.state, limit)
+                    obstacle.geometry.distance_below(&probe, &obstacle.state, limit)
                 });
                 distance(link, least);
                 if least < reach {
@@ -351,7 +359,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     }
 }
 
-impl<S: Solid<D>, const D: usize> World<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// All barriers, or those of clouds that a program of this `outlook` needs.
     #[inline(always)]
     fn for_each_barrier_of<'a>(
@@ -372,7 +380,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
                     let asked = Asked::Barriers(reach);
                     return obstacle.meet_hull(pair, hull, probe, state, turn, asked, &mut visit);
                 }
-                if let Some(outlook) = outlook.filter(|_| obstacle.solid.contacts() > 1) {
+                if let Some(outlook) = outlook.filter(|_| obstacle.geometry.contacts() > 1) {
                     return obstacle
                         .for_each_needed(pair, probe, state, turn, reach, outlook, &mut visit);
                 }
@@ -386,7 +394,7 @@ impl<S: Solid<D>, const D: usize> World<S, D> {
     }
 }
 
-impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     fn obstacle_count(&self) -> usize {
         self.len()
     }
@@ -476,7 +484,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         visit: impl FnMut(&Contact<D>),
     ) {
         let placed = &self.obstacles[obstacle];
-        if placed.solid.contacts() == 1 || body.hull.is_some() {
+        if placed.geometry.contacts() == 1 || body.hull.is_some() {
             return self.for_each_contact_after(index, body, obstacle, after, reach, visit, |_| {});
         }
         let pair = Pair { body: index, link: body.link, obstacle };
@@ -497,7 +505,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         take: impl Fn(&Contact<D>) -> T,
     ) -> T {
         let placed = &self.obstacles[obstacle];
-        if placed.solid.contacts() == 1 || body.hull.is_some() {
+        if placed.geometry.contacts() == 1 || body.hull.is_some() {
             return self.for_each_contact_after(index, body, obstacle, after, reach, visit, take);
         }
         let Body { link, shape, .. } = body;
@@ -549,8 +557,8 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
         let pair = Pair { body: index, link: body.link, obstacle };
         let (probe, state) = (S::probe(&body.shape), placed.state_after(self.time, after));
         // Most are like this: apart, so that nothing is computed that the caller does not ask for.
-        if body.hull.is_none() && placed.turned.is_none() && placed.solid.contacts() == 1 {
-            let contact = placed.solid.contact(pair, &probe, &state);
+        if body.hull.is_none() && placed.turned.is_none() && placed.geometry.contacts() == 1 {
+            let contact = placed.geometry.contact(pair, &probe, &state);
             if contact.distance < reach {
                 visit(&contact);
             }
@@ -563,7 +571,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
             Some(hull) => placed.hull_contact(pair, hull, &probe, &state, turn),
         };
         if nearest.distance < reach {
-            if placed.solid.contacts() == 1 {
+            if placed.geometry.contacts() == 1 {
                 visit(&nearest);
             } else if let Some(hull) = &body.hull {
                 let asked = Asked::Contacts(reach);
@@ -576,7 +584,7 @@ impl<S: Solid<D>, const D: usize> CollisionQuery<D> for World<S, D> {
     }
 }
 
-impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> Positions for World<S, D> {
     fn count(&self) -> usize {
         self.len()
     }
@@ -588,7 +596,7 @@ impl<S: Solid<D>, const D: usize> Positions for World<S, D> {
 
 /// The distance between the surfaces of a body and the nearest of these obstacles \[m\]; ∞ if there are none.
 #[inline(always)] // discs, by far the most frequent, stay within the loop over the bodies
-fn least_distance<'a, S: Solid<D> + 'a, const D: usize>(
+fn least_distance<'a, S: ObstacleGeometry<D> + 'a, const D: usize>(
     obstacles: impl Iterator<Item = &'a Placed<S, D>>,
     distance: impl Fn(&Placed<S, D>) -> f64,
 ) -> f64 {

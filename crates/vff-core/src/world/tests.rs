@@ -86,7 +86,7 @@ fn all_pairs_are_visited_in_order() {
     world.update(1.0);
     let joints = [[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]].map(Vector::<2>::from);
     let capsules = joints.windows(2).map(|pair| Capsule::new(pair[0], pair[1], 0.1));
-    // Carried by links that have other numbers than they.
+    // PlacedHull by links that have other numbers than they.
     let links = capsules.zip([4, 2]).map(|(shape, link)| Body::new(link, shape));
     let (mut found, mut distances) = (Vec::new(), Vec::new());
     world.for_each_contact(

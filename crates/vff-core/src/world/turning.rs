@@ -225,7 +225,9 @@ impl Turning<3> {
 mod tests {
     use super::*;
     use crate::geometry::Body;
-    use crate::world::{CollisionQuery, Description, Motion, Solid, World, plane, space};
+    use crate::world::{
+        CollisionQuery, Description, Motion, ObstacleGeometry, World, plane, space,
+    };
     use proptest::prelude::*;
 
     fn three(range: f64) -> impl Strategy<Value = Vector<3>> {
@@ -351,7 +353,10 @@ mod tests {
         }
     }
 
-    fn rows<S: Solid<D>, const D: usize>(world: &mut World<S, D>, link: Capsule<D>) -> Vec<f64> {
+    fn rows<S: ObstacleGeometry<D>, const D: usize>(
+        world: &mut World<S, D>,
+        link: Capsule<D>,
+    ) -> Vec<f64> {
         let mut found = vec![];
         let body = Body::new(0, link);
         world.for_each_barrier([body], f64::INFINITY, |row| found.push(row.distance));
@@ -361,7 +366,7 @@ mod tests {
 
     /// At time `t` all is as with an obstacle that has been described so; the velocity of its surface is that of the point of
     /// it; what is predicted is what comes.
-    fn check<S: Solid<D>, const D: usize>(
+    fn check<S: ObstacleGeometry<D>, const D: usize>(
         obstacle: &S::Obstacle,
         halted: impl Fn(f64) -> S::Obstacle,
         link: Capsule<D>,
@@ -433,7 +438,7 @@ mod tests {
         ) {
             let motion = Motion::Sinusoid { amplitude: amplitude.into(), angular_frequency: 1.3, phase: 0.2 };
             let obstacle = space::Obstacle { angular_velocity: omega.into(), motion, ..obstacle };
-            check::<space::Volume, 3>(&obstacle, |t| halted_in_space(&obstacle, t), link, t)?;
+            check::<space::SpatialGeometry, 3>(&obstacle, |t| halted_in_space(&obstacle, t), link, t)?;
         }
 
         #[test]
@@ -444,7 +449,7 @@ mod tests {
             prop_assume!(rate != 0.0);
             let motion = Motion::Linear { velocity };
             let obstacle = plane::Obstacle { angular_velocity: rate, motion, ..obstacle };
-            check::<plane::Outline, 2>(&obstacle, |t| halted_in_the_plane(&obstacle, t), link, t)?;
+            check::<plane::PlanarGeometry, 2>(&obstacle, |t| halted_in_the_plane(&obstacle, t), link, t)?;
         }
     }
 

@@ -1,25 +1,32 @@
 //! How far bodies are from what is nearest, where it is nearer than a limit: boxes around obstacles tell that most are not.
 
 use super::broad_phase::{box_of, widened};
-use super::{Pair, Solid, World};
+use super::{ObstacleGeometry, Pair, World};
 use crate::geometry::Body;
 use crate::math::{Capsule, Vector};
 
 /// Boxes around the obstacles of a world, where they were when it was asked for them.
 #[derive(Debug, Clone)]
-pub struct Boxes<const D: usize>(Vec<[Vector<D>; 2]>);
+pub struct ObstacleBoxes<const D: usize>(Vec<[Vector<D>; 2]>);
 
-impl<S: Solid<D>, const D: usize> World<S, D> {
+impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
     /// Boxes around all obstacles where the last [`update`](Self::update) put them. Allocates.
-    pub fn boxes(&self) -> Boxes<D> {
-        Boxes(self.obstacles.iter().map(|obstacle| box_of(obstacle, [self.time; 2])).collect())
+    pub fn boxes(&self) -> ObstacleBoxes<D> {
+        ObstacleBoxes(
+            self.obstacles.iter().map(|obstacle| box_of(obstacle, [self.time; 2])).collect(),
+        )
     }
 
     /// The distance of `body` from what is nearest and not hidden \[m\], if it is less than `limit`; otherwise ∞. NaN for a body that is nowhere.
     ///
     /// # Arguments
     /// * `boxes`: those of this world since its last update.
-    pub fn distance_within(&mut self, boxes: &Boxes<D>, body: &Body<'_, D>, limit: f64) -> f64 {
+    pub fn distance_within(
+        &mut self,
+        boxes: &ObstacleBoxes<D>,
+        body: &Body<'_, D>,
+        limit: f64,
+    ) -> f64 {
         let probe = S::probe(&body.shape);
         let [low, high] = box_around(&body.shape);
         let mut least = f64::INFINITY;

@@ -1,7 +1,7 @@
 //! How the distance of two bodies of the arm itself changes.
 
 use super::{DistanceRate, FADE};
-use crate::geometry::{Body, Encounter, MAX_FEATURES};
+use crate::geometry::{Body, ContactFeature, MAX_FEATURES};
 use crate::interrupt;
 use crate::math::{Capsule, Nearest, RELIEF, Vector, nearest, nearest_of_lines, smoothstep};
 use crate::robot::Robot;
@@ -98,7 +98,7 @@ impl<const D: usize> OwnPair<D> {
     /// Takes what is nearest of two bodies in place of the capsules around them, where one is a hull.
     #[inline(never)]
     fn enter<R: Robot<D>>(&mut self, robot: &R, pair: [usize; 2]) {
-        robot.for_each_encounter(pair, None, &mut |Encounter { shapes, nearest }| {
+        robot.for_each_encounter(pair, None, &mut |ContactFeature { shapes, nearest }| {
             interrupt::checkpoint(1024);
             *self =
                 Self { shapes: *shapes, nearest: *nearest, hulls: Some(pair), links: self.links };
@@ -225,7 +225,7 @@ impl<const D: usize> OwnPair<D> {
     ) {
         if let Some(pair) = self.hulls {
             interrupt::checkpoint(1024);
-            let visit = &mut |Encounter { shapes, nearest }: &Encounter<D>| {
+            let visit = &mut |ContactFeature { shapes, nearest }: &ContactFeature<D>| {
                 visit(&Self { shapes: *shapes, nearest: *nearest, ..*self });
             };
             return robot.for_each_encounter(pair, Some(reach), visit);
@@ -270,13 +270,13 @@ mod tests {
     use super::super::tests::{Differences, differences};
     use super::*;
     use crate::geometry::Shape;
-    use crate::geometry::{Carried, perpendicular};
+    use crate::geometry::{PlacedHull, perpendicular};
     use crate::robot::description::{ArmDescription, Joint, LinkShape, PlacedShape};
     use crate::robot::models;
     use crate::robot::spatial::cases::link;
     use crate::robot::{Model, PlanarArm, SpatialArm, SpatialState, planar::Link};
     use crate::world::Motion;
-    use crate::world::space::{Obstacle, Shape as Solid, World};
+    use crate::world::space::{Obstacle, Shape as ObstacleShape, World};
     use proptest::prelude::*;
     use std::cell::RefCell;
     use std::collections::HashMap;
@@ -433,18 +433,20 @@ mod tests {
     /// Where the second body of a pair is an obstacle and the first stays a link, the world says the same.
     fn as_obstacle(state: &SpatialState, [i, j]: [usize; 2]) -> f64 {
         let form = |k: usize| match state.still_bodies().get(k.wrapping_sub(state.body_count())) {
-            Some(still) => (still.shape, still.carried()),
+            Some(still) => (still.shape, still.placed_hull()),
             None => {
                 let body = state.body(k);
                 (body.shape, body.hull)
             }
         };
         let ((shape, hull), (other, other_hull)) = (form(i), form(j));
-        let shape_of = |shape: &Capsule<3>, hull: Option<Carried<'_, 3>>| match hull {
-            Some(hull) => Solid::Convex { vertices: hull.corners().map(Into::into).collect() },
+        let shape_of = |shape: &Capsule<3>, hull: Option<PlacedHull<'_, 3>>| match hull {
+            Some(hull) => {
+                ObstacleShape::Convex { vertices: hull.corners().map(Into::into).collect() }
+            }
             None => {
                 let [a, b] = [shape.start, shape.end()].map(Into::into);
-                Solid::Capsule { a, b, radius: shape.radius }
+                ObstacleShape::Capsule { a, b, radius: shape.radius }
             }
         };
         let obstacle = Obstacle {

@@ -209,7 +209,7 @@ struct Faces<'a> {
     points: &'a [Vector<3>],
     normals: Vec<Vector<3>>,
     /// The faces that meet in each point.
-    meeting: Vec<BTreeSet<usize>>,
+    contact: Vec<BTreeSet<usize>>,
     /// The pairs of faces that have a side of a triangle in common.
     neighbours: BTreeSet<[usize; 2]>,
 }
@@ -262,29 +262,29 @@ impl<'a> Faces<'a> {
 
         let face_of =
             |i: usize| face_of[i].expect("every triangle has been a seed or been reached");
-        let mut meeting = vec![BTreeSet::new(); points.len()];
+        let mut contact = vec![BTreeSet::new(); points.len()];
         let mut neighbours = BTreeSet::new();
         for i in 0..triangles.len() {
             for side in sides(i) {
                 let [one, other] = [face_of(i), face_of(across(side)?)];
-                meeting[side[0]].insert(one);
+                contact[side[0]].insert(one);
                 if one != other {
                     neighbours.insert([one.min(other), one.max(other)]);
                 }
             }
         }
-        Ok(Self { points, normals, meeting, neighbours })
+        Ok(Self { points, normals, contact, neighbours })
     }
 
     /// With the points as they were given, which have this size \[m\].
     fn hull(&self, given: &[Vector<3>], size: f64) -> Result<Hull, HullError> {
-        let is_corner = |p: &usize| self.meeting[*p].len() > 2;
+        let is_corner = |p: &usize| self.contact[*p].len() > 2;
         let numbers: Vec<usize> = (0..given.len()).filter(is_corner).collect();
         if numbers.len() > MAX_CORNERS {
             return Err(HullError::TooManyCorners(numbers.len()));
         }
         let corner_of =
-            |face: usize| numbers.iter().filter(move |p| self.meeting[**p].contains(&face));
+            |face: usize| numbers.iter().filter(move |p| self.contact[**p].contains(&face));
         let mut corners: Vec<Corner<3>> =
             numbers.iter().map(|&p| Corner { point: given[p], along: vec![] }).collect();
         let mut faces: Vec<Face<3>> = (self.normals.iter().enumerate())
@@ -297,7 +297,7 @@ impl<'a> Faces<'a> {
         let mut edges = vec![];
         for &[one, other] in &self.neighbours {
             let both: Vec<usize> = (0..numbers.len())
-                .filter(|&c| [one, other].iter().all(|f| self.meeting[numbers[c]].contains(f)))
+                .filter(|&c| [one, other].iter().all(|f| self.contact[numbers[c]].contains(f)))
                 .collect();
             let [a, b] = both[..] else { return Err(HullError::Undecided) };
             let line = Capsule::new(corners[a].point, corners[b].point, 0.0);

@@ -110,7 +110,7 @@ fn assess_for<S: Judged<D, M>, const D: usize, const M: usize>(
     let arm = Arc::new(S::arm(&scene.arm).map_err(|error| error.inside("arm"))?);
     let mut chain = S::chain(&arm);
     chain.move_to(&scenario.q0);
-    let search = Search::<S::Chain, S::Solid, D, M> {
+    let search = Search::<S::Chain, S::Geometry, D, M> {
         pieces: search::pieces(scenario.duration, scenario.q0.len())?,
         start: scenario.q0.clone(),
         length: arm.characteristic_length(),

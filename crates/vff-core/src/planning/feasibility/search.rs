@@ -9,7 +9,7 @@ use crate::inverse_kinematics::Residual;
 use crate::math::{Pose, Vector, memory};
 use crate::scenario::{Problem, ScenarioError};
 use crate::trajectory::Trajectory;
-use crate::world::{CollisionQuery, Solid, World};
+use crate::world::{CollisionQuery, ObstacleGeometry, World};
 use nalgebra::SMatrix;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -40,7 +40,7 @@ const DISTANCES: [Distances; 2] = [
 ];
 
 /// What the search sees of a scenario.
-pub struct Search<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> {
+pub struct Search<C: Chain<D, M>, S: ObstacleGeometry<D>, const D: usize, const M: usize> {
     /// The arm.
     pub chain: C,
     /// Joint angles at the start \[rad\].
@@ -83,7 +83,7 @@ struct Node {
     parent: usize,
 }
 
-impl<C: Chain<D, M>, S: Solid<D>, const D: usize, const M: usize> Search<C, S, D, M> {
+impl<C: Chain<D, M>, S: ObstacleGeometry<D>, const D: usize, const M: usize> Search<C, S, D, M> {
     const DISTANCES: &Distances = &DISTANCES[D - 2];
 
     /// What is found, first with the tip held, then without.

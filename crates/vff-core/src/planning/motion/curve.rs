@@ -3,7 +3,7 @@
 use super::free_space::FreeSpace;
 use super::levers::Jointed;
 use crate::interrupt;
-use crate::world::Solid;
+use crate::world::ObstacleGeometry;
 
 /// How far control points are apart at first, and how often that is halved \[rad, m\].
 const SPACING: f64 = 0.3;
@@ -51,7 +51,7 @@ impl Curve {
     }
 
     /// Along `path`, as round as it can be in free space; none if it is not free however narrow its corners are.
-    pub fn round<R: Jointed<D>, S: Solid<D>, const D: usize>(
+    pub fn round<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         space: &mut FreeSpace<R, S, D>,
         path: &[Vec<f64>],
     ) -> Option<Self> {
@@ -66,7 +66,7 @@ impl Curve {
         None
     }
 
-    fn is_free<R: Jointed<D>, S: Solid<D>, const D: usize>(
+    fn is_free<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         &self,
         space: &mut FreeSpace<R, S, D>,
     ) -> bool {

@@ -10,7 +10,7 @@ use super::why::Obstruction;
 use crate::control::distance::OwnPair;
 use crate::geometry::Body;
 use crate::interrupt;
-use crate::world::{Boxes, Solid, World};
+use crate::world::{ObstacleBoxes, ObstacleGeometry, World};
 use std::collections::VecDeque;
 
 /// A part of a motion in which nothing goes farther than this is free for a link if its middle is: a share of its margin, from
@@ -38,10 +38,10 @@ fn finest(margin: f64) -> f64 {
 
 /// What stands in the way of an arm, and the arm.
 #[derive(Debug, Clone)]
-pub struct FreeSpace<R, S: Solid<D>, const D: usize> {
+pub struct FreeSpace<R, S: ObstacleGeometry<D>, const D: usize> {
     robot: R,
     /// What stands still; then what moves, at the instants at which it is looked for; each with boxes around its obstacles.
-    worlds: Vec<(World<S, D>, Boxes<D>)>,
+    worlds: Vec<(World<S, D>, ObstacleBoxes<D>)>,
     /// The numbers of the obstacles that stand still, and of those that move, before they were parted.
     numbers: [Vec<usize>; 2],
     /// How far the latter go between two of these instants, at most half of it \[m\].
@@ -70,7 +70,7 @@ pub struct Window {
     pub duration: f64,
 }
 
-impl<R: Jointed<D>, S: Solid<D>, const D: usize> FreeSpace<R, S, D> {
+impl<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize> FreeSpace<R, S, D> {
     /// Of `robot` in `world`; what moves blocks every place that it passes within `window`, or none without one.
     #[expect(
         clippy::cast_possible_truncation,

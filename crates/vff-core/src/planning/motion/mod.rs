@@ -174,7 +174,7 @@ pub(super) enum Goal<P> {
 #[derive(Debug, Clone)]
 pub(super) struct Task<S: System<D, M>, const D: usize, const M: usize> {
     pub arm: Arc<S::Arm>,
-    pub world: World<S::Solid, D>,
+    pub world: World<S::Geometry, D>,
     /// Whether bodies of the arm must not touch each other.
     pub keeps_apart: bool,
     pub goal: Goal<S::Pose>,

@@ -34,7 +34,7 @@ const CHECKS: u32 = 4;
 /// A search under way.
 pub(super) struct Planner<'a, S: System<D, M>, const D: usize, const M: usize> {
     pub arm: Arc<S::Arm>,
-    pub space: FreeSpace<S::State, S::Solid, D>,
+    pub space: FreeSpace<S::State, S::Geometry, D>,
     pub settings: &'a PlanSettings,
     pub start: Vec<f64>,
     pub noise: Noise,

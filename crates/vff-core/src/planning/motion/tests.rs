@@ -5,7 +5,7 @@ use super::*;
 use crate::scenario::FromDocument;
 use crate::simulation::{Plane, Space};
 use crate::world::World;
-use crate::world::space::Volume;
+use crate::world::space::SpatialGeometry;
 
 const PLANAR: &str = r#"
     duration = 4.0
@@ -62,7 +62,7 @@ fn least<S: FromDocument<D>, const D: usize>(
 ) -> f64 {
     let mut state = arm.state();
     state.update_positions(q);
-    let mut world = World::<S::Solid, D>::new(scene.obstacles.clone());
+    let mut world = World::<S::Geometry, D>::new(scene.obstacles.clone());
     world.update(t);
     let mut least = f64::INFINITY;
     world.for_each_pair(state.bodies(), |contact| least = least.min(contact.distance));
@@ -409,7 +409,8 @@ fn certified(shapes: &str, motions: u32) {
     let window = Window { start: 0.0, duration: 0.0 };
     let margin = 0.01;
     let world = World::new(scene.obstacles.clone());
-    let mut space = FreeSpace::<_, Volume, 3>::new(arm.state(), &world, Some(window), true, margin);
+    let mut space =
+        FreeSpace::<_, SpatialGeometry, 3>::new(arm.state(), &world, Some(window), true, margin);
     let mut noise = Noise::new(3, 1);
     let mut draw = || -> Vec<f64> {
         let within = |[lower, upper]: &[f64; 2]| lower + (upper - lower) * noise.share();

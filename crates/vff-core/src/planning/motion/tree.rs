@@ -5,7 +5,7 @@ use super::free_space::FreeSpace;
 use super::levers::Jointed;
 use crate::interrupt;
 use crate::math::Noise;
-use crate::world::Solid;
+use crate::world::ObstacleGeometry;
 
 /// The longest edge \[rad, m\].
 const STEP: f64 = 0.8;
@@ -60,7 +60,7 @@ impl Tree {
     }
 
     /// Grows from `node` towards `q` by one edge.
-    fn grow<R: Jointed<D>, S: Solid<D>, const D: usize>(
+    fn grow<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         &mut self,
         space: &mut FreeSpace<R, S, D>,
         node: usize,
@@ -90,7 +90,7 @@ impl Tree {
     }
 
     /// Grows towards `q` as far as it goes; the node that is nearest then, and whether that is `q`.
-    fn connect<R: Jointed<D>, S: Solid<D>, const D: usize>(
+    fn connect<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
         &mut self,
         space: &mut FreeSpace<R, S, D>,
         q: &[f64],
@@ -132,7 +132,7 @@ pub struct Found {
 
 /// Searches a path from `start` to one of `goals`, all of which are free, with up to `samples` random configurations
 /// within `ranges`; given up where a tree has not grown after `patience` of them.
-pub fn search<R: Jointed<D>, S: Solid<D>, const D: usize>(
+pub fn search<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
     space: &mut FreeSpace<R, S, D>,
     start: &[f64],
     goals: &[Vec<f64>],
@@ -190,7 +190,7 @@ pub fn search<R: Jointed<D>, S: Solid<D>, const D: usize>(
 }
 
 /// Shortens `path` by `tries` random straight ways from one point of it to another.
-pub fn shorten<R: Jointed<D>, S: Solid<D>, const D: usize>(
+pub fn shorten<R: Jointed<D>, S: ObstacleGeometry<D>, const D: usize>(
     space: &mut FreeSpace<R, S, D>,
     path: &mut Vec<Vec<f64>>,
     tries: usize,

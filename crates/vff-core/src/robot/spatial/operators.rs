@@ -7,7 +7,7 @@ use super::joint::Joint;
 use super::state::SpatialState;
 use super::task::TaskForces;
 use super::{dense, task};
-use crate::geometry::{Body, Encounter, StillBody, encounter};
+use crate::geometry::{Body, ContactFeature, StillBody, contact_features};
 use crate::math::{Pointing, SpatialPose, Vector};
 use crate::robot::{Limits, Manipulator, Matrices, Model, Robot, SpatialArm, pace};
 use nalgebra::{SMatrix, SVector};
@@ -439,16 +439,16 @@ impl Robot<3> for SpatialState {
         &self,
         pair: [usize; 2],
         features: Option<f64>,
-        visit: &mut dyn FnMut(&Encounter<3>),
+        visit: &mut dyn FnMut(&ContactFeature<3>),
     ) {
         let forms = pair.map(|i| match self.arm.still.get(i.wrapping_sub(self.body_count())) {
             None => {
                 let body = SpatialState::body(self, i);
                 (body.shape, body.hull)
             }
-            Some(still) => (still.shape, still.carried()),
+            Some(still) => (still.shape, still.placed_hull()),
         });
-        encounter(forms.each_ref(), features, visit);
+        contact_features(forms.each_ref(), features, visit);
     }
 
     fn point_velocity(&self, i: usize, point: &Vector<3>) -> Vector<3> {

@@ -5,7 +5,7 @@ use super::algebra::{ArticulatedInertia, Inertia, Spatial};
 use super::arm::{Fixed, FixedBody, Frame};
 use super::joint::{Joint, Tool};
 use super::task::{TaskForces, force, rows};
-use crate::geometry::{Body, Carried};
+use crate::geometry::{Body, PlacedHull};
 use crate::math::{Capsule, UnitQuaternion, Vector, sin_cos, unit_vectors};
 use crate::robot::Robot;
 use nalgebra::{Matrix3, SMatrix, SVector};
@@ -78,7 +78,7 @@ impl SpatialState {
         let Capsule { start, direction, length, radius } = *capsule;
         let origin = self.arm.base() + position;
         let (start, direction) = (origin + rotation * start, rotation * direction);
-        let carried = |hull| Carried { hull, rotation, position: origin };
+        let carried = |hull| PlacedHull { hull, rotation, position: origin };
         Body {
             link: *link,
             shape: Capsule { start, direction, length, radius },

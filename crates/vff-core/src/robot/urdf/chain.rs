@@ -42,7 +42,7 @@ pub struct Options {
 ///
 /// # Example
 /// ```
-/// use vff_core::robot::urdf::{self, Carried, Form, Options, UrdfError, Xml};
+/// use vff_core::robot::urdf::{self, LinkGeometry, Form, Options, UrdfError, Xml};
 ///
 /// let text = r#"<robot name="pendulum">
 ///     <link name="base"/>
@@ -57,7 +57,7 @@ pub struct Options {
 /// </robot>"#;
 /// let reading = urdf::read(text, &Options::default()).unwrap();
 /// assert_eq!(reading.arm.joints[0].name, "hinge");
-/// let Carried { on, geometry } = &reading.geometry[0];
+/// let LinkGeometry { on, geometry } = &reading.geometry[0];
 /// assert!(on == "rod" && matches!(geometry.form, Form::Sphere { .. }));
 /// let error = urdf::read("<robot", &Options::default()).unwrap_err();
 /// assert!(matches!(error, UrdfError::Malformed { format: Xml::Urdf, .. }));
@@ -67,7 +67,7 @@ pub struct Reading {
     /// The arm; its `collision` is empty, for that is made of `geometry`.
     pub arm: ArmDescription,
     /// What collides, with the link of the arm that carries it.
-    pub geometry: Vec<Carried>,
+    pub geometry: Vec<LinkGeometry>,
     /// Joints that were locked, and where.
     pub locked: BTreeMap<String, f64>,
     /// For each link of the arm those of the file that became part of it.
@@ -78,7 +78,7 @@ pub struct Reading {
 
 /// A form of the file on a link of the arm.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Carried {
+pub struct LinkGeometry {
     /// The link of the arm.
     pub on: String,
     /// The form, in the frame of that link.
@@ -351,7 +351,7 @@ enum Place {
 /// What moves as one, what collides on it, and where the tip is in the last of them.
 struct Merged {
     carriers: Vec<Carrier>,
-    geometry: Vec<Carried>,
+    geometry: Vec<LinkGeometry>,
     tool: Isometry3<f64>,
 }
 
@@ -418,7 +418,7 @@ impl Merger<'_> {
         geometry.sort_by_key(|(on, _)| *on);
         let carried = geometry
             .into_iter()
-            .map(|(on, geometry)| Carried { on: carriers[on].name.clone(), geometry })
+            .map(|(on, geometry)| LinkGeometry { on: carriers[on].name.clone(), geometry })
             .collect();
         Ok(Merged { carriers, geometry: carried, tool })
     }
@@ -426,7 +426,11 @@ impl Merger<'_> {
 
 /// The pairs of links of the arm that an SRDF switches off: those of whose parts it names every pair.
 /// A part without form needs no naming.
-fn ignored(carriers: &[Carrier], geometry: &[Carried], pairs: &[[String; 2]]) -> Vec<[String; 2]> {
+fn ignored(
+    carriers: &[Carrier],
+    geometry: &[LinkGeometry],
+    pairs: &[[String; 2]],
+) -> Vec<[String; 2]> {
     let off: BTreeSet<_> = pairs.iter().flat_map(|[a, b]| [(a, b), (b, a)]).collect();
     let parts: Vec<BTreeSet<_>> = carriers
         .iter()

@@ -13,7 +13,7 @@ mod role;
 mod srdf;
 mod tree;
 
-pub use chain::{Carried, Options, Reading};
+pub use chain::{LinkGeometry, Options, Reading};
 pub use error::{UrdfError, Xml};
 pub use parse::parse;
 pub use srdf::disabled_pairs;

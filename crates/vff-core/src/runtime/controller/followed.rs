@@ -149,7 +149,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> Followed<S, D, M> {
         &mut self,
         [t, since]: [f64; 2],
         controller: &Controller<S::State, D, M>,
-        world: &World<S::Solid, D>,
+        world: &World<S::Geometry, D>,
     ) {
         let error = controller.error().fixed_rows::<D>(0).norm();
         if let Some(governor) = &mut self.governor {

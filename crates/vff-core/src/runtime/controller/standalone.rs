@@ -19,7 +19,7 @@ use crate::scenario::{self, FromDocument, ScenarioError};
 use crate::simulation::{Replanned, System};
 use crate::trajectory::Sample;
 use crate::world::space::{self, Points};
-use crate::world::{CollisionQuery, Contact, Description, Solid, World};
+use crate::world::{CollisionQuery, Contact, Description, ObstacleGeometry, World};
 use nalgebra::DMatrix;
 use std::any::Any;
 use std::mem::swap;
@@ -32,7 +32,7 @@ pub(super) struct Standalone<S: System<D, M>, const D: usize, const M: usize> {
     arm: Arc<S::Arm>,
     controller: Controller<S::State, D, M>,
     settings: Settings,
-    world: World<S::Solid, D>,
+    world: World<S::Geometry, D>,
     /// When the motions of the obstacles begin \[s\].
     epoch: f64,
     /// When each obstacle was placed last, from there \[s\]; None if it never was.
@@ -231,7 +231,7 @@ where
     fn add(&mut self, document: &Table) -> Result<Vec<String>, ScenarioError> {
         let obstacle = scenario::read_seen_obstacle::<S, D>(document)?;
         let odd = scenario::misread_obstacle::<S, D>(&obstacle, self.reach);
-        let more = S::Solid::new(&obstacle).barriers();
+        let more = S::Geometry::new(&obstacle).barriers();
         self.fits(self.world.barrier_count().saturating_add(more))?;
         self.world.add(obstacle);
         self.reserve();

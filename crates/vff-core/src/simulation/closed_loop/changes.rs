@@ -124,7 +124,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// Changes the world, of which predictor mode has two.
-    pub fn change_world(&mut self, change: impl Fn(&mut World<S::Solid, D>)) {
+    pub fn change_world(&mut self, change: impl Fn(&mut World<S::Geometry, D>)) {
         let t = self.time();
         for stack in iter::once(&mut self.stack).chain(&mut self.foresight) {
             stack.world.update(t);
@@ -140,7 +140,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     /// Adds an obstacle, the last one from now on, and how it resists, if it does. Allocates.
     pub fn add_obstacle(
         &mut self,
-        obstacle: &<S::Solid as Solid<D>>::Obstacle,
+        obstacle: &<S::Geometry as ObstacleGeometry<D>>::Obstacle,
         settings: Option<ContactSettings>,
     ) {
         if let Some(contacts) = self.plant.contacts_mut() {

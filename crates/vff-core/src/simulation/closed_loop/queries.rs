@@ -86,7 +86,7 @@ impl<S: System<D, M>, const D: usize, const M: usize> ClosedLoop<S, D, M> {
     }
 
     /// The obstacles.
-    pub fn world(&self) -> &World<S::Solid, D> {
+    pub fn world(&self) -> &World<S::Geometry, D> {
         &self.stack.world
     }
 

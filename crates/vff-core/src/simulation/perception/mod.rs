@@ -13,7 +13,7 @@ pub use scans::{MAX_READINGS, MAX_STEPS};
 pub use settings::{Camera, Kind, PerceptionSettings};
 pub use space::SpatialPerception;
 
-use crate::world::{self, CollisionQuery, Positions, Solid};
+use crate::world::{self, CollisionQuery, ObstacleGeometry, Positions};
 
 /// What a controller sees of the world by sensors: the obstacles that it believes in. Its [`Positions`] are the readings,
 /// NaN where nothing was met.
@@ -24,19 +24,21 @@ use crate::world::{self, CollisionQuery, Positions, Solid};
 /// use vff_core::math::Vector;
 /// use vff_core::robot::{Model, PlanarArm, Robot, planar::Link};
 /// use vff_core::simulation::{Perceive, Perception, PerceptionSettings, SpatialPerception};
-/// use vff_core::world::plane::{Outline, World};
-/// use vff_core::world::{Positions, space::Volume};
+/// use vff_core::world::plane::{PlanarGeometry, World};
+/// use vff_core::world::{Positions, space::SpatialGeometry};
 ///
 /// let settings: PerceptionSettings = toml::from_str(r#"kind = "range""#).unwrap();
 /// let mut robot = Arc::new(PlanarArm::new(vec![Link::rod(1.0, 1.0); 2], Vector::<2>::zeros())).state();
 /// robot.update(&[0.0; 2], &[0.0; 2]);
 /// let mut seen = Perception::new(&settings, 7, &robot, 0.001);
-/// Perceive::<_, Outline, 2>::start(&mut seen, &robot, &World::new(vec![]));
+/// Perceive::<_, PlanarGeometry, 2>::start(&mut seen, &robot, &World::new(vec![]));
 /// assert!(Positions::count(&seen) > 0); // a reading per ray
-/// fn sees<P: Perceive<R, S, D>, R, S: vff_core::world::Solid<D>, const D: usize>() {}
-/// sees::<SpatialPerception, vff_core::robot::SpatialState, Volume, 3>();
+/// fn sees<P: Perceive<R, S, D>, R, S: vff_core::world::ObstacleGeometry<D>, const D: usize>() {}
+/// sees::<SpatialPerception, vff_core::robot::SpatialState, SpatialGeometry, 3>();
 /// ```
-pub trait Perceive<R, S: Solid<D>, const D: usize>: CollisionQuery<D> + Positions {
+pub trait Perceive<R, S: ObstacleGeometry<D>, const D: usize>:
+    CollisionQuery<D> + Positions
+{
     /// Begins with robot and world as they are, and as they have been all the time before.
     fn start(&mut self, robot: &R, world: &world::World<S, D>);
     /// Senses one plant step later.

@@ -5,7 +5,7 @@ use super::{Perceive, PerceptionSettings};
 use crate::geometry::Body;
 use crate::math::{Vector, cross, perp};
 use crate::robot::Robot;
-use crate::world::plane::{Outline, World};
+use crate::world::plane::{PlanarGeometry, World};
 use crate::world::{CollisionQuery, Contact, Feature, Positions, Spin};
 
 /// A ray relative to the body that it is mounted on.
@@ -73,7 +73,7 @@ impl Perception {
     }
 }
 
-impl<R: Robot<2>> Perceive<R, Outline, 2> for Perception {
+impl<R: Robot<2>> Perceive<R, PlanarGeometry, 2> for Perception {
     fn start(&mut self, robot: &R, world: &World) {
         let Self { mounts, scans } = self;
         scans.start(|k, range| mounts[k].cast(robot, world, range));

@@ -7,7 +7,8 @@ use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
 use crate::robot::{Robot, SpatialState};
 use crate::world::space::{
-    Volume, World, cast_at_body, cast_at_hull, contact_with_point, distance_of_point, perpendicular,
+    SpatialGeometry, World, cast_at_body, cast_at_hull, contact_with_point, distance_of_point,
+    perpendicular,
 };
 use crate::world::{CollisionQuery, Contact, Pair, Positions};
 use nalgebra::{Matrix3, Rotation3, Unit};
@@ -142,7 +143,7 @@ impl Mount {
                 let body = robot.body(k);
                 (body.shape, body.hull)
             });
-            let still = robot.still_bodies().iter().map(|still| (still.shape, still.carried()));
+            let still = robot.still_bodies().iter().map(|still| (still.shape, still.placed_hull()));
             !carried.chain(still).any(|(shape, hull)| {
                 let met = cast_at_body(&shape, hull.as_ref(), &origin, &direction);
                 met.is_some_and(|s| 0.0 < s && s < *end)
@@ -152,7 +153,7 @@ impl Mount {
     }
 }
 
-impl Perceive<SpatialState, Volume, 3> for SpatialPerception {
+impl Perceive<SpatialState, SpatialGeometry, 3> for SpatialPerception {
     fn start(&mut self, robot: &SpatialState, world: &World) {
         let Self { mounts, scans, .. } = self;
         scans.start(|k, range| mounts[k].cast(robot, world, range));

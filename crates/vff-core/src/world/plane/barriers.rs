@@ -2,11 +2,11 @@
 
 use super::axis::{Meets, Nearest, Probe};
 use super::face::Face;
-use super::outline::{Core, Outline};
+use super::geometry::{Core, PlanarGeometry};
 use super::{Vec2, to_glam};
 use crate::world::{Contact, MotionState, RELIEF, TOUCHING};
 
-impl Outline {
+impl PlanarGeometry {
     /// The edges; none of a point.
     fn edges(&self) -> &[Face] {
         match &self.core {

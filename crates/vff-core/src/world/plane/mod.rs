@@ -20,27 +20,27 @@ mod axis;
 mod barriers;
 mod convex;
 mod face;
+mod geometry;
 mod hierarchy;
 mod obstacle;
 #[cfg(test)]
 pub(super) mod oracle;
-mod outline;
 mod point;
 mod rays;
 mod segment;
 mod shape;
 
 pub use axis::Probe;
+pub use geometry::PlanarGeometry;
 pub use hierarchy::Boxes;
 pub use obstacle::Obstacle;
-pub use outline::Outline;
 pub use shape::{Shape, counter_clockwise, is_convex};
 
 use crate::math::Vector;
 use parry2d_f64::math::Vector as Vec2;
 
 /// The obstacles of a plane.
-pub type World = super::World<Outline, 2>;
+pub type World = super::World<PlanarGeometry, 2>;
 
 #[inline]
 fn to_glam(v: Vector<2>) -> Vec2 {

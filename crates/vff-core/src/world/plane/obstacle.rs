@@ -8,7 +8,7 @@ use serde::Deserialize;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub struct Obstacle {
-    /// Outline in the obstacle's own frame.
+    /// PlanarGeometry in the obstacle's own frame.
     pub shape: Shape,
     /// Initial position \[m\]: where the origin of the own frame lies. Default (0, 0).
     #[serde(default)]

@@ -4,11 +4,11 @@
 
 use super::Vec2;
 use super::face::Face;
-use super::outline::{Core, Outline};
+use super::geometry::{Core, PlanarGeometry};
 use parry2d_f64::query::{Ray, RayCast};
 use parry2d_f64::shape::{Ball, Segment};
 
-impl Outline {
+impl PlanarGeometry {
     /// From `origin`, relative to the obstacle, along the unit vector `direction`.
     pub(super) fn meet_ray(&self, origin: Vec2, direction: Vec2, range: f64) -> Option<f64> {
         let ray = &Ray::new(origin, direction);

@@ -1,14 +1,14 @@
 //! The distances that must be kept so that features may change hands (T98).
 
 use super::contact::{axis_of, contact_of};
+use super::geometry::SpatialGeometry;
 use super::shape::{ConvexCore, dispatch};
-use super::volume::Volume;
 use crate::geometry::axis::{Nearest, Probe, beyond, perpendicular, seen_from, to_edge};
 use crate::geometry::{Convex, averted};
 use crate::math::Vector;
 use crate::world::{Contact, Feature, MotionState, RELIEF, TOUCHING};
 
-impl Volume {
+impl SpatialGeometry {
     /// Every distance of an end, a corner or an edge that may be the least when features change hands; of a point or of one
     /// of a cloud, or where the axis has got into the core, that of `contact` alone.
     #[inline]

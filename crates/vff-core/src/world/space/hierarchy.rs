@@ -65,7 +65,7 @@ fn to_glam(v: Vector<3>) -> Vec3 {
 mod tests {
     use super::super::oracle::*;
     use super::super::shape::cloud::tests::any_points;
-    use super::super::{Obstacle, Shape, Volume, World};
+    use super::super::{Obstacle, Shape, SpatialGeometry, World};
     use crate::geometry::Body;
     use crate::math::Capsule;
     use crate::world::broad_phase::REGROUP;
@@ -108,7 +108,7 @@ mod tests {
         ) {
             // Coincident obstacles are met in their order too.
             obstacles.extend(obstacles.get(..twice).unwrap_or_default().to_vec());
-            check::<Volume, 3>(&obstacles, |_| links.clone(), reach, times);
+            check::<SpatialGeometry, 3>(&obstacles, |_| links.clone(), reach, times);
         }
     }
 
@@ -141,7 +141,7 @@ mod tests {
         };
         for reach in [0.0, 0.6] {
             let times = (0..1500).map(|step| 0.002 * f64::from(step));
-            let renewals = check::<Volume, 3>(&obstacles, links, reach, times);
+            let renewals = check::<SpatialGeometry, 3>(&obstacles, links, reach, times);
             assert!(renewals > REGROUP && renewals < 1000, "{renewals}");
         }
     }

@@ -1,16 +1,16 @@
 //! A hull that a link carries, and an obstacle.
 
 use super::contact::contact_of;
+use super::geometry::SpatialGeometry;
 use super::shape::{ConvexCore, Core, Point, dispatch};
-use super::volume::Volume;
-use crate::geometry::{Body, Carried, KSmallest, MAX_FEATURES, Meeting, Probe};
+use crate::geometry::{Body, HullContact, KSmallest, MAX_FEATURES, PlacedHull, Probe};
 use crate::interrupt;
 use crate::math::{TOUCHING, Vector};
-use crate::world::{Asked, Contact, MotionState, Pair, Solid};
+use crate::world::{Asked, Contact, MotionState, ObstacleGeometry, Pair};
 
-/// The contact of a hull at this meeting, which is relative to the position of that state.
-fn placed(pair: Pair, meeting: &Meeting, radius: f64, state: &MotionState<3>) -> Contact<3> {
-    contact_of(pair, &meeting.nearest, &meeting.axis, [radius, 0.0], state)
+/// The contact in the world of a hull with what it was `found` to come nearest to, relative to the position of that state.
+fn placed(pair: Pair, found: &HullContact, radius: f64, state: &MotionState<3>) -> Contact<3> {
+    contact_of(pair, &found.nearest, &found.axis, [radius, 0.0], state)
 }
 
 /// The contact of a body with a point at rest \[m\].
@@ -19,8 +19,8 @@ pub fn contact_with_point(pair: Pair, body: &Body<'_, 3>, point: &Vector<3>) -> 
         let at_rest = MotionState::at_rest(Vector::zeros());
         return placed(pair, &hull.meet_point(point), 0.0, &at_rest);
     }
-    let solid = Volume { core: Core::Point(Point(Vector::zeros())), radius: 0.0 };
-    solid.contact(pair, &body.shape, &MotionState::at_rest(*point))
+    let geometry = SpatialGeometry { core: Core::Point(Point(Vector::zeros())), radius: 0.0 };
+    geometry.contact(pair, &body.shape, &MotionState::at_rest(*point))
 }
 
 /// Signed distance of a point from a body \[m\].
@@ -39,20 +39,20 @@ impl Asked {
     }
 }
 
-impl Volume {
+impl SpatialGeometry {
     /// Calls `visit` with what is `asked` of a hull, which the capsule `around` holds.
     pub(super) fn visit_hull(
         &self,
         pair: Pair,
-        hull: &Carried<'_, 3>,
+        hull: &PlacedHull<'_, 3>,
         around: &Probe,
         state: &MotionState<3>,
         asked: Asked,
         visit: &mut dyn FnMut(&Contact<3>),
     ) {
         interrupt::checkpoint(16 * hull.hull.edge_count());
-        let seen = Carried { position: hull.position - state.position, ..*hull };
-        let place = |meeting: &Meeting| placed(pair, meeting, self.radius, state);
+        let seen = PlacedHull { position: hull.position - state.position, ..*hull };
+        let place = |found: &HullContact| placed(pair, found, self.radius, state);
         let cloud = dispatch!(
             &self.core,
             shape => return visit_convex(shape, &seen, self.radius, asked, place, visit),
@@ -86,17 +86,17 @@ impl Volume {
     }
 }
 
-/// The same of a convex core and this radius \[m\], at the origin; `place` makes contacts of meetings.
+/// The same of a convex core and this radius \[m\], at the origin; `place` says where a contact is in the world.
 fn visit_convex(
     core: &impl ConvexCore,
-    hull: &Carried<'_, 3>,
+    hull: &PlacedHull<'_, 3>,
     radius: f64,
     asked: Asked,
-    place: impl Fn(&Meeting) -> Contact<3>,
+    place: impl Fn(&HullContact) -> Contact<3>,
     visit: &mut dyn FnMut(&Contact<3>),
 ) {
-    let meeting = core.meet(hull, asked);
-    let contact = place(&meeting);
+    let found = core.meet(hull, asked);
+    let contact = place(&found);
     let reach = asked.reach();
     if asked != Asked::Nearest && contact.distance >= reach {
         return;
@@ -106,9 +106,9 @@ fn visit_convex(
         return visit(&contact);
     }
     let mut rows = KSmallest::<_, MAX_FEATURES>::new(contact);
-    core.for_each_row(hull, &meeting.nearest, reach + radius, |meeting, of_cores| {
+    core.for_each_row(hull, &found.nearest, reach + radius, |found, of_cores| {
         let distance = of_cores - radius;
-        rows.add(distance, Contact { distance, ..place(meeting) });
+        rows.add(distance, Contact { distance, ..place(found) });
     });
     rows.for_each(visit);
 }
@@ -135,8 +135,8 @@ mod tests {
     }
 
     impl Link {
-        fn carried(&self) -> Carried<'_, 3> {
-            Carried { hull: &self.hull, rotation: &self.rotation, position: self.position }
+        fn placed_hull(&self) -> PlacedHull<'_, 3> {
+            PlacedHull { hull: &self.hull, rotation: &self.rotation, position: self.position }
         }
 
         fn body(&self) -> Body<'_, 3> {
@@ -144,7 +144,7 @@ mod tests {
             let start = self.position + self.rotation * around.start;
             let direction = self.rotation * around.direction;
             let shape = Probe { start, direction, ..around };
-            Body { link: 0, shape, hull: Some(self.carried()) }
+            Body { link: 0, shape, hull: Some(self.placed_hull()) }
         }
 
         fn moved(&self, by: Vector<3>) -> Self {
@@ -212,7 +212,7 @@ mod tests {
             if cores > 0.0 {
                 let on_core = found.witness - found.normal * radius;
                 prop_assert!(distance_to_core(&obstacle, &on_core) < 1e-12, "{found:?}");
-                let seen = link.carried().seen(&found.point);
+                let seen = link.placed_hull().seen(&found.point);
                 let highest = link.hull.faces.iter().map(|face| face.normal.dot(&seen) - face.offset);
                 prop_assert!(highest.fold(f64::NEG_INFINITY, f64::max) < 1e-12, "{found:?}");
                 prop_assert!((found.point - on_core - found.normal * cores).norm() < 1e-12);
@@ -252,7 +252,7 @@ mod tests {
                 prop_assume!(Hull::new(vertices).is_ok());
             }
             let obstacle = Obstacle { shape, ..obstacle };
-            let extent = Volume::new(&obstacle).reach();
+            let extent = SpatialGeometry::new(&obstacle).reach();
             let before = touch(&link, &obstacle);
             let target = f64::powf(10.0, gap) * own.min(other) * if inward { -0.1 } else { 1.0 };
             let link = link.moved(before.normal * (target - before.distance));
@@ -272,7 +272,7 @@ mod tests {
                 }
                 return Ok(());
             }
-            let seen = link.carried().seen(&found.point);
+            let seen = link.placed_hull().seen(&found.point);
             let heights = link.hull.faces.iter().map(|face| face.normal.dot(&seen) - face.offset);
             let highest = heights.fold(f64::NEG_INFINITY, f64::max);
             prop_assert!(highest < rounding + link.hull.slack, "{highest} of {size}: {found:?}");

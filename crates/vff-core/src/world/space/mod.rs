@@ -14,6 +14,7 @@
 
 mod barriers;
 mod contact;
+mod geometry;
 mod hierarchy;
 mod link_hull_query;
 mod needed_points;
@@ -26,17 +27,16 @@ mod rays;
 mod shape;
 #[cfg(test)]
 mod tests;
-mod volume;
 
 pub use crate::geometry::{
     HullError, MAX_CORNERS, MAX_POINTS, Probe, Shape, check_hull, faces_of_hull, perpendicular,
 };
+pub use geometry::SpatialGeometry;
 pub use hierarchy::Boxes;
 pub use link_hull_query::{contact_with_point, distance_of_point};
 pub use obstacle::Obstacle;
 pub use points::Points;
 pub use rays::{cast_at_body, cast_at_hull};
-pub use volume::Volume;
 
 /// The obstacles of a space.
-pub type World = super::World<Volume, 3>;
+pub type World = super::World<SpatialGeometry, 3>;

@@ -126,7 +126,7 @@ impl World {
         else {
             return false;
         };
-        let Core::Cloud(cloud) = &mut placed.solid.core else { return false };
+        let Core::Cloud(cloud) = &mut placed.geometry.core else { return false };
         swap(given, &mut points.given);
         swap(cloud, &mut points.cloud);
         placed.since = points.since.replace(placed.since).unwrap_or(time);

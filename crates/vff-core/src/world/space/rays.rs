@@ -1,14 +1,14 @@
 //! How far a ray goes until it meets a body of a robot.
 
 use super::shape::cast_at_capsule;
-use crate::geometry::Carried;
+use crate::geometry::PlacedHull;
 use crate::math::{Capsule, Vector};
 
 /// How far a ray goes from `origin` along the unit vector `direction` until it meets a body, a capsule or the hull that is in
 /// it \[m\]; 0 inside it.
 pub fn cast_at_body(
     shape: &Capsule<3>,
-    hull: Option<&Carried<'_, 3>>,
+    hull: Option<&PlacedHull<'_, 3>>,
     origin: &Vector<3>,
     direction: &Vector<3>,
 ) -> Option<f64> {
@@ -18,7 +18,7 @@ pub fn cast_at_body(
 
 /// The same for a hull alone.
 pub fn cast_at_hull(
-    hull: &Carried<'_, 3>,
+    hull: &PlacedHull<'_, 3>,
     origin: &Vector<3>,
     direction: &Vector<3>,
 ) -> Option<f64> {

@@ -8,7 +8,7 @@ use crate::planning::replanning::Replanner;
 use crate::robot::{Model, Robot};
 use crate::scenario::{self, CheckReach, Scenario, ScenarioError, Scene};
 use crate::simulation::{System, hide_unseen};
-use crate::world::{CollisionQuery, Solid, World};
+use crate::world::{CollisionQuery, ObstacleGeometry, World};
 use std::sync::Arc;
 
 impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
@@ -100,9 +100,9 @@ impl<S: System<D, M>, const D: usize, const M: usize> Standalone<S, D, M> {
 
     pub(super) fn set_obstacles(
         &mut self,
-        obstacles: Vec<<S::Solid as Solid<D>>::Obstacle>,
+        obstacles: Vec<<S::Geometry as ObstacleGeometry<D>>::Obstacle>,
     ) -> Result<(), ScenarioError> {
-        let world = World::<S::Solid, D>::new(obstacles);
+        let world = World::<S::Geometry, D>::new(obstacles);
         self.fits(world.barrier_count())?;
         self.world = world;
         self.placed.clear();

@@ -2,7 +2,7 @@
 //!
 //! Every ball is to a link what a sphere at that place would be, to the last bit; the link has a contact with each. Which
 //! of them are near is found from boxes around few points each that lie side by side. The boxes are those of the cloud at
-//! rest, where it is described: as with every solid it is the link that is moved and turned for the query, so that a cloud
+//! rest, where it is described: as with every geometry it is the link that is moved and turned for the query, so that a cloud
 //! that moves and turns costs no more than one that stands. Points may go on at velocities of their own within that frame
 //! (T180): their boxes grow by what these differ.
 

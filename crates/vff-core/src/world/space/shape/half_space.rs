@@ -2,7 +2,7 @@
 
 use super::ConvexCore;
 use crate::geometry::axis::{Nearest, Probe};
-use crate::geometry::{Carried, Convex, Meeting, Onward};
+use crate::geometry::{Convex, HullContact, Onward, PlacedHull};
 use crate::math::{UnitQuaternion, Vector};
 use crate::world::{Asked, Feature};
 
@@ -75,25 +75,25 @@ impl ConvexCore for HalfSpace {
     }
 
     /// At the lowest corner.
-    fn meet(&self, hull: &Carried<'_, 3>, _: Asked) -> Meeting {
+    fn meet(&self, hull: &PlacedHull<'_, 3>, _: Asked) -> HullContact {
         let heights = hull.corners().map(|corner| (self.0.dot(&corner), corner));
         let lowest = heights.reduce(|a, b| if b.0 < a.0 || b.0.is_nan() { b } else { a });
         let (distance, point) = lowest.unwrap_or((f64::NAN, Vector::zeros()));
-        Meeting { nearest: self.at(distance, point), axis: Vector::zeros() }
+        HullContact { nearest: self.at(distance, point), axis: Vector::zeros() }
     }
 
     /// Each corner.
     fn for_each_row(
         &self,
-        hull: &Carried<'_, 3>,
+        hull: &PlacedHull<'_, 3>,
         _: &Nearest,
         reach: f64,
-        mut visit: impl FnMut(&Meeting, f64),
+        mut visit: impl FnMut(&HullContact, f64),
     ) {
         hull.corners().for_each(|corner| {
             let nearest = self.end(corner);
             if nearest.distance < reach {
-                visit(&Meeting { nearest, axis: Vector::zeros() }, nearest.distance);
+                visit(&HullContact { nearest, axis: Vector::zeros() }, nearest.distance);
             }
         });
     }

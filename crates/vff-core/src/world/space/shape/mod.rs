@@ -13,7 +13,7 @@ pub(super) use capsule::cast_at_capsule;
 pub(super) use sphere::Point;
 
 use crate::geometry::axis::{Nearest, Probe};
-use crate::geometry::{Carried, Convex, Hull, Meeting, Shape};
+use crate::geometry::{Convex, Hull, HullContact, PlacedHull, Shape};
 use crate::math::{Feature, UnitQuaternion, Vector};
 use crate::world::Asked;
 use cloud::Cloud;
@@ -116,7 +116,7 @@ pub(super) trait ConvexCore: Convex {
     }
 
     /// Where it and a hull come nearest, for what is `asked`.
-    fn meet(&self, hull: &Carried<'_, 3>, asked: Asked) -> Meeting
+    fn meet(&self, hull: &PlacedHull<'_, 3>, asked: Asked) -> HullContact
     where
         Self: Sized,
     {
@@ -124,13 +124,13 @@ pub(super) trait ConvexCore: Convex {
         hull.meet(self)
     }
 
-    /// Calls `visit` with the pairs of features of it and a hull that may be next; see [`Carried::for_each_row`].
+    /// Calls `visit` with the pairs of features of it and a hull that may be next; see [`PlacedHull::for_each_row`].
     fn for_each_row(
         &self,
-        hull: &Carried<'_, 3>,
+        hull: &PlacedHull<'_, 3>,
         nearest: &Nearest,
         reach: f64,
-        visit: impl FnMut(&Meeting, f64),
+        visit: impl FnMut(&HullContact, f64),
     ) where
         Self: Sized,
     {

@@ -3,7 +3,7 @@
 use super::{ConvexCore, around};
 use crate::geometry::axis::{Nearest, Probe};
 use crate::geometry::point::{distance_to_point, to_point};
-use crate::geometry::{Carried, Convex, Meeting, Onward};
+use crate::geometry::{Convex, HullContact, Onward, PlacedHull};
 use crate::math::Vector;
 use crate::world::{Asked, TOUCHING};
 
@@ -54,10 +54,10 @@ impl ConvexCore for Point {
 
     /// For a barrier it is above a face everywhere outside, so that its acceleration does not jump where that goes round an edge
     /// or a corner (T77).
-    fn meet(&self, hull: &Carried<'_, 3>, asked: Asked) -> Meeting {
-        let meeting = hull.meet_point(&self.0);
-        let is_row = matches!(asked, Asked::Barriers(_)) && meeting.nearest.distance > TOUCHING;
-        if is_row { hull.above_face(&self.0) } else { meeting }
+    fn meet(&self, hull: &PlacedHull<'_, 3>, asked: Asked) -> HullContact {
+        let contact = hull.meet_point(&self.0);
+        let is_row = matches!(asked, Asked::Barriers(_)) && contact.nearest.distance > TOUCHING;
+        if is_row { hull.above_face(&self.0) } else { contact }
     }
 }
 

@@ -4,8 +4,8 @@ use crate::math::Capsule;
 use crate::world::broad_phase::LEAST;
 use crate::world::broad_phase::tests::{motion, point, reach};
 use crate::world::space::oracle::*;
-use crate::world::space::{Obstacle, Points, Shape, Volume, World};
-use crate::world::{CollisionQuery, Motion, Solid};
+use crate::world::space::{Obstacle, Points, Shape, SpatialGeometry, World};
+use crate::world::{CollisionQuery, Motion, ObstacleGeometry};
 use proptest::prelude::*;
 
 fn cloud(points: Vec<[f64; 3]>, radius: f64) -> Obstacle {
@@ -61,7 +61,7 @@ proptest! {
     ) {
         // A world without any obstacle tells no distance, one with an empty cloud ∞.
         prop_assume!(!points.is_empty() || others > 0);
-        let own = matches!(motion, Motion::Waypoints { .. } | Motion::Carried(_));
+        let own = matches!(motion, Motion::Waypoints { .. } | Motion::Dragged(_));
         let place = |shape, position| fixed(shape, position);
         let whole = Shape::Points { points: points.clone(), radius };
         let (cloud, balls): (_, Vec<_>) = match kind {
@@ -222,12 +222,12 @@ proptest! {
     fn the_extent_holds_the_balls(points in any_points(), turn in any_orientation()) {
         prop_assume!(!points.is_empty());
         let shape = Shape::Points { points: points.clone(), radius: 0.3 };
-        let solid = Volume::new(&Obstacle { orientation: turn, ..fixed(shape, [0.0; 3]) });
-        let ([low, high], turn) = (solid.extent(), UnitQuaternion::new(turn).unwrap());
+        let geometry = SpatialGeometry::new(&Obstacle { orientation: turn, ..fixed(shape, [0.0; 3]) });
+        let ([low, high], turn) = (geometry.extent(), UnitQuaternion::new(turn).unwrap());
         for point in points.iter().map(|point| turn.rotate(&Vector::from(*point))) {
             let [rear, front] = [-0.3, 0.3].map(|radius| point.add_scalar(radius));
             prop_assert!(low.inf(&rear) == low && high.sup(&front) == high);
-            prop_assert!(point.norm() + 0.3 <= solid.reach());
+            prop_assert!(point.norm() + 0.3 <= geometry.reach());
         }
     }
 }

@@ -1,11 +1,11 @@
 //! What a space has to offer so that obstacles can live in it.
 //!
 //! The loop over bodies and obstacles ([`World`](super::World)) is one for all spaces. It knows nothing
-//! of shapes: a space brings a description of its obstacles, a [`Solid`] made of it, and a
+//! of shapes: a space brings a description of its obstacles, an [`ObstacleGeometry`] made of it, and a
 //! [`Hierarchy`] of boxes for the broad phase.
 
 use super::{Ahead, Contact, Motion, MotionState, Pair, Turn, Turning};
-use crate::geometry::Carried;
+use crate::geometry::PlacedHull;
 use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, Vector};
 use std::fmt::Debug;
@@ -42,11 +42,11 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
 /// ```
 /// use vff_core::geometry::Body;
 /// use vff_core::math::Capsule;
-/// use vff_core::world::plane::Outline;
-/// use vff_core::world::space::Volume;
-/// use vff_core::world::{Asked, CollisionQuery, Description, Hierarchy, Solid, World};
+/// use vff_core::world::plane::PlanarGeometry;
+/// use vff_core::world::space::SpatialGeometry;
+/// use vff_core::world::{Asked, CollisionQuery, Description, Hierarchy, ObstacleGeometry, World};
 ///
-/// fn clearance<S: Solid<D>, const D: usize>(obstacles: Vec<S::Obstacle>, link: Capsule<D>) -> f64 {
+/// fn clearance<S: ObstacleGeometry<D>, const D: usize>(obstacles: Vec<S::Obstacle>, link: Capsule<D>) -> f64 {
 ///     let moving = obstacles.iter().any(|obstacle| !obstacle.motion().is_static());
 ///     let mut world = World::<S, D>::new(obstacles);
 ///     if moving {
@@ -57,16 +57,16 @@ pub trait Description<const D: usize>: Clone + Debug + Send {
 ///     least
 /// }
 ///
-/// let in_the_plane: fn(_, _) -> f64 = clearance::<Outline, 2>;
-/// let in_space: fn(_, _) -> f64 = clearance::<Volume, 3>;
+/// let in_the_plane: fn(_, _) -> f64 = clearance::<PlanarGeometry, 2>;
+/// let in_space: fn(_, _) -> f64 = clearance::<SpatialGeometry, 3>;
 ///
 /// // What finds those that are near among many, and what may be asked of each.
-/// fn boxes<S: Solid<D, Hierarchy = H>, H: Hierarchy<S::Probe, D>, const D: usize>() {}
-/// boxes::<Volume, vff_core::world::space::Boxes, 3>();
-/// boxes::<Outline, vff_core::world::plane::Boxes, 2>();
+/// fn boxes<S: ObstacleGeometry<D, Hierarchy = H>, H: Hierarchy<S::Probe, D>, const D: usize>() {}
+/// boxes::<SpatialGeometry, vff_core::world::space::Boxes, 3>();
+/// boxes::<PlanarGeometry, vff_core::world::plane::Boxes, 2>();
 /// assert!(matches!(Asked::Contacts(0.1), Asked::Contacts(reach) if reach == 0.1));
 /// ```
-pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
+pub trait ObstacleGeometry<const D: usize>: Clone + Debug + Send + 'static {
     /// What it is made of.
     type Obstacle: Description<D>;
     /// A body of the robot, made ready once for the questions of all obstacles.
@@ -94,7 +94,7 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
         self.distance(body, state)
     }
 
-    /// Where this solid, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
+    /// Where this geometry, which is that of `pair.obstacle`, and the body `pair.body` come nearest.
     fn contact(&self, pair: Pair, body: &Self::Probe, state: &MotionState<D>) -> Contact<D>;
 
     /// The most contacts that one body can have.
@@ -102,7 +102,7 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
         1
     }
 
-    /// All contacts with the body nearer than `reach` \[m\]: of a convex solid the [`contact`](Self::contact), of one that is made
+    /// All contacts with the body nearer than `reach` \[m\]: of a convex geometry the [`contact`](Self::contact), of one that is made
     /// of several that of each, in a fixed order.
     #[inline(always)]
     fn for_each_contact(
@@ -131,7 +131,7 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
         visit: impl FnMut(&Contact<D>),
     );
 
-    /// Those of all contacts nearer than `reach` \[m\] that imply the others `ahead` (T157): of a convex solid the one.
+    /// Those of all contacts nearer than `reach` \[m\] that imply the others `ahead` (T157): of a convex geometry the one.
     fn for_each_needed(
         &self,
         pair: Pair,
@@ -150,7 +150,7 @@ pub trait Solid<const D: usize>: Clone + Debug + Send + 'static {
     fn meet_hull(
         &self,
         pair: Pair,
-        hull: &Carried<'_, D>,
+        hull: &PlacedHull<'_, D>,
         around: &Self::Probe,
         state: &MotionState<D>,
         asked: Asked,
@@ -207,7 +207,7 @@ pub enum Asked {
 }
 
 /// A speed that no point of the surface exceeds \[m/s\]; that of its position, if the surface has no end.
-pub fn top_speed<S: Solid<D>, const D: usize>(obstacle: &S::Obstacle) -> f64 {
+pub fn top_speed<S: ObstacleGeometry<D>, const D: usize>(obstacle: &S::Obstacle) -> f64 {
     let speed = obstacle.motion().top_speed();
     let Some(turning) = obstacle.turning() else { return speed };
     let reach = S::new(obstacle).reach();

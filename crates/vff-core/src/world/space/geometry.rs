@@ -5,11 +5,12 @@ use super::contact::{axis_of, contact_of};
 use super::hierarchy::Boxes;
 use super::shape::{ConvexCore, Core, dispatch};
 use crate::geometry::axis::{Probe, seen_from};
-use crate::geometry::{Carried, Convex, MAX_FEATURES};
+use crate::geometry::{Convex, MAX_FEATURES, PlacedHull};
 use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, UnitQuaternion, Vector};
 use crate::world::{
-    Ahead, Asked, Contact, Description, Motion, MotionState, Pair, Solid, Spin, Turn, Turning,
+    Ahead, Asked, Contact, Description, Motion, MotionState, ObstacleGeometry, Pair, Spin, Turn,
+    Turning,
 };
 
 impl Description<3> for Obstacle {
@@ -54,13 +55,13 @@ impl Description<3> for Obstacle {
 
 /// An obstacle without its radius, and that radius: relative to its position, turned by its orientation.
 #[derive(Debug, Clone)]
-pub struct Volume {
+pub struct SpatialGeometry {
     pub(super) core: Core,
     /// To be subtracted from the distance to the core \[m\].
     pub(super) radius: f64,
 }
 
-impl Solid<3> for Volume {
+impl ObstacleGeometry<3> for SpatialGeometry {
     type Obstacle = Obstacle;
     type Probe = Probe;
     type Hierarchy = Boxes;
@@ -169,7 +170,7 @@ impl Solid<3> for Volume {
     fn meet_hull(
         &self,
         pair: Pair,
-        hull: &Carried<'_, 3>,
+        hull: &PlacedHull<'_, 3>,
         around: &Probe,
         state: &MotionState<3>,
         asked: Asked,
@@ -253,12 +254,12 @@ mod tests {
         /// Asked alone, the distance is that of the contact, to the last bit.
         #[test]
         fn distance_is_that_of_the_contact(link in any_link(), obstacle in any_obstacle(), depth in 0.0..0.5) {
-            let solid = Volume::new(&obstacle);
+            let geometry = SpatialGeometry::new(&obstacle);
             let before = contact(&link, &obstacle);
             let way: f64 = before.distance + depth;
             for link in [link, translated(&link, &(before.normal * -way))] {
                 let state = obstacle.motion().at(0.0, obstacle.position());
-                let distance = solid.distance(&link, &state);
+                let distance = geometry.distance(&link, &state);
                 prop_assert_eq!(distance.to_bits(), contact(&link, &obstacle).distance.to_bits());
             }
         }
@@ -352,7 +353,7 @@ mod tests {
 
         #[test]
         fn extents_hold_the_solid(obstacle in any_obstacle(), seed in 0u32..1000) {
-            let [low, high] = Volume::new(&obstacle).extent();
+            let [low, high] = SpatialGeometry::new(&obstacle).extent();
             let at_origin = Obstacle { position: [0.0; 3], ..obstacle.clone() };
             for direction in directions(50 + seed % 7) {
                 let reach = support(&at_origin, &direction) + core_radius(&obstacle.shape);

@@ -7,7 +7,8 @@ use super::{Obstacle, Shape, Vec2, from_glam, shape, to_glam};
 use crate::math::rotation::NotARotation;
 use crate::math::{Capsule, Vector, sin_cos};
 use crate::world::{
-    Contact, Description, Feature, Motion, MotionState, Pair, Rotation, Solid, Spin, Turn, Turning,
+    Contact, Description, Feature, Motion, MotionState, ObstacleGeometry, Pair, Rotation, Spin,
+    Turn, Turning,
 };
 
 impl Description<2> for Obstacle {
@@ -47,7 +48,7 @@ impl Description<2> for Obstacle {
 
 /// An obstacle without its radius, and that radius: relative to its position, turned by its angle.
 #[derive(Debug, Clone)]
-pub struct Outline {
+pub struct PlanarGeometry {
     pub(super) core: Core,
     /// To be subtracted from the distance to the core \[m\].
     pub(super) radius: f64,
@@ -63,7 +64,7 @@ pub(super) enum Core {
     Convex(Vec<Face>),
 }
 
-impl Solid<2> for Outline {
+impl ObstacleGeometry<2> for PlanarGeometry {
     type Obstacle = Obstacle;
     type Probe = Probe;
     type Hierarchy = Boxes;
@@ -180,7 +181,7 @@ impl Solid<2> for Outline {
     }
 }
 
-impl Outline {
+impl PlanarGeometry {
     /// The nearest points of core and axis, both relative to the obstacle's position.
     #[inline]
     fn nearest(&self, axis: Axis) -> Nearest {
