@@ -302,7 +302,7 @@ def test_one_that_hangs_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_short_silence_is_bridged() -> None:
-    """States that come twice, fewer than `patience` times, change nothing: the drive goes on."""
+    """States that come twice, fewer than `missed_cycles` times, change nothing: the drive goes on."""
     held: list[Any] = []
 
     def mishap(period: int, state: Any) -> Any:

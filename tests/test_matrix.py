@@ -61,7 +61,7 @@ def test_loops_hold_whatever_comes(name: str, way: str, rate: float | None) -> N
     settings = {key: value for key, value in document["controller"].items() if key != "governor"}
     if "posture" not in settings:
         settings.pop("posture_stiffness", None)
-    settings["command"] = {"start": 0.2} | ({} if rate is None else {"torque_rate": rate})
+    settings["command"] = {"blend_time": 0.2} | ({} if rate is None else {"torque_rate": rate})
     controller = vff.Controller(arm, settings)
     plant = vff.Simulation(
         {key: document[key] for key in ("arm", "q0", "duration", "reference", "simulation")}

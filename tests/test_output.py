@@ -56,7 +56,7 @@ def steps(result: vff.Result) -> Array:
 def test_nothing_asked_for_is_nothing_changed(scenario: Any) -> None:
     """What is for a loop of one's own, and the defaults, leave a simulation as it is, to the last bit."""
     plain = vff.simulate(scenario({}))
-    for_loops = {"obstacle_speed": 1.0, "start": 1.0, "patience": 2, "stop_damping": 3.0}
+    for_loops = {"obstacle_speed": 1.0, "blend_time": 1.0, "missed_cycles": 2, "stop_damping": 3.0}
     same = vff.simulate(scenario({"gravity": "controller", **for_loops}))
     assert plain.tau_applied is None and same.tau_applied is None
     assert np.array_equal(plain.q, same.q) and np.array_equal(plain.tau, same.tau)
@@ -278,8 +278,8 @@ def test_of_a_robot_that_is_not_known(arm: str | None) -> None:
         ({"friction_speed": 0.0}, "controller.command.friction_speed"),
         ({"tip_speed": -0.1}, "controller.command.tip_speed"),
         ({"obstacle_speed": 0.0}, "controller.command.obstacle_speed"),
-        ({"start": -1.0}, "controller.command.start"),
-        ({"patience": 0}, "controller.command.patience"),
+        ({"blend_time": -1.0}, "controller.command.blend_time"),
+        ({"missed_cycles": 0}, "controller.command.missed_cycles"),
         ({"stop_damping": 0.0}, "controller.command.stop_damping"),
         ({"torque_rates": 1.0}, "torque_rate"),
     ],

@@ -138,7 +138,7 @@ def test_what_does_not_suit_the_loop_is_refused() -> None:
         for other, says in (
             (vff.Controller(vff.Arm.named("ur5e"), SETTINGS), "number of joints"),
             (vff.Controller(PANDA, {"task": "position"}), "its task"),
-            (vff.Controller(PANDA, SETTINGS | {"command": {"start": 0.2}}), "command"),
+            (vff.Controller(PANDA, SETTINGS | {"command": {"blend_time": 0.2}}), "command"),
         ):
             with pytest.raises(InputError, match=says):
                 driven.set_controller(other)

@@ -319,7 +319,7 @@ def test_what_is_measured_is_followed() -> None:
 
 def test_a_watched_loop_counts_with_it() -> None:
     """`cycle` sends the opposite of what is rejected."""
-    settings = {"observer": {"source": "measured", "bandwidth": 1e3}, "command": {"start": 0.0}}
+    settings = {"observer": {"source": "measured", "bandwidth": 1e3}, "command": {"blend_time": 0.0}}
     q, told = PANDA["q0"], np.array([0.0, 3.0, 0.0, -2.0, 0.0, 0.0, 0.0])
     sent = []
     for touch in ({}, {"task": "reject", "null_space": "reject"}):

@@ -74,7 +74,7 @@ enum vff_phase
     VFF_PHASE_STARTING = 0,
     // The torque of the law is sent.
     VFF_PHASE_RUNNING = 1,
-    // The state is missing, for fewer than `command.patience` cycles: what was sent last is held.
+    // The state is missing, for fewer than `command.missed_cycles` cycles: what was sent last is held.
     VFF_PHASE_HOLDING = 2,
     // The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: the arm is
     // damped and, at a state that comes, held once it is slow.

@@ -269,7 +269,7 @@ fn torques_are_those_of_the_core() {
 /// What is sent does not depend on what else is asked of a controller between two cycles, and is finite.
 #[test]
 fn questions_between_cycles() {
-    let settings = "command = { gravity = 'robot', torque_rate = 1000.0, start = 0.01 }";
+    let settings = "command = { gravity = 'robot', torque_rate = 1000.0, blend_time = 0.01 }";
     let owned = [Owned::new("model = 'panda'", settings), Owned::new("model = 'panda'", settings)];
     let (mut sent, mut phases) = ([[0.5; 7]; 2], [vff_phase::Lost; 2]);
     // SAFETY: below, arrays have the lengths that are given.
@@ -356,7 +356,7 @@ fn a_touched_link_is_told() {
 #[test]
 fn loops_are_those_of_the_core() {
     let settings =
-        format!("{FIELD}\ncommand = {{ gravity = 'robot', torque_rate = 1000.0, start = 0.01 }}");
+        format!("{FIELD}\ncommand = {{ gravity = 'robot', torque_rate = 1000.0, blend_time = 0.01 }}");
     let owned = Owned::new("model = 'panda'", &settings);
     owned.add(SPHERE);
     let mut expected = core("model = 'panda'", &settings, &[SPHERE]);

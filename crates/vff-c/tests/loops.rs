@@ -99,7 +99,7 @@ fn another_law_takes_over_without_a_step() {
     let (robot, mut loaded, mut next, mut other) = (panda(), null_mut(), null_mut(), null_mut());
     let settings = format!("{SETTINGS}\nposture = {READY:?}\nposture_stiffness = 20.0");
     let stiff = text(&settings.replace("400", "900").replace("damping = 40", "damping = 60"));
-    let wrong = text(&format!("{SETTINGS}\ncommand = {{ start = 0.1 }}"));
+    let wrong = text(&format!("{SETTINGS}\ncommand = {{ blend_time = 0.1 }}"));
     let running = controller(robot, SETTINGS);
     let mut q = READY;
     // SAFETY: texts, places and arrays live.

@@ -274,7 +274,7 @@ fn run(place: &Place, way: &str, command: &str, event: Event) {
 fn whatever_happens() {
     for place in &PLACES {
         for way in WAYS {
-            for command in ["start = 0.1", "start = 0.1, torque_rate = 1000.0"] {
+            for command in ["blend_time = 0.1", "blend_time = 0.1, torque_rate = 1000.0"] {
                 for event in EVENTS {
                     run(place, way, command, event);
                 }
@@ -287,7 +287,7 @@ fn whatever_happens() {
 #[test]
 fn questions_do_not_move_an_arm() {
     for place in &PLACES {
-        let mut bench = Bench::new(place, "null_space", "start = 0.0");
+        let mut bench = Bench::new(place, "null_space", "blend_time = 0.0");
         bench.controller.remove(0);
         bench.begin(None);
         for _ in 0..50 {
@@ -309,7 +309,7 @@ fn questions_do_not_move_an_arm() {
 #[test]
 fn the_first_state_is_missing() {
     for place in &PLACES {
-        for command in ["start = 0.1", "start = 0.1, torque_rate = 1000.0"] {
+        for command in ["blend_time = 0.1", "blend_time = 0.1, torque_rate = 1000.0"] {
             for known in [true, false] {
                 let mut bench = Bench::new(place, "cbf", command);
                 let measured = known.then(|| bench.at_rest());
@@ -338,7 +338,7 @@ fn the_first_state_is_missing() {
 fn a_clock_that_is_set_back() {
     let place = &PLACES[1];
     let mut runs = [0.0, 2.0, -5.0].map(|step| {
-        let mut bench = Bench::new(place, "null_space", "start = 0.0");
+        let mut bench = Bench::new(place, "null_space", "blend_time = 0.0");
         bench.begin(None);
         for k in 0..600 {
             let t = bench.t - if k < 300 { 0.0 } else { step };
@@ -363,7 +363,7 @@ fn a_clock_that_is_set_back() {
 #[test]
 fn a_fast_arm_is_braked() {
     for place in &PLACES {
-        for command in ["start = 0.0", "start = 0.0, torque_rate = 1000.0"] {
+        for command in ["blend_time = 0.0", "blend_time = 0.0, torque_rate = 1000.0"] {
             let mut bench = Bench::new(place, "null_space", command);
             bench.controller.remove(0);
             bench.begin(None);
@@ -395,7 +395,7 @@ fn a_fast_arm_is_braked() {
 /// A single wild reading is not a fast arm, nor is one that does not move as it says.
 #[test]
 fn a_wild_reading_is_not_a_fast_arm() {
-    let mut bench = Bench::new(&PLACES[0], "null_space", "start = 0.0");
+    let mut bench = Bench::new(&PLACES[0], "null_space", "blend_time = 0.0");
     bench.begin(None);
     for _ in 0..20 {
         bench.known();
@@ -419,7 +419,7 @@ fn a_wild_reading_is_not_a_fast_arm() {
 fn limits_bind_what_is_sent() {
     for place in &PLACES {
         for way in WAYS {
-            let mut bench = Bench::new(place, way, "start = 0.0, coulomb_friction = 0.5");
+            let mut bench = Bench::new(place, way, "blend_time = 0.0, coulomb_friction = 0.5");
             let (n, widths) = (bench.q.len(), bench.controller.widths());
             let limits = bench.arm.limits().torque.clone();
             let mut saturated = false;
@@ -469,12 +469,12 @@ fn a_phantom_is_doubted() {
         }
         (fastest, doubts, last_doubt)
     };
-    let (thrown, none, _) = most("start = 0.0", 363);
-    let (kept, some, _) = most("start = 0.0, obstacle_speed = 2.0", 363);
+    let (thrown, none, _) = most("blend_time = 0.0", 363);
+    let (kept, some, _) = most("blend_time = 0.0, obstacle_speed = 2.0", 363);
     assert!(none == 0 && thrown > 0.5, "{thrown} {none}");
     assert!(some >= 1 && kept < 0.1, "{kept} {some}");
     // 0.85 m at 2 m/s, and a frame.
-    let (_, some, last) = most("start = 0.0, obstacle_speed = 2.0", 2000);
+    let (_, some, last) = most("blend_time = 0.0, obstacle_speed = 2.0", 2000);
     assert!(some > 5 && last <= 330 + 425 + 33, "{some} {last}");
 }
 

@@ -129,7 +129,7 @@ fn no_sent_torque_allocates() {
 fn no_cycle_allocates() {
     let table = |text: &str| text.parse::<toml::Table>().unwrap();
     let arm = AnyArm::read(&table("model = 'panda'")).unwrap();
-    let command = "gravity = 'robot', torque_rate = 1000.0, obstacle_speed = 2.0, start = 0.01";
+    let command = "gravity = 'robot', torque_rate = 1000.0, obstacle_speed = 2.0, blend_time = 0.01";
     let settings = format!("avoidance = 'cbf'\ncommand = {{ {command} }}");
     let mut controller = AnyController::new(&arm, &table(&settings)).unwrap();
     let ball = "shape = { kind = 'sphere', radius = 0.1 }\nposition = [0.1, -0.6, 0.62]";
@@ -232,7 +232,7 @@ fn no_period_along_a_plan_allocates() {
         [0.6, -0.4, 0.5, 0.3, -0.7, 0.4], [0.9, -0.4, 0.5, 0.3, -0.7, 0.4]] }"#;
     let mut scenario = scenario("position", plan, r#"control = "hold""#, "dynamic");
     scenario.controller.governor = Some(GovernorSettings::default());
-    scenario.controller.command.start = 0.01;
+    scenario.controller.command.blend_time = 0.01;
     let count = |seconds| {
         let robot = SimulatedRobot::new(&scenario, 1000.0, None).unwrap();
         let controller = AnyController::from_scenario(&scenario).unwrap();

@@ -157,12 +157,12 @@ fn a_measured_torque_that_cannot_be_is_not_believed() {
 /// beginning leads out of it.
 #[test]
 fn states_that_stop_coming() {
-    for command in ["gravity = \"robot\"", "patience = 3\nstop_damping = 20", "start = 0"] {
+    for command in ["gravity = \"robot\"", "missed_cycles = 3\nstop_damping = 20", "blend_time = 0"] {
         let mut bench = Bench::new(ARM, &command.replace('\n', ", "));
-        let patience = if command.contains("patience") { 3 } else { 5 };
+        let allowed = if command.contains("missed_cycles") { 3 } else { 5 };
         let d = if command.contains("stop_damping") { 20.0 } else { 10.0 };
         bench.controller.begin(H, None).unwrap();
-        for _ in 0..if command == "start = 0" { 150 } else { 350 } {
+        for _ in 0..if command == "blend_time = 0" { 150 } else { 350 } {
             bench.cycle(Some(AWAY));
             bench.go_on();
         }
@@ -176,21 +176,21 @@ fn states_that_stop_coming() {
         let speed = |dq: &[f64]| dq.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
         assert!(speed(&dq) > 0.1, "{dq:?}");
         let steps = (5.0 / (d * H)).round() as usize;
-        for missed in 1..=patience + 2 * steps + 50 {
+        for missed in 1..=allowed + 2 * steps + 50 {
             bench.go_on();
             let phase = bench.cycle_with(None, Some(AWAY));
-            let damped = missed as f64 - patience as f64;
-            if missed < patience {
+            let damped = missed as f64 - allowed as f64;
+            if missed < allowed {
                 assert_eq!(phase, Phase::Holding);
                 assert!(near(&bench.sent, &last, 0.0));
-            } else if missed < patience + steps {
+            } else if missed < allowed + steps {
                 assert_eq!(phase, Phase::Damping, "{missed}");
                 let left = d * (-d * H * damped).exp();
                 let expected: Vec<_> = g.iter().zip(&momentum).map(|(g, p)| g - left * p).collect();
                 assert!(near(&bench.sent, &expected, 1e-9), "{:?} {expected:?}", bench.sent);
-            } else if missed > patience + steps + 1 {
-                let over = missed > patience + 2 * steps + 1;
-                if missed < patience + 2 * steps - 1 || over {
+            } else if missed > allowed + steps + 1 {
+                let over = missed > allowed + 2 * steps + 1;
+                if missed < allowed + 2 * steps - 1 || over {
                     assert_eq!(phase, if over { Phase::Lost } else { Phase::Released }, "{missed}");
                 }
                 assert!(near(&bench.sent, &g, 1e-12));
@@ -330,7 +330,7 @@ fn a_stop_is_damped() {
 #[test]
 fn a_stop_holds_a_load_that_nobody_knows_of() {
     for moving in [0, 150] {
-        let mut bench = Bench::new(ARM, "start = 0");
+        let mut bench = Bench::new(ARM, "blend_time = 0");
         bench.controller.begin(H, None).unwrap();
         for _ in 0..moving {
             bench.cycle(Some(AWAY));
@@ -359,7 +359,7 @@ fn a_stop_holds_a_load_that_nobody_knows_of() {
 /// What holds an arm that is stopped is no stronger than a quarter of its limits: who pushes harder moves it.
 #[test]
 fn a_stop_gives_in() {
-    let mut bench = Bench::new(ARM, "start = 0");
+    let mut bench = Bench::new(ARM, "blend_time = 0");
     bench.controller.begin(H, None).unwrap();
     bench.controller.stop();
     let first = bench.q.clone();
@@ -400,8 +400,8 @@ fn the_rate_is_limited() {
         }
         largest
     };
-    assert!(largest("start = 0") > 5.0);
-    let limited = largest("start = 0, torque_rate = 1000");
+    assert!(largest("blend_time = 0") > 5.0);
+    let limited = largest("blend_time = 0, torque_rate = 1000");
     assert!((0.99..1.0 + 1e-9).contains(&limited), "{limited}");
 }
 
@@ -410,7 +410,7 @@ fn the_rate_is_limited() {
 fn a_stop_ends_before_the_stops_of_the_joints() {
     let limits = "joint_limits = [[-1, 1], [-2, 2], [-2, 2]]";
     let left_at = |speed: f64| {
-        let mut bench = Bench::new(&format!("{ARM}\n{limits}"), "start = 0");
+        let mut bench = Bench::new(&format!("{ARM}\n{limits}"), "blend_time = 0");
         bench.q = vec![0.9, -0.9, 0.7];
         bench.moved();
         bench.controller.begin(H, None).unwrap();
@@ -448,9 +448,9 @@ fn the_tip_is_kept_slow() {
         }
         (most, bench.tip())
     };
-    let (free, _) = fastest("start = 0.1");
+    let (free, _) = fastest("blend_time = 0.1");
     assert!(free > 2.0, "{free}");
-    let (kept, arrived) = fastest("start = 0.1, tip_speed = 0.5");
+    let (kept, arrived) = fastest("blend_time = 0.1, tip_speed = 0.5");
     assert!((0.49..0.51).contains(&kept), "{kept}");
     assert!(near(&arrived, &[-0.6, 0.7], 0.01), "{arrived:?}");
     let target = Target { x: &AWAY, dx: &[0.0; 2], ddx: &[0.0; 2] };

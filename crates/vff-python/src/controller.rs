@@ -279,7 +279,7 @@ impl Controller {
 
     /// Begin a loop that is watched over: from now on `cycle` says what is to be sent to the robot.
     ///
-    /// The torque is blended in over the time `start` of the settings' `command`, so that nothing jumps.
+    /// The torque is blended in over the time `blend_time` of the settings' `command`, so that nothing jumps.
     ///
     /// Parameters
     /// ----------
@@ -312,7 +312,7 @@ impl Controller {
     ///
     /// What is sent is finite, within the arm's torque limits, and changes by no more than `torque_rate`.
     /// A state that is missing (None), no newer than the last, not finite, or not to be reached from the last
-    /// counts as missing, and is no error: after fewer than `patience` such
+    /// counts as missing, and is no error: after fewer than `missed_cycles` such
     /// cycles what was sent last is held, then the arm is damped as if it came to rest from its last
     /// velocity, then only gravity is held, if that is ours, and in the end the loop is lost;
     /// docs/tutorials/own-loop.md has the times.

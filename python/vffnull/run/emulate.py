@@ -27,7 +27,7 @@ __all__ = ["Emulation", "emulate"]
 
 _MOVES = 0.05  # rad/s
 _COLLISION_TORQUE = 40.0  # N·m: what the emulated robot has by itself
-_START = 0.5  # s: the default of `command.start`
+_BLEND_TIME = 0.5  # s: the default of `command.blend_time`
 
 
 @dataclass(frozen=True)
@@ -203,11 +203,11 @@ def emulate(
         adapter = URRobot(there)
         adapter.paces = True  # its time goes on with the commands
     given = ready["controller"].get("command")
-    start = given.get("start", _START) if isinstance(given, Mapping) else _START
+    blend_time = given.get("blend_time", _BLEND_TIME) if isinstance(given, Mapping) else _BLEND_TIME
     # Its time goes on with the cycles, however long they take: a clock says nothing of it.
     is_timed = ready["controller"].get("deadline") is not None
     driving = ready if is_timed else ready.replace(**{"controller.deadline": "unlimited"})
-    duration = ready.duration + start if seconds is None else positive("seconds", seconds)
+    duration = ready.duration + blend_time if seconds is None else positive("seconds", seconds)
     watch = _Watch(there)
     there.before_state = watch
     began = perf_counter()

@@ -1,7 +1,7 @@
 //! Cycle by cycle: whether the torque of the law is sent, blended in, or replaced by damping.
 //!
 //! What goes wrong in a loop is a value, a [`Phase`], never a panic. A state that does not come, comes again, is not finite or
-//! cannot be (`Admission`) counts as missing. Fewer than `patience` missing in a row: what was sent last is held. From there on the arm is
+//! cannot be (`Admission`) counts as missing. Fewer than `missed_cycles` missing in a row: what was sent last is held. From there on the arm is
 //! damped as if its velocity decayed from the last one known (T115), then nothing but gravity is sent, then it is lost. As long as there is
 //! a state, an arm that is too fast, or a law without a torque, is damped where it is, and held there once it is slow (`Hold`).
 //!
@@ -22,7 +22,7 @@ pub enum Phase {
     Starting,
     /// The torque of the law is sent.
     Running,
-    /// The state is missing, for fewer than `patience` cycles: what was sent last is held.
+    /// The state is missing, for fewer than `missed_cycles` cycles: what was sent last is held.
     Holding,
     /// The state is missing for longer, the torque of the law is not finite, or a joint is faster than twice its limit: the arm is
     /// damped and, at a state that comes, held once it is slow.
@@ -141,7 +141,7 @@ pub struct Supervisor<R, const D: usize> {
     is_there: bool,
     period: f64,
     blend: f64,
-    patience: usize,
+    missed_cycles: usize,
     damping: f64,
     phase: Phase,
     /// Cycles in a row without a state, and without a torque of the law.
@@ -210,8 +210,8 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
             robot,
             is_there: false,
             period,
-            blend: settings.start,
-            patience: settings.patience,
+            blend: settings.blend_time,
+            missed_cycles: settings.missed_cycles,
             damping,
             phase: Phase::Starting,
             missed: 0,
@@ -313,7 +313,7 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         self.take_up();
         if !tau.iter().chain(bias).all(|x| x.is_finite()) {
             self.speechless = self.speechless.saturating_add(1);
-            return match self.speechless < self.patience {
+            return match self.speechless < self.missed_cycles {
                 true => self.hold(),
                 false => self.damp_here(Phase::Damping, self.damping),
             };
@@ -354,11 +354,11 @@ impl<R: Robot<D>, const D: usize> Supervisor<R, D> {
         if self.phase.is_over() {
             return self.phase;
         }
-        if self.missed < self.patience {
+        if self.missed < self.missed_cycles {
             return self.hold();
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2⁵³ cycles")]
-        let decay = self.damping * self.period * (self.missed - self.patience) as f64;
+        let decay = self.damping * self.period * (self.missed - self.missed_cycles) as f64;
         let (phase, left) = match decay {
             decay if decay < Self::DECAYED => (Phase::Damping, (-decay).exp()),
             decay if decay < 2.0 * Self::DECAYED => (Phase::Released, 0.0),

@@ -44,9 +44,9 @@ settings! {
         /// no faster.
         obstacle_speed: Option<f64> = None, "m/s", POSITIVE;
         /// How long the torque is blended in.
-        start: f64 = 0.5, "s", NOT_NEGATIVE;
-        /// The cycle in a row without a new state from which on the arm is damped; before, the torque is held.
-        patience: usize = 5, "", AT_LEAST_ONE;
+        blend_time: f64 = 0.5, "s", NOT_NEGATIVE;
+        /// So many cycles in a row without a new state, and the arm is damped; before, the torque is held.
+        missed_cycles: usize = 5, "", AT_LEAST_ONE;
         /// Damping relative to inertia of a stop.
         stop_damping: f64 = 10.0, "1/s", POSITIVE;
         /// Whether gravity and rate are still to be those of the robot's interface: [`OF_THE_ROBOT`] was given.

@@ -369,7 +369,7 @@ pub trait ErasedController: Debug + Send {
     fn begin_anew(&mut self);
 
     /// Begins a loop of `period` \[s\], in which [`cycle`](Self::cycle) says what is to be sent to the robot. Its torque is
-    /// blended in over `command.start`, from the `measured` one \[N·m, N\], (n), which contains gravity only if what is sent does,
+    /// blended in over `command.blend_time`, from the `measured` one \[N·m, N\], (n), which contains gravity only if what is sent does,
     /// or from what holds the arm still; one that is not finite, beyond the torque limits, or farther from that than half of them, is
     /// not believed. Until the first state it is held; where none is known, nothing is sent. Allocates, so that no cycle does.
     ///

@@ -132,7 +132,7 @@ where
         } else if let Some(mut followed) = self.followed.take() {
             let since = self.world.time();
             let now = since + self.epoch;
-            followed.go_to(now, self.settings.command.start, &mut self.controller);
+            followed.go_to(now, self.settings.command.blend_time, &mut self.controller);
             self.left().into_iter().for_each(|left| followed.move_posture(now, left));
             self.act(&followed.at(now), |ahead| followed.at(now + ahead));
             followed.look([now, since], &self.controller, &self.world);

@@ -13,7 +13,7 @@ use std::sync::Mutex;
 const SCENE: &str = "duration = 1.0\n q0 = [1.2, -0.6, -0.6, -0.5, 0.3, 0.4]\n\
     arm = { lengths = [1, 1, 1, 1, 1, 1], masses = 1, gravity = 9.81, radius = 0.05 }\n\
     controller = { stiffness = 100, damping = 20, null_damping = 6, \
-        command = { start = 0.1 }, field = { kind = 'bounded', gain = 40, influence = 0.6 } }\n\
+        command = { blend_time = 0.1 }, field = { kind = 'bounded', gain = 40, influence = 0.6 } }\n\
     reference = { kind = 'setpoint', point = [5, 1] }\n\
     simulation = { dt = 1e-3, control = 'hold', integrator = 'semi_implicit_euler' }";
 
