@@ -1,6 +1,7 @@
 """Checks the crates of Cargo.lock against deny.toml: licences, duplicates, sources, and yanked versions.
 
-And that tests and the Python module build what the core needs with the same features: otherwise it is compiled twice.
+And that tests and the Python module build what the core needs with the same features: otherwise it is
+compiled twice.
 
 cargo-deny does the same and knows security advisories too, but compiling it takes longer than all other
 checks together, and its advisories come from a server that not every machine reaches. So it runs in the
@@ -125,7 +126,7 @@ def features(*selection: str) -> dict[str, str]:
 
 
 def compiled_twice() -> list[str]:
-    """One line for every crate below the core that tests build with other features than the Python module does."""
+    """One line for every crate below the core with other features in tests than in the Python module."""
     core = features("-p", "vff-core", "-e", "normal,build")
     module = features("-p", "vff-python", "-e", "normal,build")
     tests = features("--workspace", "-e", "normal,build,dev")
