@@ -48,7 +48,7 @@ UNTIL_STOPPED = {"vffnull live": r"is running at (?P<url>http://\S+);"}
 # Needs another machine; and what .ci/check runs: every benchmark in short, the core's documentation and its
 # examples.
 ELSEWHERE = ("ssh ", "cargo bench --bench ", "cargo doc ", "cargo test --doc ")
-# What takes long, and the same in short; the documentation, with warnings as errors; and of the whole workspace
+# What takes long, and the same in short; the documentation, with warnings as errors; of the whole workspace
 # what is compiled so already.
 SHORTER = {
     "sphinx-build -b html docs docs/_build/html": "sphinx-build -W -q -b html docs docs/_build/html",
