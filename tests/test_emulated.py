@@ -209,6 +209,25 @@ def test_a_load_is_a_collision_unless_it_is_told() -> None:
     assert np.abs(there.external).max() < 1e-3
 
 
+def test_a_robot_says_nothing_of_forces_near_a_singularity() -> None:
+    """The joints feel the load there, too; of the force at the hand the robot knows nothing, so that a torque
+    of some N·m is no collision of 100 N.
+    """
+    scene = SCENE.replace(obstacles=[])
+    for elbow, known in ((-0.5, False), (-2.3562, True)):  # stretched, and bent
+        q = np.array([0.0, -0.7854, 0.0, elbow, 0.0, 1.5708, 0.7854])
+        smallest = np.linalg.svd(PANDA.jacobian(q), compute_uv=False)[-1]
+        assert bool(smallest > 0.08) is known
+        robot = franka.Robot(scene.replace(q0=q.tolist()), Disturbances(load={"mass": 1.0}))
+        push(robot, np.zeros((20, 7)))
+        assert np.abs(robot.external).max() > 1.0
+        assert bool(np.abs(robot.wrench).max() > 5.0) is known
+        assert robot.reflex is None
+        if known:  # one that explains what the joints feel as well as any
+            left = robot.external - PANDA.jacobian(robot.body.q).T @ robot.wrench
+            assert np.abs(PANDA.jacobian(robot.body.q) @ left).max() < 1e-2
+
+
 def test_a_reflex_has_to_be_recovered() -> None:
     """After one no motion begins; recovery clears it, and then only."""
     robot = franka.Robot(SCENE)
