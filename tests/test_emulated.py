@@ -148,7 +148,7 @@ def test_fr3_comes_slowly_to_its_stops(avoidance: str, sign: float) -> None:
     outcome = emulation.emulate(scene)
     assert outcome.reflex is None
     shares = {each.rule.what: each.share for each in outcome.margins}
-    assert 0.9 < shares["the speed"] < 0.96 and shares["the angle from mid-range"] > 0.98
+    assert 0.85 < shares["the speed"] < 0.91 and shares["the angle from mid-range"] > 0.98
 
 
 def test_a_joint_leaves_its_range() -> None:
