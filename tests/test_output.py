@@ -190,9 +190,9 @@ def test_how_fast_the_tip_turns(scenario: Any, rate: float | None) -> None:
 def test_a_weight_that_nobody_knows_of_turns_the_hand_no_faster_than_its_robot_allows(
     beside: list[float],
 ) -> None:
-    """10 N, 5 cm beside the axis of the wrist, whose orientation is given up. The observer of a command "of the
-    robot" lets the limits count with them; without it the hand is too fast by what they accelerate it, over the
-    pole of the barrier.
+    """10 N, 5 cm beside the axis of the wrist, whose orientation is given up. The observer of a command "of
+    the robot" lets the limits count with them; without it the hand is too fast by what they accelerate it,
+    over the pole of the barrier.
     """
     scene = vff.Scenario.load("panda-shelf")
     scene = scene.replace(
@@ -262,8 +262,8 @@ def turns(result: vff.Result) -> Array:
     ],
 )
 def test_of_the_robot(arm: str, command: dict[str, Any]) -> None:
-    """What the interface of a bundled arm takes, in a loop and in a simulation, from a file too; where it limits
-    the rate, with an observer.
+    """What the interface of a bundled arm takes, in a loop and in a simulation, from a file too; with an
+    observer where it limits the rate.
     """
     observer: Any = {} if "torque_rate" in command else None
     settings = vff.ControlSettings(stiffness=100.0, damping=20.0, command="of the robot")

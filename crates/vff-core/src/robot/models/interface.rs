@@ -70,14 +70,8 @@ const IIWA: Interface = Interface {
 };
 const GEN3: Interface = Interface { adds_gravity: false, ..IIWA };
 
-const INTERFACES: [(&str, Interface); 6] = [
-    ("panda", PANDA),
-    ("fr3", FR3),
-    ("ur5e", UR),
-    ("ur10e", UR),
-    ("iiwa14", IIWA),
-    ("gen3", GEN3),
-];
+const INTERFACES: [(&str, Interface); 6] =
+    [("panda", PANDA), ("fr3", FR3), ("ur5e", UR), ("ur10e", UR), ("iiwa14", IIWA), ("gen3", GEN3)];
 
 /// The arms whose interface is known.
 pub fn with_interface() -> impl Iterator<Item = &'static str> {
