@@ -279,6 +279,21 @@ def test_franka_is_driven() -> None:
             needs_it()
 
 
+@pytest.mark.parametrize("load", [{}, {"mass": 1.0, "com": [0.0, 0.05, 0.0]}], ids=["", "1 kg"])
+def test_a_hand_that_is_free_to_turn_ends_no_motion(load: dict[str, Any]) -> None:
+    """`relaxed` gives up its orientation between boards, past a singularity, with a weight beside its axis
+    that nobody knows of.
+    """
+    relaxed = {"controller.avoidance": "relaxed", "controller.yielding": None, "controller.governor": None}
+    disturbances = replace(emulated.usual("emulated-franka", seed=500), load=load)
+    outcome = emulation.emulate(
+        "panda-shelf", disturbances=disturbances, overrides=relaxed, collision_force=40.0
+    )
+    assert outcome.reflex is None and outcome.report.status == "completed"
+    turning = next(each for each in outcome.margins if each.rule.what == "the turning of the hand")
+    assert 0.75 < turning.share < 0.95
+
+
 def test_lost_commands_do_not_break_the_rate() -> None:
     """With a tenth of the packets lost, each torque is within the rate of the one that the robot has used."""
     there = franka.Robot(SCENE, Disturbances(loss=0.1, velocity_noise=0.01, delay=1, seed=2))
