@@ -306,7 +306,7 @@ class Robot:
     >>> for _ in range(3):
     ...     state, _ = control.readOnce()
     ...     control.writeOnce(Torques([0.0] * 7))
-    >>> control.readOnce()
+    >>> _ = control.readOnce()
     >>> control.writeOnce(Torques([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     >>> robot.reflex.rule.name
     'controller_torque_discontinuity'
