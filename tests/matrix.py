@@ -292,7 +292,8 @@ def faults(result: vff.Result, options: Sequence[str], alone: vff.Result) -> Ite
     if torque.max() > 1 + 1e-9:
         yield f"{torque.max():.4g} of a torque limit"
     if command and "lag" not in options and "friction, compensated" not in options:
-        by_robot = command == "of the robot" or command.get("gravity") == "robot"
+        own_weight = "robot" if document["arm"].get("model") != "gen3" else "controller"
+        by_robot = (own_weight if command == "of the robot" else command.get("gravity")) == "robot"
         own = sent - np.array([arm.gravity_torque(q) for q in result.q]) if by_robot else sent
         if (np.abs(own) / arm.torque_limits).max() > 1 + 1e-9:
             yield f"{(np.abs(own) / arm.torque_limits).max():.4g} of a torque limit is sent"

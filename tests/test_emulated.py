@@ -148,7 +148,7 @@ def test_fr3_comes_slowly_to_its_stops(avoidance: str, sign: float) -> None:
     outcome = emulation.emulate(scene)
     assert outcome.reflex is None
     shares = {each.rule.what: each.share for each in outcome.margins}
-    assert 0.9 < shares["the speed"] < 0.96 and shares["the angle from mid-range"] > 0.98
+    assert 0.85 < shares["the speed"] < 0.91 and shares["the angle from mid-range"] > 0.98
 
 
 def test_a_joint_leaves_its_range() -> None:
@@ -209,6 +209,25 @@ def test_a_load_is_a_collision_unless_it_is_told() -> None:
     assert np.abs(there.external).max() < 1e-3
 
 
+def test_a_robot_says_nothing_of_forces_near_a_singularity() -> None:
+    """The joints feel the load there, too; of the force at the hand the robot knows nothing, so that a torque
+    of some N·m is no collision of 100 N.
+    """
+    scene = SCENE.replace(obstacles=[])
+    for elbow, known in ((-0.5, False), (-2.3562, True)):  # stretched, and bent
+        q = np.array([0.0, -0.7854, 0.0, elbow, 0.0, 1.5708, 0.7854])
+        smallest = np.linalg.svd(PANDA.jacobian(q), compute_uv=False)[-1]
+        assert bool(smallest > 0.08) is known
+        robot = franka.Robot(scene.replace(q0=q.tolist()), Disturbances(load={"mass": 1.0}))
+        push(robot, np.zeros((20, 7)))
+        assert np.abs(robot.external).max() > 1.0
+        assert bool(np.abs(robot.wrench).max() > 5.0) is known
+        assert robot.reflex is None
+        if known:  # one that explains what the joints feel as well as any
+            left = robot.external - PANDA.jacobian(robot.body.q).T @ robot.wrench
+            assert np.abs(PANDA.jacobian(robot.body.q) @ left).max() < 1e-2
+
+
 def test_a_reflex_has_to_be_recovered() -> None:
     """After one no motion begins; recovery clears it, and then only."""
     robot = franka.Robot(SCENE)
@@ -258,6 +277,21 @@ def test_franka_is_driven() -> None:
     for needs_it in (robot.read, lambda: robot.write(np.zeros(7))):
         with pytest.raises(InputError, match="begin"):
             needs_it()
+
+
+@pytest.mark.parametrize("load", [{}, {"mass": 1.0, "com": [0.0, 0.05, 0.0]}], ids=["", "1 kg"])
+def test_a_hand_that_is_free_to_turn_ends_no_motion(load: dict[str, Any]) -> None:
+    """`relaxed` gives up its orientation between boards, past a singularity, with a weight beside its axis
+    that nobody knows of.
+    """
+    relaxed = {"controller.avoidance": "relaxed", "controller.yielding": None, "controller.governor": None}
+    disturbances = replace(emulated.usual("emulated-franka", seed=500), load=load)
+    outcome = emulation.emulate(
+        "panda-shelf", disturbances=disturbances, overrides=relaxed, collision_force=40.0
+    )
+    assert outcome.reflex is None and outcome.report.status == "completed"
+    turning = next(each for each in outcome.margins if each.rule.what == "the turning of the hand")
+    assert 0.75 < turning.share < 0.95
 
 
 def test_lost_commands_do_not_break_the_rate() -> None:

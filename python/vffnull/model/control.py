@@ -192,7 +192,8 @@ class ControlSettings:
         What stands between the torque and a robot: who adds gravity, how fast the torque may change,
         friction compensation, how fast the tip may move and turn, and when a loop gives up; see ``vffnull
         schema`` for the keys of ``[controller.command]``. ``"of the robot"`` takes gravity, rate and speeds
-        of the tip as the interface of a bundled arm does.
+        of the tip as the interface of a bundled arm does, and where it limits the rate, an observer for
+        what nobody knows of, if none is given.
     deadline : float or "unlimited", optional
         How long a cycle may take [µs], look-ahead included: that stops when the time is over, and keeps the
         best motion so far. In loops the clock counts; three tenths of the period if it is not said. In

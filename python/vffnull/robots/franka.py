@@ -75,8 +75,8 @@ class FrankaRobot:
     Examples
     --------
     >>> robot = FrankaRobot("172.16.0.2")  # doctest: +SKIP
-    >>> command = {"gravity": "robot", "torque_rate": 1000.0}
-    >>> controller = vff.Controller(arm, {"task": "pose", "command": command})  # doctest: +SKIP
+    >>> settings = {"task": "pose", "stiffness": 400.0, "damping": 40.0, "command": "of the robot"}
+    >>> controller = vff.Controller(vff.Arm.named("fr3"), settings)  # doctest: +SKIP
     >>> with vff.drive(robot, controller) as drive:  # doctest: +SKIP
     ...     drive.wait(10.0)
     """

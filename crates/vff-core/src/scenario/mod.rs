@@ -248,11 +248,15 @@ pub(crate) fn take_from_robot(
     let Interface { adds_gravity, torque_rate, tip_speed, tip_angular_speed, stops } = interface;
     command.gravity = if adds_gravity { Gravity::Robot } else { Gravity::Controller };
     command.torque_rate = torque_rate.map(ScalarOrVec::Uniform);
-    command.tip_speed = Some(tip_speed);
+    command.tip_speed = tip_speed;
     command.tip_angular_speed = tip_angular_speed;
     if let Some([deceleration, offset]) = stops {
         command.stop_deceleration = Some(ScalarOrVec::Each(deceleration.to_vec()));
         command.stop_offset = ScalarOrVec::Each(offset.to_vec());
+    }
+    if torque_rate.is_some() {
+        // In a loop of samples, then: what nobody knows of counts for the limits at which the robot ends a motion.
+        settings.observer.get_or_insert_default();
     }
     Ok(())
 }

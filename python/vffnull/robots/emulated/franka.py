@@ -18,6 +18,9 @@ Rules and their sources (libfranka is github.com/frankarobotics/libfranka, at 0.
   adds gravity and motor friction; the rate is that against the torque it has used last (``tau_J_d``);
   thresholds of ``setCollisionBehavior`` on the estimated external torque and force end a motion; so do
   speeds and the range of the torque sensors.
+- ``include/franka/robot_state.h``: the estimated force at the hand, ``O_F_ext_hat_K``, is 0 near a
+  singularity. What is near it leaves open; two Pandas were seen to report 0 where the smallest singular value
+  of the Jacobian is below 0.08 (libfranka, issue 76).
 
 What the maker does not publish is not here: the power limit, the instability monitor, the check of
 self-collisions, the filters of ``dq``. Ours are: 30 Hz for the filter of the external torque, the torque
@@ -72,7 +75,7 @@ _TORQUE_RATE = 1000.0  # N·m/s
 _MAX_LOST = 20  # packets in a row
 _SHARE = 1.0 - np.exp(-2.0 * np.pi * 30.0 / RATE)  # of what is new in the external torque; 30 Hz is ours
 _EVERY = 5  # cycles between two looks at the hand: ours
-_TINY: Any = 1e-9 * np.eye(6)  # where the arm is singular
+_SINGULAR = 0.08  # the smallest singular value of the Jacobian from which on a force is estimated: issue 76
 _FLANGE = 0.107  # m: from the last joint, control_parameters.html
 _COMPENSATED = 0.8  # share of the friction: ours
 _HAND = {"panda": (1.7, 2.5), "fr3": (3.0, 2.5)}  # m/s, rad/s
@@ -303,7 +306,7 @@ class Robot:
     >>> for _ in range(3):
     ...     state, _ = control.readOnce()
     ...     control.writeOnce(Torques([0.0] * 7))
-    >>> control.readOnce()
+    >>> _ = control.readOnce()
     >>> control.writeOnce(Torques([0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     >>> robot.reflex.rule.name
     'controller_torque_discontinuity'
@@ -477,7 +480,7 @@ class Robot:
 
     def _estimate(self) -> None:
         """The external torque as the robot sees it: what it exerts, without what its model needs; and, less
-        often, the force that this is at the hand, and the hand's speed.
+        often, the force that this is at the hand, none near a singularity, and the hand's speed.
         """
         body = self.body
         seen = self.tau_J - self._known.inverse_dynamics(body.q, body.dq, body.ddq)
@@ -486,7 +489,9 @@ class Robot:
             jacobian = self._known.jacobian(body.q)
             turn = jacobian @ body.dq
             self._hand = (math.hypot(*turn[:3]), math.hypot(*turn[3:]))
-            self.wrench = np.linalg.solve(jacobian @ jacobian.T + _TINY, jacobian @ self.external)
+            u, gains, v = np.linalg.svd(jacobian, full_matrices=False)
+            is_known = gains[-1] >= _SINGULAR
+            self.wrench = u @ ((v @ self.external) / gains) if is_known else np.zeros(6)
 
     def _state(self) -> RobotState:
         q, dq = self.body.measure()
