@@ -227,6 +227,14 @@ impl Perceiver {
         })
     }
 
+    /// Begins anew, without a state, a picture or a point.
+    pub(crate) fn forget(&mut self) {
+        self.last.fill(None);
+        self.history.forget();
+        self.map.forget();
+        self.tracks = Tracks::default();
+    }
+
     /// Takes in a state of the arm: angles \[rad, m\] and velocities \[rad/s, m/s\] at time `t` \[s\], (n) each. The last 512 are kept.
     ///
     /// # Errors

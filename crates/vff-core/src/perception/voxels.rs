@@ -132,6 +132,13 @@ impl VoxelMap {
         }
     }
 
+    /// Forgets all but what is known.
+    pub(super) fn forget(&mut self) {
+        for voxel in self.voxels.drain(..) {
+            self.places[voxel.cell as usize] = NONE;
+        }
+    }
+
     /// Begins with another picture.
     pub(super) fn begin(&mut self) {
         self.picture = self.picture.wrapping_add(1);
