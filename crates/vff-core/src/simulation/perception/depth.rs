@@ -238,3 +238,143 @@ impl Positions for DepthCameras {
         out.extend((3 * self.seen.moving.len()..3 * self.most).map(|_| f64::NAN));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Camera, Kind};
+    use super::*;
+    use crate::robot::models;
+    use crate::settings::Table;
+    use std::sync::Arc;
+
+    const H: f64 = 1e-3;
+
+    /// From before the arm and from above it, as exact as can be.
+    fn settings() -> PerceptionSettings {
+        let camera = |position, orientation| Camera {
+            position,
+            orientation,
+            columns: 96,
+            rows: 72,
+            field_of_view: 1.2,
+        };
+        let mut perceiver = PerceiverSettings::default();
+        for (key, number) in
+            [("stride", 1.0), ("voxel", 0.04), ("least_points", 1.0), ("time_error", 0.0)]
+        {
+            assert!(perceiver.set(key, number));
+        }
+        PerceptionSettings {
+            kind: Kind::Depth,
+            cameras: vec![
+                camera([1.8, 0.0, 0.6], [0.5, -0.5, -0.5, 0.5]),
+                camera([0.2, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0]),
+            ],
+            range: 3.0,
+            rate: Some(30.0),
+            perceiver,
+            ..PerceptionSettings::default()
+        }
+    }
+
+    fn panda() -> SpatialState {
+        Arc::new(models::named("panda").unwrap().build().unwrap()).state()
+    }
+
+    /// The arm as it swings, at a step.
+    fn swing(robot: &mut SpatialState, step: usize) {
+        let t = H * step as f64;
+        let wave = |k: usize| 1.5 + 0.3 * k as f64;
+        let about = [0.0, -0.5, 0.2, -1.8, 0.1, 1.6, 0.4];
+        let q: Vec<f64> = (0..7).map(|k| about[k] + 0.4 * (wave(k) * t).sin()).collect();
+        let dq: Vec<f64> = (0..7).map(|k| 0.4 * wave(k) * (wave(k) * t).cos()).collect();
+        robot.update(&q, &dq);
+    }
+
+    fn ball(x: f64, speed: f64) -> World {
+        World::new(vec![Obstacle {
+            shape: Shape::Sphere { radius: 0.1 },
+            position: [x, 0.3, 0.7],
+            orientation: UPRIGHT,
+            angular_velocity: [0.0; 3],
+            motion: Motion::Linear { velocity: [0.0, speed, 0.0] },
+        }])
+    }
+
+    fn started(settings: &PerceptionSettings, world: &World) -> (DepthCameras, SpatialState) {
+        let mut robot = panda();
+        swing(&mut robot, 0);
+        let mut cameras = DepthCameras::new(settings, 7, &robot, H).unwrap();
+        cameras.start(&robot, world);
+        (cameras, robot)
+    }
+
+    /// The arm fills a part of every picture, and with exact states none of its points is left, however late pictures are.
+    #[test]
+    fn no_point_of_the_arm_is_left() {
+        for latency in [0.0, 0.05] {
+            let nobody = World::new(vec![]);
+            let (mut cameras, mut robot) =
+                started(&PerceptionSettings { latency, ..settings() }, &nobody);
+            for step in 1..1500 {
+                swing(&mut robot, step);
+                cameras.advance(&robot, &nobody);
+                assert_eq!(cameras.seen.moving.len(), 0, "{latency} s late, step {step}");
+                let seen = cameras.pictures.iter().filter(|depth| **depth > 0.0).count();
+                assert!(seen > 300, "{seen}");
+            }
+        }
+    }
+
+    /// A ball on its way is where it is now, however late its pictures are, and has its velocity.
+    #[test]
+    fn what_moves_is_where_it_is_now() {
+        for (latency, off) in [(0.0, 0.03), (0.08, 0.03)] {
+            let mut world = ball(0.6, -0.4);
+            let (mut cameras, mut robot) =
+                started(&PerceptionSettings { latency, ..settings() }, &world);
+            for step in 1..700 {
+                world.update(H * step as f64);
+                swing(&mut robot, step);
+                cameras.advance(&robot, &world);
+            }
+            let mut found = vec![];
+            cameras.append_to(&mut found);
+            assert_eq!(found.len(), 3 * cameras.count());
+            let points: Vec<_> = found.chunks(3).filter(|p| !p[0].is_nan()).collect();
+            assert!(points.len() > 10);
+            let middle = world.position(0);
+            for point in points {
+                let away = (Vector::<3>::from_column_slice(point) - middle).norm();
+                assert!((away - 0.1).abs() < off, "{latency} s late: {away} m from the middle");
+            }
+            let speeds: Vec<_> = cameras.seen.moving.iter().map(|[_, v]| v.y).collect();
+            let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+            assert!((mean + 0.4).abs() < 0.1, "{mean}");
+        }
+    }
+
+    /// A step that is taken back shows what was seen before it, and what comes with it comes again.
+    #[test]
+    fn a_step_can_be_taken_back() {
+        let mut world = ball(0.6, -0.4);
+        let late = PerceptionSettings { latency: 5e-3, ..settings() };
+        let (mut cameras, mut robot) = started(&late, &world);
+        let shown = |cameras: &DepthCameras| {
+            let mut out = vec![];
+            cameras.append_to(&mut out);
+            out.into_iter().map(f64::to_bits).collect::<Vec<_>>()
+        };
+        for step in 1..150 {
+            let before = shown(&cameras);
+            world.update(H * step as f64);
+            swing(&mut robot, step);
+            cameras.advance(&robot, &world);
+            let after = shown(&cameras);
+            cameras.undo();
+            assert!(shown(&cameras) == before, "{step}");
+            cameras.advance(&robot, &world);
+            assert!(shown(&cameras) == after, "{step}");
+        }
+    }
+}

@@ -290,3 +290,184 @@ impl Errors {
         (0.0 < measured && measured <= range).then_some(measured)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Model, models};
+    use crate::world::Motion;
+    use crate::world::space::{Obstacle, Shape};
+    use proptest::prelude::*;
+    use std::sync::Arc;
+
+    fn panda() -> SpatialState {
+        let mut state = Arc::new(models::named("panda").unwrap().build().unwrap()).state();
+        state.update(&[0.3, -0.5, 0.2, -1.8, 0.1, 1.6, 0.4], &[0.0; 7]);
+        state
+    }
+
+    fn obstacle(shape: Shape, position: [f64; 3], velocity: [f64; 3]) -> Obstacle {
+        let orientation = [0.8, 0.6, 0.0, 0.0];
+        let angular_velocity = [0.0; 3];
+        let motion = Motion::Linear { velocity };
+        Obstacle { shape, position, orientation, angular_velocity, motion }
+    }
+
+    fn camera(position: [f64; 3], orientation: [f64; 4]) -> Camera {
+        Camera { position, orientation, columns: 24, rows: 18, field_of_view: 1.4 }
+    }
+
+    fn three(range: f64) -> impl Strategy<Value = [f64; 3]> {
+        [-range..range, -range..range, -range..range]
+    }
+
+    fn shape() -> impl Strategy<Value = Shape> {
+        prop_oneof![
+            (0.02..0.5).prop_map(|radius| Shape::Sphere { radius }),
+            (three(0.5), three(0.5), 0.01..0.2).prop_map(|(a, b, radius)| Shape::Capsule {
+                a,
+                b,
+                radius
+            }),
+            [0.05..1.0, 0.05..1.0, 0.05..1.0].prop_map(|size| Shape::Box { size }),
+            Just(Shape::HalfSpace { normal: [0.0, 0.6, 0.8] }),
+            prop::collection::vec(three(0.4), 1..5)
+                .prop_map(|points| Shape::Points { points, radius: 0.1 }),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        /// Asked only where they may be seen, bodies and obstacles are in every pixel in which they are when all are asked.
+        #[test]
+        fn nothing_is_missed(
+            shapes in prop::collection::vec((shape(), three(1.0), three(0.3)), 0..5),
+            from in three(1.5), turn in three(3.0), t in 0.0..2.0,
+        ) {
+            let all = shapes.into_iter().map(|(shape, at, velocity)| obstacle(shape, at, velocity));
+            let mut world = World::new(all.collect());
+            world.update(t);
+            let robot = panda();
+            let eye = Eye::new(&camera(from, UnitQuaternion::exp(&turn.into()).to_array()), &Vector::zeros(), &Vector::zeros());
+            let scene = Scene::new(&robot, &world, 3.0);
+            let mut hits = vec![];
+            eye.look(&scene, &mut hits);
+            for (pixel, hit) in hits.iter().enumerate() {
+                let (direction, _) = eye.direction(eye.sight(pixel));
+                let all = (0..scene.len()).filter_map(|item| scene.cast(item, &eye.origin, &direction));
+                prop_assert_eq!(hit.distance, all.fold(f64::INFINITY, f64::min), "{}", pixel);
+            }
+        }
+    }
+
+    /// Pictures of a wall across the view, 2 m away, whose pixels have known depths.
+    fn of_a_wall(settings: &PerceptionSettings, normal: [f64; 3]) -> Vec<f32> {
+        let world = World::new(vec![Obstacle {
+            orientation: [1.0, 0.0, 0.0, 0.0],
+            ..obstacle(Shape::HalfSpace { normal }, [5.0, 5.0, 3.0], [0.0; 3])
+        }]);
+        let eye = Eye::new(
+            &camera([5.0, 5.0, 1.0], [1.0, 0.0, 0.0, 0.0]),
+            &Vector::zeros(),
+            &Vector::zeros(),
+        );
+        let (mut errors, mut hits) = (Errors::new(settings, 7), vec![]);
+        let mut all = vec![];
+        for _ in 0..40 {
+            let mut depths = vec![0.0; eye.pixels()];
+            eye.take(&panda(), &world, 9.0, &mut errors, &mut hits, &mut depths);
+            all.extend(depths);
+        }
+        all
+    }
+
+    const ACROSS: [f64; 3] = [0.0, 0.0, -1.0];
+
+    /// The deviation is that of 1 m times the square of the depth, to five deviations of either; losses have their share; steps
+    /// are steps of 1/depth.
+    #[test]
+    fn errors_are_those_of_depth_cameras() {
+        let none = PerceptionSettings::default();
+        assert!(of_a_wall(&none, ACROSS).iter().all(|depth| (depth - 2.0).abs() < 1e-6));
+        let sigma = 0.003;
+        let found = of_a_wall(&PerceptionSettings { noise: sigma, ..none.clone() }, ACROSS);
+        let count = found.len() as f64;
+        let mean = found.iter().map(|z| f64::from(*z)).sum::<f64>() / count;
+        let variance = found.iter().map(|z| (f64::from(*z) - mean).powi(2)).sum::<f64>() / count;
+        let expected = 4.0 * sigma;
+        assert!((mean - 2.0).abs() < 5.0 * expected / count.sqrt(), "{mean}");
+        assert!((variance.sqrt() - expected).abs() < 5.0 * expected / (2.0 * count).sqrt());
+        let found = of_a_wall(
+            &PerceptionSettings { noise: sigma, resolution: 0.01, ..none.clone() },
+            ACROSS,
+        );
+        for depth in found {
+            let steps = 1.0 / (0.01 * f64::from(depth));
+            assert!((steps - steps.round()).abs() < 1e-4, "{depth}");
+        }
+        let share = 0.3;
+        let found = of_a_wall(&PerceptionSettings { drop_outs: share, ..none }, ACROSS);
+        let lost = found.iter().filter(|depth| **depth == 0.0).count() as f64 / count;
+        assert!((lost - share).abs() < 5.0 * (share * (1.0 - share) / count).sqrt(), "{lost}");
+    }
+
+    /// A wall that is seen at a flat angle is measured until that is too flat; one across the view always is. Of a ball its rim is lost.
+    #[test]
+    fn what_is_flat_and_what_ends_is_lost() {
+        let grazing = PerceptionSettings { grazing: 0.2, ..PerceptionSettings::default() };
+        assert!(of_a_wall(&grazing, ACROSS).iter().all(|depth| *depth > 0.0));
+        // The rays that meet a wall at 0.1 rad to the axis do so at an angle of less than 0.8.
+        let (sin, cos) = 0.1_f64.sin_cos();
+        let found =
+            of_a_wall(&PerceptionSettings { grazing: 0.8, ..grazing.clone() }, [-cos, 0.0, -sin]);
+        let all = of_a_wall(&PerceptionSettings::default(), [-cos, 0.0, -sin]);
+        let count = |depths: &[f32]| depths.iter().filter(|depth| **depth > 0.0).count();
+        assert!(
+            count(&all) > 1000 && count(&found) < count(&all) * 9 / 10,
+            "{} of {}",
+            count(&found),
+            count(&all)
+        );
+        let world =
+            World::new(vec![obstacle(Shape::Sphere { radius: 0.3 }, [5.0, 5.0, 2.0], [0.0; 3])]);
+        let eye = Eye::new(
+            &Camera { columns: 400, rows: 300, ..camera([5.0, 5.0, 1.0], [1.0, 0.0, 0.0, 0.0]) },
+            &Vector::zeros(),
+            &Vector::zeros(),
+        );
+        let (mut hits, mut depths) = (vec![], vec![0.0; eye.pixels()]);
+        eye.take(&panda(), &world, 9.0, &mut Errors::new(&grazing, 7), &mut hits, &mut depths);
+        let (mut lost, mut seen) = (vec![], vec![]);
+        for pixel in (0..eye.pixels()).filter(|pixel| hits[*pixel].distance.is_finite()) {
+            let (direction, _) = eye.direction(eye.sight(pixel));
+            let normal = (eye.origin + direction * hits[pixel].distance
+                - Vector::<3>::new(5.0, 5.0, 2.0))
+                / 0.3;
+            let flat = -normal.dot(&direction);
+            if depths[pixel] == 0.0 { lost.push(flat) } else { seen.push(flat) }
+        }
+        assert!(lost.len() > 100 && seen.len() > 10_000, "{} {}", lost.len(), seen.len());
+        // sin 0.2, and what the second ray may be wrong by next to the rim.
+        assert!(
+            lost.iter().all(|flat| *flat < 0.25),
+            "{:?}",
+            lost.iter().copied().fold(0.0, f64::max)
+        );
+    }
+
+    /// A camera is off by what is said of it.
+    #[test]
+    fn cameras_are_off_by_what_is_said() {
+        let said = camera([0.3, -0.2, 1.0], [0.5, -0.5, 0.5, -0.5]);
+        let exact = Eye::new(&said, &Vector::zeros(), &Vector::zeros());
+        let off = Eye::new(
+            &said,
+            &Vector::<3>::new(0.003, 0.0, -0.004),
+            &Vector::<3>::new(0.0, 0.01, 0.0),
+        );
+        assert!(((off.origin - exact.origin).norm() - 0.005).abs() < 1e-15);
+        let turn = off.rotation * exact.rotation.transpose();
+        assert!((((turn.trace() - 1.0) / 2.0).acos() - 0.01).abs() < 1e-9);
+    }
+}
