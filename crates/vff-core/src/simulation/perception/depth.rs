@@ -145,7 +145,9 @@ impl DepthCameras {
         let longest = self.dt * (self.late + self.every) as f64 + 1.0;
         let rest = vec![0.0; robot.dof()];
         // Neither is refused, as nothing was told before.
-        _ = self.perceiver.observe(-longest, robot.configuration(), &rest);
+        for before in [-longest, -self.dt] {
+            _ = self.perceiver.observe(before, robot.configuration(), &rest);
+        }
         self.observe(robot);
         self.take(robot, world);
         self.arrive(0, -self.time(self.late));
@@ -270,7 +272,7 @@ mod tests {
                 camera([1.8, 0.0, 0.6], [0.5, -0.5, -0.5, 0.5]),
                 camera([0.2, 0.0, 2.0], [0.0, 1.0, 0.0, 0.0]),
             ],
-            range: 3.0,
+            range: 5.0,
             rate: Some(30.0),
             perceiver,
             ..PerceptionSettings::default()
@@ -291,14 +293,21 @@ mod tests {
         robot.update(&q, &dq);
     }
 
+    /// A ball before walls that are outside of the room: where nothing is measured, nothing is seen to be free.
     fn ball(x: f64, speed: f64) -> World {
-        World::new(vec![Obstacle {
-            shape: Shape::Sphere { radius: 0.1 },
-            position: [x, 0.3, 0.7],
+        let there = |shape, position, velocity| Obstacle {
+            shape,
+            position,
             orientation: UPRIGHT,
             angular_velocity: [0.0; 3],
-            motion: Motion::Linear { velocity: [0.0, speed, 0.0] },
-        }])
+            motion: Motion::Linear { velocity },
+        };
+        let wall = |normal, position| there(Shape::HalfSpace { normal }, position, [0.0; 3]);
+        World::new(vec![
+            there(Shape::Sphere { radius: 0.1 }, [x, 0.3, 0.7], [0.0, speed, 0.0]),
+            wall([1.0, 0.0, 0.0], [-1.5, 0.0, 0.0]),
+            wall([0.0, 0.0, 1.0], [0.0, 0.0, -0.6]),
+        ])
     }
 
     fn started(settings: &PerceptionSettings, world: &World) -> (DepthCameras, SpatialState) {

@@ -294,7 +294,7 @@ impl Errors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::{Model, models};
+    use crate::robot::models;
     use crate::world::Motion;
     use crate::world::space::{Obstacle, Shape};
     use proptest::prelude::*;
