@@ -320,7 +320,11 @@ impl Perceiver {
         let PerceiverSettings { least_points, memory, .. } = self.settings;
         interrupt::checkpoint(64 * self.map.voxels().len());
         #[expect(clippy::cast_possible_truncation, reason = "checked to be small")]
-        self.map.finish(camera, t, least_points as u32, memory, |middle| look.is_through(middle));
+        let least = least_points as u32;
+        let half = self.map.half_diagonal();
+        let is_cut_away = |place: &Vector<3>| filter.clearance(place, half) < half;
+        let is_through = |place: &Vector<3>| look.is_through(place);
+        self.map.finish(camera, t, least, memory, is_through, is_cut_away);
         self.tracks.update(&mut self.map, camera, t, &self.settings);
         counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
         Ok(counts)

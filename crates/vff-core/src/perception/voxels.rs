@@ -200,7 +200,7 @@ impl VoxelMap {
 
     /// Takes in what the present picture, of a camera at time `t` \[s\], says of all cells: those with so many points or more are hit, of
     /// the others those are seen through of which `is_seen_through` says so, asked where they have gone on to (T190). What has moved on to
-    /// where this picture shows it, what is not taken any more, and what was hit last longer ago than `memory` \[s\], is forgotten.
+    /// where this picture shows it, outside of what is cut away as the arm, what is not taken any more, and what was hit last longer ago than `memory` \[s\], is forgotten.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     pub(super) fn finish(
         &mut self,
@@ -209,14 +209,17 @@ impl VoxelMap {
         least: u32,
         memory: f64,
         is_seen_through: impl Fn(&Vector<3>) -> bool,
+        is_cut_away: impl Fn(&Vector<3>) -> bool,
     ) {
         let mut place = 0;
         while place < self.voxels.len() {
             let voxel = &self.voxels[place];
             let is_moving = voxel.velocity != Vector::<3>::zeros();
             let expected = if is_moving { voxel.at(t) } else { self.middle(voxel.cell) };
-            let has_moved_on =
-                is_moving && voxel.camera == camera && self.is_hit_around(&expected, least);
+            let has_moved_on = is_moving
+                && voxel.camera == camera
+                && self.is_hit_around(&expected, least)
+                && !is_cut_away(&expected);
             let voxel = &mut self.voxels[place];
             voxel.cluster = NONE;
             if voxel.picture != self.picture {
