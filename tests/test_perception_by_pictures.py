@@ -49,14 +49,13 @@ def test_the_arm_of_a_person_is_avoided(watched: vff.Result) -> None:
 
 def test_points_lie_on_the_person(watched: vff.Result) -> None:
     """The arm is in every picture, and none of it is left; the rest lies on the person, as far as cameras err."""
-    bodies = [vff.Obstacle.from_dict(each) for each in watched.scenario.to_dict()["obstacles"][:2]]
+    shapes = [each["shape"] for each in watched.scenario.to_dict()["obstacles"][:2]]
     for row in range(0, len(watched.t), 20):
         found = points(watched, row)
         if not len(found):
             continue
         away = np.full(len(found), np.inf)
-        for body, place in zip(bodies, watched.obstacles[row], strict=False):
-            shape = body.to_dict()["shape"]
+        for shape, place in zip(shapes, watched.obstacles[row], strict=False):
             a, b = (np.array(shape[end]) + place for end in "ab")
             share = np.clip((found - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
             near = np.linalg.norm(found - a - share[:, None] * (b - a), axis=1) - shape["radius"]
@@ -87,12 +86,12 @@ def test_a_run_repeats(watched: vff.Result) -> None:
 
 
 def test_velocities_make_up_for_latency() -> None:
-    """Pictures that come a tenth of a second late put the fingers where they are."""
+    """Pictures that come a tenth of a second late put the fingers where they are, up to a cell, and not 6 cm behind."""
     late = vff.simulate(SCENE, EXACT | SHORT | {"perception.latency": 0.1, "perception.clock_error": 0.0})
     row = int(np.searchsorted(late.t, 0.9))  # at full speed
     fingers = late.obstacles[row][0]
     tip = points(late, row)[:, 1].min()
-    assert abs(tip - (fingers[1] - 0.045)) < 0.03
+    assert abs(tip - (fingers[1] - 0.045)) < 0.04
 
 
 @pytest.mark.parametrize(
