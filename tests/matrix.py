@@ -40,6 +40,7 @@ _ONE_FREEDOM = (
     "panda-lean",
     "panda-shelf",
     "panda-sweep",
+    "panda-watched",
     "planner-bench-reach-3",
 )
 NOT_TOGETHER = {
@@ -117,6 +118,7 @@ _CAMERAS = [
     {"position": [-1.0, -1.5, 1.5], "orientation": [0.65, -0.75, 0.1, -0.1]},
 ]
 _UNKNOWN = "what the interface of "
+_PICTURES = 'it needs kind = "depth"'
 _NO_STOPS = "needs `arm.joint_limits`"
 
 OPTIONS: dict[str, Option] = {
@@ -135,10 +137,27 @@ OPTIONS: dict[str, Option] = {
     "lag": Option(lambda _: {"actuator.time_constant": 0.002}, exact=False),
     "range sensors": Option(
         lambda _: {"perception.kind": "range", "perception.rate": 100, "perception.latency": 0.01},
+        (_PICTURES,),
         exact=False,
     ),
     "cameras": Option(
         lambda _: {"perception.kind": "camera", "perception.rate": 30, "perception.cameras": _CAMERAS},
+        ("depth cameras belong to arms in space", _PICTURES),
+        exact=False,
+    ),
+    "pictures": Option(
+        lambda _: {
+            "perception.kind": "depth",
+            "perception.rate": 30,
+            "perception.range": 3.0,
+            "perception.latency": 0.03,
+            "perception.clock_error": 0.01,
+            "perception.noise": 0.002,
+            "perception.grazing": 0.1,
+            "perception.position_error": 0.005,
+            "perception.cameras": _CAMERAS,
+            "perception.perceiver": {"voxel": 0.05, "stride": 1, "least_points": 1, "most_voxels": 1500},
+        },
         ("depth cameras belong to arms in space",),
         exact=False,
     ),

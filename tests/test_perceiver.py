@@ -86,7 +86,8 @@ def test_a_ball_is_followed() -> None:
     (track,) = made.tracks
     assert track["moves"] and track["seen"] == 4 and track["t"] == pytest.approx(3 * PERIOD)
     assert np.linalg.norm(track["velocity"] - velocity) < 0.1 * 0.5
-    np.testing.assert_array_equal(np.unique(made.velocities, axis=0)[-1], track["velocity"])
+    goes_on = (made.velocities == track["velocity"]).all(axis=1)
+    assert goes_on.mean() > 0.6  # all but cells at its rim, which were hit one picture earlier
     cloud = [vff.Obstacle.points(np.empty((0, 3)), made.radius)]
     law = vff.Controller(ARM, {"avoidance": "cbf"})
     law.torque(AWAY, STILL, [0.3, 0.0, 0.5], obstacles=cloud)

@@ -355,8 +355,9 @@ fn a_touched_link_is_told() {
 
 #[test]
 fn loops_are_those_of_the_core() {
-    let settings =
-        format!("{FIELD}\ncommand = {{ gravity = 'robot', torque_rate = 1000.0, blend_time = 0.01 }}");
+    let settings = format!(
+        "{FIELD}\ncommand = {{ gravity = 'robot', torque_rate = 1000.0, blend_time = 0.01 }}"
+    );
     let owned = Owned::new("model = 'panda'", &settings);
     owned.add(SPHERE);
     let mut expected = core("model = 'panda'", &settings, &[SPHERE]);

@@ -129,7 +129,8 @@ fn no_sent_torque_allocates() {
 fn no_cycle_allocates() {
     let table = |text: &str| text.parse::<toml::Table>().unwrap();
     let arm = AnyArm::read(&table("model = 'panda'")).unwrap();
-    let command = "gravity = 'robot', torque_rate = 1000.0, obstacle_speed = 2.0, blend_time = 0.01";
+    let command =
+        "gravity = 'robot', torque_rate = 1000.0, obstacle_speed = 2.0, blend_time = 0.01";
     let settings = format!("avoidance = 'cbf'\ncommand = {{ {command} }}");
     let mut controller = AnyController::new(&arm, &table(&settings)).unwrap();
     let ball = "shape = { kind = 'sphere', radius = 0.1 }\nposition = [0.1, -0.6, 0.62]";

@@ -157,7 +157,8 @@ fn a_measured_torque_that_cannot_be_is_not_believed() {
 /// beginning leads out of it.
 #[test]
 fn states_that_stop_coming() {
-    for command in ["gravity = \"robot\"", "missed_cycles = 3\nstop_damping = 20", "blend_time = 0"] {
+    for command in ["gravity = \"robot\"", "missed_cycles = 3\nstop_damping = 20", "blend_time = 0"]
+    {
         let mut bench = Bench::new(ARM, &command.replace('\n', ", "));
         let allowed = if command.contains("missed_cycles") { 3 } else { 5 };
         let d = if command.contains("stop_damping") { 20.0 } else { 10.0 };

@@ -16,6 +16,7 @@ use vff_core::control::{
     CommandSettings, PreviewSettings, SelfMotionSettings, Settings, TaskMetric, Yielding,
 };
 use vff_core::field::Field;
+use vff_core::perception::PerceiverSettings;
 use vff_core::scenario::SCHEMA;
 use vff_core::settings::{Key, Table};
 use vff_core::simulation::{
@@ -123,9 +124,9 @@ fn table<T: Table + Default + Serialize>() -> String {
 
 /// Puts a table of settings into its section, in place of the first one there.
 fn put<T: Table + Default + Serialize>(text: &mut String, section: &str) {
-    let heading = format!("\n## [{section}]\n");
-    let begin = text.find(&heading).unwrap_or_else(|| panic!("no section {section}"));
-    let begin = begin + heading.len();
+    let headings = ["", " in space"].map(|place| format!("\n## [{section}]{place}\n"));
+    let begin = headings.iter().find_map(|heading| Some(text.find(heading)? + heading.len()));
+    let begin = begin.unwrap_or_else(|| panic!("no section {section}"));
     let begin = begin + text[begin..].find("\n    key ").unwrap() + 1;
     let end = begin + text[begin..].find("\n\n").unwrap() + 1;
     text.replace_range(begin..end, &table::<T>());
@@ -150,6 +151,7 @@ fn tables_are_those_of_the_settings() {
     put::<MeasurementSettings>(&mut text, "measurement");
     put::<ActuatorSettings>(&mut text, "actuator");
     put::<ContactSettings>(&mut text, "obstacles.contact");
+    put::<PerceiverSettings>(&mut text, "perception.perceiver");
     if std::env::var_os("UPDATE_SCHEMA").is_some() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scenario/schema.md");
         fs::write(path, &text).unwrap();

@@ -22,6 +22,13 @@ impl History {
         Self { n, times: vec![], states: vec![], next: 0 }
     }
 
+    /// Forgets all.
+    pub(super) fn forget(&mut self) {
+        self.times.clear();
+        self.states.clear();
+        self.next = 0;
+    }
+
     /// Places of the states, from the oldest.
     fn places(&self) -> impl DoubleEndedIterator<Item = usize> + '_ {
         let count = self.times.len();

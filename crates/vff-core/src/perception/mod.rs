@@ -227,6 +227,14 @@ impl Perceiver {
         })
     }
 
+    /// Begins anew, without a state, a picture or a point.
+    pub(crate) fn forget(&mut self) {
+        self.last.fill(None);
+        self.history.forget();
+        self.map.forget();
+        self.tracks = Tracks::default();
+    }
+
     /// Takes in a state of the arm: angles \[rad, m\] and velocities \[rad/s, m/s\] at time `t` \[s\], (n) each. The last 512 are kept.
     ///
     /// # Errors
@@ -308,24 +316,25 @@ impl Perceiver {
         let filter = SelfFilter::new(&self.robot, self.settings.margin, uncertainty);
         let mut counts = hit(&mut self.map, eye, &filter, &depth, stride, self.settings.range);
         counts.left_out = self.map.left_out;
-        let look = Look::new(eye, &depth, &self.map, &self.settings);
+        let look = Look::new(eye, &depth, &filter, &self.map, &self.settings);
         let PerceiverSettings { least_points, memory, .. } = self.settings;
         interrupt::checkpoint(64 * self.map.voxels().len());
         #[expect(clippy::cast_possible_truncation, reason = "checked to be small")]
-        self.map.finish(camera, t, least_points as u32, memory, |middle| look.is_through(middle));
+        let least = least_points as u32;
+        let half = self.map.half_diagonal();
+        let is_cut_away = |place: &Vector<3>| filter.clearance(place, half) < half;
+        let is_through = |place: &Vector<3>| look.is_through(place);
+        self.map.finish(camera, t, least, memory, is_through, is_cut_away);
         self.tracks.update(&mut self.map, camera, t, &self.settings);
         counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
         Ok(counts)
     }
 
     /// The cloud at the time of the [`last`](Self::last) picture: points \[m\], each with the velocity at which it goes on from
-    /// there \[m/s\]. What is remembered stays where it was.
+    /// there \[m/s\]. What moved when it was hidden goes on for 0.3 s, and stays where it has come to.
     pub fn points(&self) -> impl Iterator<Item = (Vector<3>, Vector<3>)> + '_ {
         let t = self.last().unwrap_or_default();
-        self.map
-            .voxels()
-            .iter()
-            .map(move |voxel| (voxel.point + voxel.velocity * (t - voxel.last), voxel.velocity))
+        self.map.voxels().iter().map(move |voxel| (voxel.at(t), voxel.velocity_at(t)))
     }
 
     /// The bodies that are followed.
@@ -402,6 +411,7 @@ fn hit(
 struct Look<'a> {
     eye: &'a Camera,
     depth: &'a Depth<'a>,
+    filter: &'a SelfFilter<'a>,
     half: f64,
     depth_error: f64,
     range: f64,
@@ -411,14 +421,16 @@ impl<'a> Look<'a> {
     fn new(
         eye: &'a Camera,
         depth: &'a Depth<'a>,
+        filter: &'a SelfFilter<'a>,
         map: &VoxelMap,
         settings: &PerceiverSettings,
     ) -> Self {
         let PerceiverSettings { depth_error, range, .. } = *settings;
-        Self { eye, depth, half: map.half_diagonal(), depth_error, range }
+        Self { eye, depth, filter, half: map.half_diagonal(), depth_error, range }
     }
 
-    /// Whether all that is measured where the cell is in the picture lies behind it, at five of nine places or more.
+    /// Whether all that is measured where the cell is in the picture lies behind it, at five of nine places or more. What is the arm's
+    /// own says nothing of the cell: it is not what was there.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -440,9 +452,15 @@ impl<'a> Look<'a> {
                 if !(0.0..=last[0]).contains(&u) || !(0.0..=last[1]).contains(&v) {
                     continue;
                 }
-                match self.depth.metres(v as usize * self.eye.columns() + u as usize) {
-                    Some(measured) if measured <= behind => return false,
-                    Some(_) => through += 1,
+                let pixel = v as usize * self.eye.columns() + u as usize;
+                match self.depth.metres(pixel) {
+                    Some(measured) if measured > behind => through += 1,
+                    Some(measured) => {
+                        let point = self.eye.point(pixel, measured);
+                        if self.filter.clearance(&point, self.half) >= 0.0 {
+                            return false;
+                        }
+                    }
                     None => {}
                 }
             }

@@ -14,8 +14,8 @@ settings! {
     /// assert_eq!(settings, PerceiverSettings { voxel: 0.03, ..PerceiverSettings::default() });
     /// ```
     pub struct PerceiverSettings {
-        /// Opposite corners of the room that is looked at, the lower ones first \[m\]. What is outside is not there.
-        room: [[f64; 3]; 2] = [[-1.0, -1.0, -0.2], [1.0, 1.0, 1.4]];
+        /// Opposite corners of the room that is looked at, the lower ones first; what is outside is not there.
+        room: [[f64; 3]; 2] = [[-1.0, -1.0, -0.2], [1.0, 1.0, 1.4]], "m";
         /// The side of a cell.
         voxel: f64 = 0.02, "m", POSITIVE;
         /// Cells that are remembered at most: points of the cloud, up to 50 000.

@@ -15,6 +15,9 @@ const HIT: f64 = 1.5;
 const MISS: f64 = -2.0;
 const SURE: f64 = 3.0;
 
+/// How long what is hidden goes on as it was seen to move \[s\]; after that it stands where it has come to.
+const COASTS: f64 = 0.3;
+
 /// What the arm has to do with a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Arm {
@@ -132,6 +135,13 @@ impl VoxelMap {
         }
     }
 
+    /// Forgets all but what is known.
+    pub(super) fn forget(&mut self) {
+        for voxel in self.voxels.drain(..) {
+            self.places[voxel.cell as usize] = NONE;
+        }
+    }
+
     /// Begins with another picture.
     pub(super) fn begin(&mut self) {
         self.picture = self.picture.wrapping_add(1);
@@ -189,8 +199,8 @@ impl VoxelMap {
     }
 
     /// Takes in what the present picture, of a camera at time `t` \[s\], says of all cells: those with so many points or more are hit, of
-    /// the others those are seen through of which `is_seen_through` says so. What is not taken any more, and what was hit
-    /// last longer ago than `memory` \[s\], is forgotten.
+    /// the others those are seen through of which `is_seen_through` says so, asked where they have gone on to (T190). What has moved on to
+    /// where this picture shows it, outside of what is cut away as the arm, what is not taken any more, and what was hit last longer ago than `memory` \[s\], is forgotten.
     #[expect(clippy::cast_possible_truncation, reason = "few")]
     pub(super) fn finish(
         &mut self,
@@ -199,10 +209,17 @@ impl VoxelMap {
         least: u32,
         memory: f64,
         is_seen_through: impl Fn(&Vector<3>) -> bool,
+        is_cut_away: impl Fn(&Vector<3>) -> bool,
     ) {
         let mut place = 0;
         while place < self.voxels.len() {
-            let middle = self.middle(self.voxels[place].cell);
+            let voxel = &self.voxels[place];
+            let is_moving = voxel.velocity != Vector::<3>::zeros();
+            let expected = if is_moving { voxel.at(t) } else { self.middle(voxel.cell) };
+            let has_moved_on = is_moving
+                && voxel.camera == camera
+                && self.is_hit_around(&expected, least)
+                && !is_cut_away(&expected);
             let voxel = &mut self.voxels[place];
             voxel.cluster = NONE;
             if voxel.picture != self.picture {
@@ -216,11 +233,9 @@ impl VoxelMap {
                 voxel.camera = camera;
             } else {
                 voxel.hits = 0;
-                // Whoever saw it move sees it there no longer.
-                if voxel.camera == camera {
-                    voxel.velocity = Vector::zeros();
-                }
-                if voxel.odds > 0.0 && is_seen_through(&middle) {
+                if has_moved_on {
+                    voxel.odds = 0.0;
+                } else if voxel.odds > 0.0 && is_seen_through(&expected) {
                     voxel.odds += MISS;
                 }
             }
@@ -234,6 +249,19 @@ impl VoxelMap {
                 self.places[moved.cell as usize] = place as u32;
             }
         }
+    }
+
+    /// Whether the present picture has so many points in the cell of a point, or in one of the six beside it.
+    fn is_hit_around(&self, point: &Vector<3>, least: u32) -> bool {
+        let is_hit = |offset: Vector<3>| {
+            let cell = self.cell_of(&(point + offset * self.side));
+            let voxel = cell.and_then(|cell| self.voxels.get(self.places[cell] as usize));
+            voxel.is_some_and(|voxel| voxel.picture == self.picture && voxel.hits >= least)
+        };
+        let mut around = (0..3).flat_map(|axis| {
+            [-1.0, 1.0].map(|side| Vector::<3>::from_fn(|k, _| if k == axis { side } else { 0.0 }))
+        });
+        is_hit(Vector::zeros()) || around.any(is_hit)
     }
 
     /// Calls `visit` with the places of the cells around the one at a place that are taken.
@@ -256,6 +284,16 @@ impl VoxelMap {
 }
 
 impl Voxel {
+    /// Where the points in it have gone on to at time `t` \[s\].
+    pub(super) fn at(&self, t: f64) -> Vector<3> {
+        self.point + self.velocity * (t - self.last).min(COASTS)
+    }
+
+    /// At which velocity they go on from there \[m/s\].
+    pub(super) fn velocity_at(&self, t: f64) -> Vector<3> {
+        if t - self.last < COASTS { self.velocity } else { Vector::zeros() }
+    }
+
     /// Takes in a point that is in it \[m\], which may be one at the end of the picture.
     #[inline]
     pub(super) fn add(&mut self, point: &Vector<3>, at_the_end: bool) {

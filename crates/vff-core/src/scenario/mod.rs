@@ -460,6 +460,10 @@ impl Scenario {
                 .map_err(|error| error.inside(&format!("obstacles[{j}]")))?;
             barriers += S::Geometry::new(obstacle).barriers();
         }
+        if let Some(given) = self.perception.as_ref().filter(|it| it.kind == PerceptionKind::Depth)
+        {
+            barriers = given.points_of(0, D); // a cloud is all that it knows
+        }
         validate::wrenches(&scene.wrenches)?;
         scene.wrenches_on(&model)?;
         let copies = if self.simulation.control == Control::Predictor { 2 } else { 1 };

@@ -172,8 +172,8 @@ impl Scenario {
             orientation,
             obstacles: self.scene.obstacle_count(),
             rays: self.perception.as_ref().map_or(0, |given| match given.kind {
-                PerceptionKind::Range => given.rays_of(self.scene.body_count(), dimension),
-                _ => given.rays_of(0, dimension),
+                PerceptionKind::Range => given.points_of(self.scene.body_count(), dimension),
+                _ => given.points_of(0, dimension),
             }),
         };
         self.simulation.rows(self.duration) as f64 * sizes.row_bytes() as f64

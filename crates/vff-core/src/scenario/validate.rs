@@ -14,6 +14,7 @@ use crate::control::{
 use crate::field::{Field, FieldKind};
 use crate::interrupt;
 use crate::math::{ScalarOrVec, UnitQuaternion, memory};
+use crate::perception::PerceiverSettings;
 use crate::robot::{Limits, Model};
 use crate::settings::{NOT_NEGATIVE, POSITIVE, SHARE};
 use crate::simulation::{
@@ -23,7 +24,7 @@ use crate::simulation::{
 };
 use crate::trajectory::GovernorSettings;
 use crate::world::Motion;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Debug;
 use toml::{Table, Value};
 
@@ -190,7 +191,8 @@ pub fn perception(
     for (index, each) in settings.cameras.iter().enumerate() {
         camera(each).map_err(|error| error.inside(&format!("cameras[{index}]")))?;
     }
-    if settings.kind == PerceptionKind::Camera && settings.cameras.is_empty() {
+    let has_cameras = matches!(settings.kind, PerceptionKind::Camera | PerceptionKind::Depth);
+    if has_cameras && settings.cameras.is_empty() {
         return Err(ScenarioError::new("cameras", Problem::Other("expected at least one".into())));
     }
     number("range", range, &POSITIVE)?;
@@ -200,6 +202,7 @@ pub fn perception(
     if !(0.0..=1.0).contains(&drop_outs) {
         return Err(ScenarioError::out_of_range("drop_outs", "in [0, 1]", drop_outs));
     }
+    depths(settings)?;
     if let Some(rate) = settings.rate {
         number("rate", rate, &POSITIVE)?;
         if settings.steps_per_scan(dt) > MAX_STEPS {
@@ -214,17 +217,56 @@ pub fn perception(
     let scans = settings.steps_late(dt) / settings.steps_per_scan(dt) + 3.0;
     let rays = settings.rays_of(bodies, dimension);
     if rays as f64 * scans > MAX_READINGS {
-        let path = if settings.kind == PerceptionKind::Camera { "cameras" } else { "sensors" };
+        let path = if has_cameras { "cameras" } else { "sensors" };
         let requirement = format!("so few that at most {MAX_READINGS:e} readings are under way");
         return Err(ScenarioError::out_of_range(path, &requirement, format!("{rays} rays")));
     }
     Ok(())
 }
 
+/// What of `[perception]` is of pictures alone.
+fn depths(settings: &PerceptionSettings) -> Validated {
+    let PerceptionSettings { grazing, orientation_error, clock_error, .. } = *settings;
+    let sizes = [("position_error", settings.position_error), ("clock_error", clock_error)];
+    for (path, given) in sizes {
+        number(path, given, &NOT_NEGATIVE)?;
+    }
+    if !(0.0..FRAC_PI_2).contains(&grazing) {
+        return Err(ScenarioError::out_of_range("grazing", "in [0, π/2)", grazing));
+    }
+    if !(0.0..=PI).contains(&orientation_error) {
+        return Err(ScenarioError::out_of_range(
+            "orientation_error",
+            "in [0, π]",
+            orientation_error,
+        ));
+    }
+    if settings.kind != PerceptionKind::Depth {
+        let keys = ["grazing", "position_error", "orientation_error", "clock_error"];
+        let given = [grazing, settings.position_error, orientation_error, clock_error];
+        let stray = keys.into_iter().zip(given.map(|given| given != 0.0));
+        let perceiver = settings.perceiver != PerceiverSettings::default();
+        let mut stray = stray.chain([("perceiver", perceiver)]);
+        if let Some((path, _)) = stray.find(|(_, is_given)| *is_given) {
+            let problem = "is for pictures: it needs kind = \"depth\"";
+            return Err(ScenarioError::new(path, Problem::Other(problem.into())));
+        }
+        return Ok(());
+    }
+    // Otherwise no picture could be put to a state of the arm.
+    let late = clock_error - settings.latency;
+    if late > settings.perceiver.latest_state {
+        let requirement = "at most latency + perceiver.latest_state";
+        return Err(ScenarioError::out_of_range("clock_error", requirement, clock_error));
+    }
+    Ok(())
+}
+
 /// What of `[perception]` means nothing in the plane.
 fn in_the_plane(settings: &PerceptionSettings) -> Validated {
+    let has_cameras = matches!(settings.kind, PerceptionKind::Camera | PerceptionKind::Depth);
     let stray = [
-        ("kind", settings.kind == PerceptionKind::Camera),
+        ("kind", has_cameras),
         ("around", settings.around.is_some()),
         ("cameras", !settings.cameras.is_empty()),
     ];

@@ -185,16 +185,21 @@ impl<S: System<D, M>, const D: usize, const M: usize> ControlStack<S, D, M> {
             Some(governor) => governor.sample(trajectory, t + ahead),
             None => trajectory.at(t + ahead),
         };
-        match perception {
-            Some(perception) => {
-                controller.observe(q, dq, perception);
-                announce(controller);
-                controller.look_ahead(perception, reference);
-            }
-            None => {
+        let believed = match perception {
+            Some(perception) => perception.believed(),
+            None => Ok(world),
+        };
+        match believed {
+            Ok(world) => {
+                world.update(t);
                 controller.observe(q, dq, world);
                 announce(controller);
                 controller.look_ahead(world, reference);
+            }
+            Err(points) => {
+                controller.observe(q, dq, points);
+                announce(controller);
+                controller.look_ahead(points, reference);
             }
         }
         controller.command(&reference(0.0))

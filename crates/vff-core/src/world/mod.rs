@@ -9,6 +9,7 @@
 //! the [`plane`] and of [`space`] live in directories of their own.
 
 mod broad_phase;
+mod cast;
 mod contact;
 mod hierarchy;
 mod hull_query;

@@ -1,12 +1,10 @@
 //! The nearest points of every body of the robot to every obstacle: one loop, whatever the space.
 
 use super::hull_query::near_hull;
-use super::{
-    Asked, Contact, MotionState, Named, ObstacleGeometry, Outlook, Pair, Placed, Turn, World,
-};
+use super::{Asked, Contact, Named, ObstacleGeometry, Outlook, Pair, Placed, Turn, World};
 use crate::geometry::{Body, PlacedHull};
 use crate::interrupt;
-use crate::math::{Capsule, Vector};
+use crate::math::Capsule;
 
 /// How much farther away than it was the nearest of all obstacles is expected at most when a body is asked again \[m\].
 const STRIDE: f64 = 2e-3;
@@ -200,25 +198,6 @@ impl<S: ObstacleGeometry<D>, const D: usize> World<S, D> {
             None => obstacle.contact(pair, &probe, state, turn.as_ref()),
             Some(hull) => obstacle.hull_contact(pair, hull, &probe, state, turn.as_ref()),
         }
-    }
-
-    /// The distance \[m\] from `origin` along the unit vector `direction` to the first obstacle within
-    /// `range` \[m\]; 0 inside one. The obstacles stand where the last [`update`](Self::update) put them.
-    pub fn cast(&self, origin: Vector<D>, direction: Vector<D>, range: f64) -> Option<f64> {
-        let hit = |obstacle: &Placed<S, D>| {
-            let MotionState { position, elapsed, .. } = obstacle.state_at(self.time);
-            let offset = origin - position;
-            match obstacle.turn_at(self.time) {
-                None => obstacle.geometry.cast(&offset, &direction, range, elapsed),
-                Some(turn) => {
-                    let [offset, along] = [offset, direction].map(|v| turn.rotation.tr_mul(&v));
-                    obstacle.geometry.cast(&offset, &along, range, elapsed)
-                }
-            }
-        };
-        interrupt::checkpoint(32 * self.obstacles.len());
-        let seen = self.obstacles.iter().filter(|obstacle| !obstacle.is_hidden);
-        seen.filter_map(hit).reduce(f64::min)
     }
 
     /// Calls `visit` with the nearest points of every body and every obstacle that is not hidden, however far: one contact a pair, body

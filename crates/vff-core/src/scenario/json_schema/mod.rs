@@ -49,7 +49,16 @@ fn schema_of_scenario() -> Result<Value, Fault> {
 /// The keys in the plane. Some types can hold what belongs to space: how an obstacle is turned at way points is an angle
 /// here, links have two sides, and there are no cameras.
 fn in_the_plane() -> Result<Kind, Fault> {
-    let spatial = ["orientations", "around", "cameras"];
+    let spatial = [
+        "orientations",
+        "around",
+        "cameras",
+        "grazing",
+        "position_error",
+        "orientation_error",
+        "clock_error",
+        "perceiver",
+    ];
     with_shared(spatial.into_iter().fold(trace::<Tables<Plane, 2>>()?, Kind::without))
 }
 

@@ -10,6 +10,7 @@ use super::error::{Problem, ScenarioError};
 use super::scene::{CheckReach, FromDocument, Scene};
 use super::validate;
 use crate::inverse_kinematics::{Residual, Solver, Unreachable};
+use crate::perception::PerceptionError;
 use crate::robot::{Model, Robot, SpatialArm, SpatialState};
 use crate::simulation::{
     Control, Options, PerceptionSettings, Physics, Space, SpatialPerception, System,
@@ -76,7 +77,17 @@ impl FromDocument<3> for Space {
     ) -> Result<SpatialPerception, ScenarioError> {
         let (dt, sampled) = (options.dt, options.control != Control::Continuous);
         validate::perception(settings, robot.body_count(), 3, dt, sampled)?;
-        Ok(SpatialPerception::new(settings, seed, robot, dt))
+        SpatialPerception::new(settings, seed, robot, dt).map_err(|error| {
+            let path = match &error {
+                PerceptionError::Setting { key, .. } => format!("perceiver.{key}"),
+                _ => "perceiver".into(),
+            };
+            let problem = match error {
+                PerceptionError::Setting { problem, .. } => problem,
+                other => other.to_string(),
+            };
+            ScenarioError::new(&path, Problem::Other(problem))
+        })
     }
 }
 

@@ -1,8 +1,11 @@
 //! What the controller gets to know of the obstacles where it is not told: readings of sensors.
 //!
 //! `settings` is the table of a scenario, `scans` what becomes of the readings until they arrive. Which rays there are, and
-//! what the control law makes of the points, is a matter of the [`plane`] and of [`space`].
+//! what the control law makes of the points, is a matter of the [`plane`] and of [`space`]. `depth` is the whole way from a `picture` with
+//! the arm in it to points that move.
 
+mod depth;
+mod picture;
 mod plane;
 mod scans;
 mod settings;
@@ -45,4 +48,12 @@ pub trait Perceive<R, S: ObstacleGeometry<D>, const D: usize>:
     fn advance(&mut self, robot: &R, world: &world::World<S, D>);
     /// Takes the last step back.
     fn undo(&mut self);
+
+    /// What the law takes for the world, if that is one; these readings themselves otherwise.
+    ///
+    /// # Errors
+    /// With the readings, which are asked like a world.
+    fn believed(&mut self) -> Result<&mut world::World<S, D>, &mut Self> {
+        Err(self)
+    }
 }

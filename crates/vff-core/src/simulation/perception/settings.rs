@@ -1,5 +1,6 @@
 //! The `[perception]` table of a scenario.
 
+use crate::perception::PerceiverSettings;
 use serde::{Deserialize, Serialize};
 
 /// The `[perception]` table of a scenario.
@@ -34,9 +35,9 @@ pub struct PerceptionSettings {
     /// Scans per second \[1/s\], > 0; the time between two is rounded up to whole plant steps. Default:
     /// one every step.
     pub rate: Option<f64>,
-    /// Standard deviation of the noise of a reading \[m\], ≥ 0.
+    /// Standard deviation of the noise of a reading \[m\], ≥ 0; of a depth that at 1 m, and it grows with the square of the depth.
     pub noise: f64,
-    /// Step of the readings \[m\], ≥ 0.
+    /// Step of the readings \[m\], ≥ 0; of a depth that at 1 m, and it grows with the square of the depth.
     pub resolution: f64,
     /// Age of a scan when the controller gets it \[s\], ≥ 0; rounded up to whole plant steps.
     pub latency: f64,
@@ -44,6 +45,16 @@ pub struct PerceptionSettings {
     pub drop_outs: f64,
     /// In space: the cameras; at least one if that is the kind.
     pub cameras: Vec<Camera>,
+    /// Of depths: a surface that is seen at a flatter angle is not measured, nor what is next to an edge \[rad\], in [0, π/2); 0 measures all.
+    pub grazing: f64,
+    /// Of depths: how far each camera stands from where it is said to stand \[m\], ≥ 0, in a direction at random.
+    pub position_error: f64,
+    /// Of depths: by which angle each camera is turned from how it is said to look \[rad\], in [0, π], about an axis at random.
+    pub orientation_error: f64,
+    /// Of depths: by how much the clock of each camera is ahead or behind, at random \[s\], ≥ 0.
+    pub clock_error: f64,
+    /// Of depths: what makes points of the pictures.
+    pub perceiver: PerceiverSettings,
 }
 
 /// How the controller perceives the obstacles.
@@ -55,8 +66,10 @@ pub enum Kind {
     Ideal,
     /// By range sensors on the links.
     Range,
-    /// In space: by depth cameras that stand in the world.
+    /// In space: by depth cameras that stand in the world, from whose points the arm is taken out exactly and which all rest.
     Camera,
+    /// In space: by pictures of depth cameras with the arm in them, of which a [`Perceiver`](crate::perception::Perceiver) makes points that move.
+    Depth,
 }
 
 impl Default for PerceptionSettings {
@@ -74,6 +87,11 @@ impl Default for PerceptionSettings {
             latency: 0.0,
             drop_outs: 0.0,
             cameras: Vec::new(),
+            grazing: 0.0,
+            position_error: 0.0,
+            orientation_error: 0.0,
+            clock_error: 0.0,
+            perceiver: PerceiverSettings::default(),
         }
     }
 }
@@ -90,12 +108,18 @@ impl PerceptionSettings {
         match self.kind {
             Kind::Ideal => 0,
             Kind::Range => on_links.into_iter().fold(1, usize::saturating_mul),
-            Kind::Camera => self
+            Kind::Camera | Kind::Depth => self
                 .cameras
                 .iter()
                 .map(|camera| camera.columns.saturating_mul(camera.rows))
                 .fold(0, usize::saturating_add),
         }
+    }
+
+    /// The most points that the controller may know, each a reading in the record.
+    pub fn points_of(&self, bodies: usize, dimension: usize) -> usize {
+        let rays = self.rays_of(bodies, dimension);
+        if self.kind == Kind::Depth { rays.min(self.perceiver.most_voxels).max(1) } else { rays }
     }
 
     /// Plant steps of `dt` \[s\] from scan to scan.

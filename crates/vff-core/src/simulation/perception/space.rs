@@ -1,10 +1,12 @@
 //! Range sensors around the links of an arm in space, and depth cameras beside it.
 
+use super::depth::DepthCameras;
 use super::scans::{Ray, Scans};
 use super::{Kind, Perceive, PerceptionSettings};
 use crate::geometry::Body;
 use crate::interrupt;
 use crate::math::{UnitQuaternion, Vector};
+use crate::perception::PerceptionError;
 use crate::robot::{Robot, SpatialState};
 use crate::world::space::{
     SpatialGeometry, World, cast_at_body, cast_at_hull, contact_with_point, distance_of_point,
@@ -40,14 +42,28 @@ pub struct SpatialPerception {
     scans: Scans<3>,
     /// For one body: the points within reach, each with its contact.
     near: Vec<Contact<3>>,
+    /// Instead of all that: pictures.
+    depth: Option<Box<DepthCameras>>,
 }
 
 impl SpatialPerception {
     /// Sensors for plant steps of `dt` \[s\], on the bodies of `robot` if that is their kind; the same seed gives the same
     /// noise.
-    pub fn new(settings: &PerceptionSettings, seed: u64, robot: &SpatialState, dt: f64) -> Self {
+    ///
+    /// # Errors
+    /// If the pictures of depth cameras are for no perceiver.
+    pub fn new(
+        settings: &PerceptionSettings,
+        seed: u64,
+        robot: &SpatialState,
+        dt: f64,
+    ) -> Result<Self, PerceptionError> {
+        let depth = match settings.kind {
+            Kind::Depth => Some(Box::new(DepthCameras::new(settings, seed, robot, dt)?)),
+            _ => None,
+        };
         let mounts = match settings.kind {
-            Kind::Ideal => vec![],
+            Kind::Ideal | Kind::Depth => vec![],
             Kind::Range => {
                 let bodies = 0..robot.body_count();
                 bodies.flat_map(|body| around_body(settings, robot, body)).collect()
@@ -55,10 +71,10 @@ impl SpatialPerception {
             Kind::Camera => settings.cameras.iter().flat_map(super::Camera::mounts).collect(),
         };
         let scans = Scans::new(settings, seed, mounts.len(), dt);
-        Self { near: Vec::with_capacity(mounts.len()), mounts, scans }
+        Ok(Self { near: Vec::with_capacity(mounts.len()), mounts, scans, depth })
     }
 
-    /// What the controller knows \[m\]: one point per ray, NaN where nothing was met.
+    /// What the controller knows of rays \[m\]: one point each, NaN where nothing was met.
     pub fn seen(&self) -> &[Vector<3>] {
         self.scans.seen()
     }
@@ -115,7 +131,7 @@ impl super::Camera {
         let frame = UnitQuaternion::new(self.orientation).unwrap_or_default();
         let origin = Vector::from(self.position);
         let (columns, rows) = (self.columns as f64, self.rows as f64);
-        let focal = 0.5 * columns / (0.5 * self.field_of_view).tan();
+        let focal = self.focal();
         (0..self.columns * self.rows).map(move |k| {
             let (row, column) = ((k / self.columns) as f64, (k % self.columns) as f64);
             let [x, y] = [column + 0.5 - 0.5 * columns, row + 0.5 - 0.5 * rows];
@@ -155,27 +171,46 @@ impl Mount {
 
 impl Perceive<SpatialState, SpatialGeometry, 3> for SpatialPerception {
     fn start(&mut self, robot: &SpatialState, world: &World) {
-        let Self { mounts, scans, .. } = self;
-        scans.start(|k, range| mounts[k].cast(robot, world, range));
+        let Self { mounts, scans, depth, .. } = self;
+        match depth {
+            Some(depth) => depth.start(robot, world),
+            None => scans.start(|k, range| mounts[k].cast(robot, world, range)),
+        }
     }
 
     fn advance(&mut self, robot: &SpatialState, world: &World) {
-        let Self { mounts, scans, .. } = self;
-        scans.advance(|k, range| mounts[k].cast(robot, world, range));
+        let Self { mounts, scans, depth, .. } = self;
+        match depth {
+            Some(depth) => depth.advance(robot, world),
+            None => scans.advance(|k, range| mounts[k].cast(robot, world, range)),
+        }
     }
 
     fn undo(&mut self) {
-        self.scans.undo();
+        match &mut self.depth {
+            Some(depth) => depth.undo(),
+            None => self.scans.undo(),
+        }
+    }
+
+    fn believed(&mut self) -> Result<&mut World, &mut Self> {
+        match self {
+            Self { depth: Some(depth), .. } => Ok(depth.world()),
+            rays => Err(rays),
+        }
     }
 }
 
 impl Positions for SpatialPerception {
     fn count(&self) -> usize {
-        self.scans.count()
+        self.depth.as_ref().map_or_else(|| self.scans.count(), |depth| depth.count())
     }
 
     fn append_to(&self, out: &mut Vec<f64>) {
-        self.scans.append_to(out);
+        match &self.depth {
+            Some(depth) => depth.append_to(out),
+            None => self.scans.append_to(out),
+        }
     }
 }
 
@@ -275,7 +310,7 @@ mod tests {
 
     fn around(obstacles: Vec<Obstacle>, settings: &PerceptionSettings) -> SpatialPerception {
         let robot = panda();
-        let mut perception = SpatialPerception::new(settings, 7, &robot, 1e-3);
+        let mut perception = SpatialPerception::new(settings, 7, &robot, 1e-3).unwrap();
         perception.start(&robot, &World::new(obstacles));
         perception
     }
@@ -329,7 +364,7 @@ mod tests {
     fn sensors_sit_around_the_bodies() {
         let settings = PerceptionSettings { rays: 1, sensors: 2, around: Some(3), ..on_links() };
         let mut robot = panda();
-        let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3);
+        let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3).unwrap();
         assert_eq!(perception.mounts.len(), robot.body_count() * 6);
         robot.update(&[1.0, 0.3, -0.8, -1.2, 2.0, 0.4, -2.0], &[0.0; 7]);
         let ray = |k: usize| perception.mounts[k].ray(&robot);
@@ -413,7 +448,7 @@ mod tests {
         let along: Vector<3> = robot.link_axes(2).column(0).into();
         let ball = |gap: f64| ball(0.02, (middle + across * gap).into());
         let seen = |settings: &PerceptionSettings, gap: f64| {
-            let mut perception = SpatialPerception::new(settings, 7, &robot, 1e-3);
+            let mut perception = SpatialPerception::new(settings, 7, &robot, 1e-3).unwrap();
             perception.start(&robot, &World::new(vec![ball(gap)]));
             met(&perception)
         };
@@ -437,7 +472,7 @@ mod tests {
         assert_eq!(seen(&view(middle - across, middle), 0.1).len(), 0);
         // Sensors.
         let settings = PerceptionSettings { rays: 1, sensors: 3, around: Some(4), ..on_links() };
-        let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3);
+        let perception = SpatialPerception::new(&settings, 7, &robot, 1e-3).unwrap();
         for mount in &perception.mounts {
             let [origin, _] = mount.ray(&robot);
             let body = Body { link: 2, shape: capsule, hull: Some(hull) };
