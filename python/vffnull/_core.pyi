@@ -646,7 +646,7 @@ class Controller:
     def begin(self, period: float, tau: ArrayLike | None = None) -> None:
         """Begin a loop that is watched over: from now on `cycle` says what is to be sent to the robot.
 
-        The torque is blended in over the time `start` of the settings' `command`, so that nothing jumps.
+        The torque is blended in over the time `blend_time` of the settings' `command`, so that nothing jumps.
 
         Parameters
         ----------
@@ -677,7 +677,7 @@ class Controller:
 
         What is sent is finite, within the arm's torque limits, and changes by no more than `torque_rate`.
         A state that is missing (None), no newer than the last, not finite, or not to be reached from the last
-        counts as missing, and is no error: after fewer than `patience` such
+        counts as missing, and is no error: after fewer than `missed_cycles` such
         cycles what was sent last is held, then the arm is damped as if it came to rest from its last
         velocity, then only gravity is held, if that is ours, and in the end the loop is lost;
         docs/tutorials/own-loop.md has the times.
