@@ -107,10 +107,16 @@ def test_the_published_urdf_has_the_same_numbers(name: str, ending: str) -> None
 
 
 def contained(arm: dict[str, Any], report: arms.Report) -> None:
-    """The bundled capsules contain those that are fitted anew: ends within what they are larger."""
+    """The bundled capsules contain those that are fitted anew: ends within what they are larger. Where a hull
+    is taken today in the place of a loose capsule, there is none to compare.
+    """
+    compared = 0
     for item, fit in zip(arm["collision"], report.fits, strict=True):
         assert item["link"] == fit.link
         ours, theirs = item["shape"], fit.shape
+        if theirs["kind"] == "convex":
+            continue
+        compared += 1
         keys = ("a", "b") if ours["kind"] == "capsule" else ("center", "center")
         orders = (keys, keys[::-1])  # which end is which depends on rounding
         away = min(
@@ -119,6 +125,7 @@ def contained(arm: dict[str, Any], report: arms.Report) -> None:
         )
         assert away <= ours["radius"] - theirs["radius"] + 1e-9
         assert ours["radius"] - theirs["radius"] <= 3e-4
+    assert compared >= len(report.fits) - 2
 
 
 @pytest.mark.parametrize(
