@@ -1,4 +1,4 @@
-"""Depth cameras with the arm in their pictures: all that the controller knows is what a perceiver makes of them."""
+"""Depth cameras with the arm in their pictures: the controller knows what a perceiver makes of them."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def test_the_arm_of_a_person_is_avoided(watched: vff.Result) -> None:
     """Blind it would be struck; watched it is not, and the hand is back where it was."""
     blind = vff.simulate(SCENE, {"perception.drop_outs": 1.0})
     assert blind.status == "collided"
-    assert watched.status == "completed" and watched.metrics.min_clearance > 0.0
+    assert watched.status == "completed" and (watched.metrics.min_clearance or 0.0) > 0.02
     off = np.linalg.norm(watched.error[:, :3], axis=1)
     assert off[-1] < 0.01 and off.max() < 0.25
 
 
 def test_points_lie_on_the_person(watched: vff.Result) -> None:
-    """The arm is in every picture, and none of it is left; the rest lies on the person, as far as cameras err."""
+    """The arm is in every picture, and none of it is left; the rest lies on the person."""
     shapes = [each["shape"] for each in watched.scenario.to_dict()["obstacles"][:2]]
     for row in range(0, len(watched.t), 20):
         found = points(watched, row)
@@ -86,7 +86,7 @@ def test_a_run_repeats(watched: vff.Result) -> None:
 
 
 def test_velocities_make_up_for_latency() -> None:
-    """Pictures that come a tenth of a second late put the fingers where they are, up to a cell, and not 6 cm behind."""
+    """Pictures that come a tenth of a second late put the fingers where they are, not 6 cm behind."""
     late = vff.simulate(SCENE, EXACT | SHORT | {"perception.latency": 0.1, "perception.clock_error": 0.0})
     row = int(np.searchsorted(late.t, 0.9))  # at full speed
     fingers = late.obstacles[row][0]

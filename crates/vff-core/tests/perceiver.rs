@@ -472,3 +472,54 @@ fn what_is_of_no_use_is_refused() {
     assert!(matches!(perceiver.see(0, 0.0, depth), Err(PerceptionError::NotLater { .. })));
     assert_eq!(perceiver.points().count(), 0);
 }
+
+/// A ball over which something is held while it moves goes on as it was seen to move, for three tenths of a second, and then stands.
+#[test]
+fn what_is_hidden_goes_on_for_a_while() {
+    let eye = camera(2);
+    let settings = PerceiverSettings { stride: 1, ..PerceiverSettings::default() };
+    let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
+    let at = |t: f64| [0.4, -0.15 + 0.5 * t, 0.4];
+    let cover = ball([0.4, 0.0, 1.25], 0.2);
+    let low = |perceiver: &Perceiver| -> Vec<(V, V)> {
+        perceiver.points().filter(|(point, _)| point.z < 0.7).collect()
+    };
+    for k in 0..8 {
+        let t = PERIOD * f64::from(k);
+        show(&mut perceiver, &eye, t, &[ball(at(t), 0.06)]);
+    }
+    for k in 8..14 {
+        let t = PERIOD * f64::from(k);
+        show(&mut perceiver, &eye, t, &[ball(at(t), 0.06), cover]);
+        let points = low(&perceiver);
+        assert!(points.len() > 10);
+        let mean = points.iter().map(|(point, _)| point.y).sum::<f64>() / points.len() as f64;
+        assert!((mean - at(t)[1]).abs() < 0.03, "{mean} at {t}");
+    }
+    show(&mut perceiver, &eye, PERIOD * 18.0, &[cover]);
+    let stopped = low(&perceiver);
+    show(&mut perceiver, &eye, PERIOD * 24.0, &[cover]);
+    assert!(stopped.len() > 10 && stopped.iter().all(|(_, velocity)| *velocity == V::zeros()));
+    assert_eq!(stopped, low(&perceiver));
+    show(&mut perceiver, &eye, PERIOD * 100.0, &[cover]);
+    assert!(low(&perceiver).is_empty());
+}
+
+/// Of a ball that is seen from above there is a lower side as well, where that is asked for and the ball is not too wide for it.
+#[test]
+fn a_ball_has_another_side() {
+    let lowest = |hidden: f64, radius: f64| {
+        let eye = camera(2);
+        let settings = PerceiverSettings { stride: 1, hidden, ..PerceiverSettings::default() };
+        let mut perceiver = Perceiver::new(&panda(), vec![eye.clone()], settings, table()).unwrap();
+        let thing = ball([0.4, 0.1, 0.5], radius);
+        show(&mut perceiver, &eye, 0.0, &[thing]);
+        for (point, _) in perceiver.points() {
+            assert!(thing.distance(&point).abs() < 0.2 * radius + 0.02, "{point}");
+        }
+        perceiver.points().map(|(point, _)| point.z).fold(f64::INFINITY, f64::min)
+    };
+    assert!(lowest(0.0, 0.08) > 0.48);
+    assert!((lowest(0.3, 0.08) - 0.42).abs() < 0.03);
+    assert!(lowest(0.1, 0.08) > 0.48);
+}

@@ -162,6 +162,11 @@ impl Camera {
         self.model.rows
     }
 
+    /// Where it stands \[m\].
+    pub(super) fn origin(&self) -> &Vector<3> {
+        &self.origin
+    }
+
     /// The longer focal length \[pixels\].
     pub(super) fn focal(&self) -> f64 {
         self.model.focal[0].max(self.model.focal[1])

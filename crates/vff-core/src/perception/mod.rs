@@ -5,6 +5,7 @@
 //! cells that hang together are followed (`tracks`). Work and memory are bounded by the settings before anything begins.
 
 mod camera;
+mod hidden;
 mod history;
 mod self_filter;
 mod settings;
@@ -326,15 +327,24 @@ impl Perceiver {
         let is_through = |place: &Vector<3>| look.is_through(place);
         self.map.finish(camera, t, least, memory, is_through, is_cut_away);
         self.tracks.update(&mut self.map, camera, t, &self.settings);
+        if self.settings.hidden > 0.0 {
+            let is_arm = |place: &Vector<3>| filter.clearance(place, half) < half;
+            let (found, widest) = (self.tracks.found(), self.settings.hidden);
+            hidden::bound(&mut self.map, found, eye.origin(), widest, is_arm);
+        }
         counts.remembered = self.map.voxels().iter().filter(|voxel| voxel.hits == 0).count();
         Ok(counts)
     }
 
     /// The cloud at the time of the [`last`](Self::last) picture: points \[m\], each with the velocity at which it goes on from
-    /// there \[m/s\]. What moved when it was hidden goes on for 0.3 s, and stays where it has come to.
+    /// there \[m/s\]. What moved when it was hidden goes on for 0.3 s, and stays where it has come to. Where the settings reckon with what
+    /// bodies hide, the points behind them are the last.
     pub fn points(&self) -> impl Iterator<Item = (Vector<3>, Vector<3>)> + '_ {
         let t = self.last().unwrap_or_default();
-        self.map.voxels().iter().map(move |voxel| (voxel.at(t), voxel.velocity_at(t)))
+        let voxels = self.map.voxels().iter();
+        let seen = voxels.clone().map(move |voxel| (voxel.at(t), voxel.velocity_at(t)));
+        let deep = voxels.filter(|voxel| voxel.behind != Vector::<3>::zeros());
+        seen.chain(deep.map(move |voxel| (voxel.at(t) + voxel.behind, voxel.velocity_at(t))))
     }
 
     /// The bodies that are followed.

@@ -38,6 +38,8 @@ settings! {
         latest_state: f64 = 0.05, "s", NOT_NEGATIVE;
         /// The error of a depth at 1 m; it grows with the square of the depth.
         depth_error: f64 = 0.005, "m", NOT_NEGATIVE;
+        /// A body that is not wider than this is taken for as deep as it is wide: its points are doubled, seen from the camera behind it; 0 doubles none.
+        hidden: f64 = 0.0, "m", NOT_NEGATIVE;
         /// What is left out around what is known.
         known_margin: f64 = 0.02, "m", NOT_NEGATIVE;
         /// After this time in its place what is there counts as standing.
@@ -52,6 +54,11 @@ settings! {
 }
 
 impl PerceiverSettings {
+    /// How many points of the cloud a cell has at most.
+    pub fn points_of_a_cell(&self) -> usize {
+        if self.hidden > 0.0 { 2 } else { 1 }
+    }
+
     /// How many cells the room has along each axis.
     #[expect(
         clippy::cast_possible_truncation,
@@ -73,7 +80,7 @@ impl PerceiverSettings {
             Err(PerceptionError::Setting { key, problem })
         })?;
         for (key, given, most) in [
-            ("most_voxels", self.most_voxels, MAX_POINTS),
+            ("most_voxels", self.most_voxels, MAX_POINTS / self.points_of_a_cell()),
             ("least_points", self.least_points, 10_000),
         ] {
             if given > most {

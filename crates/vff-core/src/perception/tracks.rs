@@ -171,6 +171,11 @@ impl Tracks {
         self.bodies.iter().map(Body::track)
     }
 
+    /// How many bodies were found in the last picture.
+    pub(super) fn found(&self) -> usize {
+        self.clusters.len()
+    }
+
     /// Finds the bodies in the picture of a camera at time `t` \[s\], follows them, and tells the cells that it has hit at which
     /// velocity they go on.
     pub(super) fn update(

@@ -41,6 +41,8 @@ pub(super) struct Voxel {
     pub(super) point: Vector<3>,
     /// At which velocity that goes on \[m/s\].
     pub(super) velocity: Vector<3>,
+    /// From there to where the body may end that it is a part of, away from the camera \[m\]; 0 where nothing is reckoned with.
+    pub(super) behind: Vector<3>,
     /// Which camera hit it last.
     camera: usize,
     /// Of the present picture: whether it was asked for, the points in it, their sum, and what of it is the arm.
@@ -174,6 +176,7 @@ impl VoxelMap {
                     last: f64::NEG_INFINITY,
                     point: Vector::zeros(),
                     velocity: Vector::zeros(),
+                    behind: Vector::zeros(),
                     camera: 0,
                     picture: self.picture.wrapping_sub(1),
                     hits: 0,

@@ -70,7 +70,10 @@ pub(super) struct DepthCameras {
 
 /// What the perceiver is told: no more points than there are pixels.
 fn with_room(settings: &PerceptionSettings) -> PerceiverSettings {
-    PerceiverSettings { most_voxels: settings.points_of(0, 3), ..settings.perceiver.clone() }
+    PerceiverSettings {
+        most_voxels: settings.cells_of(settings.rays_of(0, 3)),
+        ..settings.perceiver.clone()
+    }
 }
 
 impl DepthCameras {
@@ -100,7 +103,7 @@ impl DepthCameras {
         }
         let pixels: usize = eyes.iter().map(Eye::pixels).sum();
         let rows = late / every + 2;
-        let most = with_room(settings).most_voxels;
+        let most = settings.points_of(0, 3);
         let cloud = Obstacle {
             shape: Shape::Points { points: vec![], radius: perceiver.radius() },
             position: [0.0; 3],

@@ -116,10 +116,16 @@ impl PerceptionSettings {
         }
     }
 
+    /// The cells that the perceiver may remember, of so many pixels.
+    pub(super) fn cells_of(&self, pixels: usize) -> usize {
+        pixels.min(self.perceiver.most_voxels).max(1)
+    }
+
     /// The most points that the controller may know, each a reading in the record.
     pub fn points_of(&self, bodies: usize, dimension: usize) -> usize {
         let rays = self.rays_of(bodies, dimension);
-        if self.kind == Kind::Depth { rays.min(self.perceiver.most_voxels).max(1) } else { rays }
+        let of_a_cell = self.perceiver.points_of_a_cell();
+        if self.kind == Kind::Depth { self.cells_of(rays) * of_a_cell } else { rays }
     }
 
     /// Plant steps of `dt` \[s\] from scan to scan.
